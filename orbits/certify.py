@@ -1,0 +1,240 @@
+"""The certificate of an orbit: what makes it a motion, and how far its launch speed can be off.
+
+Nothing here reuses the equations that were solved, except to push a defect through their Jacobian.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from .errors import FlowError
+from .flow import Flow, Trajectory, first_zero, flow, runge_kutta
+from .model import Affine, Model, Phase
+from .orbit import Certificate
+from .polynomial import derivative, evaluate, lowest, piecewise_roots
+from .shooting import Evaluation, Shooting
+
+# Order-8 steps within one Taylor step: an eighth-order error of (step/16)**9 is below rounding there.
+SUBSTEPS = 16
+# Gauss points for the work along the straight line between two nodes; the field is analytic on it.
+GAUSS = 16
+EPS = float(np.finfo(float).eps)
+
+
+def error_bound(equations: Shooting, u, p, here: Evaluation) -> float:
+    """Bound on the error of the unknown "alpha".
+
+    The motion is integrated again by another method with smaller steps; what the equations then lack goes through the
+    inverse Jacobian. To it comes the rounding that both integrations share: a random walk of one rounding of the state
+    a step, through the same inverse.
+    """
+    residual = equations.residual(u, p, _another_way)
+    inverse = np.linalg.pinv(here.jacobian)[equations.statement.unknowns.index("alpha")]
+    noise = 0.0
+    for along, path in zip(equations.flows, here.trajectories, strict=True):
+        size = np.abs(path.coefficients[:, : along.size, 0]).max()
+        noise += EPS * size * np.sqrt(len(path.steps))
+    alpha = u[equations.statement.unknowns.index("alpha")]
+    return float(abs(inverse @ residual) + np.abs(inverse).sum() * noise + np.spacing(alpha))
+
+
+def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:
+    """The end of a motion by order-8 Runge-Kutta steps where it was found by Taylor's, else by scipy's DOP853."""
+    data = along.mesh_data(path, p)
+    x = start
+    if along.method != "Runge-Kutta":
+        step = _many_steps(along)
+        for h, d in zip(path.steps, data.T, strict=True):
+            x = np.array(step(x, h, d)).ravel()
+        return x
+    from scipy.integrate import solve_ivp  # slow to import, and only laws without a Taylor series need it
+
+    for i, h in enumerate(path.steps):
+        rates = lambda t, y, d=data[:, i]: along.rates(y, d)  # noqa: E731
+        x = solve_ivp(rates, (0, h), x, method="DOP853", rtol=1e-13, atol=1e-15 * (1 + np.abs(x).max())).y[:, -1]
+    return x
+
+
+@lru_cache(maxsize=64)
+def _many_steps(along: Flow) -> ca.Function:
+    field, x, p = along.graph
+    h = ca.SX.sym("h")
+    one = ca.Function("one", [x, h, p], [runge_kutta(field, x, p, h)])
+    start, length, data = ca.MX.sym("x", along.size), ca.MX.sym("h"), ca.MX.sym("p", p.numel())
+    end = one.mapaccum(SUBSTEPS)(start, ca.repmat(length / SUBSTEPS, 1, SUBSTEPS), ca.repmat(data, 1, SUBSTEPS))
+    return ca.Function("many", [start, length, data], [end[:, -1]])
+
+
+def contact_half(model: Model, u: Mapping[str, float], p: Mapping[str, float], limit: float) -> Trajectory | None:
+    """The contact after a lossless landing up to its middle, or None when the body never turns back within `limit`."""
+    along = flow(model.contact, tuple(p))
+    start = np.array(model.touchdown(u, p), dtype=float)
+    try:
+        path, _ = along.run(start, np.array(list(p.values())), limit, stop=first_zero(model.contact_speed))
+    except FlowError:
+        return None
+    turned = abs(model.contact_speed(path.end[: along.size])) <= 1e-6 * abs(model.contact_speed(start))
+    return path if turned else None
+
+
+def count_family(model: Model, parts: tuple[Trajectory, ...]) -> int:
+    """Stationary points of the extension after lift-off up to and with mid-flight, less one.
+
+    parts : the flight from lift-off to its middle, and, where it is not its mirror image, from landing backwards
+    """
+    turns = 0
+    for part in parts:
+        speed = derivative(model.extension.series(part.coefficients))
+        found = [part.times[i] + t for i, t in piecewise_roots(speed, part.steps)]
+        turns += sum(t < part.times[-1] * (1 - 1e-7) for t in found)  # the one left out is mid-flight itself
+    return turns // len(parts)
+
+
+def interior_minima(gap, part: Trajectory) -> list[tuple[float, float]]:
+    """(height, time) of the gap's local minima inside one part of the flight, from its coefficients (N, K + 1).
+
+    The part starts from a zero of order three of the gap, which is divided out exactly.
+    """
+    slope = derivative(gap)
+    end = part.times[-1]
+    found = [
+        (float(evaluate(gap[i], t)), float(part.times[i] + t))
+        for i, t in piecewise_roots(slope, part.steps, start=2, rising=True)
+    ]
+    found = [(height, t) for height, t in found if t < end * (1 - 1e-7)]
+    middle, rate = float(evaluate(gap[-1], part.steps[-1])), evaluate(slope[-1], part.steps[-1])
+    if abs(rate) * end < 1e-6 * np.abs(gap[:, 0]).max() and evaluate(derivative(slope[-1]), part.steps[-1]) > 0:
+        found.append((middle, float(end)))
+    return found
+
+
+def certify(
+    model: Model,
+    u: Mapping[str, float],
+    p: Mapping[str, float],
+    parts: tuple[Trajectory, ...],
+    contact: Trajectory | None,
+    gap_slope: float,
+    residual: float,
+    error: float,
+) -> Certificate:
+    """Check an orbit.
+
+    parts : the flight from lift-off to its middle, and, where it is not its mirror image, from landing backwards
+    contact : its first half, None when it does not end
+    gap_slope : derivative with respect to alpha of the gap at the orbit's landing time
+    """
+    minima, jerks, violations = [], [], []
+    for part in parts:
+        gap = model.gap(p).series(part.coefficients)
+        jerks.append(6 * gap[0, 3])
+        minima += interior_minima(gap, part)
+    jerk, clearance = min(jerks), min(minima, default=(None, None))
+    if jerk <= 0:
+        violations.append(f"the gap opens the wrong way at landing (landing jerk {-jerk:.3g}, must be negative)")
+    if minima and clearance[0] <= 0:
+        violations.append(f"foot below ground at t = {clearance[1]:.6g} of the flight (height {clearance[0]:.3g})")
+    force = None
+    if contact is None:
+        violations.append("contact: the spring collapses, the body never lifts off again")
+    else:
+        force, violation = _contact_force(contact)
+        violations += violation
+    separation, violation = _separation(model, p, parts, contact)
+    violations += violation
+
+    work, slope = _energies(model, tuple(p))
+    values = np.array(list(p.values()))
+    rise = float(slope(u["liftoff"], u["alpha"], values, _data_at(model.flight, parts[0], p)))
+    drift = max(_drift(work[0], model.flight, part, p) for part in parts)
+    if contact is not None:
+        drift = max(drift, _drift(work[1], model.contact, contact, p))
+    loss = None
+    if jerk > 0 and gap_slope != 0:
+        loss = model.impact_mass(p) * jerk**2 / 8 * (6 * abs(gap_slope) / jerk) ** (4 / 3) / rise
+    return Certificate(
+        family=count_family(model, parts),
+        residual=float(residual),
+        error=float(error),
+        energy_drift=drift / (0.5 * u["alpha"] * rise),
+        clearance=clearance[0],
+        smallest_separation=separation if contact is not None else None,
+        smallest_contact_force=force,
+        landing_jerk=-float(jerk),
+        loss_coefficient=loss and float(loss),
+        stable_side=loss and ("above" if gap_slope > 0 else "below"),
+        violations=tuple(violations),
+    )
+
+
+def _separation(model, p, parts, contact) -> tuple[float | None, list[str]]:
+    """Least separation over the cycle, None where no length is stated, and a violation where it is not positive."""
+    distance = model.separation(p)
+    if distance is None:
+        return None, []
+    found = [(*lowest(distance.series(part.coefficients), part.steps), part, "flight") for part in parts]
+    if contact is not None:
+        standing = Affine(tuple(np.array(distance.weights) @ model.embed), distance.offset)
+        series = standing.series(contact.coefficients[:, : len(model.contact.states)])
+        found.append((*lowest(series, contact.steps), contact, "contact"))
+    least, piece, t, path, where = min(found, key=lambda entry: entry[0])
+    if least > 0:
+        return least, []
+    when = path.times[piece] + t
+    return least, [f"the masses pass through each other at t = {when:.6g} of the {where} (separation {least:.3g})"]
+
+
+def _contact_force(contact: Trajectory) -> tuple[float, list[str]]:
+    """Least stationary value of the contact force in the half contact, and a violation where it pulls.
+
+    It starts from a simple zero, which is divided out exactly.
+    """
+    force = contact.row("contact force")
+    violations = []
+    rate = force[0, 1]
+    for i, t in piecewise_roots(force, contact.steps, start=1)[:1]:
+        violations.append(f"the ground would have to pull in contact at t = {contact.times[i] + t:.6g}")
+    if not violations and rate <= 0:
+        violations.append("the ground would have to pull as soon as the contact begins")
+    turns = [float(evaluate(force[i], t)) for i, t in piecewise_roots(derivative(force), contact.steps)]
+    return min([*turns, float(evaluate(force[-1], contact.steps[-1]))]), violations
+
+
+@lru_cache(maxsize=64)
+def _energies(model: Model, parameters: tuple[str, ...]):
+    """The energy gradients of flight and contact as functions (x, (p, q)), and dE/dalpha at launch."""
+    gradients = []
+    for phase, gradient in ((model.flight, model.flight_gradient), (model.contact, model.contact_gradient)):
+        along = flow(phase, parameters)
+        x = ca.SX.sym("x", along.size)
+        p = ca.SX.sym("p", len(parameters) + (phase.pieces.size if phase.pieces else 0))
+        gradients.append(ca.Function("gradient", [x, p], [ca.vertcat(*gradient(*along.symbols(x, p)))]))
+    liftoff, alpha = ca.SX.sym("liftoff"), ca.SX.sym("alpha")
+    p = ca.SX.sym("p", len(parameters))
+    q = ca.SX.sym("q", model.flight.pieces.size if model.flight.pieces else 0)
+    named = dict(zip(parameters, ca.vertsplit(p), strict=True))
+    start = ca.vertcat(*model.launch({"liftoff": liftoff, "alpha": alpha}, named))
+    rise = ca.dot(gradients[0](start, ca.vertcat(p, q)), ca.jacobian(start, alpha))
+    return gradients, ca.Function("rise", [liftoff, alpha, p, q], [rise])
+
+
+def _data_at(phase: Phase, path: Trajectory, p: Mapping[str, float]) -> np.ndarray:
+    along = flow(phase, tuple(p))
+    return along.piece_data(path.coefficients[0, : along.size, 0], np.array(list(p.values())))[0]
+
+
+def _drift(gradient: ca.Function, phase: Phase, path: Trajectory, p: Mapping[str, float]) -> float:
+    """Largest change of energy along a motion: the work of the gradient on the straight lines between the nodes."""
+    along = flow(phase, tuple(p))
+    n = along.size
+    nodes = np.vstack([path.coefficients[:, :n, 0], path.end[:n]])
+    s, weights = np.polynomial.legendre.leggauss(GAUSS)
+    s, weights = 0.5 * (s + 1), 0.5 * weights
+    moves = np.diff(nodes, axis=0)
+    points = nodes[:-1, None] + s[None, :, None] * moves[:, None]
+    data = np.repeat(along.mesh_data(path, np.array(list(p.values()))), GAUSS, axis=1)
+    rates = np.array(gradient(points.reshape(-1, n).T, data)).T.reshape(points.shape)
+    changes = np.einsum("kgn,kn,g->k", rates, moves, weights)
+    return float(np.abs(np.cumsum(changes)).max())

@@ -1,0 +1,208 @@
+"""What a machine is to the toolkit: phases with their vector fields, and the boundary conditions of a lossless orbit.
+
+Nothing here knows a hopper. Expressions are built by plain functions of CasADi scalars: a field is called as
+``field(x, p, q)`` with a list `x` of states, a mapping `p` of named parameters and a list `q` of piece data, and
+returns a list of expressions.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Affine:
+    """The function weights . x + offset of a state, the weights one per state."""
+
+    weights: tuple[float, ...]
+    offset: float = 0.0
+
+    def __call__(self, x):
+        """Value at states `x` (..., n)."""
+        return x @ np.array(self.weights) + self.offset
+
+    def series(self, coefficients):
+        """Taylor coefficients (..., K + 1) along those of the state (..., n, K + 1)."""
+        along = np.array(self.weights) @ coefficients
+        along[..., 0] += self.offset
+        return along
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Where a piecewise vector field is smooth: between `breaks` of one coordinate of the state.
+
+    coordinate : the weights w of the coordinate w . x
+    size : number of data values of a piece, the `q` of the field
+    table : parameters -> (breaks (m + 1), data (m, size)); the motion may not leave [breaks[0], breaks[-1]]
+    label : what to call the coordinate in a message
+    """
+
+    coordinate: tuple[float, ...]
+    size: int
+    table: Callable[[Mapping[str, float]], tuple[np.ndarray, np.ndarray]]
+    label: str = "coordinate"
+
+
+@dataclass(frozen=True)
+class Oscillator:
+    """Closed form of the phase x' = v, v' = -square (x - centre), square > 0.
+
+    watch : watched quantities, (slope, value at x = 0) of each, which must be straight lines in x
+    """
+
+    square: float
+    centre: float
+    watch: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def state(self, start, t):
+        """State (2,) at time `t` after `start`."""
+        omega = np.sqrt(self.square)
+        c, s = np.cos(omega * t), np.sin(omega * t)
+        x, v = start[0] - self.centre, start[1]
+        return np.array([self.centre + x * c + v / omega * s, v * c - omega * x * s])
+
+    def transition(self, t):
+        """Derivative (2, 2) of the state at `t` with respect to the start."""
+        omega = np.sqrt(self.square)
+        c, s = np.cos(omega * t), np.sin(omega * t)
+        return np.array([[c, s / omega], [-omega * s, c]])
+
+    def series(self, state, order: int):
+        """Taylor coefficients (2 + watched, order + 1) of the motion through `state`."""
+        c = [state[0] - self.centre, state[1]]
+        for k in range(order):
+            c.append(-self.square * c[k] / ((k + 1) * (k + 2)))
+        x = np.array([state[0], *c[1:-1]])
+        v = [(k + 1) * c[k + 1] for k in range(order + 1)]
+        one = np.eye(1, order + 1)[0]
+        return np.array([x, v, *(slope * x + value * one for slope, value in self.watch.values())])
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """One smooth (or piecewise smooth) way of moving.
+
+    field : (x, p, q) -> x', see the module
+    watch : named quantities to carry along as Taylor series, (x, p, q) -> expression
+    pieces : where the field is smooth, None for everywhere
+    closed_form : parameters -> exact flow of the phase, used instead of integration
+
+    Phases and statements compare by identity: what is built from them is kept as long as they are.
+    """
+
+    name: str
+    states: tuple[str, ...]
+    field: Callable
+    watch: Mapping[str, Callable] = field(default_factory=dict)
+    pieces: Pieces | None = None
+    closed_form: Callable[[Mapping[str, float]], Oscillator] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Arc:
+    """A phase travelled once: start (u, x_before, p) -> x, duration (u, p), conditions (u, x_end, p) -> zeros.
+
+    `x_before` is the end of the arc before (empty for the first); `guard` (u, x_start, p, q) -> zeros holds at the
+    start. `u` and `p` are mappings of names, x and q lists, as in a phase's field.
+    """
+
+    phase: Phase
+    start: Callable
+    duration: Callable
+    conditions: Callable
+    guard: Callable = lambda u, x, p, q: []
+
+
+@dataclass(frozen=True, eq=False)
+class Statement:
+    """A square boundary value problem on a sequence of phases: what makes a motion an orbit.
+
+    unknowns : names of the unknowns u
+    durations : names of the unknowns that are times; they stay positive
+    arcs : travelled in this order
+    """
+
+    name: str
+    unknowns: tuple[str, ...]
+    arcs: tuple[Arc, ...]
+    durations: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Units:
+    """What one unit of length (m), time (s) and force (N) of a dimensionless machine stands for."""
+
+    length: float
+    time: float
+    force: float
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """A smaller statement of the same orbit, in coordinates in which fewer states need integrating.
+
+    statement : its unknowns begin with "liftoff" and "alpha"; its one arc is the flight from lift-off to its middle
+    reversor : sign of each of its states under time reversal
+    complete : (times (N,), coefficients (N, n, K + 1), u, p) -> coefficients of the flight states
+    gap_slope : (time, dz (n,), p) -> derivative of the gap with respect to alpha from that of the reduced state
+    exact : (family, p) -> (u, error of alpha) where the answer is known in closed form, else None
+    """
+
+    statement: Statement
+    reversor: tuple[int, ...]
+    complete: Callable
+    gap_slope: Callable
+    exact: Callable | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A kind of machine whose plastic contact can cost nothing; the numbers are in the mapping `p` of its parameters.
+
+    A lossless cycle is a flight from the launch set to its image under the reversor, then a contact back to it. Energy
+    is conserved in each phase; only its gradient is asked for, so no potential is needed in closed form. Unknowns `u`
+    are mappings too, with "liftoff", the extension at lift-off, and "alpha", the launch speed.
+
+    flight, contact : the phases
+    launch : (u, p) -> flight state at lift-off
+    liftoff : (u, p, q) -> zero where sustained contact ends
+    landing : (u, x, p) -> three expressions that vanish at a lossless landing
+    reversor : sign of each flight state under time reversal, None when the model has none
+    touchdown : (u, p) -> contact state after a lossless landing
+    embed : matrix (n, m) that makes flight states from contact states
+    flight_gradient, contact_gradient : (x, p, q) -> gradient of the energy in that phase
+    extension : flight coordinate whose stationary points count the family
+    gap : p -> height of the contact point above what it lands on, a function of the flight state
+    separation : p -> smallest distance in the machine that must stay positive, None where it is not stated
+    heights : p -> names and functions of the flight state, for plots
+    impact_mass : p -> twice the energy lost in a plastic impact over the square of the gap's speed
+    contact_speed : contact coordinate that vanishes at mid-contact
+    guess : (family, p) -> {"liftoff", "alpha", "duration"} of the half flight in the scene with `homotopy` at 0
+    homotopy : the parameter that leads from the scene of the guess (0) to this one (1), None where they are one
+    reduction : the short cut that this scene allows, None where there is none
+    skipped : what this scene does not need, in words
+    """
+
+    name: str
+    flight: Phase
+    contact: Phase
+    launch: Callable
+    liftoff: Callable
+    landing: Callable
+    reversor: tuple[int, ...] | None
+    touchdown: Callable
+    embed: np.ndarray
+    flight_gradient: Callable
+    contact_gradient: Callable
+    extension: Affine
+    gap: Callable
+    separation: Callable
+    heights: Callable
+    impact_mass: Callable
+    contact_speed: Affine
+    guess: Callable
+    homotopy: str | None = None
+    reduction: Reduction | None = None
+    skipped: tuple[str, ...] = ()

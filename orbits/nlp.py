@@ -1,0 +1,60 @@
+"""The only module that calls Ipopt: options, and its statuses as errors in the toolkit's words."""
+
+import casadi as ca
+import numpy as np
+
+from .errors import NoOrbit
+
+# Ipopt's own words for an end without an answer -> ours, with what to do.
+REASONS = {
+    "Infeasible_Problem_Detected": "the equations have no solution near the starting guess; start from a nearer machine",
+    "Maximum_Iterations_Exceeded": "no convergence; start from a nearer machine",
+    "Restoration_Failed": "no convergence from the starting guess; start from a nearer machine",
+    "Invalid_Number_Detected": "the equations stop being numbers on the way; a formula has no value where it is needed",
+    "Not_Enough_Degrees_Of_Freedom": "more equations than unknowns: the statement is not square",
+    "Insufficient_Memory": "the memory ran out; use a smaller family number",
+}
+
+OPTIONS = {
+    "print_time": False,
+    "error_on_fail": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.tol": 1e-13,
+    "ipopt.constr_viol_tol": 1e-13,
+    "ipopt.dual_inf_tol": 1.0,  # a square problem has no multipliers to speak of
+    "ipopt.acceptable_iter": 0,
+    "ipopt.max_iter": 200,
+    "ipopt.nlp_scaling_method": "none",  # the caller scales
+}
+
+
+def solve(unknowns: ca.MX, equations: ca.MX, guess, lower, scale) -> np.ndarray:
+    """Solve the square system equations(unknowns) = 0 by Ipopt.
+
+    guess, lower, scale : (n,), as the solution; the problem is posed in unknowns / scale, and the equations are expected of order one.
+    Raises `NoOrbit` with a reason; a keyboard interrupt, which Ipopt takes for a wish to stop, is raised again.
+    """
+    z = ca.MX.sym("z", unknowns.numel())
+    scaled = ca.Function("equations", [unknowns], [equations])(z * scale)
+    # The objective is constant, so Newton's step needs no second derivatives: they are declared to vanish.
+    no_hessian = ca.Function(
+        "hessian",
+        [z, ca.MX.sym("p", 0), ca.MX.sym("f"), ca.MX.sym("g", equations.numel())],
+        [ca.MX(z.numel(), z.numel())],
+        ["x", "p", "lam_f", "lam_g"],
+        ["triu_hess_gamma_x_x"],
+    )
+    solver = ca.nlpsol("solver", "ipopt", {"x": z, "f": ca.MX(0), "g": scaled}, {**OPTIONS, "hess_lag": no_hessian})
+    try:
+        answer = solver(x0=guess / scale, lbx=lower / scale, ubx=np.inf, lbg=0, ubg=0)
+    except RuntimeError as error:
+        raise NoOrbit("the multiple-shooting problem could not be evaluated: " + str(error).splitlines()[-1]) from None
+    status = solver.stats()["return_status"]
+    if status == "User_Requested_Stop":
+        raise KeyboardInterrupt
+    # A step too small to matter is the end of a solve to rounding; the residual decides.
+    violation = float(ca.norm_inf(answer["g"]))
+    if not violation <= 1e-10:
+        raise NoOrbit(f"{REASONS.get(status, f'no convergence ({status})')} (equations off by {violation:.1e})")
+    return np.array(answer["x"]).ravel() * scale

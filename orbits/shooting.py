@@ -1,0 +1,246 @@
+"""A boundary value statement as equations: evaluated along its flow, solved by Newton, or by multiple shooting."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import casadi as ca
+import numpy as np
+
+from . import nlp
+from .errors import FlowError, NoOrbit
+from .flow import Flow, Trajectory, flow
+from .model import Arc, Statement
+from .polynomial import derivative, evaluate
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """A statement at one point.
+
+    residual : (n,)
+    jacobian : (n, n + k), with respect to the unknowns and to the k varied parameters
+    trajectories : one per arc
+    transitions : derivatives (states, n + k) of each arc's end at fixed duration
+    """
+
+    residual: np.ndarray
+    jacobian: np.ndarray
+    trajectories: tuple[Trajectory, ...]
+    transitions: tuple[np.ndarray, ...]
+
+
+@lru_cache(maxsize=64)
+def shooting(statement: Statement, parameters: tuple[str, ...]) -> "Shooting":
+    """The equations of a statement, kept for the next call with the same statement."""
+    return Shooting(statement, parameters)
+
+
+class Shooting:
+    """The equations F(u, p) = 0 of a statement, `parameters` naming the entries of p."""
+
+    def __init__(self, statement: Statement, parameters: tuple[str, ...]):
+        self.statement, self.parameters = statement, tuple(parameters)
+        self.size = len(statement.unknowns)
+        self.flows = tuple(flow(arc.phase, self.parameters) for arc in statement.arcs)
+
+    @cached_property
+    def _ends(self) -> list[tuple[ca.Function, ca.Function]]:
+        """For each arc: where it starts and for how long, and what holds at its ends; values and derivatives."""
+        functions = []
+        before = 0
+        u, p = ca.SX.sym("u", self.size), ca.SX.sym("p", len(self.parameters))
+        for arc, along in zip(self.statement.arcs, self.flows, strict=True):
+            last, x0, x1 = (ca.SX.sym(name, n) for name, n in (("b", before), ("x", along.size), ("y", along.size)))
+            start, duration = self._start(arc, u, last, p)
+            z = ca.vertcat(u, last, p)
+            depart = ca.vertcat(start, duration)
+            q = ca.SX.sym("q", arc.phase.pieces.size if arc.phase.pieces else 0)
+            arguments = self._names(u, p)
+            guard = arc.guard(arguments[0], ca.vertsplit(x0), arguments[1], ca.vertsplit(q))
+            ends = arc.conditions(arguments[0], ca.vertsplit(x1), arguments[1])
+            holds = ca.vertcat(*guard, *ends)
+            w = ca.vertcat(u, x0, x1, p, q)
+            functions.append(
+                (
+                    ca.Function("depart", [u, last, p], [depart, ca.densify(ca.jacobian(depart, z))]),
+                    ca.Function("arrive", [u, x0, x1, p, q], [holds, ca.densify(ca.jacobian(holds, w))]),
+                )
+            )
+            before = along.size
+        return functions
+
+    def _names(self, u, p):
+        return (
+            dict(zip(self.statement.unknowns, ca.vertsplit(u), strict=True)),
+            dict(zip(self.parameters, ca.vertsplit(p), strict=True)),
+        )
+
+    def _start(self, arc: Arc, u, last, p):
+        unknowns, named = self._names(u, p)
+        start = ca.vertcat(*arc.start(unknowns, ca.vertsplit(last), named))
+        return start, arc.duration(unknowns, named)
+
+    def evaluate(self, u, p, vary: tuple[str, ...] = ()) -> Evaluation:
+        """Residual, Jacobian and motion at unknowns `u` (n,) and parameters `p` (np,)."""
+        n, columns = self.size, self.size + len(vary)
+        directions = np.zeros((n + len(self.parameters), columns))
+        directions[:n, :n] = np.eye(n)
+        for j, name in enumerate(vary):
+            directions[n + self.parameters.index(name), n + j] = 1.0
+        du, dp = directions[:n], directions[n:]
+        last, dlast = np.zeros(0), np.zeros((0, columns))
+        residuals, jacobians, trajectories, transitions = [], [], [], []
+        for along, (depart, arrive) in zip(self.flows, self._ends, strict=True):
+            value, slope = (np.array(out) for out in depart(u, last, p))
+            dvalue = slope @ np.vstack([du, dlast, dp])
+            start, dstart = value[:-1, 0], dvalue[:-1]
+            path, transition = along.run(start, p, value[-1, 0], dstart, dp)
+            end = path.end[: along.size]
+            speed = evaluate(derivative(path.coefficients[-1, : along.size]), path.steps[-1])
+            dend = transition + np.outer(speed, dvalue[-1])
+            q, dq = along.piece_data(start, p)
+            holds, slope = (np.array(out) for out in arrive(u, start, end, p, q))
+            residuals.append(holds.ravel())
+            jacobians.append(slope @ np.vstack([du, dstart, dend, dp, dq @ dp]))
+            trajectories.append(path)
+            transitions.append(transition)
+            last, dlast = end, dend
+        return Evaluation(
+            np.concatenate(residuals), np.vstack(jacobians), tuple(trajectories), tuple(transitions)
+        )
+
+    def residual(self, u, p, travel: Callable) -> np.ndarray:
+        """The residual (n,) with every arc's end from travel(flow, start, p, trajectory), and the mesh of that flow."""
+        last, residuals = np.zeros(0), []
+        for along, (depart, arrive) in zip(self.flows, self._ends, strict=True):
+            value = np.array(depart(u, last, p)[0]).ravel()
+            path, _ = along.run(value[:-1], p, value[-1])
+            last = travel(along, value[:-1], p, path)
+            q, _ = along.piece_data(value[:-1], p)
+            residuals.append(np.array(arrive(u, value[:-1], last, p, q)[0]).ravel())
+        return np.concatenate(residuals)
+
+    def named(self, u) -> dict[str, float]:
+        """The unknowns by name."""
+        return {name: float(value) for name, value in zip(self.statement.unknowns, u, strict=True)}
+
+    def newton(self, u, p, tolerance: float = 1e-14, attempts: int = 30) -> np.ndarray:
+        """The solution (n,) by Newton's method from `u`.
+
+        Stops when the step no longer shrinks below `tolerance` relative to the unknowns. Raises `NoOrbit` when it
+        does not converge; a step that leaves the flow's domain or a positive duration is halved.
+        """
+        u = np.array(u, dtype=float)
+        here = self.evaluate(u, p)
+        before = np.inf
+        for _ in range(attempts):
+            step = np.linalg.lstsq(here.jacobian, -here.residual)[0]
+            size = np.max(np.abs(step) / np.maximum(np.abs(u), 1e-3))
+            if not np.isfinite(size):
+                break
+            if size <= tolerance or (size < 1e-9 and size > 0.25 * before):
+                return u
+            u, here = self._damped(u, step, p, here)
+            before = size
+        raise NoOrbit(f"the {self.statement.name} equations did not converge (last relative step {before:.1e})")
+
+    def _damped(self, u, step, p, here):
+        times = [self.statement.unknowns.index(name) for name in self.statement.durations]
+        size = np.linalg.norm(here.residual)
+        for _ in range(12):
+            new = u + step
+            if (new[times] > 0.2 * u[times]).all():
+                try:
+                    there = self.evaluate(new, p)
+                    if np.linalg.norm(there.residual) <= max(0.9 * size, 1e-6 * (1 + np.abs(u).max())):
+                        return new, there
+                except FlowError:
+                    pass
+            step = step / 2
+        raise NoOrbit(f"the {self.statement.name} equations did not converge: no step reduces the residual {size:.1e}")
+
+    def multiple_shooting(self, u, p) -> np.ndarray:
+        """The solution (n,) with every integration step a shooting node, by Ipopt, from `u`.
+
+        A step that ends on a breakpoint of a piecewise field becomes a node with a free time, held on the breakpoint.
+        """
+        problem = _Nodes(self, np.asarray(u, float), np.asarray(p, float))
+        solution = nlp.solve(problem.unknowns, problem.equations, problem.guess, problem.lower, problem.scale)
+        return solution[: self.size]
+
+
+class _Nodes:
+    """The multiple-shooting equations of a statement on the mesh of its motion at a guess.
+
+    Unknowns: u; per arc, the times of its legs (between breakpoints) where there is more than one; the state at the
+    end of every step. Equations, each of order one: step(x[k-1]) - x[k]; on a breakpoint, coordinate - level; the sum
+    of the legs' times; the statement's own conditions.
+    """
+
+    def __init__(self, equations: Shooting, u, p):
+        self.shooting = equations
+        self.parts = [ca.MX.sym("u", equations.size)]
+        self.guesses, self.scales = [u], [np.maximum(np.abs(u), 1.0)]
+        self.lowers = [np.full(equations.size, -np.inf)]
+        for name in equations.statement.durations:
+            index = equations.statement.unknowns.index(name)
+            self.lowers[0][index] = 1e-3 * u[index]  # else the solver collapses the phase
+        self.zeros: list[ca.MX] = []
+        last = ca.MX(0, 1)
+        here = equations.evaluate(u, p)
+        for along, path, (depart, arrive) in zip(equations.flows, here.trajectories, equations._ends, strict=True):
+            depart = depart(self.parts[0], last, p)[0]
+            start, duration = depart[:-1], depart[-1]
+            last = self._arc(along, path, start, duration, p)
+            q, _ = along.piece_data(path.coefficients[0, : along.size, 0], p)
+            self.zeros.append(arrive(self.parts[0], start, last, p, q)[0])
+
+    unknowns = property(lambda self: ca.vertcat(*self.parts))
+    equations = property(lambda self: ca.vertcat(*self.zeros))
+    guess = property(lambda self: np.concatenate(self.guesses))
+    lower = property(lambda self: np.concatenate(self.lowers))
+    scale = property(lambda self: np.concatenate(self.scales))
+
+    def _new(self, name: str, guess, lower: float, scale) -> ca.MX:
+        symbol = ca.MX.sym(name, len(guess))
+        self.parts.append(symbol)
+        self.guesses.append(guess)
+        self.lowers.append(np.full(len(guess), lower))
+        self.scales.append(np.broadcast_to(scale, guess.shape))
+        return symbol
+
+    def _arc(self, along: Flow, path: Trajectory, start: ca.MX, duration: ca.MX, p) -> ca.MX:
+        """Add an arc's nodes and equations; returns the state at its end."""
+        n, count = along.size, len(path.steps)
+        nodes = np.vstack([path.coefficients[1:, :n, 0], path.end[:n]])
+        size = np.maximum(np.abs(path.coefficients[:, :n, 0]).max(0), 1.0)
+        states = ca.reshape(self._new("x", nodes.ravel(), -np.inf, np.tile(size, count)), n, count)
+        before = ca.horzcat(start, states[:, :-1])
+        leg, levels, data = self._legs(along, path, p)
+        times = np.bincount(leg, path.steps)
+        if len(times) == 1:
+            lengths = duration
+        else:
+            lengths = self._new("t", times, 0.0, 1.0)
+            self.zeros.append((ca.sum1(lengths) - duration) / times.sum())
+        steps = ca.vertcat(*[lengths[int(i)] * (h / times[i]) for i, h in zip(leg, path.steps, strict=True)]).T
+        ends = along.step.map(count)(before, steps, ca.DM(data))
+        self.zeros.append(ca.vec((ends - states) / size))
+        for i, level in enumerate(levels):
+            last = int(np.flatnonzero(leg == i)[-1])
+            place = ca.DM(along.phase.pieces.coordinate).T @ states[:, last]
+            self.zeros.append((place - level) / max(abs(level), 1.0))
+        return states[:, -1]
+
+    @staticmethod
+    def _legs(along: Flow, path: Trajectory, p):
+        """Leg of each step (N,), level at the end of each leg but the last, parameters with data (np + nq, N)."""
+        data = along.mesh_data(path, p)
+        if along.phase.pieces is None:
+            return np.zeros(len(path.steps), int), [], data
+        breaks = along.piece_table(p)[0]
+        piece = along.mesh_pieces(path, breaks)
+        change = np.diff(piece) != 0
+        levels = [breaks[max(a, b)] for a, b in zip(piece[:-1][change], piece[1:][change], strict=True)]
+        return np.concatenate([[0], np.cumsum(change)]), levels, data

@@ -1,0 +1,62 @@
+"""Gravity laws: the ratio gamma(z) of gravity at height z to that at the ground, gamma(0) = 1."""
+
+from orbits.errors import InputError
+
+from . import laws
+from .laws import Law, number
+
+
+def formula(text: str, **parameters: float) -> Law:
+    """Gravity from a formula of the height z: ``formula("1/(1 + z/R)**2", R=50)``."""
+    return _checked(laws.from_formula(text, "z", parameters))
+
+
+def function(ratio, **parameters: float) -> Law:
+    """Gravity from a Python function ratio(z, **parameters)."""
+    return _checked(laws.from_function(ratio, "z", parameters))
+
+
+def constant() -> Law:
+    """The same at every height."""
+    return formula("1")
+
+
+def inverse_square(*, R: float = 1000.0) -> Law:
+    """Newton's gravity 1/(1 + z/R)**2 above a sphere of radius R."""
+    number("R", R, low=0)
+    return formula("1/(1 + z/R)**2", R=R)
+
+
+def linear(*, kappa: float = 0.001) -> Law:
+    """First-order gradient 1 - kappa z; kappa = 2/R is the sphere's to first order."""
+    return formula("1 - kappa*z", kappa=kappa)
+
+
+def exponential(*, H: float = 1000.0) -> Law:
+    """Gravity that decays as exp(-z/H)."""
+    number("H", H, low=0)
+    return formula("exp(-z/H)", H=H)
+
+
+NAMED = {law.__name__: law for law in (constant, inverse_square, linear, exponential)}
+
+
+def as_gravity(law, parameters: dict[str, float] | None = None) -> Law:
+    """A gravity law from what a user may hand over: a law, a formula, a law's name, a function."""
+    parameters = dict(parameters or {})
+    if isinstance(law, Law):
+        return law.with_parameters(**parameters) if parameters else law
+    if callable(law):
+        return function(law, **parameters)
+    if not isinstance(law, str):
+        raise InputError(f"gravity is a law, a formula or a function, not {type(law).__name__}")
+    if law.replace("-", "_") in NAMED:
+        return laws.named(NAMED, law, parameters)
+    return formula(law, **parameters)
+
+
+def _checked(law: Law) -> Law:
+    ground = float(law(0.0))
+    if not abs(ground - 1) <= 1e-9:
+        raise InputError(f"gravity '{law.text}' is {ground:g} at the ground; it is a ratio and must be 1 at z = 0")
+    return law

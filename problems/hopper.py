@@ -1,0 +1,122 @@
+"""The hopper: a body and a foot joined by a spring, the foot landing plastically (sections 3 and 4 of the paper).
+
+Units: force in the foot's weight m2 g, length in m2 g/k, time in 1/omega with omega**2 = k (1 + M)/m2, M = m2/m1 the
+mass of the foot over that of the body. Flight state (y1, y1', y2, y2') of body and foot, extension r = y1 - y2:
+
+    (1 + M) y1'' = -M phi(r) - gamma(rest_length + y1)        (1 + M) y2'' = phi(r) - gamma(y2)
+
+and in contact y2 = 0 until phi(y1) = 1.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from orbits.model import Affine, Model, Oscillator, Phase
+
+from .laws import from_key
+from .machine import Machine, gravity_at
+from .relative import guess, relative_reduction, spring_pieces, straight_line, thrown
+
+STATES = ("y1", "y1'", "y2", "y2'")
+WEIGHT = "the foot's weight"
+
+
+@dataclass(frozen=True)
+class Hopper(Machine):
+    """Body and foot joined by a spring; see `Machine` for the arguments. `mass_ratio` is foot over body."""
+
+    kind = "hopper"
+
+    def build(self, spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
+        return _model(spring, gravity, has_length)
+
+
+@lru_cache(maxsize=64)
+def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
+    force = spring[2]
+    pull = gravity_at(gravity)
+
+    def body_weight(y1, p):
+        return pull(p["rest_length"] + y1, p) if gravity else 1.0
+
+    def flight(x, p, q):
+        M, tension = p["mass_ratio"], force(x[0] - x[2], p, q)
+        return [
+            x[1],
+            -(M * tension + body_weight(x[0], p)) / (1 + M),
+            x[3],
+            (tension - pull(x[2], p)) / (1 + M),
+        ]
+
+    def contact(x, p, q):
+        M = p["mass_ratio"]
+        return [x[1], -(M * force(x[0], p, q) + body_weight(x[0], p)) / (1 + M)]
+
+    def flight_gradient(x, p, q):
+        M, tension = p["mass_ratio"], force(x[0] - x[2], p, q)
+        return [
+            M * tension + body_weight(x[0], p),
+            (1 + M) * x[1],
+            M * (pull(x[2], p) - tension),
+            (1 + M) * M * x[3],
+        ]
+
+    def contact_gradient(x, p, q):
+        M = p["mass_ratio"]
+        return [M * force(x[0], p, q) + body_weight(x[0], p), (1 + M) * x[1]]
+
+    def contact_oscillator(p):
+        M = p["mass_ratio"]
+        k, zero = straight_line(spring, p)
+        return Oscillator(M * k / (1 + M), zero - 1 / (M * k), {"contact force": (-k, 1 + k * zero)})
+
+    def complete(times, coefficients, u, p):
+        M = p["mass_ratio"]  # y1, y1', y2, y2' from r, r', w, w' with w = y1 + M y2
+        rows = np.array([[M, 0, 1, 0], [0, M, 0, 1], [-1, 0, 1, 0], [0, -1, 0, 1]]) / (1 + M)
+        return rows @ thrown(times, coefficients, u)
+
+    def heights(p):
+        M, length = p["mass_ratio"], p.get("rest_length", 0.0)
+        return {
+            "body": Affine((1.0, 0.0, 0.0, 0.0), length),
+            "foot": Affine((0.0, 0.0, 1.0, 0.0)),
+            "centre of mass": Affine((1 / (1 + M), 0.0, M / (1 + M), 0.0), length / (1 + M)),
+        }
+
+    straight = from_key(spring, dict.fromkeys(spring[3], 1.0)).degree() < 2
+    reduction = None
+    if gravity is None:
+        reduction = relative_reduction(
+            spring, 0.0, complete, lambda t, dz, p: (t - dz[0]) / (1 + p["mass_ratio"]), WEIGHT
+        )
+    return Model(
+        name="hopper",
+        flight=Phase("flight", STATES, flight, pieces=spring_pieces(spring, (1.0, 0.0, -1.0, 0.0))),
+        contact=Phase(
+            "contact",
+            ("y1", "y1'"),
+            contact,
+            {"contact force": lambda x, p, q: 1 - force(x[0], p, q)},
+            spring_pieces(spring, (1.0, 0.0)),
+            contact_oscillator if straight and gravity is None else None,
+        ),
+        launch=lambda u, p: [u["liftoff"], u["alpha"], 0.0, 0.0],
+        liftoff=lambda u, p, q: force(u["liftoff"], p, q) - 1,
+        landing=lambda u, x, p: [x[2], x[3], x[0] - u["liftoff"]],
+        reversor=(1, -1, 1, -1),
+        touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
+        embed=np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]),
+        flight_gradient=flight_gradient,
+        contact_gradient=contact_gradient,
+        extension=Affine((1.0, 0.0, -1.0, 0.0)),
+        gap=lambda p: Affine((0.0, 0.0, 1.0, 0.0)),
+        separation=lambda p: Affine((1.0, 0.0, -1.0, 0.0), p["rest_length"]) if "rest_length" in p else None,
+        heights=heights,
+        impact_mass=lambda p: p["mass_ratio"] * (1 + p["mass_ratio"]),
+        contact_speed=Affine((0.0, 1.0)),
+        guess=guess(spring, 0.0, WEIGHT),
+        homotopy="gravity_share" if gravity else None,
+        reduction=reduction,
+    )

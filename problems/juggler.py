@@ -1,0 +1,108 @@
+"""The juggler: a ball on a hand, the hand on a spring to the ground, the ball caught plastically (sections 5 and 6).
+
+Units: force in the hand's weight m2 g, length in m2 g/k, time in sqrt(m2/k), M = m2/m1 the mass of the hand over that
+of the ball. Flight state (w1, w1', w2, w2') of ball and hand; phi is the force of the hand's spring at extension w2:
+
+    w1'' = -gamma(rest_length + w1)        w2'' = -phi(w2) - gamma(rest_length + w2)
+
+and in contact both move as one, (1 + M) w'' = -M phi(w) - (1 + M) gamma(rest_length + w), until phi(w) = 0.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from orbits.model import Affine, Model, Oscillator, Phase
+
+from .laws import from_key
+from .machine import Machine, gravity_at
+from .relative import guess, relative_reduction, spring_pieces, straight_line, thrown
+
+STATES = ("w1", "w1'", "w2", "w2'")
+FREE = "zero force"
+
+
+@dataclass(frozen=True)
+class Juggler(Machine):
+    """Ball on a sprung hand; see `Machine` for the arguments. `mass_ratio` is hand over ball.
+
+    The spring's force is that of the hand's own spring, zero at lift-off. A hopper with spring force phi, lifting off at
+    extension rho, moves as the juggler with force phi(r + rho) - 1 under constant gravity (eq. 6, one clock).
+    """
+
+    kind = "juggler"
+
+    def build(self, spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
+        return _model(spring, gravity, has_length)
+
+
+@lru_cache(maxsize=64)
+def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
+    force = spring[2]
+    pull = gravity_at(gravity)
+
+    def weight(w, p):
+        return pull(p.get("rest_length", 0.0) + w, p)
+
+    def flight(x, p, q):
+        return [x[1], -weight(x[0], p), x[3], -force(x[2], p, q) - weight(x[2], p)]
+
+    def contact(x, p, q):
+        M = p["mass_ratio"]
+        return [x[1], -M / (1 + M) * force(x[0], p, q) - weight(x[0], p)]
+
+    def flight_gradient(x, p, q):
+        M = p["mass_ratio"]
+        return [weight(x[0], p), x[1], M * (force(x[2], p, q) + weight(x[2], p)), M * x[3]]
+
+    def contact_gradient(x, p, q):
+        M = p["mass_ratio"]
+        return [M * force(x[0], p, q) + (1 + M) * weight(x[0], p), (1 + M) * x[1]]
+
+    def contact_oscillator(p):
+        M = p["mass_ratio"]
+        k, zero = straight_line(spring, p)
+        force = {"contact force": (-k / (1 + M), k * zero / (1 + M))}
+        return Oscillator(M * k / (1 + M), zero - (1 + M) / (M * k), force)
+
+    def complete(times, coefficients, u, p):
+        return thrown(times, coefficients, u)[:, [2, 3, 0, 1]]
+
+    def heights(p):
+        length = p.get("rest_length", 0.0)
+        return {"ball": Affine((1.0, 0.0, 0.0, 0.0), length), "hand": Affine((0.0, 0.0, 1.0, 0.0), length)}
+
+    straight = from_key(spring, dict.fromkeys(spring[3], 1.0)).degree() < 2
+    reduction = None
+    if gravity is None:
+        reduction = relative_reduction(spring, 1.0, complete, lambda t, dz, p: t - dz[0], FREE)
+    return Model(
+        name="juggler",
+        flight=Phase("flight", STATES, flight, pieces=spring_pieces(spring, (0.0, 0.0, 1.0, 0.0))),
+        contact=Phase(
+            "contact",
+            ("w", "w'"),
+            contact,
+            {"contact force": lambda x, p, q: -force(x[0], p, q) / (1 + p["mass_ratio"])},
+            spring_pieces(spring, (1.0, 0.0)),
+            contact_oscillator if straight and gravity is None else None,
+        ),
+        launch=lambda u, p: [u["liftoff"], u["alpha"], u["liftoff"], u["alpha"]],
+        liftoff=lambda u, p, q: force(u["liftoff"], p, q),
+        landing=lambda u, x, p: [x[0] - x[2], x[1] - x[3], x[2] - u["liftoff"]],
+        reversor=(1, -1, 1, -1),
+        touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
+        embed=np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
+        flight_gradient=flight_gradient,
+        contact_gradient=contact_gradient,
+        extension=Affine((0.0, 0.0, 1.0, 0.0)),
+        gap=lambda p: Affine((1.0, 0.0, -1.0, 0.0)),
+        separation=lambda p: Affine((0.0, 0.0, 1.0, 0.0), p["rest_length"]) if "rest_length" in p else None,
+        heights=heights,
+        impact_mass=lambda p: p["mass_ratio"] / (1 + p["mass_ratio"]),
+        contact_speed=Affine((0.0, 1.0)),
+        guess=guess(spring, 1.0, FREE),
+        homotopy="gravity_share" if gravity else None,
+        reduction=reduction,
+    )

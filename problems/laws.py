@@ -1,0 +1,252 @@
+"""A law: force against extension, or gravity against height, from a formula, a function, a potential or a table."""
+
+import inspect
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from orbits.errors import InputError, OutOfRange
+from orbits.formula import parse, suggest
+
+
+@dataclass(frozen=True)
+class Law:
+    """A function of one variable with named parameters; call it for values, hand `expression` to a machine.
+
+    text : what it is, as its user wrote it
+    variable : "r", an extension, or "z", a height
+    expression : (x, p, q) -> value, on CasADi scalars; `p` maps names to parameters, `q` is the data of a piece
+    parameters : values of the parameters
+    pieces : (size of q, parameters -> (breaks, data)) for a piecewise law, None for a smooth one
+    """
+
+    text: str
+    variable: str
+    expression: Callable
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    pieces: tuple[int, Callable] | None = None
+
+    def __post_init__(self):
+        for name, value in self.parameters.items():
+            number(name, value)
+
+    @property
+    def key(self) -> tuple:
+        """What the law is apart from its parameters' values; equal keys share everything built from them."""
+        return self.text, self.variable, self.expression, tuple(self.parameters), self.pieces
+
+    def __call__(self, x) -> np.ndarray:
+        """Values at `x` (any shape), NaN where the law has none; a table raises `OutOfRange` outside its range."""
+        return self.with_slope(x)[0]
+
+    def with_slope(self, x) -> tuple[np.ndarray, np.ndarray]:
+        """Values and derivatives at `x` (any shape)."""
+        x = np.asarray(x, dtype=float)
+        function, table = _numeric(self.key)
+        p = np.array(list(self.parameters.values()))
+        q = np.zeros((0, x.size))
+        if table is not None:
+            breaks, data = (np.array(out) for out in table(p))
+            breaks = breaks.ravel()
+            if x.size and not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
+                raise OutOfRange(f"{self.variable} is outside the law's range [{breaks[0]:.6g}, {breaks[-1]:.6g}]")
+            q = data[np.clip(np.searchsorted(breaks, x.ravel(), "right") - 1, 0, len(breaks) - 2)].T
+        value, slope = function(x.reshape(1, -1), p, q)
+        return np.array(value).reshape(x.shape), np.array(slope).reshape(x.shape)
+
+    def range(self) -> tuple[float, float]:
+        """Where the law is defined, as far as it says so itself."""
+        if self.pieces is None:
+            return -np.inf, np.inf
+        breaks = self.pieces[1](self.parameters)[0]
+        return float(breaks[0]), float(breaks[-1])
+
+    def degree(self) -> int:
+        """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
+        if self.pieces is not None:
+            return 2
+        x, p = _symbols(self.variable, self.parameters)
+        value = ca.SX(self.expression(x, p, []))
+        return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
+
+    def with_parameters(self, **values: float) -> "Law":
+        """The same law with other values of some parameters."""
+        for name in values:
+            if name not in self.parameters:
+                raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, self.parameters)}")
+        return replace(self, parameters={**self.parameters, **values})
+
+    def scaled(self, length: float, force: float) -> "Law":
+        """The law of x = extension / length, in units of `force`: the dimensionless form of one in metres and newtons."""
+        return replace(
+            self,
+            text=f"{self.text} [in units of {length:.6g} and {force:.6g}]",
+            expression=_scaled(self.expression, length, force),
+            pieces=self.pieces and _scaled_pieces(self.pieces, length),
+        )
+
+
+def from_formula(text: str, variable: str, parameters: Mapping[str, float] | None = None) -> Law:
+    """A law from a formula in its variable; every other name in it is a parameter and needs a value."""
+    parameters = dict(parameters or {})
+    names = parse(text).names - {variable}
+    if missing := sorted(names - parameters.keys()):
+        raise InputError(f"'{text}' uses {_quoted(missing)} without a value: set {missing[0]}=VALUE")
+    if unused := sorted(parameters.keys() - names):
+        raise InputError(f"'{text}' does not use {_quoted(unused)}{suggest(unused[0], sorted(names)) if names else ''}")
+    return Law(text, variable, _formula_expression(text, variable), {name: parameters[name] for name in sorted(names)})
+
+
+def from_potential(text: str, variable: str, parameters: Mapping[str, float] | None = None) -> Law:
+    """The law whose potential energy is the formula: its derivative with respect to the variable."""
+    potential = from_formula(text, variable, parameters)
+    return replace(potential, text=f"potential:{text}", expression=_derivative_expression(potential.expression, variable))
+
+
+def from_function(
+    function: Callable,
+    variable: str,
+    parameters: Mapping[str, float] | None = None,
+    breakpoints: tuple[float, ...] = (),
+) -> Law:
+    """A law from a Python function (x, **parameters) written with operators and NumPy or CasADi functions.
+
+    breakpoints : where it is not smooth; integration steps end there
+    """
+    name = getattr(function, "__name__", "function")
+    breaks = [-math.inf, *sorted(number("breakpoint", b) for b in breakpoints), math.inf]
+    table = (0, lambda p: (breaks, [[] for _ in breaks[1:]])) if breakpoints else None
+    law = Law(name, variable, _function_expression(function), dict(parameters or {}), table)
+    law(np.zeros(1) if not breakpoints else np.array([breakpoints[0]]))
+    return law
+
+
+def named(table: Mapping[str, Callable], name: str, parameters: Mapping[str, float]) -> Law:
+    """The law called `name` in `table`, with these parameters; the rest keep their defaults."""
+    key = name.replace("-", "_")
+    if key not in table:
+        raise InputError(f"unknown law '{name}'{suggest(name, table)}")
+    known = table[key].__kwdefaults__ or {}
+    if unknown := sorted(parameters.keys() - known.keys()):
+        raise InputError(f"the law '{name}' has no parameter '{unknown[0]}'{suggest(unknown[0], known)}")
+    return table[key](**parameters)
+
+
+def parameter_names(law, variable: str, table: Mapping[str, Callable]) -> set[str]:
+    """Names of the parameters that a law takes, in any of the ways a user may state one."""
+    if isinstance(law, Law):
+        return set(law.parameters)
+    if callable(law):
+        return set(list(inspect.signature(law).parameters)[1:])
+    if not isinstance(law, str) or law.startswith("table:"):
+        return set()
+    if law.replace("-", "_") in table:
+        return set(table[law.replace("-", "_")].__kwdefaults__ or {})
+    return set(parse(law.removeprefix("potential:")).names) - {variable}
+
+
+def number(name: str, value, low: float = -math.inf, high: float = math.inf) -> float:
+    """`value` as a finite float strictly between the bounds; raises `InputError` that names it."""
+    try:
+        result = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value!r} is not a number") from None
+    if isinstance(value, bool) or not math.isfinite(result):
+        raise InputError(f"{name} = {value!r} is not a finite number")
+    if not low < result < high:
+        bounds = f"above {low:g}" if high == math.inf else f"between {low:g} and {high:g}"
+        raise InputError(f"{name} = {result:g} is out of bounds; it lies {bounds}")
+    return result
+
+
+def _quoted(names) -> str:
+    return ", ".join(f"'{name}'" for name in names)
+
+
+def _symbols(variable: str, names) -> tuple[ca.SX, dict[str, ca.SX]]:
+    return ca.SX.sym(variable), {name: ca.SX.sym(name) for name in names}
+
+
+def from_key(key: tuple, p: Mapping[str, float]) -> Law:
+    """The law of a `Law.key` with the values that `p` has for its parameters."""
+    text, variable, expression, names, pieces = key
+    return Law(text, variable, expression, {name: p[name] for name in names}, pieces)
+
+
+@lru_cache(maxsize=256)
+def _numeric(key: tuple):
+    """(x, p, q) -> (value, slope) as a CasADi function, and p -> (breaks, data) or None."""
+    _, variable, expression, names, pieces = key
+    x, p = _symbols(variable, names)
+    q = ca.SX.sym("q", pieces[0] if pieces else 0)
+    value = ca.SX(expression(x, p, ca.vertsplit(q)))
+    vector = ca.vertcat(*p.values())
+    table = None
+    if pieces:
+        breaks, data = pieces[1](p)
+        rows = ca.vertcat(*[ca.horzcat(*row) for row in data]) if pieces[0] else ca.SX(len(data), 0)
+        table = ca.Function("table", [vector], [ca.vertcat(*breaks), ca.densify(rows)])
+    results = [ca.densify(value), ca.densify(ca.jacobian(value, x))]
+    return ca.Function("law", [x, vector, q], results), table
+
+
+@lru_cache(maxsize=256)
+def _formula_expression(text: str, variable: str) -> Callable:
+    formula = parse(text)
+
+    def expression(x, p, q):
+        return formula(**{variable: x}, **{name: p[name] for name in formula.names - {variable}})
+
+    return expression
+
+
+@lru_cache(maxsize=256)
+def _derivative_expression(expression: Callable, variable: str) -> Callable:
+    def derivative(x, p, q):
+        inner = ca.SX.sym(variable)
+        slope = ca.jacobian(ca.SX(expression(inner, p, q)), inner)
+        return ca.substitute(slope, inner, ca.SX(x))
+
+    return derivative
+
+
+@lru_cache(maxsize=256)
+def _function_expression(function: Callable) -> Callable:
+    def expression(x, p, q):
+        mode = ca.GlobalOptions.getNumpyMode() if hasattr(ca.GlobalOptions, "getNumpyMode") else None
+        try:
+            if mode is not None:
+                ca.GlobalOptions.setNumpyMode(1)  # NumPy's functions then give CasADi expressions, without a warning
+            value = ca.SX(function(x, **p))
+        except Exception as error:
+            name = getattr(function, "__name__", "function")
+            raise InputError(
+                f"the law '{name}' fails on a symbolic argument ({error}); write it with operators and NumPy or CasADi "
+                "functions, without if or float()"
+            ) from error
+        finally:
+            if mode is not None:
+                ca.GlobalOptions.setNumpyMode(mode)
+        if value.numel() != 1:
+            raise InputError(f"the law '{getattr(function, '__name__', 'function')}' returns {value.numel()} values, not 1")
+        return value
+
+    return expression
+
+
+@lru_cache(maxsize=256)
+def _scaled(expression: Callable, length: float, force: float) -> Callable:
+    return lambda x, p, q: expression(length * x, p, q) / force
+
+
+@lru_cache(maxsize=256)
+def _scaled_pieces(pieces: tuple[int, Callable], length: float) -> tuple[int, Callable]:
+    def table(p):
+        breaks, data = pieces[1](p)
+        return [b / length for b in breaks], data
+
+    return pieces[0], table

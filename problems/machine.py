@@ -1,0 +1,126 @@
+"""What a machine states, whatever moves in it: spring, gravity, masses, lengths, units."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from orbits.errors import InputError
+from orbits.formula import suggest
+
+from . import gravity as gravities
+from . import springs
+from .gravity import as_gravity
+from .laws import Law, number, parameter_names
+from .springs import as_spring
+from orbits.model import Model, Units
+
+RESERVED = ("mass_ratio", "rest_length", "gravity_share")
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Two masses, a spring and gravity, in the units of the machine's module.
+
+    spring : a law of `problems.springs`, a formula of the extension r, a law's name, "table:FILE",
+        "potential:FORMULA", or a Python function
+    gravity : likewise a law of the height z, as a ratio to gravity at the ground
+    mass_ratio : M = m2/m1, above 0
+    rest_length : of the spring; None for long enough that the masses never meet, which constant gravity allows
+    restitution : of the impacts, 0 <= e <= 1; a lossless orbit is the same for every value
+    parameters : values of the formulas' other names
+    units : what the numbers stand for in SI, see `units.from_si`
+    """
+
+    spring: object = "r"
+    gravity: object = "1"
+    mass_ratio: float = 1.0
+    rest_length: float | None = None
+    restitution: float = 0.0
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    units: Units | None = field(default=None, kw_only=True)
+
+    kind = ""
+
+    def __post_init__(self):
+        number("mass_ratio", self.mass_ratio, low=0)
+        if not 0 <= number("restitution", self.restitution) <= 1:
+            raise InputError(f"restitution = {self.restitution:g} is out of bounds; it lies between 0 and 1")
+        if self.rest_length is not None:
+            number("rest_length", self.rest_length, low=0)
+        spring, gravity = self._laws()
+        object.__setattr__(self, "spring", spring)
+        object.__setattr__(self, "gravity", gravity)
+        object.__setattr__(self, "parameters", {**spring.parameters, **gravity.parameters})
+        if self.rest_length is None and self.kind == "hopper" and gravity.degree() > 0:
+            raise InputError(
+                f"gravity '{gravity.text}' varies with height and the body sits at rest_length + y1: give the rest length"
+            )
+
+    def _laws(self) -> tuple[Law, Law]:
+        """The two laws, each given the parameters that it knows."""
+        given = dict(self.parameters)
+        for name in given:
+            number(name, given[name])
+            if name in RESERVED:
+                raise InputError(f"'{name}' is the machine's own name; call the formula's parameter something else")
+        spring, gravity = (
+            make(law, {name: given[name] for name in given.keys() & parameter_names(law, variable, named)})
+            for make, law, variable, named in (
+                (as_spring, self.spring, "r", springs.NAMED),
+                (as_gravity, self.gravity, "z", gravities.NAMED),
+            )
+        )
+        known = {**spring.parameters, **gravity.parameters}
+        if unknown := [name for name in given if name not in known]:
+            raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], known)}")
+        for name in spring.parameters.keys() & gravity.parameters.keys():
+            if spring.parameters[name] != gravity.parameters[name]:
+                raise InputError(f"spring and gravity both have a parameter '{name}' with different values; rename one")
+        return spring, gravity
+
+    @cached_property
+    def model(self) -> Model:
+        """The engine's view of the machine; machines that differ only in numbers share it."""
+        gravity = self.gravity.key if self.gravity.degree() > 0 else None
+        return self.build(self.spring.key, gravity, self.rest_length is not None)
+
+    def build(self, spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
+        """The model from the keys of the laws (None for constant gravity) and whether there is a rest length."""
+        raise NotImplementedError
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Every parameter of the model by name."""
+        values = {"mass_ratio": float(self.mass_ratio)}
+        if self.rest_length is not None:
+            values["rest_length"] = float(self.rest_length)
+        values |= {name: float(value) for name, value in self.parameters.items()}
+        if self.model.homotopy:
+            values[self.model.homotopy] = 1.0
+        return values
+
+    def with_values(self, **values: float) -> "Machine":
+        """The same machine with other values of mass_ratio, rest_length or the formulas' parameters."""
+        own = {name: value for name, value in values.items() if name in ("mass_ratio", "rest_length")}
+        rest = {name: value for name, value in values.items() if name not in own}
+        return replace(self, parameters={**self.parameters, **rest}, **own)
+
+    def describe(self) -> dict:
+        """The machine as JSON-ready data."""
+        return {
+            "machine": self.kind,
+            "spring": self.spring.text,
+            "gravity": self.gravity.text,
+            "mass_ratio": float(self.mass_ratio),
+            "rest_length": None if self.rest_length is None else float(self.rest_length),
+            "restitution": float(self.restitution),
+            "parameters": {name: float(value) for name, value in self.parameters.items()},
+        }
+
+
+def gravity_at(key: tuple | None) -> Callable:
+    """(z, p) -> gravity ratio; its share over constant gravity is a parameter, along which an orbit is followed."""
+    if key is None:
+        return lambda z, p: 1.0
+    law = key[2]
+    return lambda z, p: 1 + p["gravity_share"] * (law(z, p, []) - 1)

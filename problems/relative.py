@@ -1,0 +1,240 @@
+"""What hopper and juggler share: under constant gravity the spring's extension moves alone, r'' = -F(r).
+
+F is the spring's force plus a constant load (0 for the hopper, the hand's weight 1 for the juggler), and F = 1 at
+lift-off. The other coordinate is thrown upward at speed alpha under unit gravity, so half the flight takes the time
+alpha, and an orbit is a root of r'(alpha) = 0: a problem in two states (section 8 of the paper, for a linear spring).
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+
+from orbits.errors import FlowError, InputError, NoOrbit, OutOfRange
+from orbits.flow import first_zero, flow
+from orbits.model import Affine, Arc, Oscillator, Phase, Pieces, Reduction, Statement
+
+from .laws import Law, from_key
+
+# Launch speeds beyond this are hops of 5e11 lengths: not a machine.
+FASTEST = 1e6
+SPEED = Affine((0.0, 1.0))
+
+
+def spring_pieces(key: tuple, coordinate: tuple[float, ...]) -> Pieces | None:
+    """The pieces of a spring law's key, for a phase whose state gives the extension by these weights."""
+    pieces = key[-1]
+    return pieces and Pieces(coordinate, *pieces, "extension")
+
+
+def straight_line(key: tuple, p) -> tuple[float, float]:
+    """Stiffness k and zero r0 of a straight-line law k (r - r0) at parameter values `p`."""
+    value, slope = from_key(key, p).with_slope(0.0)
+    return float(slope), -float(value) / float(slope)
+
+
+@lru_cache(maxsize=64)
+def relative_phase(spring: tuple, load: float) -> Phase:
+    """The motion r'' = -(phi(r) + load) of a spring law's key, in closed form where the law is a straight line."""
+    law = from_key(spring, dict.fromkeys(spring[3], 1.0))
+
+    def oscillator(p):
+        k, zero = straight_line(spring, p)
+        return Oscillator(k, zero - load / k)
+
+    return Phase(
+        "flight",
+        ("r", "r'"),
+        lambda x, p, q: [x[1], -(law.expression(x[0], p, q) + load)],
+        pieces=spring_pieces(spring, (1.0, 0.0)),
+        closed_form=oscillator if law.degree() < 2 else None,
+    )
+
+
+def relative_reduction(spring: tuple, load: float, complete: Callable, gap_slope: Callable, what: str) -> Reduction:
+    """The reduction of a machine under constant gravity; `complete` and `gap_slope` as in `Reduction`.
+
+    spring : the law's key
+    load : F - phi
+    what : the force that lift-off waits for, in words
+    """
+    phase, force = relative_phase(spring, load), spring[2]
+
+    def exact(family, p):
+        """Eq. (12): b = tan b with alpha = b/sqrt(k); b = n pi + atan(b) contracts to it."""
+        k, _ = straight_line(spring, p)
+        b = (family + 0.5) * np.pi
+        for _ in range(60):
+            b, before = family * np.pi + np.arctan(b), b
+            if b == before:
+                break
+        alpha = b / np.sqrt(k)
+        # The error: the residual of sin b = b cos b through its slope b sin b, and one rounding.
+        error = abs((np.sin(b) - b * np.cos(b)) / (b * np.sin(b))) / np.sqrt(k) + np.spacing(alpha)
+        return {"liftoff": liftoff_extension(from_key(spring, p), load, what), "alpha": alpha}, float(error)
+
+    arc = Arc(
+        phase,
+        start=lambda u, before, p: [u["liftoff"], u["alpha"]],
+        duration=lambda u, p: u["alpha"],
+        conditions=lambda u, x, p: [x[1]],
+        guard=lambda u, x, p, q: [force(x[0], p, q) + load - 1],
+    )
+    statement = Statement("relative", ("liftoff", "alpha"), (arc,), ("alpha",))
+    return Reduction(statement, (1, -1), complete, gap_slope, exact if phase.closed_form else None)
+
+
+def guess(spring: tuple, load: float, what: str) -> Callable:
+    """(family, p) -> lift-off extension, launch speed and half flight time under constant gravity."""
+
+    def start(family, p):
+        law = from_key(spring, p)
+        liftoff = liftoff_extension(law, load, what)
+        alpha = launch_speed(relative_phase(spring, load), p, liftoff, family, f"spring '{law.text}'")
+        return {"liftoff": liftoff, "alpha": alpha, "duration": alpha}
+
+    return start
+
+
+def thrown(times, coefficients, u):
+    """Append the coordinate thrown up at lift-off under unit gravity, and its speed, to coefficients (N, n, K + 1)."""
+    rows = np.zeros((len(times), 2, coefficients.shape[2]))
+    rows[:, 0, 0] = u["liftoff"] + times * (u["alpha"] - times / 2)
+    rows[:, 0, 1] = rows[:, 1, 0] = u["alpha"] - times
+    rows[:, 0, 2], rows[:, 1, 1] = -0.5, -1.0
+    return np.concatenate([coefficients[:, :2], rows], axis=1)
+
+
+def liftoff_extension(law: Law, load: float, what: str) -> float:
+    """The extension at which force + load = 1 is first reached from rest, the force rising; `InputError` when never."""
+    low, high = law.range()
+    start = min(max(0.0, low), high)
+    level = 1.0 - load
+    below = float(law(start)) < level
+    grid = np.concatenate([[0.0], np.geomspace(1e-9, 1e9, 4000)])
+    grid = start + grid if below else start - grid
+    grid = np.clip(grid, low, high)
+    values = law(grid)
+    finite = np.isfinite(values)
+    known = len(grid) if finite.all() else int(np.argmin(finite))
+    if known == 0:
+        raise InputError(f"spring '{law.text}' has no force at rest (r = {start:g})")
+    grid, values = grid[:known], values[:known]
+    if float(values[0]) == level:
+        return start
+    crossed = np.flatnonzero((values >= level) == below)
+    if not len(crossed):
+        grid, values = _zoom(law, grid, values, below)
+        crossed = np.flatnonzero((values >= level) == below)
+    if not len(crossed):
+        extreme = values.max() if below else values.min()
+        side = f"largest tension {extreme:.4g}" if below else f"least force {extreme:.4g}"
+        where = f" within [{low:g}, {high:g}]" if np.isfinite(high) or np.isfinite(low) else ""
+        raise InputError(f"spring '{law.text}' never reaches {what} ({side}{where}): nothing leaves the ground")
+    i = crossed[0]
+    return bracketed_root(lambda r: float(law(r)) - level, grid[i - 1], grid[i])
+
+
+def _zoom(law: Law, grid, values, below: bool):
+    """Sample ever closer round the extreme value: a maximum that barely reaches the level lies between samples."""
+    for _ in range(6):
+        i = int(np.argmax(values) if below else np.argmin(values))
+        grid = np.linspace(grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], 201)
+        values = law(grid)
+    return grid, values
+
+
+def bracketed_root(function: Callable[[float], float], a: float, b: float, tolerance: float = 4e-16) -> float:
+    """The root between a and b, where the function changes sign; bisection and secant (Dekker's method).
+
+    Our own because importing a library's root finder takes longer than everything that is computed here.
+    """
+    fa, fb = function(a), function(b)
+    if abs(fa) < abs(fb):
+        a, b, fa, fb = b, a, fb, fa
+    c, fc = a, fa  # a brackets with b, c is the previous b
+    for _ in range(200):
+        if fb == 0 or abs(a - b) <= tolerance * max(abs(a), abs(b)):
+            return b
+        middle = 0.5 * (a + b)
+        new = b - fb * (b - c) / (fb - fc) if fb != fc else middle
+        if not min(b, middle) < new < max(b, middle):
+            new = middle
+        c, fc = b, fb
+        b, fb = new, function(new)
+        if (fb > 0) == (fa > 0):
+            a, fa = c, fc
+        if abs(fa) < abs(fb):
+            a, b, fa, fb = b, a, fb, fa
+    return b
+
+
+def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
+    """Time from lift-off to the first turn of the extension, and half its period; infinite when it does not return."""
+    along = flow(phase, tuple(p))
+    vector = np.array(list(p.values()))
+    times, state = [], np.array([liftoff, alpha])
+    for turn in range(2):
+        try:
+            path, _ = along.run(state, vector, 1e3 * (1 + alpha), stop=first_zero(SPEED, skip_start=turn))
+        except OutOfRange:
+            raise
+        except FlowError:
+            return np.inf, np.inf
+        state = path.end[:2]
+        times.append(path.times[-1])
+        if abs(state[1]) > 1e-6 * alpha:
+            return np.inf, np.inf
+        state[1] = 0.0
+    return times[0], times[1]
+
+
+def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int, what: str) -> float:
+    """The lowest launch speed whose half flight ends on the family's turn: alpha = first turn + family half periods.
+
+    The time of that turn is a function of alpha alone, so this is one scalar equation for any spring, and the family
+    is right by construction. Raises `NoOrbit` when there is none.
+    """
+
+    def excess(alpha):
+        first, half = half_oscillations(phase, p, liftoff, alpha)
+        return first + family * half - alpha
+
+    samples = [(0.0, np.inf)]
+    alpha, reason = 1e-3, ""
+    while alpha < FASTEST:
+        try:
+            gap = excess(alpha)
+        except OutOfRange as error:
+            reason = f"beyond launch speed {alpha:.4g} {error}"
+            break
+        samples.append((alpha, gap))
+        if gap <= 0:
+            return bracketed_root(excess, samples[-2][0] or 1e-6, alpha, 1e-12)
+        if len(samples) > 3 and samples[-2][1] < samples[-3][1] and samples[-2][1] <= gap:
+            dip = _lowest(excess, samples[-3][0], alpha)  # a pair of roots may lie between samples, near a fold
+            if excess(dip) <= 0:
+                return bracketed_root(excess, samples[-3][0], dip, 1e-12)
+        if not np.isfinite(gap):
+            reason = f"at launch speed {alpha:.4g} the spring gives way and the extension does not come back"
+            break
+        alpha += max(gap / 3, 0.02 * (1 + alpha))
+    reason = reason or f"none up to launch speed {FASTEST:g}"
+    raise NoOrbit(f"{what} has no lossless orbit of family {family} under constant gravity: {reason}")
+
+
+def _lowest(function, a: float, b: float) -> float:
+    """Golden-section search for a minimum between a and b, to half the digits, which is all that a minimum has."""
+    ratio = (np.sqrt(5) - 1) / 2
+    c, d = b - ratio * (b - a), a + ratio * (b - a)
+    fc, fd = function(c), function(d)
+    while abs(b - a) > 1e-8 * (abs(a) + abs(b)) and min(fc, fd) > 0:
+        if fc < fd:
+            b, d, fd = d, c, fc
+            c = b - ratio * (b - a)
+            fc = function(c)
+        else:
+            a, c, fc = c, d, fd
+            d = a + ratio * (b - a)
+            fd = function(d)
+    return c if fc < fd else d

@@ -1,0 +1,1 @@
+"""Machines stated in SI."""
