@@ -9,6 +9,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from .calls import Call
 from .errors import FlowError
 from .flow import Flow, Trajectory, first_zero, flow, runge_kutta
 from .model import Affine, Model, Phase
@@ -16,10 +17,11 @@ from .orbit import Certificate
 from .polynomial import derivative, evaluate, lowest, piecewise_roots
 from .shooting import Evaluation, Shooting
 
-# Order-8 steps within one Taylor step: an eighth-order error of (step/16)**9 is below rounding there.
-SUBSTEPS = 16
+# Order-8 steps taken in one call.
+SEVERAL = 4
 # Gauss points for the work along the straight line between two nodes; the field is analytic on it.
 GAUSS = 16
+GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(GAUSS)
 EPS = float(np.finfo(float).eps)
 
 
@@ -27,17 +29,17 @@ def error_bound(equations: Shooting, u, p, here: Evaluation) -> float:
     """Bound on the error of the unknown "alpha".
 
     The motion is integrated again by another method with smaller steps; what the equations then lack goes through the
-    inverse Jacobian. To it comes the rounding that both integrations share: a random walk of one rounding of the state
-    a step, through the same inverse.
+    inverse Jacobian. To it comes the rounding that both integrations may share: a random walk of half a unit in the
+    last place of the state a step, through the same inverse.
     """
-    residual = equations.residual(u, p, _another_way)
+    residual = equations.residual(u, p, here, _another_way)
     inverse = np.linalg.pinv(here.jacobian)[equations.statement.unknowns.index("alpha")]
     noise = 0.0
     for along, path in zip(equations.flows, here.trajectories, strict=True):
         size = np.abs(path.coefficients[:, : along.size, 0]).max()
-        noise += EPS * size * np.sqrt(len(path.steps))
+        noise += EPS / 2 * size * np.sqrt(len(path.steps))
     alpha = u[equations.statement.unknowns.index("alpha")]
-    return float(abs(inverse @ residual) + np.abs(inverse).sum() * noise + np.spacing(alpha))
+    return float(abs(inverse @ residual) + np.linalg.norm(inverse) * noise + np.spacing(alpha))
 
 
 def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:
@@ -45,9 +47,11 @@ def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:
     data = along.mesh_data(path, p)
     x = start
     if along.method != "Runge-Kutta":
-        step = _many_steps(along)
-        for h, d in zip(path.steps, data.T, strict=True):
-            x = np.array(step(x, h, d)).ravel()
+        several = _several_steps(along)
+        for h, d, c in zip(path.steps, data.T, path.coefficients[:, : along.size], strict=True):
+            count = _substeps(c, h)
+            for _ in range(count // SEVERAL):
+                x = several(x, h / count, d)[0].ravel()
         return x
     from scipy.integrate import solve_ivp  # slow to import, and only laws without a Taylor series need it
 
@@ -57,14 +61,23 @@ def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:
     return x
 
 
+def _substeps(coefficients, h: float) -> int:
+    """Order-8 steps, a multiple of `SEVERAL`, that bring the error over a step of length `h` below rounding.
+
+    It is the ninth Taylor term of one of them, as many times as there are.
+    """
+    ninth = np.abs(coefficients[:, 9]).max() * h**9 / max(np.abs(coefficients[:, 0]).max(), 1e-300)
+    return SEVERAL * int(np.clip(np.ceil((ninth / (0.1 * EPS)) ** (1 / 8) / SEVERAL), 1, 250))
+
+
 @lru_cache(maxsize=64)
-def _many_steps(along: Flow) -> ca.Function:
+def _several_steps(along: Flow) -> Call:
     field, x, p = along.graph
     h = ca.SX.sym("h")
-    one = ca.Function("one", [x, h, p], [runge_kutta(field, x, p, h)])
-    start, length, data = ca.MX.sym("x", along.size), ca.MX.sym("h"), ca.MX.sym("p", p.numel())
-    end = one.mapaccum(SUBSTEPS)(start, ca.repmat(length / SUBSTEPS, 1, SUBSTEPS), ca.repmat(data, 1, SUBSTEPS))
-    return ca.Function("many", [start, length, data], [end[:, -1]])
+    end = x
+    for _ in range(SEVERAL):
+        end = runge_kutta(field, end, p, h)
+    return Call(ca.Function("several", [x, h, p], [end]))
 
 
 def contact_half(model: Model, u: Mapping[str, float], p: Mapping[str, float], limit: float) -> Trajectory | None:
@@ -89,7 +102,7 @@ def count_family(model: Model, parts: tuple[Trajectory, ...]) -> int:
         speed = derivative(model.extension.series(part.coefficients))
         found = [part.times[i] + t for i, t in piecewise_roots(speed, part.steps)]
         turns += sum(t < part.times[-1] * (1 - 1e-7) for t in found)  # the one left out is mid-flight itself
-    return turns // len(parts)
+    return int(turns // len(parts))
 
 
 def interior_minima(gap, part: Trajectory) -> list[tuple[float, float]]:
@@ -230,8 +243,7 @@ def _drift(gradient: ca.Function, phase: Phase, path: Trajectory, p: Mapping[str
     along = flow(phase, tuple(p))
     n = along.size
     nodes = np.vstack([path.coefficients[:, :n, 0], path.end[:n]])
-    s, weights = np.polynomial.legendre.leggauss(GAUSS)
-    s, weights = 0.5 * (s + 1), 0.5 * weights
+    s, weights = 0.5 * (GAUSS_POINTS + 1), 0.5 * GAUSS_WEIGHTS
     moves = np.diff(nodes, axis=0)
     points = nodes[:-1, None] + s[None, :, None] * moves[:, None]
     data = np.repeat(along.mesh_data(path, np.array(list(p.values()))), GAUSS, axis=1)

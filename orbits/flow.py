@@ -9,23 +9,25 @@ Three ways, the first that the phase allows:
 Steps are chosen from the error, never by the caller, and end on the breakpoints of a piecewise field.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
 
-from . import compiled
+from .calls import Call, compile_function
 from .errors import FlowError, OutOfRange
 from .jets import covers, jets
 from .model import Affine, Phase
-from .polynomial import evaluate, roots, shifted
+from .polynomial import evaluate, piecewise_roots, roots, shifted
 
 ORDER = 28
 # Truncation of a step against the state's size: a tenth of the rounding of the sum.
 TOLERANCE = 1e-17
 MAX_STEPS = 20_000
+# Steps taken in one call of the interpreter's.
+LOOK_AHEAD = 8
 # Interpreting the same graph for this long (in seconds) costs as much as compiling it: whoever waits that long before
 # deciding pays at most twice the best.
 REPAYS = 0.5
@@ -34,7 +36,8 @@ SECONDS_PER_INSTRUCTION = 5e-9
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A motion as Taylor polynomials: on times[i] <= t <= times[i + 1] the rows are sums of c[i, :, k] (t - times[i])**k.
+    """A motion as Taylor polynomials: on times[i] <= t <= times[i + 1] the rows are sums of
+    c[i, :, k] (t - times[i])**k.
 
     times : (N + 1,)
     coefficients : (N, n + m, K + 1), the n states, then the m watched quantities
@@ -101,6 +104,11 @@ class Flow:
         watched = ca.vertcat(*[quantity(*arguments) for quantity in self.phase.watch.values()])
         return ca.Function("field", [x, p], [rates, watched]), x, p
 
+    @cached_property
+    def series(self) -> ca.SX:
+        """Taylor coefficients (n + m, ORDER + 1) of states and watched quantities, in the symbols of `graph`."""
+        return jets(*self.graph, ORDER)
+
     def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
         """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""
         entries = ca.vertsplit(p)
@@ -126,7 +134,7 @@ class Flow:
         p : parameter vector (np,)
         seeds : derivatives (n, columns) of the start with respect to whatever the caller varies
         parameter_seeds : derivatives (np, columns) of the parameters with respect to the same
-        stop : (coefficients (rows, K + 1), step) -> time within the step to stop at, or None
+        stop : (coefficients (m, rows, K + 1), steps (m,)) -> (step, time in it) to stop at, or None
 
         Returns (Trajectory, derivatives (n, columns) of the end at fixed duration, or None without seeds). Raises
         `FlowError` when the motion blows up, leaves the range of a piecewise field or is not a number.
@@ -140,31 +148,55 @@ class Flow:
         columns = 0 if seeds is None else seeds.shape[1]
         scheme = self.scheme(columns)
         track = _Track(self, p, x, columns, parameter_seeds)
-        variations = seeds
-        times, pieces, h = [0.0], [], None
+        times, pieces, h, variations = [0.0], [], None, seeds
         while times[-1] < duration:
-            t = times[-1]
-            h, c, dc = scheme.advance(x, track.data, variations, track.seeds, h)
-            if not (h > 1e-13 * max(t, 1e-3) and len(pieces) < MAX_STEPS):  # nor if h is NaN
-                reason = "takes too many steps" if len(pieces) >= MAX_STEPS else "breaks down"
-                raise FlowError(f"the {self.phase.name} {reason} at time {t:.6g}, at {self._say(x)}")
-            h = min(h, duration - t)
-            h, crossed = track.cut(c, h)
-            halt = stop(c, h) if stop else None
-            h = h if halt is None else halt
-            power = h ** np.arange(1, c.shape[1])
-            x = x + c[: self.size, 1:] @ power
-            if not np.isfinite(x).all():
-                raise FlowError(f"the {self.phase.name} is not a number after time {t:.6g}, from {self._say(c[:, 0])}")
+            left = duration - times[-1]
+            ahead = 1 if self.phase.pieces else LOOK_AHEAD if stop else _chunk(left, h)
+            steps, c, dc = scheme.advance(x, track.data, variations, track.seeds, ahead, left, h)
+            steps, c = self._sound(steps, c, times[-1], len(pieces))
+            count, cut, crossed, halted = self._cut(c, steps, left, track, stop)
+            for i in range(count):
+                t = times[-1]
+                h = cut if i == count - 1 else steps[i]
+                pieces.append(c[i])
+                times.append(t + h)
+            power = h ** np.arange(1, c.shape[2])
+            x = c[i, : self.size, 0] + c[i, : self.size, 1:] @ power
             if columns:
-                variations = variations + dc[..., 1:] @ power
-            pieces.append(c)
-            times.append(duration if duration - (t + h) <= 1e-15 * duration else t + h)
-            if halt is not None:
+                variations = dc[i, ..., 0] + dc[i, ..., 1:] @ power
+            h = steps[i]
+            if halted:
                 break
+            if duration - times[-1] <= 1e-15 * duration:
+                times[-1] = duration
             if crossed:
                 track.enter(crossed, x)
         return Trajectory(np.array(times), np.array(pieces), self.names), variations
+
+    def _sound(self, steps, c, t: float, taken: int):
+        """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""
+        good = (steps > 1e-13 * max(t, 1e-3)) & np.isfinite(c).all((1, 2))
+        if not good[0] or taken > MAX_STEPS:
+            reason = "takes too many steps" if good[0] else "breaks down"
+            raise FlowError(f"the {self.phase.name} {reason} at time {t:.6g}, at {self._say(c[0, :, 0])}")
+        count = len(steps) if good.all() else int(np.argmin(good))
+        return steps[:count], c[:count]
+
+    @staticmethod
+    def _cut(c, steps, left: float, track: "_Track", stop):
+        """How many steps to take, the length of the last, the end of a piece crossed there, and whether to stop."""
+        count, cut, crossed, halted = len(steps), steps[-1], 0, False
+        reached = np.cumsum(steps)
+        if reached[-1] >= left:
+            count = int(np.argmax(reached >= left)) + 1
+            cut = left - (reached[count - 2] if count > 1 else 0.0)
+        if track.pieces:
+            cut, crossed = track.cut(c[0], cut)
+        if stop:
+            lengths = np.append(steps[: count - 1], cut)
+            if halt := stop(c[:count], lengths):
+                count, cut, crossed, halted = halt[0] + 1, halt[1], 0, True
+        return count, cut, crossed, halted
 
     def _closed_form(self, start, p, duration, seeds, stop):
         """Polynomials of the exact flow, each from the exact state at its start: no error accumulates."""
@@ -174,10 +206,10 @@ class Flow:
         while times[-1] < duration:
             c = form.series(form.state(start, times[-1]), ORDER)
             h = min(step, duration - times[-1])
-            halt = stop(c, h) if stop else None
+            halt = stop(c[None], np.array([h])) if stop else None
             pieces.append(c)
-            times.append(times[-1] + (h if halt is None else halt))
-            if halt is not None:
+            times.append(times[-1] + (halt[1] if halt else h))
+            if halt:
                 break
             if len(pieces) > MAX_STEPS:
                 raise FlowError(f"the {self.phase.name} takes too many steps, at {self._say(c[0])}")
@@ -190,15 +222,20 @@ class Flow:
 
     def rates(self, x, p) -> np.ndarray:
         """The field at one state (n,), with parameters and piece data (np + nq,)."""
-        return np.array(self.graph[0](x, p)[0]).ravel()
+        return self._rates(x, p)[0].ravel()
+
+    @cached_property
+    def _rates(self) -> Call:
+        field, x, p = self.graph
+        return Call(ca.Function("rates", [x, p], [ca.densify(field(x, p)[0])]))
 
     @cached_property
     def step(self) -> ca.Function:
-        """One step of given length as a function (x, h, (p, q)) -> x, for equations that other solvers differentiate."""
+        """One step of given length, a function (x, h, (p, q)) -> x for equations that other solvers differentiate."""
         field, x, p = self.graph
         h = ca.SX.sym("h")
         if covers(field):
-            end = jets(field, x, p, ORDER)[: self.size, :] @ ca.vertcat(1, *[h**k for k in range(1, ORDER + 1)])
+            end = self.series[: self.size, :] @ ca.vertcat(1, *[h**k for k in range(1, ORDER + 1)])
         else:
             end = runge_kutta(field, x, p, h)
         return ca.Function("step", [x, h, p], [end])
@@ -232,15 +269,15 @@ class Flow:
     def piece_table(self, p) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Breaks (m + 1,), data (m, nq) and its derivatives (m, nq, np) at parameters (np,)."""
         breaks, data, slopes = self._piece_function(p)
-        data = np.array(data)
-        return np.array(breaks).ravel(), data, np.array(slopes).reshape(data.shape[1], data.shape[0], -1).swapaxes(0, 1)
+        return breaks.ravel(), data, slopes.reshape(data.shape[1], data.shape[0], -1).swapaxes(0, 1)
 
     @cached_property
-    def _piece_function(self) -> ca.Function:
+    def _piece_function(self) -> Call:
         p = ca.SX.sym("p", len(self.parameters))
         breaks, data = self.phase.pieces.table(dict(zip(self.parameters, ca.vertsplit(p), strict=True)))
         data = ca.vertcat(*[ca.horzcat(*row) for row in data]) if self.phase.pieces.size else ca.SX(len(data), 0)
-        return ca.Function("pieces", [p], [ca.vertcat(*breaks), ca.densify(data), ca.densify(ca.jacobian(ca.vec(data), p))])
+        results = [ca.vertcat(*breaks), data, ca.jacobian(ca.vec(data), p)]
+        return Call(ca.Function("pieces", [p], [ca.densify(result) for result in results]))
 
 
 def first_zero(quantity: Affine, skip_start: int = 0) -> Callable:
@@ -248,17 +285,23 @@ def first_zero(quantity: Affine, skip_start: int = 0) -> Callable:
 
     `skip_start` is the order of a zero known to stand at the very start; it is divided out exactly there.
     """
-    first = True
+    skip = skip_start
 
-    def stop(coefficients, h):
-        nonlocal first
-        c = quantity.series(coefficients[: len(quantity.weights)])
-        if first:
-            c, first = c[skip_start:], False
-        found = roots(c, h)
+    def stop(coefficients, steps):
+        nonlocal skip
+        series = quantity.series(coefficients[:, : len(quantity.weights)])
+        found = piecewise_roots(series, steps, start=skip)
+        skip = 0
         return found[0] if found else None
 
     return stop
+
+
+def _chunk(left: float, h: float | None) -> int:
+    """How many steps to take at once: a power of two, about as many as are left."""
+    if h is None:
+        return 4
+    return int(2 ** np.ceil(np.log2(np.clip(left / h, 1, LOOK_AHEAD))))
 
 
 class _Track:
@@ -318,59 +361,60 @@ class _Track:
 
 
 class _Taylor:
-    """One Taylor step: coefficients of the state and of its sensitivities, and how far they may be trusted."""
+    """Taylor steps, several in one call: coefficients of the state and its sensitivities, each step as long as its last
+    two terms allow."""
 
     def __init__(self, flow: "Flow", columns: int):
-        field, x, p = flow.graph
+        _, x, p = flow.graph
         self.n, self.columns = flow.size, columns
-        c = jets(field, x, p, ORDER)
-        state = c[: self.n, :]
-        sizes = [ca.norm_inf(ca.vec(part)) for part in (state[:, :2], state[:, -2], state[:, -1])]
-        arguments, results = [x, p], [c.T, ca.vertcat(*sizes)]
-        if columns:
-            dx, dp = ca.SX.sym("dx", self.n, columns), ca.SX.sym("dp", p.numel(), columns)
-            arguments += [dx, dp]
-            results.append(ca.jtimes(ca.vec(state.T), ca.vertcat(x, p), ca.vertcat(dx, dp)))
-        self.function = ca.Function("taylor", arguments, [ca.densify(result) for result in results])
-        self.seconds = self.function.n_instructions() * SECONDS_PER_INSTRUCTION
-        self.spent = 0.0
+        c = flow.series
         self.rows = c.shape[0]
-        self._allocate()
+        state, longest = c[: self.n, :], ca.SX.sym("h")
+        scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (state[:, :2], state[:, -2], state[:, -1]))
+        bound = TOLERANCE * scale
+        h = ca.fmin(longest, ca.fmin((bound / before) ** (1 / (ORDER - 1)), (bound / last) ** (1 / ORDER)))
+        power = ca.vertcat(1, *[h**k for k in range(1, ORDER + 1)])
+        dx, dp = ca.SX.sym("dx", self.n, columns), ca.SX.sym("dp", p.numel(), columns)
+        dc = ca.SX(self.n * (ORDER + 1), 0)
+        if columns:
+            dc = ca.jtimes(ca.vec(state.T), ca.vertcat(x, p), ca.vertcat(dx, dp))
+        end = state @ power
+        dend = ca.reshape(power.T @ ca.reshape(dc, ORDER + 1, self.n * columns), self.n, columns)
+        self.one = ca.Function(
+            "taylor",
+            [ca.vertcat(x, ca.vec(dx)), p, ca.vec(dp), longest],
+            [ca.densify(ca.vertcat(end, ca.vec(dend))), ca.densify(c.T), ca.densify(dc), ca.densify(h)],
+        )
+        self.seconds = self.one.n_instructions() * SECONDS_PER_INSTRUCTION
+        self.spent = 0.0
+        self._calls: dict[int, Call] = {}
 
-    def _allocate(self):
-        """Fixed memory for arguments and results: a call then costs next to nothing beside the arithmetic."""
-        f = self.function
-        self.arguments = [np.zeros(f.nnz_in(i)) for i in range(f.n_in())]
-        self.results = [np.zeros((self.rows, ORDER + 1)), np.zeros(3), np.zeros((self.columns, self.n, ORDER + 1))]
-        self.buffer, self.trigger = f.buffer()
-        for i, array in enumerate(self.arguments):
-            self.buffer.set_arg(i, memoryview(array))
-        for i in range(f.n_out()):
-            self.buffer.set_res(i, memoryview(self.results[i]))
-
-    def advance(self, x, p, dx, dp, hint=None):
-        """(step, coefficients (rows, K + 1), sensitivities (n, columns, K + 1), valid until the next call)."""
-        self.spent += self.seconds
+    def advance(self, x, p, dx, dp, count: int, longest: float, hint=None):
+        """(steps (m,), coefficients (m, rows, K + 1), sensitivities (m, n, columns, K + 1)) of `count` steps."""
+        self.spent += count * self.seconds
         if self.spent > REPAYS:
             self._compile()
-        arguments = self.arguments
-        arguments[0][:] = x
-        arguments[1][:] = p
+        if count not in self._calls:
+            self._calls[count] = Call(self.one if count == 1 else self.one.mapaccum(count))
+        call = self._calls[count]
+        start, data, slopes, lengths = call.arguments
+        start[: self.n] = x
+        data.reshape(count, -1)[:] = p
         if self.columns:
-            arguments[2][:] = dx.T.ravel()
-            arguments[3][:] = dp.T.ravel()
-        self.trigger()
-        c, (scale, before, last), dc = self.results
-        bound = TOLERANCE * scale
-        h = min((bound / last) ** (1 / ORDER) if last else np.inf, (bound / before) ** (1 / (ORDER - 1)) if before else np.inf)
-        return float(h), c.copy(), dc.swapaxes(0, 1)
+            start[self.n :] = dx.T.ravel()
+            slopes.reshape(count, -1)[:] = dp.T.ravel()
+        lengths[:] = min(longest, 1e9)
+        call.trigger()
+        _, c, dc, steps = call.results
+        c = c.reshape(ORDER + 1, self.rows, count, order="F").T.copy()
+        dc = dc.reshape(ORDER + 1, self.n, self.columns, count, order="F").transpose(3, 1, 2, 0).copy()
+        return steps.ravel().copy(), c, dc
 
     def _compile(self):
         self.spent = -np.inf
-        faster = compiled.compile_function(self.function)
+        faster = compile_function(self.one)
         if faster is not None:
-            self.function = faster
-            self._allocate()
+            self.one, self._calls = faster, {}
 
 
 def _cooper_verner() -> tuple[np.ndarray, np.ndarray]:
@@ -388,8 +432,25 @@ def _cooper_verner() -> tuple[np.ndarray, np.ndarray]:
     a[6, :6] = (10 - s) / 42, 0, (-432 + 92 * s) / 315, (633 - 145 * s) / 90, (-504 + 115 * s) / 70, (63 - 13 * s) / 35
     a[7, :7] = 1 / 14, 0, 0, 0, (14 - 3 * s) / 126, (13 - 3 * s) / 63, 1 / 9
     a[8, :8] = 1 / 32, 0, 0, 0, (91 - 21 * s) / 576, 11 / 72, -(385 + 75 * s) / 1152, (63 + 13 * s) / 128
-    a[9, :9] = 1 / 14, 0, 0, 0, 1 / 9, -(733 + 147 * s) / 2205, (515 + 111 * s) / 504, -(51 + 11 * s) / 56, (132 + 28 * s) / 245
-    a[10, 4:10] = (-42 + 7 * s) / 18, (-18 + 28 * s) / 45, -(273 + 53 * s) / 72, (301 + 53 * s) / 72, (28 - 28 * s) / 45, (49 - 7 * s) / 18
+    a[9, :9] = (
+        1 / 14,
+        0,
+        0,
+        0,
+        1 / 9,
+        -(733 + 147 * s) / 2205,
+        (515 + 111 * s) / 504,
+        -(51 + 11 * s) / 56,
+        (132 + 28 * s) / 245,
+    )
+    a[10, 4:10] = (
+        (-42 + 7 * s) / 18,
+        (-18 + 28 * s) / 45,
+        -(273 + 53 * s) / 72,
+        (301 + 53 * s) / 72,
+        (28 - 28 * s) / 45,
+        (49 - 7 * s) / 18,
+    )
     return a, np.array([9, 0, 0, 0, 0, 0, 0, 49, 64, 49, 9]) / 180
 
 
@@ -410,8 +471,8 @@ class _RungeKutta:
         self.powers = np.vander(self.NODES, increasing=True)
         self.watched = ca.Function("watched", [x, p], [field(x, p)[1]])
 
-    def advance(self, x, p, dx, dp, hint: float | None):
-        """(step, coefficients (rows, K + 1), sensitivities (n, columns, K + 1) or None)."""
+    def advance(self, x, p, dx, dp, count: int, longest: float, hint: float | None):
+        """(steps (1,), coefficients (1, rows, K + 1), sensitivities (1, n, columns, K + 1) or None): one at a time."""
         dx = np.zeros((self.n, 0)) if dx is None else dx
         dp = np.zeros((len(p), 0)) if dp is None else dp
         h = self._length(x, p, dx, dp, 4 * hint if hint else 0.1)
@@ -419,10 +480,11 @@ class _RungeKutta:
         start = np.concatenate([x, np.array(self.watched(x, p)).ravel()])
         c = self._polynomial(start, np.vstack([ends, watched]), h)
         if not self.columns:
-            return h, c, None
+            return np.array([h]), c[None], None
         count = len(self.NODES)
         slopes = slopes.reshape(self.n, count, self.columns).transpose(0, 2, 1).reshape(-1, count)
-        return h, c, self._polynomial(dx.ravel(), slopes, h).reshape(self.n, self.columns, -1)
+        dc = self._polynomial(dx.ravel(), slopes, h).reshape(1, self.n, self.columns, -1)
+        return np.array([h]), c[None], dc
 
     def _polynomial(self, start, values, h: float):
         """Coefficients (rows, K + 1) through `start` and the values (rows, nodes)."""

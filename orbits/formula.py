@@ -214,8 +214,11 @@ def _evaluate(tree: tuple, values: Mapping, symbolic: bool):
     if kind == "call":
         argument = _evaluate(tree[2], values, symbolic)
         numpy_name, casadi_name = FUNCTIONS[tree[1]]
-        return getattr(casadi, casadi_name)(casadi.SX(argument) if isinstance(argument, float | int) else argument) \
-            if symbolic else getattr(np, numpy_name)(argument)
+        return (
+            getattr(casadi, casadi_name)(casadi.SX(argument) if isinstance(argument, float | int) else argument)
+            if symbolic
+            else getattr(np, numpy_name)(argument)
+        )
     arguments = [_evaluate(branch, values, symbolic) for branch in tree[1:]]
     if symbolic and all(isinstance(a, float | int) for a in arguments):
         arguments[0] = casadi.SX(arguments[0])  # Python's own floats raise on 1/0 and overflow

@@ -176,13 +176,13 @@ class Model:
     extension : flight coordinate whose stationary points count the family
     gap : p -> height of the contact point above what it lands on, a function of the flight state
     separation : p -> smallest distance in the machine that must stay positive, None where it is not stated
-    heights : p -> names and functions of the flight state, for plots
+    heights : p -> names and functions of the flight state, for plots; the masses first, the upper one before the lower
+    spring_ends : names of the heights between which the spring is drawn, None for the ground
     impact_mass : p -> twice the energy lost in a plastic impact over the square of the gap's speed
     contact_speed : contact coordinate that vanishes at mid-contact
     guess : (family, p) -> {"liftoff", "alpha", "duration"} of the half flight in the scene with `homotopy` at 0
     homotopy : the parameter that leads from the scene of the guess (0) to this one (1), None where they are one
     reduction : the short cut that this scene allows, None where there is none
-    skipped : what this scene does not need, in words
     """
 
     name: str
@@ -202,7 +202,7 @@ class Model:
     heights: Callable
     impact_mass: Callable
     contact_speed: Affine
+    spring_ends: tuple[str | None, str]
     guess: Callable
     homotopy: str | None = None
     reduction: Reduction | None = None
-    skipped: tuple[str, ...] = ()

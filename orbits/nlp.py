@@ -7,7 +7,7 @@ from .errors import NoOrbit
 
 # Ipopt's own words for an end without an answer -> ours, with what to do.
 REASONS = {
-    "Infeasible_Problem_Detected": "the equations have no solution near the starting guess; start from a nearer machine",
+    "Infeasible_Problem_Detected": "no solution of the equations near the starting guess; start from a nearer machine",
     "Maximum_Iterations_Exceeded": "no convergence; start from a nearer machine",
     "Restoration_Failed": "no convergence from the starting guess; start from a nearer machine",
     "Invalid_Number_Detected": "the equations stop being numbers on the way; a formula has no value where it is needed",
@@ -32,7 +32,8 @@ OPTIONS = {
 def solve(unknowns: ca.MX, equations: ca.MX, guess, lower, scale) -> np.ndarray:
     """Solve the square system equations(unknowns) = 0 by Ipopt.
 
-    guess, lower, scale : (n,), as the solution; the problem is posed in unknowns / scale, and the equations are expected of order one.
+    guess, lower, scale : (n,), as the solution; the problem is posed in unknowns / scale, its equations
+        being of order one
     Raises `NoOrbit` with a reason; a keyboard interrupt, which Ipopt takes for a wish to stop, is raised again.
     """
     z = ca.MX.sym("z", unknowns.numel())

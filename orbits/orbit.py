@@ -51,13 +51,15 @@ class Shape:
 
     reversor, contact_reversor : signs of the states under time reversal
     embed : (n, m) matrix from contact to flight states
-    heights : names and functions of the flight state
+    heights : names and functions of the flight state, the masses first
+    spring_ends : names of the heights that the spring joins, None for the ground
     """
 
     reversor: tuple[int, ...]
     contact_reversor: tuple[int, ...]
     embed: np.ndarray
     heights: Mapping[str, Affine]
+    spring_ends: tuple[str | None, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +119,7 @@ class Orbit:
         return self(self.flight_time / 2)
 
     def __call__(self, t) -> np.ndarray:
-        """Flight states (..., n) at times `t` (...); any time for an orbit with a period, else 0 <= t <= flight_time."""
+        """Flight states (..., n) at times `t` (...): any time, or 0 <= t <= flight_time where there is no period."""
         t = np.asarray(t, dtype=float)
         if not np.isfinite(t).all():
             raise InputError("times must be finite numbers")
@@ -128,7 +130,10 @@ class Orbit:
         t = np.mod(t, self.period)
         flying = _mirrored(self.flight, np.minimum(t, self.flight_time), self.flight_time, self.shape.reversor)
         standing = _mirrored(
-            self.contact, np.clip(t - self.flight_time, 0, self.contact_time), self.contact_time, self.shape.contact_reversor
+            self.contact,
+            np.clip(t - self.flight_time, 0, self.contact_time),
+            self.contact_time,
+            self.shape.contact_reversor,
         )
         return np.where((t <= self.flight_time)[..., None], flying, standing @ self.shape.embed.T)
 
@@ -172,7 +177,7 @@ class Orbit:
         top = {name: float(h(self.state_mid_flight)) for name, h in self.shape.heights.items()}
         start = {name: float(h(self(0.0))) for name, h in self.shape.heights.items()}
         c = self.certificate
-        values = {
+        return {
             "launch_speed_m_per_s": self.alpha * length / time,
             "flight_time_s": self.flight_time * time,
             "contact_time_s": self.contact_time and self.contact_time * time,
@@ -184,7 +189,6 @@ class Orbit:
             "unit_time_s": time,
             "unit_force_N": force,
         }
-        return values
 
     def __str__(self) -> str:
         c, machine = self.certificate, self.machine
@@ -209,7 +213,8 @@ class Orbit:
             row("smallest separation", c.smallest_separation, length, "m"),
             row("smallest contact force", c.smallest_contact_force, self.units and self.units.force, "N"),
             row("landing jerk", c.landing_jerk),
-            row("loss coefficient C", c.loss_coefficient) + (f"   (attracts from {c.stable_side})" if c.stable_side else ""),
+            row("loss coefficient C", c.loss_coefficient)
+            + (f"   (attracts from {c.stable_side})" if c.stable_side else ""),
             f"  {'residual':<24}{c.residual:.1e}",
             f"  {'energy drift':<24}{c.energy_drift:.1e}",
             f"  {'found by':<24}{self.method}, {1e3 * self.seconds:.1f} ms",
@@ -243,6 +248,7 @@ class Orbit:
             "contact_reversor": self.shape.contact_reversor,
             "embed": self.shape.embed.tolist(),
             "heights": {name: [h.weights, h.offset] for name, h in self.shape.heights.items()},
+            "spring_ends": self.shape.spring_ends,
         }
         motion = {
             "shape": shape,
@@ -278,6 +284,7 @@ class Orbit:
                     tuple(shape["contact_reversor"]),
                     np.array(shape["embed"]),
                     {name: Affine(tuple(weights), offset) for name, (weights, offset) in shape["heights"].items()},
+                    tuple(shape["spring_ends"]),
                 ),
                 certificate=Certificate(**names, violations=tuple(data["violations"])),
                 method=data["method"],

@@ -138,11 +138,10 @@ def _refine(coefficients, low, high, rising) -> float:
             high = t
         else:
             low = t
-        step = t - value / slope if slope else low
-        new = step if low < step < high else 0.5 * (low + high)
-        if new == t or high - low <= 4e-16 * high:
-            return new
-        if abs(new - t) <= 1e-16 * high:
-            return new
+        new = t - value / slope if slope else low
+        if abs(new - t) > 4.5e-16 * high and not low < new < high:
+            new = 0.5 * (low + high)
+        if abs(new - t) <= 4.5e-16 * high:
+            return min(max(new, low), high)
         t = new
     return t

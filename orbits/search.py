@@ -37,7 +37,9 @@ class _Solution:
         return {name: float(value) for name, value in zip(self.equations.statement.unknowns, self.u, strict=True)}
 
 
-def find(machine, family: int = 1, *, method: str | None = None, progress: Callable[[float], None] | None = None) -> Orbit:
+def find(
+    machine, family: int = 1, *, method: str | None = None, progress: Callable[[float], None] | None = None
+) -> Orbit:
     """Find the lossless orbit of a family, with its certificate.
 
     machine : a `problems.Hopper`, a `problems.Juggler`, or anything with their `model`, `values`, `describe`, `units`
@@ -60,9 +62,7 @@ def find(machine, family: int = 1, *, method: str | None = None, progress: Calla
     u = solution.u
     flight_time = float(sum(part.times[-1] for part in solution.parts)) * (2 if len(solution.parts) == 1 else 1)
     contact = contact_half(model, u, p, 100 * (1 + flight_time))
-    certificate = certify(
-        model, u, p, solution.parts, contact, solution.gap_slope, solution.residual, solution.error
-    )
+    certificate = certify(model, u, p, solution.parts, contact, solution.gap_slope, solution.residual, solution.error)
     return Orbit(
         machine=machine.describe(),
         alpha=u["alpha"],
@@ -194,8 +194,8 @@ def _along(model: Model, equations: Shooting, correct: Callable, family: int, p:
                 step /= 2
                 if step < MIN_STEP:
                     raise NoOrbit(
-                        f"no lossless orbit of family {family}: with {100 * share:.3g}% of gravity's variation it is at "
-                        f"alpha = {u[1]:.6g}, and it cannot be followed further ({error})"
+                        f"no lossless orbit of family {family}: with {100 * share:.3g}% of gravity's variation it is "
+                        f"at alpha = {u[1]:.6g}, and it cannot be followed further ({error})"
                     ) from None
         u, share = new, ahead[model.homotopy]
         step *= 2
@@ -256,7 +256,7 @@ def _at_landing(equations: Shooting, here: Evaluation, p: Mapping) -> np.ndarray
 def _shape(model: Model, p: Mapping) -> Shape:
     reversor = model.reversor or (1,) * len(model.flight.states)
     contact = tuple(int(reversor[i]) for i in np.abs(model.embed).argmax(0))
-    return Shape(reversor, contact, model.embed, model.heights(p))
+    return Shape(reversor, contact, model.embed, model.heights(p), model.spring_ends)
 
 
 def _vector(p: Mapping) -> np.ndarray:
@@ -295,7 +295,10 @@ def _skipped(model: Model, p: Mapping, method: str) -> tuple[str, ...]:
     """What the way taken did without, in words."""
     skipped = {
         "closed form": ["flight: closed form, nothing integrated", "search: one scalar equation, no solver"],
-        "relative": ["flight: the extension alone is integrated, 2 states of 4", "flight: half of it, by time reversal"],
+        "relative": [
+            "flight: the extension alone is integrated, 2 states of 4",
+            "flight: half of it, by time reversal",
+        ],
         "half orbit": ["flight: half of it, by time reversal"],
         "shooting": ["flight: half of it, by time reversal"] if model.reversor else [],
     }[method]

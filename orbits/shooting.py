@@ -8,10 +8,14 @@ import casadi as ca
 import numpy as np
 
 from . import nlp
+from .calls import Call
 from .errors import FlowError, NoOrbit
 from .flow import Flow, Trajectory, flow
 from .model import Arc, Statement
 from .polynomial import derivative, evaluate
+
+# A relative Newton step this small is the last: the next would be its square.
+QUADRATIC = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +49,7 @@ class Shooting:
         self.flows = tuple(flow(arc.phase, self.parameters) for arc in statement.arcs)
 
     @cached_property
-    def _ends(self) -> list[tuple[ca.Function, ca.Function]]:
+    def _ends(self) -> list[tuple[Call, Call]]:
         """For each arc: where it starts and for how long, and what holds at its ends; values and derivatives."""
         functions = []
         before = 0
@@ -63,8 +67,8 @@ class Shooting:
             w = ca.vertcat(u, x0, x1, p, q)
             functions.append(
                 (
-                    ca.Function("depart", [u, last, p], [depart, ca.densify(ca.jacobian(depart, z))]),
-                    ca.Function("arrive", [u, x0, x1, p, q], [holds, ca.densify(ca.jacobian(holds, w))]),
+                    Call(_dense("depart", [u, last, p], [depart, ca.jacobian(depart, z)])),
+                    Call(_dense("arrive", [u, x0, x1, p, q], [holds, ca.jacobian(holds, w)])),
                 )
             )
             before = along.size
@@ -92,7 +96,7 @@ class Shooting:
         last, dlast = np.zeros(0), np.zeros((0, columns))
         residuals, jacobians, trajectories, transitions = [], [], [], []
         for along, (depart, arrive) in zip(self.flows, self._ends, strict=True):
-            value, slope = (np.array(out) for out in depart(u, last, p))
+            value, slope = depart(u, last, p)
             dvalue = slope @ np.vstack([du, dlast, dp])
             start, dstart = value[:-1, 0], dvalue[:-1]
             path, transition = along.run(start, p, value[-1, 0], dstart, dp)
@@ -100,50 +104,44 @@ class Shooting:
             speed = evaluate(derivative(path.coefficients[-1, : along.size]), path.steps[-1])
             dend = transition + np.outer(speed, dvalue[-1])
             q, dq = along.piece_data(start, p)
-            holds, slope = (np.array(out) for out in arrive(u, start, end, p, q))
+            holds, slope = arrive(u, start, end, p, q)
             residuals.append(holds.ravel())
             jacobians.append(slope @ np.vstack([du, dstart, dend, dp, dq @ dp]))
             trajectories.append(path)
             transitions.append(transition)
             last, dlast = end, dend
-        return Evaluation(
-            np.concatenate(residuals), np.vstack(jacobians), tuple(trajectories), tuple(transitions)
-        )
+        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), tuple(trajectories), tuple(transitions))
 
-    def residual(self, u, p, travel: Callable) -> np.ndarray:
-        """The residual (n,) with every arc's end from travel(flow, start, p, trajectory), and the mesh of that flow."""
+    def residual(self, u, p, here: Evaluation, travel: Callable) -> np.ndarray:
+        """The residual (n,) with every arc's end from travel(flow, start, p, path), `path` the same arc in `here`."""
         last, residuals = np.zeros(0), []
-        for along, (depart, arrive) in zip(self.flows, self._ends, strict=True):
-            value = np.array(depart(u, last, p)[0]).ravel()
-            path, _ = along.run(value[:-1], p, value[-1])
-            last = travel(along, value[:-1], p, path)
-            q, _ = along.piece_data(value[:-1], p)
-            residuals.append(np.array(arrive(u, value[:-1], last, p, q)[0]).ravel())
+        for along, path, (depart, arrive) in zip(self.flows, here.trajectories, self._ends, strict=True):
+            start = depart(u, last, p)[0][:-1, 0]
+            last = travel(along, start, p, path)
+            q, _ = along.piece_data(start, p)
+            residuals.append(arrive(u, start, last, p, q)[0].ravel())
         return np.concatenate(residuals)
 
     def named(self, u) -> dict[str, float]:
         """The unknowns by name."""
         return {name: float(value) for name, value in zip(self.statement.unknowns, u, strict=True)}
 
-    def newton(self, u, p, tolerance: float = 1e-14, attempts: int = 30) -> np.ndarray:
-        """The solution (n,) by Newton's method from `u`.
+    def newton(self, u, p, attempts: int = 30) -> np.ndarray:
+        """The solution (n,) by Newton's method from `u`, to rounding.
 
-        Stops when the step no longer shrinks below `tolerance` relative to the unknowns. Raises `NoOrbit` when it
-        does not converge; a step that leaves the flow's domain or a positive duration is halved.
+        A step that leaves the flow's domain or a positive duration is halved. Raises `NoOrbit` without convergence.
         """
         u = np.array(u, dtype=float)
-        here = self.evaluate(u, p)
-        before = np.inf
+        here, size = self.evaluate(u, p), np.inf
         for _ in range(attempts):
             step = np.linalg.lstsq(here.jacobian, -here.residual)[0]
             size = np.max(np.abs(step) / np.maximum(np.abs(u), 1e-3))
+            if size < QUADRATIC:
+                return u + step
             if not np.isfinite(size):
                 break
-            if size <= tolerance or (size < 1e-9 and size > 0.25 * before):
-                return u
             u, here = self._damped(u, step, p, here)
-            before = size
-        raise NoOrbit(f"the {self.statement.name} equations did not converge (last relative step {before:.1e})")
+        raise NoOrbit(f"the {self.statement.name} equations did not converge (last relative step {size:.1e})")
 
     def _damped(self, u, step, p, here):
         times = [self.statement.unknowns.index(name) for name in self.statement.durations]
@@ -170,6 +168,10 @@ class Shooting:
         return solution[: self.size]
 
 
+def _dense(name: str, arguments: list, results: list) -> ca.Function:
+    return ca.Function(name, arguments, [ca.densify(result) for result in results])
+
+
 class _Nodes:
     """The multiple-shooting equations of a statement on the mesh of its motion at a guess.
 
@@ -190,11 +192,11 @@ class _Nodes:
         last = ca.MX(0, 1)
         here = equations.evaluate(u, p)
         for along, path, (depart, arrive) in zip(equations.flows, here.trajectories, equations._ends, strict=True):
-            depart = depart(self.parts[0], last, p)[0]
+            depart = depart.function(self.parts[0], last, p)[0]
             start, duration = depart[:-1], depart[-1]
             last = self._arc(along, path, start, duration, p)
             q, _ = along.piece_data(path.coefficients[0, : along.size, 0], p)
-            self.zeros.append(arrive(self.parts[0], start, last, p, q)[0])
+            self.zeros.append(arrive.function(self.parts[0], start, last, p, q)[0])
 
     unknowns = property(lambda self: ca.vertcat(*self.parts))
     equations = property(lambda self: ca.vertcat(*self.zeros))

@@ -1,7 +1,22 @@
-"""The machines, their springs and their gravity."""
+"""The machines, their springs and their gravity: each is imported when it is first asked for."""
 
-from . import gravity, springs
-from .hopper import Hopper
-from .juggler import Juggler
+from importlib import import_module
 
-__all__ = ["Hopper", "Juggler", "gravity", "springs"]
+_HOMES = {
+    "Hopper": ".hopper",
+    "Juggler": ".juggler",
+    "hopper_in_si": ".units",
+    "juggler_in_si": ".units",
+    "gravity": ".gravity",
+    "springs": ".springs",
+}
+
+__all__ = ["Hopper", "Juggler", "gravity", "hopper_in_si", "juggler_in_si", "springs"]
+
+
+def __getattr__(name: str):
+    # The command line lives in this package and must answer --help before CasADi and NumPy are loaded.
+    if name not in _HOMES:
+        raise AttributeError(f"module 'problems' has no attribute '{name}'")
+    module = import_module(_HOMES[name], __name__)
+    return module if name in ("gravity", "springs") else getattr(module, name)

@@ -42,7 +42,7 @@ NAMED = {law.__name__: law for law in (constant, inverse_square, linear, exponen
 
 
 def as_gravity(law, parameters: dict[str, float] | None = None) -> Law:
-    """A gravity law from what a user may hand over: a law, a formula, a law's name, a function."""
+    """A gravity law from a law, a formula, a law's name or a Python function."""
     parameters = dict(parameters or {})
     if isinstance(law, Law):
         return law.with_parameters(**parameters) if parameters else law

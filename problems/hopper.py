@@ -116,6 +116,7 @@ def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
         heights=heights,
         impact_mass=lambda p: p["mass_ratio"] * (1 + p["mass_ratio"]),
         contact_speed=Affine((0.0, 1.0)),
+        spring_ends=("foot", "body"),
         guess=guess(spring, 0.0, WEIGHT),
         homotopy="gravity_share" if gravity else None,
         reduction=reduction,

@@ -27,8 +27,8 @@ FREE = "zero force"
 class Juggler(Machine):
     """Ball on a sprung hand; see `Machine` for the arguments. `mass_ratio` is hand over ball.
 
-    The spring's force is that of the hand's own spring, zero at lift-off. A hopper with spring force phi, lifting off at
-    extension rho, moves as the juggler with force phi(r + rho) - 1 under constant gravity (eq. 6, one clock).
+    The force is that of the hand's own spring, zero at lift-off. A hopper with spring force phi, lifting off at extension
+    rho, moves as the juggler with force phi(r + rho) - 1 under constant gravity (eq. 6, one clock).
     """
 
     kind = "juggler"
@@ -102,6 +102,7 @@ def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
         heights=heights,
         impact_mass=lambda p: p["mass_ratio"] / (1 + p["mass_ratio"]),
         contact_speed=Affine((0.0, 1.0)),
+        spring_ends=(None, "hand"),
         guess=guess(spring, 1.0, FREE),
         homotopy="gravity_share" if gravity else None,
         reduction=reduction,

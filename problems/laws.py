@@ -81,7 +81,7 @@ class Law:
         return replace(self, parameters={**self.parameters, **values})
 
     def scaled(self, length: float, force: float) -> "Law":
-        """The law of x = extension / length, in units of `force`: the dimensionless form of one in metres and newtons."""
+        """The law in units of `length` and `force`: the dimensionless form of one in metres and newtons."""
         return replace(
             self,
             text=f"{self.text} [in units of {length:.6g} and {force:.6g}]",
@@ -104,7 +104,9 @@ def from_formula(text: str, variable: str, parameters: Mapping[str, float] | Non
 def from_potential(text: str, variable: str, parameters: Mapping[str, float] | None = None) -> Law:
     """The law whose potential energy is the formula: its derivative with respect to the variable."""
     potential = from_formula(text, variable, parameters)
-    return replace(potential, text=f"potential:{text}", expression=_derivative_expression(potential.expression, variable))
+    return replace(
+        potential, text=f"potential:{text}", expression=_derivative_expression(potential.expression, variable)
+    )
 
 
 def from_function(
@@ -232,7 +234,9 @@ def _function_expression(function: Callable) -> Callable:
             if mode is not None:
                 ca.GlobalOptions.setNumpyMode(mode)
         if value.numel() != 1:
-            raise InputError(f"the law '{getattr(function, '__name__', 'function')}' returns {value.numel()} values, not 1")
+            raise InputError(
+                f"the law '{getattr(function, '__name__', 'function')}' returns {value.numel()} values, not 1"
+            )
         return value
 
     return expression

@@ -6,13 +6,13 @@ from functools import cached_property
 
 from orbits.errors import InputError
 from orbits.formula import suggest
+from orbits.model import Model, Units
 
 from . import gravity as gravities
 from . import springs
 from .gravity import as_gravity
 from .laws import Law, number, parameter_names
 from .springs import as_spring
-from orbits.model import Model, Units
 
 RESERVED = ("mass_ratio", "rest_length", "gravity_share")
 
@@ -53,7 +53,8 @@ class Machine:
         object.__setattr__(self, "parameters", {**spring.parameters, **gravity.parameters})
         if self.rest_length is None and self.kind == "hopper" and gravity.degree() > 0:
             raise InputError(
-                f"gravity '{gravity.text}' varies with height and the body sits at rest_length + y1: give the rest length"
+                f"gravity '{gravity.text}' varies with height and the body sits at rest_length + y1: "
+                "give the rest length"
             )
 
     def _laws(self) -> tuple[Law, Law]:

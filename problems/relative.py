@@ -11,14 +11,18 @@ from functools import lru_cache
 import numpy as np
 
 from orbits.errors import FlowError, InputError, NoOrbit, OutOfRange
-from orbits.flow import first_zero, flow
-from orbits.model import Affine, Arc, Oscillator, Phase, Pieces, Reduction, Statement
+from orbits.flow import flow
+from orbits.model import Arc, Oscillator, Phase, Pieces, Reduction, Statement
+from orbits.polynomial import piecewise_roots
 
 from .laws import Law, from_key
 
 # Launch speeds beyond this are hops of 5e11 lengths: not a machine.
 FASTEST = 1e6
-SPEED = Affine((0.0, 1.0))
+# A force that passes the lift-off level more slowly than rounding can tell does not pass it.
+FLATTEST = 1e-14
+# The guess of a launch speed is for Newton's method to finish.
+GUESS = 1e-6
 
 
 def spring_pieces(key: tuple, coordinate: tuple[float, ...]) -> Pieces | None:
@@ -62,7 +66,7 @@ def relative_reduction(spring: tuple, load: float, complete: Callable, gap_slope
 
     def exact(family, p):
         """Eq. (12): b = tan b with alpha = b/sqrt(k); b = n pi + atan(b) contracts to it."""
-        k, _ = straight_line(spring, p)
+        k, zero = straight_line(spring, p)
         b = (family + 0.5) * np.pi
         for _ in range(60):
             b, before = family * np.pi + np.arctan(b), b
@@ -71,7 +75,7 @@ def relative_reduction(spring: tuple, load: float, complete: Callable, gap_slope
         alpha = b / np.sqrt(k)
         # The error: the residual of sin b = b cos b through its slope b sin b, and one rounding.
         error = abs((np.sin(b) - b * np.cos(b)) / (b * np.sin(b))) / np.sqrt(k) + np.spacing(alpha)
-        return {"liftoff": liftoff_extension(from_key(spring, p), load, what), "alpha": alpha}, float(error)
+        return {"liftoff": zero + (1 - load) / k, "alpha": alpha}, float(error)
 
     arc = Arc(
         phase,
@@ -111,7 +115,7 @@ def liftoff_extension(law: Law, load: float, what: str) -> float:
     start = min(max(0.0, low), high)
     level = 1.0 - load
     below = float(law(start)) < level
-    grid = np.concatenate([[0.0], np.geomspace(1e-9, 1e9, 4000)])
+    grid = np.concatenate([[0.0], np.geomspace(1e-9, 1e9, 600)])
     grid = start + grid if below else start - grid
     grid = np.clip(grid, low, high)
     values = law(grid)
@@ -132,7 +136,14 @@ def liftoff_extension(law: Law, load: float, what: str) -> float:
         where = f" within [{low:g}, {high:g}]" if np.isfinite(high) or np.isfinite(low) else ""
         raise InputError(f"spring '{law.text}' never reaches {what} ({side}{where}): nothing leaves the ground")
     i = crossed[0]
-    return bracketed_root(lambda r: float(law(r)) - level, grid[i - 1], grid[i])
+    liftoff = bracketed_root(lambda r: float(law(r)) - level, grid[i - 1], grid[i])
+    slope = float(law.with_slope(liftoff)[1])
+    if not slope > FLATTEST:
+        raise InputError(
+            f"spring '{law.text}' only just reaches {what} at extension {liftoff:.6g}, with slope {slope:.1e}: "
+            "nothing lifts off cleanly"
+        )
+    return liftoff
 
 
 def _zoom(law: Law, grid, values, below: bool):
@@ -171,22 +182,23 @@ def bracketed_root(function: Callable[[float], float], a: float, b: float, toler
 
 def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
     """Time from lift-off to the first turn of the extension, and half its period; infinite when it does not return."""
-    along = flow(phase, tuple(p))
-    vector = np.array(list(p.values()))
-    times, state = [], np.array([liftoff, alpha])
-    for turn in range(2):
-        try:
-            path, _ = along.run(state, vector, 1e3 * (1 + alpha), stop=first_zero(SPEED, skip_start=turn))
-        except OutOfRange:
-            raise
-        except FlowError:
-            return np.inf, np.inf
-        state = path.end[:2]
-        times.append(path.times[-1])
-        if abs(state[1]) > 1e-6 * alpha:
-            return np.inf, np.inf
-        state[1] = 0.0
-    return times[0], times[1]
+    turns, clock = [], [0.0]
+
+    def second_turn(coefficients, steps):
+        for i, t in piecewise_roots(coefficients[:, 1], steps):
+            turns.append(clock[0] + steps[:i].sum() + t)
+            if len(turns) == 2:
+                return i, t
+        clock[0] += steps.sum()
+        return None
+
+    try:
+        flow(phase, tuple(p)).run([liftoff, alpha], list(p.values()), 1e3 * (1 + alpha), stop=second_turn)
+    except OutOfRange:
+        raise
+    except FlowError:
+        return np.inf, np.inf
+    return (turns[0], turns[1] - turns[0]) if len(turns) == 2 else (np.inf, np.inf)
 
 
 def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int, what: str) -> float:
@@ -210,15 +222,15 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
             break
         samples.append((alpha, gap))
         if gap <= 0:
-            return bracketed_root(excess, samples[-2][0] or 1e-6, alpha, 1e-12)
+            return bracketed_root(excess, samples[-2][0] or 1e-6, alpha, GUESS)
         if len(samples) > 3 and samples[-2][1] < samples[-3][1] and samples[-2][1] <= gap:
             dip = _lowest(excess, samples[-3][0], alpha)  # a pair of roots may lie between samples, near a fold
             if excess(dip) <= 0:
-                return bracketed_root(excess, samples[-3][0], dip, 1e-12)
+                return bracketed_root(excess, samples[-3][0], dip, GUESS)
         if not np.isfinite(gap):
             reason = f"at launch speed {alpha:.4g} the spring gives way and the extension does not come back"
             break
-        alpha += max(gap / 3, 0.02 * (1 + alpha))
+        alpha += max(gap / 1.5, 0.02 * (1 + alpha))
     reason = reason or f"none up to launch speed {FASTEST:g}"
     raise NoOrbit(f"{what} has no lossless orbit of family {family} under constant gravity: {reason}")
 

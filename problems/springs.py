@@ -8,7 +8,6 @@ import csv
 import math
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 
 from orbits.errors import InputError
@@ -131,7 +130,7 @@ def table(source) -> Law:
     between rows the force is monotone, and the whole is twice differentiable. Outside the table there is no force: an
     orbit that needs one is refused with the range.
     """
-    label, r, force = (_read(Path(source)) if isinstance(source, str | Path) else ("table", *source))
+    label, r, force = _read(Path(source)) if isinstance(source, str | Path) else ("table", *source)
     try:
         r, force = np.asarray(r, dtype=float), np.asarray(force, dtype=float)
     except (TypeError, ValueError):
@@ -160,7 +159,7 @@ NAMED = {
 
 
 def as_spring(law, parameters: dict[str, float] | None = None) -> Law:
-    """A spring from what a user may hand over: a law, a formula, a law's name, "table:FILE", "potential:V", a function."""
+    """A spring from a law, a formula, a law's name, "table:FILE", "potential:FORMULA" or a Python function."""
     parameters = dict(parameters or {})
     if isinstance(law, Law):
         return law.with_parameters(**parameters) if parameters else law
@@ -207,7 +206,10 @@ def _read(path: Path) -> tuple[str, list[float], list[float]]:
     header = [cell.strip().lower().replace("(", " ").replace("[", " ").replace("_", " ").split() for cell in rows[0]]
     columns = [
         next((i for i, words in enumerate(header) if words and words[0] in names), default)
-        for names, default in ((("extension", "deflection", "displacement", "r", "x"), 0), (("force", "tension", "f"), 1))
+        for names, default in (
+            (("extension", "deflection", "displacement", "r", "x"), 0),
+            (("force", "tension", "f"), 1),
+        )
     ]
     values = []
     for line, row in enumerate(rows[1:], start=2):

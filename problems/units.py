@@ -1,1 +1,94 @@
-"""Machines stated in SI."""
+"""Machines stated in SI: masses in kg, stiffness in N/m, lengths in m, gravity in m/s^2."""
+
+from collections.abc import Mapping
+
+from orbits.errors import InputError
+from orbits.model import Units
+
+from . import gravity as gravities
+from .gravity import as_gravity
+from .hopper import Hopper
+from .juggler import Juggler
+from .laws import Law, number, parameter_names
+from .machine import Machine
+from .springs import NAMED, as_spring
+
+
+def hopper_in_si(body_mass: float, foot_mass: float, **statement) -> Hopper:
+    """A hopper from the masses of body and foot (kg); the rest as in `machine_in_si`."""
+    return machine_in_si(Hopper, {"body_mass": body_mass, "foot_mass": foot_mass}, **statement)
+
+
+def juggler_in_si(ball_mass: float, hand_mass: float, **statement) -> Juggler:
+    """A juggler from the masses of ball and hand (kg); the rest as in `machine_in_si`."""
+    return machine_in_si(Juggler, {"ball_mass": ball_mass, "hand_mass": hand_mass}, **statement)
+
+
+def machine_in_si(
+    kind: type[Machine],
+    masses: Mapping[str, float],
+    *,
+    surface_gravity: float = 9.80665,
+    stiffness: float | None = None,
+    force=None,
+    rest_length: float | None = None,
+    body_radius: float | None = None,
+    gravity=None,
+    restitution: float = 0.0,
+    parameters: Mapping[str, float] | None = None,
+) -> Machine:
+    """A dimensionless machine, with the units that bring its results back to SI.
+
+    masses : of the upper and the lower mass, by name, kg
+    stiffness : of a linear spring, N/m; with `force`, the stiffness that sets the units (default: its slope at rest)
+    force : a spring law in N of the extension in m, stated in any of the ways of `springs.as_spring`
+    surface_gravity : m/s^2, where gravity's ratio is 1
+    rest_length : of the spring, m
+    body_radius : m, of the sphere whose gravity falls off with height
+    gravity : instead of body_radius, a ratio as a law of the height in m
+    parameters : values of the formulas' other names, in SI
+
+    Lengths are in m2 g/k, forces in m2 g, times in sqrt(m2/k) and, for the hopper, over sqrt(1 + m2/m1) (eq. 2).
+    """
+    upper, lower = (number(name, mass, low=0) for name, mass in masses.items())
+    g = number("surface_gravity", surface_gravity, low=0)
+    given = dict(parameters or {})
+    spring, k = _spring(force, stiffness, given)
+    ratio = lower / upper
+    weight = lower * g
+    length = weight / k
+    time = (lower / k / (1 + ratio if kind is Hopper else 1)) ** 0.5
+    if body_radius is not None:
+        if gravity is not None:
+            raise InputError("give body_radius or gravity, not both")
+        law = gravities.inverse_square(R=number("body_radius", body_radius, low=0) / length)
+    else:
+        used = {name: given[name] for name in given.keys() & parameter_names(gravity or "1", "z", gravities.NAMED)}
+        law = as_gravity("1" if gravity is None else gravity, used)
+        law = law.scaled(length, 1.0) if law.degree() > 0 else law
+    known = spring.parameters.keys() | law.parameters.keys()
+    if unknown := [name for name in given if name not in known]:
+        raise InputError(f"neither formula has a parameter '{unknown[0]}'")
+    return kind(
+        spring=spring.scaled(length, weight) if force is not None else "r",
+        gravity=law,
+        mass_ratio=ratio,
+        rest_length=None if rest_length is None else number("rest_length", rest_length, low=0) / length,
+        restitution=restitution,
+        units=Units(length, time, weight),
+    )
+
+
+def _spring(force, stiffness, given: dict) -> tuple[Law, float]:
+    """The law in SI and the stiffness that sets the units."""
+    if force is None:
+        if stiffness is None:
+            raise InputError("a spring in SI needs its stiffness (N/m) or its force law")
+        return as_spring("r"), number("stiffness", stiffness, low=0)
+    law = as_spring(force, {name: given[name] for name in given.keys() & parameter_names(force, "r", NAMED)})
+    if stiffness is not None:
+        return law, number("stiffness", stiffness, low=0)
+    slope = float(law.with_slope(0.0)[1])
+    if not slope > 0:
+        raise InputError(f"the spring '{law.text}' has slope {slope:g} at rest: give the stiffness that sets the units")
+    return law, slope

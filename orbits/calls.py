@@ -1,0 +1,63 @@
+"""CasADi functions called fast: with fixed memory, and as machine code where a C compiler is found."""
+
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+
+class Call:
+    """A CasADi function on NumPy arrays with its memory laid out once.
+
+    A plain call costs 10 to 20 microseconds in conversions, this one a few. Arguments are copied in and results copied
+    out, so nothing is shared with the caller.
+    """
+
+    def __init__(self, function: ca.Function):
+        self.function = function
+        self.arguments = [np.zeros(function.nnz_in(i)) for i in range(function.n_in())]
+        shapes = [function.size_out(i) for i in range(function.n_out())]
+        if any(function.nnz_out(i) != rows * columns for i, (rows, columns) in enumerate(shapes)):
+            raise ValueError(f"the results of {function.name()} must be dense")
+        self._flat = [np.zeros(rows * columns) for rows, columns in shapes]
+        self.results = [flat.reshape(shape, order="F") for flat, shape in zip(self._flat, shapes, strict=True)]
+        self._buffer, self.trigger = function.buffer()
+        for i, array in enumerate(self.arguments):
+            self._buffer.set_arg(i, memoryview(array))
+        for i, array in enumerate(self._flat):
+            self._buffer.set_res(i, memoryview(array))
+
+    def __call__(self, *arguments) -> list[np.ndarray]:
+        """Results as matrices of the function's shapes; arguments of matching sizes, matrices included."""
+        for memory, argument in zip(self.arguments, arguments, strict=True):
+            memory[:] = np.asarray(argument).ravel(order="F")
+        self.trigger()
+        return [result.copy() for result in self.results]
+
+
+def compiler() -> str | None:
+    """The C compiler's path: the environment's CC, else cc, gcc or clang; None when there is none."""
+    names = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
+    return next((path for name in names if (path := shutil.which(name))), None)
+
+
+def compile_function(function: ca.Function) -> ca.Function | None:
+    """The same function compiled and loaded, None when there is no compiler or it refuses; takes about 0.4 s."""
+    path = compiler()
+    if path is None:
+        return None
+    with tempfile.TemporaryDirectory(prefix="orbits-") as folder:
+        source = ca.CodeGenerator(function.name() + ".c")
+        source.add(function)
+        source.generate(folder + os.sep)
+        library = Path(folder) / (function.name() + ".so")
+        command = [path, "-O2", "-fPIC", "-shared", "-w", str(library.with_suffix(".c")), "-o", str(library), "-lm"]
+        try:
+            subprocess.run(command, check=True, capture_output=True, timeout=60)
+            return ca.external(function.name(), str(library))
+        except (subprocess.SubprocessError, OSError, RuntimeError):
+            return None

@@ -1,0 +1,128 @@
+"""Plots of an orbit: axes in, axes out; matplotlib is imported only when something is drawn."""
+
+from pathlib import Path
+
+import numpy as np
+
+from .errors import InputError
+from .orbit import Orbit
+
+# One colour a role, told apart by colour-blind readers too (Okabe and Ito 2008).
+COLOURS = ("#0072B2", "#D55E00", "#009E73")
+SHADE = "#e8e4d8"
+
+
+def new_axes(width: float = 7.0, height: float = 4.0):
+    """Axes on a figure of its own that no window or global state knows."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure.add_subplot()
+
+
+def plot_orbit(orbit: Orbit, axes=None):
+    """Heights of the masses against time over a cycle, contact shaded, as in Fig. 3 of the paper; returns the axes."""
+    axes = axes or new_axes()
+    end = orbit.flight_time if orbit.contact_time is None else orbit.period
+    t = np.linspace(0, end, 2001)
+    states = orbit(t)
+    for (name, height), colour in zip(orbit.shape.heights.items(), COLOURS, strict=False):
+        style = (
+            {"color": colour, "lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"color": colour, "lw": 2}
+        )
+        axes.plot(t, height(states), label=name, **style)
+    if orbit.contact_time is not None:
+        axes.axvspan(orbit.flight_time, end, color=SHADE, lw=0, label="contact", zorder=0)
+    axes.axhline(0, color="0.4", lw=0.8)
+    axes.set_xlim(0, end)
+    axes.set_xlabel("time")
+    axes.set_ylabel("height")
+    axes.set_title(title(orbit), fontsize="medium")
+    axes.legend(frameon=False, fontsize="small", loc="upper right")
+    axes.spines[["top", "right"]].set_visible(False)
+    return axes
+
+
+def plot_phase_portrait(orbit: Orbit, axes=None):
+    """Speed against height of every mass over a cycle; returns the axes."""
+    axes = axes or new_axes(4.5, 4.0)
+    end = orbit.flight_time if orbit.contact_time is None else orbit.period
+    states = orbit(np.linspace(0, end, 2001))
+    signs = np.array(orbit.shape.reversor)
+    speeds = states[:, signs < 0]
+    for i, name in enumerate(list(orbit.shape.heights)[: speeds.shape[1]]):
+        axes.plot(orbit.shape.heights[name](states), speeds[:, i], color=COLOURS[i], lw=1.6, label=name)
+    axes.set_xlabel("height")
+    axes.set_ylabel("speed")
+    axes.set_title(title(orbit), fontsize="medium")
+    axes.legend(frameon=False, fontsize="small")
+    axes.spines[["top", "right"]].set_visible(False)
+    return axes
+
+
+def title(orbit: Orbit) -> str:
+    """One line that says which orbit it is."""
+    parts = [f"{orbit.machine['machine']}, family {orbit.family}", f"spring {orbit.machine['spring']}"]
+    if orbit.machine["gravity"] != "1":
+        parts.append(f"gravity {orbit.machine['gravity']}")
+    parts.append(f"alpha = {orbit.alpha:.6g}")
+    return ", ".join(parts) + ("" if orbit.admissible else " (inadmissible)")
+
+
+def save_figure(axes, path) -> Path:
+    """Write the figure of some axes to a file, its kind from the ending; raises `InputError` when it cannot."""
+    path = Path(path)
+    try:
+        axes.figure.savefig(path, dpi=160)
+    except (OSError, ValueError) as error:
+        raise InputError(f"the figure cannot be written to {path}: {error}") from None
+    return path
+
+
+def animate_orbit(orbit: Orbit, path, frames: int = 120) -> Path:
+    """Write one cycle as an animated GIF of masses, spring and ground; returns the path."""
+    from matplotlib.animation import FuncAnimation, PillowWriter
+
+    path = Path(path)
+    if path.suffix.lower() != ".gif":
+        raise InputError(f"an animation is a .gif file, not '{path.name}'")
+    end = orbit.flight_time if orbit.contact_time is None else orbit.period
+    t = np.linspace(0, end, frames, endpoint=orbit.contact_time is None)
+    states = orbit(t)
+    names = list(orbit.shape.heights)[:2]
+    below, above = orbit.shape.spring_ends
+    heights = {name: orbit.shape.heights[name](states) for name in names} | {None: np.zeros(frames)}
+    if orbit.machine["rest_length"] is None:  # nothing says how long the spring is: long enough
+        room = 1.2 * max(np.ptp(height) for height in heights.values())
+        heights = {name: height + room * (name not in (below, None)) for name, height in heights.items()}
+
+    axes = new_axes(3.2, 5.2)
+    low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
+    margin = 0.08 * (high - low)
+    axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height")
+    axes.spines[["top", "right", "bottom"]].set_visible(False)
+    axes.axhspan(low - 2 * margin, 0, color=SHADE, zorder=0)
+    axes.axhline(0, color="0.3", lw=1.5)
+    coil = axes.plot([], [], color="0.35", lw=1.4, zorder=2)[0]
+    masses = [
+        axes.plot([], [], "o", ms=size, color=colour, label=name, zorder=3)[0]
+        for size, colour, name in zip((20, 14), COLOURS, names, strict=False)
+    ]
+    label = axes.set_title("", fontsize="small")
+    zigzag = np.concatenate([[0, 0], np.tile([0.12, -0.12], 7), [0, 0]])
+    axes.legend(frameon=False, fontsize="small", loc="upper right", markerscale=0.4)
+
+    def draw(i):
+        coil.set_data(zigzag, np.linspace(heights[below][i], heights[above][i], len(zigzag)))
+        for mass, name in zip(masses, names, strict=True):
+            mass.set_data([0], [heights[name][i]])
+        label.set_text("flight" if t[i] <= orbit.flight_time else "contact")
+        return coil, *masses, label
+
+    try:
+        FuncAnimation(axes.figure, draw, frames=frames, blit=False).save(path, PillowWriter(fps=30), dpi=80)
+    except OSError as error:
+        raise InputError(f"the animation cannot be written to {path}: {error}") from None
+    return path

@@ -1,0 +1,168 @@
+"""The `orbits` command. Heavy imports wait until they are needed, so that --help and errors are quick."""
+
+import sys
+import threading
+import time
+from contextlib import contextmanager
+
+import click
+
+EXAMPLES = """\b
+Examples:
+  orbits find                                          the paper's hopper: alpha = tan(alpha)
+  orbits find --family 3 --mass-ratio 0.5              a higher hop
+  orbits find --spring "r + beta*r**3" --set beta=0.3  a spring of your own
+  orbits find --spring tanh --set b=0.2 --plot hop.png
+  orbits find --spring table:bench.csv --json          a measured spring
+  orbits find --gravity "1/(1 + z/R)**2" --set R=150 --rest-length 20
+  orbits find --machine rover.toml --animate hop.gif   a machine in SI units
+"""
+
+
+@click.group(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(package_name="persistent-orbits", prog_name="orbits")
+def orbits():
+    """Motions of hopping and juggling machines that lose nothing, even with plastic collisions.
+
+    A spring's force is a formula of its extension r, gravity a formula of the height z; every other name in them is a
+    parameter that --set gives a value. Lengths are in units of the foot's weight over the stiffness.
+    """
+
+
+def machine_options(command):
+    """The options that describe a machine, the same for every subcommand."""
+    options = [
+        click.option(
+            "--machine", metavar="hopper|juggler|FILE.toml", help="Kind of machine, or a file that states it."
+        ),
+        click.option("--mass-ratio", type=float, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
+        click.option("--rest-length", type=float, metavar="L", help="Of the spring; default: long enough."),
+        click.option(
+            "--spring", metavar="LAW", help="Formula of r, a law's name, table:FILE.csv or potential:FORMULA."
+        ),
+        click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
+        click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter; repeatable."),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@orbits.command(epilog="\b\nExit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
+@machine_options
+@click.option("--family", type=int, default=1, show_default=True, metavar="N", help="Oscillations in flight, from 1.")
+@click.option("--method", metavar="NAME", help="Force a way: 'closed form', 'relative', 'half orbit' or 'shooting'.")
+@click.option("--allow-inadmissible", is_flag=True, help="Exit 0 also for a root that is no motion.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@click.option("--explain", is_flag=True, help="Say which way was taken and what the scene did not need.")
+@click.option("--plot", metavar="FILE", help="Write a figure (.png, .pdf, .svg).")
+@click.option("--animate", metavar="FILE", help="Write an animation (.gif).")
+@click.option("--save", metavar="FILE", help="Save the orbit (.json), for Orbit.load.")
+def find(family, method, allow_inadmissible, as_json, explain, plot, animate, save, **machine):
+    """Find one lossless orbit and certify it."""
+    from orbits.orbit import to_json
+    from orbits.plot import save_figure
+    from orbits.search import find as find_orbit
+
+    with progress() as report:
+        orbit = find_orbit(state(**machine), family, method=method, progress=report)
+    if as_json:
+        click.echo(to_json(orbit.document()))
+    else:
+        click.echo(str(orbit))
+        if explain:
+            click.echo("  what this scene did not need:")
+            click.echo("".join(f"      {line}\n" for line in orbit.skipped), nl=False)
+    if plot:
+        save_figure(orbit.plot(), plot)
+    if animate:
+        orbit.animate(animate)
+    if save:
+        orbit.save(save)
+    if not orbit.admissible and not allow_inadmissible:
+        raise click.exceptions.Exit(1)
+
+
+def state(machine, mass_ratio, rest_length, spring, gravity, settings):
+    """The machine that the options describe, over what its file says."""
+    from orbits.errors import InputError
+
+    from .files import KINDS, build, read
+
+    statement, where = {"machine": "hopper"}, "the options"
+    if machine in KINDS:
+        statement["machine"] = machine
+    elif machine is not None:
+        if not machine.endswith(".toml"):
+            raise InputError(f"--machine {machine!r} is neither {' nor '.join(KINDS)} nor a .toml file")
+        statement, where = read(machine), machine
+    given = {"mass_ratio": mass_ratio, "rest_length": rest_length, "spring": spring, "gravity": gravity}
+    statement |= {name: value for name, value in given.items() if value is not None}
+    values = {}
+    for setting in settings:
+        name, equals, value = setting.partition("=")
+        if not equals or not name.strip().isidentifier():
+            raise InputError(f"--set {setting!r} is not of the form NAME=VALUE")
+        try:
+            values[name.strip()] = float(value)
+        except ValueError:
+            raise InputError(f"--set {setting!r}: {value!r} is not a number") from None
+    statement["parameters"] = {**statement.get("parameters", {}), **values}
+    return build(statement, where)
+
+
+@contextmanager
+def progress():
+    """Show elapsed time and share done on a terminal, from the second second on."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    share, done, began = [0.0], threading.Event(), time.monotonic()
+
+    def show():
+        wait = 1.0
+        while not done.wait(wait):
+            wait = 0.2
+            text = f"\rsearching, {time.monotonic() - began:.0f} s" + (f", {100 * share[0]:.0f}%" if share[0] else "")
+            sys.stderr.write(text)
+            sys.stderr.flush()
+        if wait < 1:
+            sys.stderr.write("\r" + " " * 40 + "\r")
+
+    thread = threading.Thread(target=show, daemon=True)
+    thread.start()
+    try:
+        yield lambda value: share.__setitem__(0, value)
+    finally:
+        done.set()
+        thread.join()
+
+
+def main():
+    """Run the command; what goes wrong is one message and an exit code, never a traceback."""
+    try:
+        code = orbits.main(prog_name="orbits", standalone_mode=False) or 0
+    except click.ClickException as error:
+        code = _failed(error.format_message(), error.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        code = _failed("interrupted", 130)
+    except BrokenPipeError:
+        sys.stderr.close()  # whoever read the output has gone
+        code = 0
+    except Exception as error:
+        from orbits.errors import InputError, OrbitsError
+
+        if isinstance(error, OrbitsError):
+            code = _failed(str(error), 2 if isinstance(error, InputError) else 1)
+        else:
+            code = _failed(f"internal error, please report it: {type(error).__name__}: {error}", 1)
+    sys.exit(code)
+
+
+def _failed(message: str, code: int) -> int:
+    click.echo(f"orbits: {message}", err=True)
+    if "--json" in sys.argv:
+        import json
+
+        click.echo(json.dumps({"error": message, "exit_code": code}))
+    return code

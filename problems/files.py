@@ -1,0 +1,71 @@
+"""TOML files that state a machine, dimensionless or in SI.
+
+machine = "hopper"              machine = "hopper"
+mass_ratio = 0.5                spring = "8000*r + 2e6*r**3"      # N of m
+rest_length = 10                [si]
+spring = "r + beta*r**3"        body_mass = 60.0
+gravity = "constant"            foot_mass = 3.0
+[parameters]                    rest_length = 0.8
+beta = 0.3                      surface_gravity = 9.81
+"""
+
+import tomllib
+from pathlib import Path
+
+from orbits.errors import InputError
+from orbits.formula import suggest
+
+from .hopper import Hopper
+from .juggler import Juggler
+from .machine import Machine
+from .units import hopper_in_si, juggler_in_si
+
+KINDS = {"hopper": Hopper, "juggler": Juggler}
+IN_SI = {"hopper": hopper_in_si, "juggler": juggler_in_si}
+MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
+KEYS = ("machine", "mass_ratio", "rest_length", "restitution", "spring", "gravity", "parameters", "si")
+SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
+
+
+def read(path) -> dict:
+    """The statement in a TOML file, its keys checked; raises `InputError` that names the file and the key."""
+    path = Path(path)
+    try:
+        with open(path, "rb") as file:
+            data = tomllib.load(file)
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"the machine file {path} cannot be read: {error}") from None
+    _check_keys(path, data, KEYS)
+    for table in ("parameters", "si"):
+        if not isinstance(data.get(table, {}), dict):
+            raise InputError(f"{path}: '{table}' is a table: write [{table}]")
+    spring = data.get("spring")
+    if isinstance(spring, str) and spring.startswith("table:"):  # a table's path counts from the file that names it
+        data["spring"] = "table:" + str(path.parent / spring.removeprefix("table:"))
+    return data
+
+
+def build(statement: dict, where: str = "the machine") -> Machine:
+    """The machine of a statement, as `read` gives it."""
+    kind = statement.get("machine", "hopper")
+    if kind not in KINDS:
+        raise InputError(f"{where}: unknown machine {kind!r}{suggest(str(kind), KINDS)}")
+    common = {name: statement[name] for name in ("gravity", "restitution", "parameters") if name in statement}
+    if "si" not in statement:
+        own = {name: statement[name] for name in ("spring", "mass_ratio", "rest_length") if name in statement}
+        return KINDS[kind](**own, **common)
+    si = statement["si"]
+    _check_keys(f"{where}, [si]", si, (*MASSES[kind], *SI_KEYS))
+    for name in ("mass_ratio", "rest_length"):
+        if name in statement:
+            raise InputError(f"{where}: '{name}' beside [si]; state lengths and masses in [si], or not at all in SI")
+    for name in MASSES[kind]:
+        if name not in si:
+            raise InputError(f"{where}: [si] needs {name} (kg)")
+    return IN_SI[kind](**si, force=statement.get("spring"), **common)
+
+
+def _check_keys(where, data: dict, known: tuple[str, ...]):
+    for name in data:
+        if name not in known:
+            raise InputError(f"{where}: unknown key '{name}'{suggest(name, known)}")
