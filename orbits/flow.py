@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 import casadi as ca
 import numpy as np
 
-from .calls import Call, compile_function
+from .calls import Call, compile_function, compile_seconds
 from .errors import FlowError, OutOfRange
 from .jets import covers, jets
 from .model import Affine, Phase
@@ -28,9 +28,6 @@ TOLERANCE = 1e-17
 MAX_STEPS = 20_000
 # Steps taken in one call of the interpreter's.
 LOOK_AHEAD = 8
-# Interpreting the same graph for this long (in seconds) costs as much as compiling it: whoever waits that long before
-# deciding pays at most twice the best.
-REPAYS = 0.5
 SECONDS_PER_INSTRUCTION = 5e-9
 
 
@@ -385,14 +382,15 @@ class _Taylor:
             [ca.vertcat(x, ca.vec(dx)), p, ca.vec(dp), longest],
             [ca.densify(ca.vertcat(end, ca.vec(dend))), ca.densify(c.T), ca.densify(dc), ca.densify(h)],
         )
+        # Once interpreting has taken as long as compiling would, compile: that is never worse than twice the best.
+        self.patience = compile_seconds(self.one)
         self.seconds = self.one.n_instructions() * SECONDS_PER_INSTRUCTION
-        self.spent = 0.0
         self._calls: dict[int, Call] = {}
 
     def advance(self, x, p, dx, dp, count: int, longest: float, hint=None):
         """(steps (m,), coefficients (m, rows, K + 1), sensitivities (m, n, columns, K + 1)) of `count` steps."""
-        self.spent += count * self.seconds
-        if self.spent > REPAYS:
+        self.patience -= count * self.seconds
+        if self.patience < 0:
             self._compile()
         if count not in self._calls:
             self._calls[count] = Call(self.one if count == 1 else self.one.mapaccum(count))
@@ -411,7 +409,7 @@ class _Taylor:
         return steps.ravel().copy(), c, dc
 
     def _compile(self):
-        self.spent = -np.inf
+        self.patience = np.inf
         faster = compile_function(self.one)
         if faster is not None:
             self.one, self._calls = faster, {}

@@ -178,17 +178,15 @@ def _along(model: Model, equations: Shooting, correct: Callable, family: int, p:
     u = np.array([start["liftoff"], start["alpha"], start["duration"] * (2 if whole else 1)] + [0.0] * whole)
     if model.homotopy is None:
         return correct(u, _vector(p))
-    share, step, vary = 0.0, 0.5, (model.homotopy,)
+    share, step = 0.0, 1.0
     u = correct(u, _vector({**p, model.homotopy: 0.0}))
     while share < 1:
-        here = equations.evaluate(u, _vector({**p, model.homotopy: share}), vary)
-        n = equations.size
-        tangent = np.linalg.lstsq(here.jacobian[:, :n], -here.jacobian[:, n])[0]
+        tangent = _tangent(equations, u, p, model.homotopy, share)
         step = min(step, 1 - share)
         while True:
             ahead = {**p, model.homotopy: 1.0 if step == 1 - share else share + step}
             try:
-                new = _corrected(model, equations, correct, u + step * tangent, u, family, ahead)
+                u = _corrected(model, equations, correct, u + step * tangent, family, ahead)
                 break
             except NoOrbit as error:
                 step /= 2
@@ -197,19 +195,25 @@ def _along(model: Model, equations: Shooting, correct: Callable, family: int, p:
                         f"no lossless orbit of family {family}: with {100 * share:.3g}% of gravity's variation it is "
                         f"at alpha = {u[1]:.6g}, and it cannot be followed further ({error})"
                     ) from None
-        u, share = new, ahead[model.homotopy]
+        share = ahead[model.homotopy]
         step *= 2
         if progress:
             progress(share)
     return u
 
 
-def _corrected(model, equations, correct, predicted, before, family, p) -> np.ndarray:
+def _tangent(equations: Shooting, u, p: Mapping, name: str, share: float) -> np.ndarray:
+    """Derivative of the solution with respect to a parameter, differenced: a predictor needs no more digits."""
+    here = equations.evaluate(u, _vector({**p, name: share}))
+    there = equations.evaluate(u, _vector({**p, name: share + 1e-6}))
+    return np.linalg.lstsq(here.jacobian, (here.residual - there.residual) / 1e-6)[0]
+
+
+def _corrected(model, equations, correct, predicted, family, p) -> np.ndarray:
     if not (predicted[1:3] > 0).all():
         raise NoOrbit("the step leads to a negative time or speed")
     new = correct(predicted, _vector(p))
-    off = np.abs(new - predicted)[1:3] / np.abs(new[1:3])
-    if off.max() > MAX_CORRECTION:
+    if np.max(np.abs(new - predicted)[1:3] / np.abs(new[1:3])) > MAX_CORRECTION:
         raise NoOrbit("the corrector ends far from the predicted orbit")
     flight = equations.evaluate(new, _vector(p)).trajectories[0]
     parts = flight.split(flight.times[-1] / 2) if "unfolding" in equations.statement.unknowns else (flight,)
@@ -250,7 +254,8 @@ def _unmirrored(model: Model, equations: Shooting, u, p: Mapping) -> _Solution:
 def _at_landing(equations: Shooting, here: Evaluation, p: Mapping) -> np.ndarray:
     """Derivatives of the state at landing, of a flight whose first half is `here`, with respect to the unknowns."""
     along, path = equations.flows[0], here.trajectories[0]
-    return along.run(path.end[: along.size], _vector(p), path.times[-1], here.transitions[0])[1]
+    first = here.transitions[0][:, :2]  # of extension and speed at lift-off
+    return along.run(path.end[: along.size], _vector(p), path.times[-1], first)[1]
 
 
 def _shape(model: Model, p: Mapping) -> Shape:

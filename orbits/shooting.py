@@ -99,7 +99,9 @@ class Shooting:
             value, slope = depart(u, last, p)
             dvalue = slope @ np.vstack([du, dlast, dp])
             start, dstart = value[:-1, 0], dvalue[:-1]
-            path, transition = along.run(start, p, value[-1, 0], dstart, dp)
+            moving = dstart.any(0) | dp.any(0)  # a duration moves the end only through the speed there
+            transition = np.zeros_like(dstart)
+            path, transition[:, moving] = along.run(start, p, value[-1, 0], dstart[:, moving], dp[:, moving])
             end = path.end[: along.size]
             speed = evaluate(derivative(path.coefficients[-1, : along.size]), path.steps[-1])
             dend = transition + np.outer(speed, dvalue[-1])

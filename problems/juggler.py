@@ -27,8 +27,8 @@ FREE = "zero force"
 class Juggler(Machine):
     """Ball on a sprung hand; see `Machine` for the arguments. `mass_ratio` is hand over ball.
 
-    The force is that of the hand's own spring, zero at lift-off. A hopper with spring force phi, lifting off at extension
-    rho, moves as the juggler with force phi(r + rho) - 1 under constant gravity (eq. 6, one clock).
+    The force is that of the hand's own spring, zero at lift-off. A hopper with spring force phi and lift-off extension
+    rho moves as the juggler with force phi(r + rho) - 1 under constant gravity (eq. 6, with one clock).
     """
 
     kind = "juggler"
