@@ -25,6 +25,8 @@ from .polynomial import evaluate, piecewise_roots, roots, shifted
 ORDER = 28
 # Truncation of a step against the state's size: a tenth of the rounding of the sum.
 TOLERANCE = 1e-17
+# A step whose series misses the equation by more, relative to the state, has gone past what the series knows.
+DEFECT = 1e-10
 MAX_STEPS = 20_000
 # Steps taken in one call of the interpreter's.
 LOOK_AHEAD = 8
@@ -232,7 +234,7 @@ class Flow:
         field, x, p = self.graph
         h = ca.SX.sym("h")
         if covers(field):
-            end = self.series[: self.size, :] @ ca.vertcat(1, *[h**k for k in range(1, ORDER + 1)])
+            end = self.series[: self.size, :] @ _powers(h)
         else:
             end = runge_kutta(field, x, p, h)
         return ca.Function("step", [x, h, p], [end])
@@ -362,7 +364,7 @@ class _Taylor:
     two terms allow."""
 
     def __init__(self, flow: "Flow", columns: int):
-        _, x, p = flow.graph
+        field, x, p = flow.graph
         self.n, self.columns = flow.size, columns
         c = flow.series
         self.rows = c.shape[0]
@@ -370,25 +372,39 @@ class _Taylor:
         scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (state[:, :2], state[:, -2], state[:, -1]))
         bound = TOLERANCE * scale
         h = ca.fmin(longest, ca.fmin((bound / before) ** (1 / (ORDER - 1)), (bound / last) ** (1 / ORDER)))
-        power = ca.vertcat(1, *[h**k for k in range(1, ORDER + 1)])
+        power = _powers(h)
         dx, dp = ca.SX.sym("dx", self.n, columns), ca.SX.sym("dp", p.numel(), columns)
         dc = ca.SX(self.n * (ORDER + 1), 0)
         if columns:
             dc = ca.jtimes(ca.vec(state.T), ca.vertcat(x, p), ca.vertcat(dx, dp))
-        end = state @ power
+        terms = state @ ca.diag(power)
+        end = ca.sum2(terms)
         dend = ca.reshape(power.T @ ca.reshape(dc, ORDER + 1, self.n * columns), self.n, columns)
+        results = [ca.vertcat(end, ca.vec(dend)), c.T, dc, ca.vertcat(h, self._defect(field, terms, p, h) / scale)]
         self.one = ca.Function(
-            "taylor",
-            [ca.vertcat(x, ca.vec(dx)), p, ca.vec(dp), longest],
-            [ca.densify(ca.vertcat(end, ca.vec(dend))), ca.densify(c.T), ca.densify(dc), ca.densify(h)],
+            "taylor", [ca.vertcat(x, ca.vec(dx)), p, ca.vec(dp), longest], [ca.densify(result) for result in results]
         )
         # Once interpreting has taken as long as compiling would, compile: that is never worse than twice the best.
         self.patience = compile_seconds(self.one)
         self.seconds = self.one.n_instructions() * SECONDS_PER_INSTRUCTION
         self._calls: dict[int, Call] = {}
 
+    @staticmethod
+    def _defect(field: ca.Function, terms: ca.SX, p: ca.SX, h: ca.SX) -> ca.SX:
+        """How far the series is from solving the equation at the middle and the end of the step, times its length.
+
+        Where a law is flat to the last digit, a saturated spring, its series says nothing of what comes after.
+        """
+        orders, defects = np.arange(ORDER + 1), []
+        for part in (0.5, 1.0):
+            scale = part**orders
+            rate = terms @ ca.DM(orders * scale) / part
+            defects.append(ca.norm_inf(rate - h * field(terms @ ca.DM(scale), p)[0]))
+        return ca.mmax(ca.vertcat(*defects))
+
     def advance(self, x, p, dx, dp, count: int, longest: float, hint=None):
-        """(steps (m,), coefficients (m, rows, K + 1), sensitivities (m, n, columns, K + 1)) of `count` steps."""
+        """The trusted ones of `count` steps: steps (m,), coefficients (m, rows, K + 1), sensitivities
+        (m, n, columns, K + 1)."""
         self.patience -= count * self.seconds
         if self.patience < 0:
             self._compile()
@@ -403,16 +419,27 @@ class _Taylor:
             slopes.reshape(count, -1)[:] = dp.T.ravel()
         lengths[:] = min(longest, 1e9)
         call.trigger()
-        _, c, dc, steps = call.results
+        _, c, dc, (steps, defects) = call.results
+        trusted = count if (defects <= DEFECT).all() else int(np.argmin(defects <= DEFECT))
+        if trusted == 0 and steps[0] > 0 and np.isfinite(defects[0]):
+            return self.advance(x, p, dx, dp, 1, 0.5 * steps[0])
         c = c.reshape(ORDER + 1, self.rows, count, order="F").T.copy()
         dc = dc.reshape(ORDER + 1, self.n, self.columns, count, order="F").transpose(3, 1, 2, 0).copy()
-        return steps.ravel().copy(), c, dc
+        trusted = max(trusted, 1)
+        return steps[:trusted].copy(), c[:trusted], dc[:trusted]
 
     def _compile(self):
         self.patience = np.inf
         faster = compile_function(self.one)
         if faster is not None:
             self.one, self._calls = faster, {}
+
+
+def _powers(h: ca.SX) -> ca.SX:
+    powers = [ca.SX(1), h]
+    while len(powers) <= ORDER:
+        powers.append(h * powers[-1])
+    return ca.vertcat(*powers)
 
 
 def _cooper_verner() -> tuple[np.ndarray, np.ndarray]:

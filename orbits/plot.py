@@ -22,8 +22,19 @@ def new_axes(width: float = 7.0, height: float = 4.0):
     return figure.add_subplot()
 
 
+def scales(orbit: Orbit) -> tuple[float, float, str, str]:
+    """Factors of length and time for a plot and what to write behind their names: SI where the machine is stated so."""
+    if orbit.units is None:
+        return 1.0, 1.0, "", ""
+    return orbit.units.length, orbit.units.time, " (m)", " (s)"
+
+
 def plot_orbit(orbit: Orbit, axes=None):
-    """Heights of the masses against time over a cycle, contact shaded, as in Fig. 3 of the paper; returns the axes."""
+    """Heights of the masses against time over a cycle, contact shaded, as in Fig. 3 of the paper; returns the axes.
+
+    In metres and seconds for a machine that is stated in SI.
+    """
+    length, time, metres, seconds = scales(orbit)
     axes = axes or new_axes()
     end = orbit.flight_time if orbit.contact_time is None else orbit.period
     t = np.linspace(0, end, 2001)
@@ -32,30 +43,32 @@ def plot_orbit(orbit: Orbit, axes=None):
         style = (
             {"color": colour, "lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"color": colour, "lw": 2}
         )
-        axes.plot(t, height(states), label=name, **style)
+        axes.plot(time * t, length * height(states), label=name, **style)
     if orbit.contact_time is not None:
-        axes.axvspan(orbit.flight_time, end, color=SHADE, lw=0, label="contact", zorder=0)
+        axes.axvspan(time * orbit.flight_time, time * end, fc=SHADE, ec="0.7", lw=0.5, label="contact", zorder=0)
     axes.axhline(0, color="0.4", lw=0.8)
-    axes.set_xlim(0, end)
-    axes.set_xlabel("time")
-    axes.set_ylabel("height")
+    axes.set_xlim(0, time * end)
+    axes.set_xlabel("time" + seconds)
+    axes.set_ylabel("height" + metres)
     axes.set_title(title(orbit), fontsize="medium")
-    axes.legend(frameon=False, fontsize="small", loc="upper right")
+    axes.legend(frameon=True, edgecolor="none", fontsize="small", loc="upper right")
     axes.spines[["top", "right"]].set_visible(False)
     return axes
 
 
 def plot_phase_portrait(orbit: Orbit, axes=None):
     """Speed against height of every mass over a cycle; returns the axes."""
+    length, time, metres, _ = scales(orbit)
     axes = axes or new_axes(4.5, 4.0)
     end = orbit.flight_time if orbit.contact_time is None else orbit.period
     states = orbit(np.linspace(0, end, 2001))
     signs = np.array(orbit.shape.reversor)
     speeds = states[:, signs < 0]
     for i, name in enumerate(list(orbit.shape.heights)[: speeds.shape[1]]):
-        axes.plot(orbit.shape.heights[name](states), speeds[:, i], color=COLOURS[i], lw=1.6, label=name)
-    axes.set_xlabel("height")
-    axes.set_ylabel("speed")
+        height, speed = length * orbit.shape.heights[name](states), length / time * speeds[:, i]
+        axes.plot(height, speed, color=COLOURS[i], lw=1.6, label=name)
+    axes.set_xlabel("height" + metres)
+    axes.set_ylabel("speed" + (" (m/s)" if metres else ""))
     axes.set_title(title(orbit), fontsize="medium")
     axes.legend(frameon=False, fontsize="small")
     axes.spines[["top", "right"]].set_visible(False)
@@ -93,7 +106,8 @@ def animate_orbit(orbit: Orbit, path, frames: int = 120) -> Path:
     states = orbit(t)
     names = list(orbit.shape.heights)[:2]
     below, above = orbit.shape.spring_ends
-    heights = {name: orbit.shape.heights[name](states) for name in names} | {None: np.zeros(frames)}
+    length, _, metres, _ = scales(orbit)
+    heights = {name: length * orbit.shape.heights[name](states) for name in names} | {None: np.zeros(frames)}
     if orbit.machine["rest_length"] is None:  # nothing says how long the spring is: long enough
         room = 1.2 * max(np.ptp(height) for height in heights.values())
         heights = {name: height + room * (name not in (below, None)) for name, height in heights.items()}
@@ -101,7 +115,7 @@ def animate_orbit(orbit: Orbit, path, frames: int = 120) -> Path:
     axes = new_axes(3.2, 5.2)
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
     margin = 0.08 * (high - low)
-    axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height")
+    axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height" + metres)
     axes.spines[["top", "right", "bottom"]].set_visible(False)
     axes.axhspan(low - 2 * margin, 0, color=SHADE, zorder=0)
     axes.axhline(0, color="0.3", lw=1.5)

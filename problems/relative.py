@@ -22,7 +22,7 @@ FASTEST = 1e6
 # A force that passes the lift-off level more slowly than rounding can tell does not pass it.
 FLATTEST = 1e-14
 # The guess of a launch speed is for Newton's method to finish.
-GUESS = 1e-6
+GUESS = 1e-4
 
 
 def spring_pieces(key: tuple, coordinate: tuple[float, ...]) -> Pieces | None:
@@ -136,7 +136,8 @@ def liftoff_extension(law: Law, load: float, what: str) -> float:
         where = f" within [{low:g}, {high:g}]" if np.isfinite(high) or np.isfinite(low) else ""
         raise InputError(f"spring '{law.text}' never reaches {what} ({side}{where}): nothing leaves the ground")
     i = crossed[0]
-    liftoff = bracketed_root(lambda r: float(law(r)) - level, grid[i - 1], grid[i])
+    ends = values[i - 1] - level, values[i] - level
+    liftoff = bracketed_root(lambda r: float(law(r)) - level, grid[i - 1], grid[i], *ends)
     slope = float(law.with_slope(liftoff)[1])
     if not slope > FLATTEST:
         raise InputError(
@@ -155,18 +156,18 @@ def _zoom(law: Law, grid, values, below: bool):
     return grid, values
 
 
-def bracketed_root(function: Callable[[float], float], a: float, b: float, tolerance: float = 4e-16) -> float:
-    """The root between a and b, where the function changes sign; bisection and secant (Dekker's method).
+def bracketed_root(function: Callable, a: float, b: float, fa: float, fb: float, enough: float = 0.0) -> float:
+    """The root between a and b, where the function goes from fa to fb of opposite sign: bisection and secant (Dekker).
 
-    Our own because importing a library's root finder takes longer than everything that is computed here.
+    Ends on a value of at most `enough` or at rounding. Our own because importing a library's root finder takes longer
+    than everything that is computed here.
     """
-    fa, fb = function(a), function(b)
     if abs(fa) < abs(fb):
         a, b, fa, fb = b, a, fb, fa
     c, fc = a, fa  # a brackets with b, c is the previous b
     for _ in range(200):
-        if fb == 0 or abs(a - b) <= tolerance * max(abs(a), abs(b)):
-            return b
+        if abs(fb) <= enough or abs(a - b) <= 4e-16 * max(abs(a), abs(b)):
+            break
         middle = 0.5 * (a + b)
         new = b - fb * (b - c) / (fb - fc) if fb != fc else middle
         if not min(b, middle) < new < max(b, middle):
@@ -212,7 +213,7 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
         first, half = half_oscillations(phase, p, liftoff, alpha)
         return first + family * half - alpha
 
-    samples = [(0.0, np.inf)]
+    samples = [(0.0, 1.0)]
     alpha, reason = 1e-3, ""
     while alpha < FASTEST:
         try:
@@ -222,11 +223,11 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
             break
         samples.append((alpha, gap))
         if gap <= 0:
-            return bracketed_root(excess, samples[-2][0] or 1e-6, alpha, GUESS)
+            return bracketed_root(excess, samples[-2][0], alpha, samples[-2][1], gap, GUESS * alpha)
         if len(samples) > 3 and samples[-2][1] < samples[-3][1] and samples[-2][1] <= gap:
             dip = _lowest(excess, samples[-3][0], alpha)  # a pair of roots may lie between samples, near a fold
-            if excess(dip) <= 0:
-                return bracketed_root(excess, samples[-3][0], dip, GUESS)
+            if (bottom := excess(dip)) <= 0:
+                return bracketed_root(excess, samples[-3][0], dip, samples[-3][1], bottom, GUESS * alpha)
         if not np.isfinite(gap):
             reason = f"at launch speed {alpha:.4g} the spring gives way and the extension does not come back"
             break

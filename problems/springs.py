@@ -47,7 +47,7 @@ def quintic(*, beta: float = 0.0, delta: float = 0.1) -> Law:
     return formula("r + beta*r**3 + delta*r**5", beta=beta, delta=delta)
 
 
-def tanh(*, b: float = 0.5) -> Law:
+def tanh(*, b: float = 0.2) -> Law:
     """Saturating spring tanh(b r)/b: the force never exceeds 1/b, as in a friction or yield element."""
     number("b", b, low=0)
     return formula("tanh(b*r)/b", b=b)
@@ -69,7 +69,7 @@ def toda(*, b: float = 0.2) -> Law:
     return formula("(1 - exp(-b*r))/b", b=b)
 
 
-def morse(*, a: float = 0.1) -> Law:
+def morse(*, a: float = 0.05) -> Law:
     """Morse's bond (1 - exp(-a r)) exp(-a r)/a: the tension has its maximum 1/(4 a) and then falls (Morse 1929)."""
     number("a", a, low=0)
     return formula("(1 - exp(-a*r))*exp(-a*r)/a", a=a)

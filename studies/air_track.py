@@ -1,0 +1,63 @@
+"""The paper's table-top experiment (section 10) from its SI data: predicted and measured amplitudes side by side.
+
+A juggler lying on an air track tipped by 1.1 inch over five feet; gravity along the track is g sin(theta). The ball m1
+is caught by the hand m2 after one oscillation of the hand. Run: python studies/air_track.py [--output FOLDER]
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from orbits import find
+from orbits.plot import plot_orbit, save_figure
+from problems import juggler_in_si
+
+BALL, HAND = 0.2923, 0.2657  # kg
+STIFFNESS = 8.8  # N/m, of the two springs together
+SLOPE = np.arctan(1.1 / 60)
+# As measured by the authors: the ratio of the amplitudes of ball and hand, and the ball's amplitude in m.
+MEASURED_RATIO, MEASURED_AMPLITUDE = 1.523, 0.099
+
+
+def amplitudes():
+    """The lossless orbit, and the amplitudes A1 of the ball and A2 of the hand over a cycle, dimensionless."""
+    machine = juggler_in_si(BALL, HAND, stiffness=STIFFNESS, surface_gravity=9.81 * np.sin(SLOPE))
+    orbit = find(machine)
+    # Both stand lowest in mid-contact; the ball is highest in mid-flight, the hand half an oscillation before or after.
+    lowest = orbit(orbit.flight_time + orbit.contact_time / 2)[0]
+    ball, hand = (orbit(np.linspace(0, orbit.flight_time, 20001))[:, i].max() for i in (0, 2))
+    return orbit, ball - lowest, hand - lowest
+
+
+def main(folder: Path) -> dict[str, float]:
+    orbit, first, second = amplitudes()
+    length = orbit.units.length
+    rows = [
+        ("A1/A2", first / second, MEASURED_RATIO, ""),
+        ("amplitude of the ball", first * length, MEASURED_AMPLITUDE, " m"),
+    ]
+    print(orbit, "\n")
+    print(f"  {'':<24}{'model':>10}{'measured':>10}{'off':>8}")
+    for name, model, measured, unit in rows:
+        print(f"  {name:<24}{model:>10.4g}{measured:>10.4g}{model / measured - 1:>8.1%}{unit}")
+
+    axes = plot_orbit(orbit)
+    axes.set_title(f"air-track juggler: A1/A2 = {first / second:.3f} (measured {MEASURED_RATIO})", fontsize="medium")
+    bottom = length * orbit(orbit.flight_time + orbit.contact_time / 2)[0]
+    for share, high, text in ((0.12, length * first, "$A_1$"), (0.3, length * second, "$A_2$")):
+        x = share * orbit.flight_time * orbit.units.time
+        axes.annotate("", (x, bottom + high), (x, bottom), arrowprops={"arrowstyle": "<->", "color": "0.4", "lw": 0.9})
+        axes.text(x, 0.8 * bottom, f" {text} = {1e3 * high:.0f} mm", color="0.2", fontsize="small")
+    axes.axhline(bottom, color="0.8", lw=0.7)
+    axes.axhline(bottom + length * first, color="0.8", lw=0.7)
+    axes.set_ylabel("position along the track (m)")
+    folder.mkdir(parents=True, exist_ok=True)
+    print(f"\n  figure: {save_figure(axes, folder / 'air_track.png')}")
+    return {"ratio": first / second, "amplitude": first * length}
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
+    main(parser.parse_args().output)

@@ -1,0 +1,107 @@
+"""A hopping rover on a small asteroid: which lossless hops are near 10 m, and how far off is constant gravity?
+
+A 3 kg rover, body 2.5 kg and foot 0.5 kg, on a sphere of radius 250 m with surface gravity 1e-4 m/s^2. Its leg spring
+is the kind of soft coil a designer would take: 50 mN/m, hardening with stroke, 0.6 m long. One oscillation takes 18 s and
+a hop a quarter of an hour, so the hops are of families near 50, and gravity falls by 8 % on the way up.
+Run: python studies/asteroid.py [--output FOLDER] [--quick]
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from orbits import find
+from orbits.plot import new_axes, save_figure
+from problems import hopper_in_si
+
+ROVER = {"body_mass": 2.5, "foot_mass": 0.5, "surface_gravity": 1e-4, "rest_length": 0.6}
+SPRING = "k1*r + k3*r**3"  # N, of the extension in m
+STIFFNESS = {"k1": 0.05, "k3": 0.1}
+RADIUS = 250.0  # m
+WANTED = 10.0  # m
+
+
+def rover(radius: float | None = RADIUS):
+    """The rover on a sphere of that radius, or under constant gravity."""
+    return hopper_in_si(force=SPRING, parameters=STIFFNESS, body_radius=radius, **ROVER)
+
+
+def rise(orbit) -> float:
+    """How far the centre of mass rises, m."""
+    return orbit.si()["centre_of_mass_rise_m"]
+
+
+def hops(families, radius: float | None = RADIUS) -> list:
+    return [find(rover(radius), family) for family in families]
+
+
+def nearest(families=range(44, 60)) -> tuple[list, list]:
+    """The hops of these families on the asteroid, and under constant gravity."""
+    return hops(families), hops(families, None)
+
+
+def main(folder: Path, quick: bool = False) -> dict[str, float]:
+    families = range(50, 54) if quick else range(44, 60)
+    real, flat = nearest(families)
+    best = min(real, key=lambda orbit: abs(rise(orbit) - WANTED))
+    print(
+        f"  {'family':>6}{'launch m/s':>12}{'rise m':>10}{'flight s':>10}{'stroke m':>10}   constant gravity: rise m, off"
+    )
+    for orbit, other in zip(real, flat, strict=True):
+        si = orbit.si()
+        stroke = ROVER["rest_length"] - si["smallest_separation_m"]
+        mark = "  <- nearest 10 m" if orbit is best else ""
+        print(
+            f"  {orbit.family:>6}{si['launch_speed_m_per_s']:>12.6f}{rise(orbit):>10.4f}{si['flight_time_s']:>10.2f}"
+            f"{stroke:>10.3f}   {rise(other):>10.4f}{rise(other) / rise(orbit) - 1:>8.1%}{mark}"
+        )
+    print("\n", best, sep="")
+
+    axes = new_axes(7.5, 6.5)
+    figure = axes.figure
+    axes.remove()
+    path, families_axes = figure.subplots(2, 1, height_ratios=[3, 2])
+    si, scale = best.si(), best.units
+    t = np.linspace(0, best.period, 6001)
+    states = best(t)
+    colours = {"body": "#0072B2", "foot": "#D55E00"}
+    for name, colour in colours.items():
+        path.plot(
+            t * scale.time / 60, best.shape.heights[name](states) * scale.length, color=colour, lw=1.1, label=name
+        )
+    path.axhline(0, color="0.4", lw=0.8)
+    path.set(xlabel="time (min)", ylabel="height (m)", xlim=(0, best.period * scale.time / 60))
+    path.set_title(
+        f"family {best.family}: {rise(best):.2f} m in {si['flight_time_s'] / 60:.1f} min, nothing lost",
+        fontsize="medium",
+    )
+    path.legend(frameon=False, fontsize="small")
+    zoom = path.inset_axes([0.36, 0.08, 0.3, 0.42])
+    first = t < 0.08 * best.flight_time
+    for name, colour in colours.items():
+        zoom.plot(t[first] * scale.time, best.shape.heights[name](states[first]) * scale.length, color=colour, lw=1.2)
+    zoom.set_title("after lift-off (s, m)", fontsize="x-small")
+    zoom.tick_params(labelsize="x-small")
+    n = [orbit.family for orbit in real]
+    families_axes.plot(n, [rise(orbit) for orbit in real], "o", color="#009E73", label=f"radius {RADIUS:.0f} m")
+    families_axes.plot(n, [rise(orbit) for orbit in flat], "o", mfc="none", color="0.4", label="constant gravity")
+    families_axes.axhline(WANTED, color="0.7", lw=0.8)
+    families_axes.set(xlabel="family", ylabel="rise of the centre of mass (m)")
+    families_axes.legend(frameon=False, fontsize="small")
+    for panel in (path, families_axes):
+        panel.spines[["top", "right"]].set_visible(False)
+    folder.mkdir(parents=True, exist_ok=True)
+    print(f"\n  figure: {save_figure(path, folder / 'asteroid.png')}")
+    if not quick:
+        print(f"  animation: {best.animate(folder / 'asteroid.gif', frames=150)}")
+    off = {o.family: rise(f) / rise(o) - 1 for o, f in zip(real, flat, strict=True)}
+    return {"family": best.family, "alpha": best.alpha, "rise": rise(best), "constant_gravity_off": off[best.family]}
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for figure and animation")
+    parser.add_argument("--quick", action="store_true", help="four families, no animation")
+    arguments = parser.parse_args()
+    main(arguments.output, arguments.quick)
