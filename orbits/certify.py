@@ -179,6 +179,7 @@ def certify(
         loss_coefficient=loss and float(loss),
         stable_side=loss and ("above" if gap_slope > 0 else "below"),
         violations=tuple(violations),
+        unfolding=u.get("unfolding"),
     )
 
 

@@ -233,10 +233,8 @@ class Flow:
         """One step of given length, a function (x, h, (p, q)) -> x for equations that other solvers differentiate."""
         field, x, p = self.graph
         h = ca.SX.sym("h")
-        if covers(field):
-            end = self.series[: self.size, :] @ _powers(h)
-        else:
-            end = runge_kutta(field, x, p, h)
+        taylor = covers(field)
+        end = self.series[: self.size, :] @ _powers(h) if taylor else runge_kutta(field, x, p, h)
         return ca.Function("step", [x, h, p], [end])
 
     def piece_data(self, x, p) -> tuple[np.ndarray, np.ndarray]:
@@ -268,7 +266,7 @@ class Flow:
     def piece_table(self, p) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Breaks (m + 1,), data (m, nq) and its derivatives (m, nq, np) at parameters (np,)."""
         breaks, data, slopes = self._piece_function(p)
-        return breaks.ravel(), data, slopes.reshape(data.shape[1], data.shape[0], -1).swapaxes(0, 1)
+        return breaks.ravel(), data, slopes.reshape(data.shape[1], data.shape[0], len(p)).swapaxes(0, 1)
 
     @cached_property
     def _piece_function(self) -> Call:

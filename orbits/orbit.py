@@ -25,6 +25,7 @@ class Certificate:
     energy_drift : largest change of energy over flight and contact, relative to the launch's kinetic energy
     clearance : lowest interior minimum of the contact point's height in flight, None where it has none
     smallest_separation : least distance within the machine over the cycle, None where no length is stated
+    unfolding : multiple of the energy gradient that the equations needed, None where they had no such unknown
     smallest_contact_force : least stationary value in contact (at both ends it is 0), None where contact does not end
     landing_jerk : third derivative of the contact point's height at landing; negative on a motion
     loss_coefficient : C of the one-step map alpha + d -> alpha + d - C d**(4/3) on the stable side, 10 C on the other
@@ -43,6 +44,7 @@ class Certificate:
     loss_coefficient: float | None
     stable_side: str | None
     violations: tuple[str, ...]
+    unfolding: float | None = None
 
 
 @dataclass(frozen=True)
@@ -124,9 +126,9 @@ class Orbit:
         if not np.isfinite(t).all():
             raise InputError("times must be finite numbers")
         if self.contact_time is None:
-            if t.size and not (t.min() >= 0 and t.max() <= self.flight_time):
+            if t.size and not (t.min() >= 0 and t.max() <= self.flight_time * (1 + 1e-12)):
                 raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}")
-            return _mirrored(self.flight, t, self.flight_time, self.shape.reversor)
+            return _mirrored(self.flight, np.minimum(t, self.flight_time), self.flight_time, self.shape.reversor)
         t = np.mod(t, self.period)
         flying = _mirrored(self.flight, np.minimum(t, self.flight_time), self.flight_time, self.shape.reversor)
         standing = _mirrored(
@@ -158,6 +160,7 @@ class Orbit:
             "landing_jerk": c.landing_jerk,
             "loss_coefficient": c.loss_coefficient,
             "stable_side": c.stable_side,
+            "unfolding": c.unfolding,
             "liftoff_extension": self.liftoff_extension,
             "state_mid_flight": [float(value) for value in mid],
             "method": self.method,

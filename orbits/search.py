@@ -18,6 +18,8 @@ from .shooting import Evaluation, Shooting, shooting
 MIN_STEP = 1e-4
 # A corrector that moves launch speed or time by a larger share may have jumped to another orbit.
 MAX_CORRECTION = 0.1
+# Energy pumped over a flight, as a share, beyond which the unfolded equations have no orbit but a forced motion.
+LARGEST_UNFOLDING = 1e-9
 METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 100_000
 
@@ -148,8 +150,9 @@ def half_orbit(flight: Phase, launch: Callable, liftoff: Callable, reversor: tup
 def whole_flight(model: Model) -> Statement:
     """From the launch set to a lossless landing, for a model without a reversor.
 
-    Energy makes one of the three landing conditions follow from the others, so the field is unfolded: a multiple of the
-    energy's gradient is added to it, and that multiple is a fourth unknown, zero at a solution.
+    Launch speed and flight time are two unknowns for three landing conditions: that all can hold is the doing of a
+    conserved energy and of whatever symmetry the motion has. To make it square the field is unfolded, a multiple of the
+    energy's gradient added to it; that multiple is a further unknown, and it vanishes on an orbit.
     """
     flight = model.flight
 
@@ -215,7 +218,7 @@ def _corrected(model, equations, correct, predicted, family, p) -> np.ndarray:
     new = correct(predicted, _vector(p))
     if np.max(np.abs(new - predicted)[1:3] / np.abs(new[1:3])) > MAX_CORRECTION:
         raise NoOrbit("the corrector ends far from the predicted orbit")
-    flight = equations.evaluate(new, _vector(p)).trajectories[0]
+    flight = _in_flight_states(model, equations.evaluate(new, _vector(p)).trajectories[0])
     parts = flight.split(flight.times[-1] / 2) if "unfolding" in equations.statement.unknowns else (flight,)
     if count_family(model, parts) != family:
         raise NoOrbit("the family changes")
@@ -243,12 +246,23 @@ def _mirrored(model: Model, equations: Shooting, u, p: Mapping) -> _Solution:
 
 def _unmirrored(model: Model, equations: Shooting, u, p: Mapping) -> _Solution:
     here = equations.evaluate(u, _vector(p))
-    path, n = here.trajectories[0], len(model.flight.states)
-    flight = Trajectory(path.times, path.coefficients[:, :n], model.flight.states)
-    slope = np.array(model.gap(p).weights) @ here.transitions[0][:n, 1]
+    named = equations.named(u)
+    if abs(named["unfolding"]) * named["duration"] > LARGEST_UNFOLDING:
+        raise NoOrbit(
+            f"the landing conditions hold only with the energy pumped at the rate {named['unfolding']:.3g}: "
+            "this model has no lossless orbit here"
+        )
+    flight = _in_flight_states(model, here.trajectories[0])
+    slope = np.array(model.gap(p).weights) @ here.transitions[0][: len(flight.names), 1]
     error = error_bound(equations, u, _vector(p), here)
     parts = flight.split(flight.times[-1] / 2)
-    return _Solution(equations.named(u), flight, parts, slope, np.abs(here.residual).max(), error)
+    return _Solution(named, flight, parts, slope, np.abs(here.residual).max(), error)
+
+
+def _in_flight_states(model: Model, path: Trajectory) -> Trajectory:
+    """The rows of the flight states alone."""
+    states = model.flight.states
+    return Trajectory(path.times, path.coefficients[:, : len(states)], states)
 
 
 def _at_landing(equations: Shooting, here: Evaluation, p: Mapping) -> np.ndarray:

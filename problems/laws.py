@@ -12,6 +12,8 @@ import numpy as np
 from orbits.errors import InputError, OutOfRange
 from orbits.formula import parse, suggest
 
+WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
+
 
 @dataclass(frozen=True)
 class Law:
@@ -122,8 +124,10 @@ def from_function(
     name = getattr(function, "__name__", "function")
     breaks = [-math.inf, *sorted(number("breakpoint", b) for b in breakpoints), math.inf]
     table = (0, lambda p: (breaks, [[] for _ in breaks[1:]])) if breakpoints else None
-    law = Law(name, variable, _function_expression(function), dict(parameters or {}), table)
-    law(np.zeros(1) if not breakpoints else np.array([breakpoints[0]]))
+    parameters = dict(parameters or {})
+    law = Law(name, variable, _function_expression(function, tuple(parameters)), parameters, table)
+    if not np.isfinite(law(0.0)):  # what float() makes of a symbol
+        raise InputError(f"the law '{name}' has no finite value at {variable} = 0; {WRITE}")
     return law
 
 
@@ -217,19 +221,16 @@ def _derivative_expression(expression: Callable, variable: str) -> Callable:
 
 
 @lru_cache(maxsize=256)
-def _function_expression(function: Callable) -> Callable:
+def _function_expression(function: Callable, names: tuple[str, ...]) -> Callable:
     def expression(x, p, q):
         mode = ca.GlobalOptions.getNumpyMode() if hasattr(ca.GlobalOptions, "getNumpyMode") else None
         try:
             if mode is not None:
                 ca.GlobalOptions.setNumpyMode(1)  # NumPy's functions then give CasADi expressions, without a warning
-            value = ca.SX(function(x, **p))
+            value = ca.SX(function(x, **{name: p[name] for name in names}))
         except Exception as error:
             name = getattr(function, "__name__", "function")
-            raise InputError(
-                f"the law '{name}' fails on a symbolic argument ({error}); write it with operators and NumPy or CasADi "
-                "functions, without if or float()"
-            ) from error
+            raise InputError(f"the law '{name}' fails on a symbolic argument ({error}); {WRITE}") from error
         finally:
             if mode is not None:
                 ca.GlobalOptions.setNumpyMode(mode)

@@ -45,7 +45,7 @@ def main(folder: Path) -> dict[str, float]:
     axes = plot_orbit(orbit)
     axes.set_title(f"air-track juggler: A1/A2 = {first / second:.3f} (measured {MEASURED_RATIO})", fontsize="medium")
     bottom = length * orbit(orbit.flight_time + orbit.contact_time / 2)[0]
-    for share, high, text in ((0.12, length * first, "$A_1$"), (0.3, length * second, "$A_2$")):
+    for share, high, text in ((0.12, length * first, "$A_1$"), (0.42, length * second, "$A_2$")):
         x = share * orbit.flight_time * orbit.units.time
         axes.annotate("", (x, bottom + high), (x, bottom), arrowprops={"arrowstyle": "<->", "color": "0.4", "lw": 0.9})
         axes.text(x, 0.8 * bottom, f" {text} = {1e3 * high:.0f} mm", color="0.2", fontsize="small")

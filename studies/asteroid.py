@@ -1,8 +1,8 @@
 """A hopping rover on a small asteroid: which lossless hops are near 10 m, and how far off is constant gravity?
 
 A 3 kg rover, body 2.5 kg and foot 0.5 kg, on a sphere of radius 250 m with surface gravity 1e-4 m/s^2. Its leg spring
-is the kind of soft coil a designer would take: 50 mN/m, hardening with stroke, 0.6 m long. One oscillation takes 18 s and
-a hop a quarter of an hour, so the hops are of families near 50, and gravity falls by 8 % on the way up.
+is the kind of soft coil a designer would take: 50 mN/m, hardening with stroke, 0.6 m long. One oscillation takes 18 s
+and a hop a quarter of an hour, so the hops are of families near 50, and gravity falls by 8 % on the way up.
 Run: python studies/asteroid.py [--output FOLDER] [--quick]
 """
 
@@ -45,9 +45,8 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     families = range(50, 54) if quick else range(44, 60)
     real, flat = nearest(families)
     best = min(real, key=lambda orbit: abs(rise(orbit) - WANTED))
-    print(
-        f"  {'family':>6}{'launch m/s':>12}{'rise m':>10}{'flight s':>10}{'stroke m':>10}   constant gravity: rise m, off"
-    )
+    columns = f"  {'family':>6}{'launch m/s':>12}{'rise m':>10}{'flight s':>10}{'stroke m':>10}"
+    print(columns + "   constant gravity: rise m, off")
     for orbit, other in zip(real, flat, strict=True):
         si = orbit.si()
         stroke = ROVER["rest_length"] - si["smallest_separation_m"]

@@ -1,0 +1,72 @@
+"""Bernstein exclusion finds every root, however close to grazing."""
+
+import numpy as np
+import pytest
+
+from orbits.polynomial import bernstein, derivative, evaluate, lowest, piecewise_roots, roots, shifted
+
+RNG = np.random.default_rng(7)
+
+
+def test_bernstein_coefficients_enclose_the_values():
+    c = RNG.standard_normal((50, 9))
+    h = RNG.uniform(0.1, 3, 50)
+    values = np.stack([evaluate(c, s * h) for s in np.linspace(0, 1, 101)])
+    b = bernstein(c, h)
+    assert (b.min(1) <= values.min(0) + 1e-12).all()
+    assert (b.max(1) >= values.max(0) - 1e-12).all()
+
+
+def test_roots_are_those_of_the_companion_matrix():
+    for _ in range(200):
+        inside = np.sort(RNG.uniform(0.05, 1.95, RNG.integers(1, 6)))
+        if len(inside) > 1 and np.diff(inside).min() < 1e-2:
+            continue
+        c = np.poly([*inside, -1.0, 4.0])[::-1].copy()
+        assert roots(c, 2.0) == pytest.approx(inside, rel=1e-9)
+
+
+@pytest.mark.parametrize("exponent", range(1, 9))
+def test_no_grazing_pair_is_missed_and_none_invented(exponent):
+    """A parabola that dips below zero, or stays above it, by 10**-exponent inside a long curved piece."""
+    for _ in range(1250):
+        place, dip = RNG.uniform(0.4, 0.6), 10.0**-exponent * RNG.uniform(0.3, 1)
+        shape = np.polynomial.polynomial.polymul([place**2 - dip, -2 * place, 1.0], [1.0, RNG.uniform(-0.9, 2)])
+        assert len(roots(shape, 1.0)) == 2
+        above = np.polynomial.polynomial.polymul([place**2 + dip, -2 * place, 1.0], [1.0, RNG.uniform(-0.9, 2)])
+        assert roots(above, 1.0) == []
+
+
+def test_piecewise_roots_are_found_once_at_the_joints():
+    """The sine in pieces that end exactly on its zeros."""
+    starts = np.pi * np.arange(5)
+    orders = np.arange(36)
+    factorials = np.cumprod(np.maximum(orders, 1.0))
+    c = np.array([np.sin(start + orders * np.pi / 2) / factorials for start in starts])
+    c[:, 0] = np.sin(starts)  # rounding, of either sign
+    times = [starts[i] + t for i, t in piecewise_roots(c, np.full(5, np.pi), start=1)]
+    assert times[:4] == pytest.approx(np.pi * np.arange(1, 5), abs=1e-12)
+    assert len(times) <= 5  # the last end is a zero too, and rounding decides on which side
+
+
+def test_rising_roots_only():
+    c = np.array([np.poly([0.25, 0.5, 0.75])[::-1]])
+    assert [t for _, t in piecewise_roots(c, np.array([1.0]), rising=True)] == pytest.approx([0.25, 0.75])
+
+
+def test_lowest_value_is_inside_or_at_an_end():
+    c = np.array([[1.0, -2.0, 1.5], [0.5, 1.0, 0.0]])
+    value, piece, t = lowest(c, np.array([1.0, 1.0]))
+    assert (value, piece) == (pytest.approx(1 / 3), 0)
+    assert t == pytest.approx(2 / 3)
+    assert lowest(-c, np.array([1.0, 1.0]))[0] == pytest.approx(-1.5)
+
+
+def test_shift_and_derivative():
+    c = RNG.standard_normal((3, 2, 8))
+    h = np.array([0.3, 0.5, 0.9])
+    moved = shifted(c, h)
+    assert evaluate(moved, 0.2) == pytest.approx(evaluate(c, h[:, None] + 0.2))
+    step = 1e-6
+    slope = (evaluate(c, 0.4 + step) - evaluate(c, 0.4 - step)) / (2 * step)
+    assert evaluate(derivative(c), 0.4) == pytest.approx(slope, rel=1e-8)
