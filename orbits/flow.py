@@ -27,6 +27,8 @@ ORDER = 28
 TOLERANCE = 1e-17
 # A step whose series misses the equation by more, relative to the state, has gone past what the series knows.
 DEFECT = 1e-10
+# A step shorter than this, beside the time, is a singularity.
+SHORTEST = 1e-15
 MAX_STEPS = 20_000
 # Steps taken in one call of the interpreter's.
 LOOK_AHEAD = 8
@@ -174,7 +176,7 @@ class Flow:
 
     def _sound(self, steps, c, t: float, taken: int):
         """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""
-        good = (steps > 1e-13 * max(t, 1e-3)) & np.isfinite(c).all((1, 2))
+        good = (steps > SHORTEST * max(t, 1.0)) & np.isfinite(c).all((1, 2))
         if not good[0] or taken > MAX_STEPS:
             reason = "takes too many steps" if good[0] else "breaks down"
             raise FlowError(f"the {self.phase.name} {reason} at time {t:.6g}, at {self._say(c[0, :, 0])}")
@@ -418,12 +420,13 @@ class _Taylor:
         lengths[:] = min(longest, 1e9)
         call.trigger()
         _, c, dc, (steps, defects) = call.results
-        trusted = count if (defects <= DEFECT).all() else int(np.argmin(defects <= DEFECT))
-        if trusted == 0 and steps[0] > 0 and np.isfinite(defects[0]):
-            return self.advance(x, p, dx, dp, 1, 0.5 * steps[0])
         c = c.reshape(ORDER + 1, self.rows, count, order="F").T.copy()
+        trusted = count if (defects <= DEFECT).all() else int(np.argmin(defects <= DEFECT))
+        if trusted == 0:  # halve the first step until its series solves the equation, unless it has no series
+            if not (steps[0] > SHORTEST and np.isfinite(c[0]).all()):
+                return np.full(1, np.nan), c[:1], None
+            return self.advance(x, p, dx, dp, 1, 0.5 * steps[0])
         dc = dc.reshape(ORDER + 1, self.n, self.columns, count, order="F").transpose(3, 1, 2, 0).copy()
-        trusted = max(trusted, 1)
         return steps[:trusted].copy(), c[:trusted], dc[:trusted]
 
     def _compile(self):
@@ -516,7 +519,7 @@ class _RungeKutta:
 
     def _length(self, x, p, dx, dp, h: float) -> float:
         """Longest step up to `h` whose error, by halving twice its length, is below rounding."""
-        while h > 1e-14:
+        while h > SHORTEST:
             whole = self.step(x, 2 * h, p, dx, dp)[0]
             half = self.step(x, h, p, dx, dp)[0]
             error = float(ca.norm_inf(whole - self.step(half, h, p, dx, dp)[0]))

@@ -167,7 +167,7 @@ class Shooting:
         """
         problem = _Nodes(self, np.asarray(u, float), np.asarray(p, float))
         solution = nlp.solve(problem.unknowns, problem.equations, problem.guess, problem.lower, problem.scale)
-        return solution[: self.size]
+        return self.newton(solution[: self.size], p)  # Ipopt ends at its tolerance, this at rounding
 
 
 def _dense(name: str, arguments: list, results: list) -> ca.Function:
