@@ -26,7 +26,7 @@ def test_error_bound_on_the_references(reference, method):
 
 
 def series(start, b, R, M, length, h, order=36):
-    """One Taylor step in 30 digits of the hopper with force r + b r**3 and gravity 1/(1 + z/R)**2, R None for constant."""
+    """One 30-digit Taylor step of the hopper, force r + b r**3, gravity 1/(1 + z/R)**2 or, with R None, 1."""
     y1, v1, y2, v2 = ([value] for value in start)
     cube, square, r = [], [], []
     base, inverse, gravity = ([], []), ([], []), ([], [])
