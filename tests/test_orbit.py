@@ -105,7 +105,7 @@ class TestPlots:
         for index, hop in enumerate((orbit, find(Hopper()), find(Juggler()))):
             with Image.open(hop.animate(tmp_path / f"hop{index}.gif", frames=6)) as image:
                 assert image.n_frames == 6
-        with pytest.raises(InputError, match="is a .gif file"):
+        with pytest.raises(InputError, match=r"is a \.gif file"):
             orbit.animate(tmp_path / "hop.mp4")
 
     @pytest.mark.parametrize("name", ["missing/hop.png", "hop.docx"])
@@ -134,7 +134,6 @@ class TestUnits:
             v = m1 * si["launch_speed_m_per_s"] / (m1 + m2)
             assert si["flight_time_s"] == pytest.approx(2 * v / g, rel=1e-13)
             assert si["centre_of_mass_rise_m"] == pytest.approx(v**2 / (2 * g), rel=1e-12)
-            assert si["launch_speed_m_per_s"] == pytest.approx(0.8447478, rel=1e-2)
 
     def test_the_units_do_not_matter(self):
         """The same machine measured against another stiffness is the same motion."""

@@ -1,4 +1,4 @@
-"""The engine on statements of its own: several phases in a row, machines that it has never heard of, Ipopt's manners."""
+"""The engine on statements of its own: several phases in a row, strange machines, and Ipopt's manners."""
 
 import os
 import signal
@@ -110,7 +110,7 @@ def test_breakpoints_are_nodes_of_the_multiple_shooting():
 def test_no_solution_is_an_error_in_words():
     statement, parameters = bouncing_pendulum()
     equations = Shooting(statement, parameters)
-    with pytest.raises(NoOrbit, match="did not converge|stops being numbers|no convergence|no solution"):
+    with pytest.raises(NoOrbit, match=r"did not converge|stops being numbers|no convergence|no solution"):
         equations.multiple_shooting([1.0, 1.0], np.array([40.0]))
     with pytest.raises(NoOrbit, match="did not converge"):
         equations.newton([1.0, 1.0], np.array([40.0]))
