@@ -67,7 +67,7 @@ class Formula:
         """The names that must be given a value: everything but functions and constants."""
         return frozenset(_names(self.tree))
 
-    def __call__(self, **values):
+    def __call__(self, /, **values):
         symbolic = any(isinstance(value, casadi.SX | casadi.MX) for value in values.values())
         with np.errstate(all="ignore"):
             return _evaluate(self.tree, values, symbolic)

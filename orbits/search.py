@@ -58,13 +58,14 @@ def find(
     family, method = _whole(family), _allowed(model, method)
     solve = {"closed form": _exact, "relative": _relative, "half orbit": _half_orbit, "shooting": _shooting}[method]
     solution = solve(model, family, p, progress)
-    measured = count_family(model, solution.parts)
-    if measured != family:
-        raise NoOrbit(f"the solve for family {family} ended on an orbit of family {measured}; try another method")
     u = solution.u
     flight_time = float(sum(part.times[-1] for part in solution.parts)) * (2 if len(solution.parts) == 1 else 1)
     contact = contact_half(model, u, p, 100 * (1 + flight_time))
     certificate = certify(model, u, p, solution.parts, contact, solution.gap_slope, solution.residual, solution.error)
+    if certificate.family != family:
+        raise NoOrbit(
+            f"the solve for family {family} ended on an orbit of family {certificate.family}; try another method"
+        )
     return Orbit(
         machine=machine.describe(),
         alpha=u["alpha"],

@@ -6,12 +6,12 @@ from . import laws
 from .laws import Law, number
 
 
-def formula(text: str, **parameters: float) -> Law:
+def formula(text: str, /, **parameters: float) -> Law:
     """Gravity from a formula of the height z: ``formula("1/(1 + z/R)**2", R=50)``."""
     return _checked(laws.from_formula(text, "z", parameters))
 
 
-def function(ratio, **parameters: float) -> Law:
+def function(ratio, /, **parameters: float) -> Law:
     """Gravity from a Python function ratio(z, **parameters)."""
     return _checked(laws.from_function(ratio, "z", parameters))
 

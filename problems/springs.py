@@ -16,12 +16,12 @@ from . import laws
 from .laws import Law, number
 
 
-def formula(text: str, **parameters: float) -> Law:
+def formula(text: str, /, **parameters: float) -> Law:
     """A spring from a formula of the extension r: ``formula("r + beta*r**3", beta=0.3)``."""
     return laws.from_formula(text, "r", parameters)
 
 
-def potential(text: str, **parameters: float) -> Law:
+def potential(text: str, /, **parameters: float) -> Law:
     """A spring from its potential energy V(r); the force is dV/dr."""
     return laws.from_potential(text, "r", parameters)
 

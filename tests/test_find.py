@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
 
-import orbits.search
+import orbits.certify
 from orbits import METHODS, InputError, NoOrbit, find
 from orbits.search import whole_flight
 from problems import Hopper, Juggler, gravity, springs
@@ -287,7 +287,7 @@ def test_bad_methods():
 
 
 def test_a_solve_that_lands_on_another_family_has_failed(monkeypatch):
-    monkeypatch.setattr(orbits.search, "count_family", lambda model, parts: 2)
+    monkeypatch.setattr(orbits.certify, "count_family", lambda model, parts: 2)
     with pytest.raises(NoOrbit, match="ended on an orbit of family 2"):
         find(Hopper())
 
