@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from .calls import Call
-from .errors import FlowError
+from .errors import FlowError, NoOrbit
 from .flow import Flow, Trajectory, first_zero, flow, runge_kutta
 from .model import Affine, Model, Phase
 from .orbit import Certificate
@@ -167,6 +167,9 @@ def certify(
     loss = None
     if jerk > 0 and gap_slope != 0:
         loss = model.impact_mass(p) * jerk**2 / 8 * (6 * abs(gap_slope) / jerk) ** (4 / 3) / rise
+    figures = (residual, error, drift, jerk, rise, *(value for value in (loss, separation, force) if value is not None))
+    if not np.isfinite(figures).all():
+        raise NoOrbit("the orbit cannot be certified: its numbers overflow; state the machine in units nearer to 1")
     return Certificate(
         family=count_family(model, parts),
         residual=float(residual),

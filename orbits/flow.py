@@ -29,7 +29,9 @@ TOLERANCE = 1e-17
 DEFECT = 1e-10
 # A step shorter than this, beside the time, is a singularity.
 SHORTEST = 1e-15
-MAX_STEPS = 20_000
+MAX_STEPS = 200_000
+# Beyond this a motion has run away.
+RUNAWAY = 1e20
 # Steps taken in one call of the interpreter's.
 LOOK_AHEAD = 8
 SECONDS_PER_INSTRUCTION = 5e-9
@@ -166,6 +168,8 @@ class Flow:
             if columns:
                 variations = dc[i, ..., 0] + dc[i, ..., 1:] @ power
             h = steps[i]
+            if np.abs(x).max() > RUNAWAY:
+                raise FlowError(f"the {self.phase.name} runs away at time {times[-1]:.6g}, at {self._say(x)}")
             if halted:
                 break
             if duration - times[-1] <= 1e-15 * duration:

@@ -5,6 +5,7 @@ Grammar: numbers, names, ``+ - * / **``, parentheses and the functions of `FUNCT
 """
 
 import difflib
+import operator
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ MAX_LENGTH = 2000
 MAX_NODES = 1000
 # Each level of nesting costs a handful of Python frames, so this stays far from the interpreter's limit.
 MAX_DEPTH = 60
+BLANKS = " \t\n\r\f\v"
 
 CONSTANTS = {"pi": np.pi}
 
@@ -65,12 +67,17 @@ class Formula:
     @cached_property
     def names(self) -> frozenset[str]:
         """The names that must be given a value: everything but functions and constants."""
-        return frozenset(_names(self.tree))
+        return frozenset(node[1] for node in _nodes(self.tree) if node[0] == "name" and node[1] not in CONSTANTS)
 
     def __call__(self, /, **values):
-        symbolic = any(isinstance(value, casadi.SX | casadi.MX) for value in values.values())
+        if missing := sorted(self.names - values.keys()):
+            raise InputError(f"'{self.text}' needs a value for {', '.join(missing)}")
+        kinds = {type(value) for value in values.values() if isinstance(value, casadi.SX | casadi.MX)}
+        if kinds:
+            return _evaluate(self.tree, values, kinds.pop(), symbolic=True)
+        arrays = {name: np.asarray(value, dtype=float) for name, value in values.items()}
         with np.errstate(all="ignore"):
-            return _evaluate(self.tree, values, symbolic)
+            return _evaluate(self.tree, arrays, np.float64, symbolic=False)
 
 
 def parse(text: str) -> Formula:
@@ -122,22 +129,22 @@ class _Parser:
 
     def sum(self) -> tuple:
         tree = self.product()
-        while operator := self.take("+", "-"):
-            tree = self.node(operator, tree, self.product())
+        while sign := self.take("+", "-"):
+            tree = self.node(sign, tree, self.product())
         return tree
 
     def product(self) -> tuple:
         tree = self.signed()
-        while operator := self.take("*", "/"):
-            tree = self.node(operator, tree, self.signed())
+        while sign := self.take("*", "/"):
+            tree = self.node(sign, tree, self.signed())
         return tree
 
     def signed(self) -> tuple:
-        operator = self.take("+", "-")
-        if operator is None:
+        sign = self.take("+", "-")
+        if sign is None:
             return self.power()
         tree = self.deeper(self.signed)
-        return self.node("negative", tree) if operator == "-" else tree
+        return self.node("negative", tree) if sign == "-" else tree
 
     def power(self) -> tuple:
         base = self.atom()
@@ -170,22 +177,29 @@ class _Parser:
 
 
 def suggest(word: str, known) -> str:
-    """', did you mean ...' for the nearest known word, or the list of them."""
+    """'; did you mean ...' for the nearest known word, or the list of them, or nothing when there are none."""
     near = difflib.get_close_matches(word, list(known), n=1)
-    return f"; did you mean '{near[0]}'?" if near else f"; known: {', '.join(known)}"
+    if near:
+        return f"; did you mean '{near[0]}'?"
+    return f"; known: {', '.join(known)}" if known else ""
 
 
 def _tokens(text: str) -> list[tuple[str, str, int]]:
-    tokens, position, end = [], 0, len(text.rstrip())
+    tokens, position, end = [], 0, len(text.rstrip(BLANKS))
     while position < end:
         match = _TOKEN.match(text, position)
         if match is None:
-            position += len(text[position:]) - len(text[position:].lstrip())
+            position += len(text[position:]) - len(text[position:].lstrip(BLANKS))
             remedy = ": a power is written **" if text[position] == "^" else ""
-            raise _error(text, position, f"'{text[position]}' is not allowed{remedy}")
+            raise _error(text, position, f"'{_visible(text[position])}' is not allowed{remedy}")
         tokens.append((match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)))
         position = match.end()
     return [*tokens, ("end", "the end", end)]
+
+
+def _visible(character: str) -> str:
+    """What a terminal may be given for a character."""
+    return character if character.isprintable() else f"\\x{ord(character):02x}"
 
 
 def _error(text: str, position: int, problem: str) -> InputError:
@@ -194,45 +208,41 @@ def _error(text: str, position: int, problem: str) -> InputError:
     return InputError(f"formula, character {position + 1}: {problem}\n    {shown}\n    {' ' * (position - start)}^")
 
 
-def _names(tree: tuple):
-    kind = tree[0]
-    if kind == "name":
-        if tree[1] not in CONSTANTS:
-            yield tree[1]
-    elif kind != "number":
-        for branch in tree[1:]:
-            if isinstance(branch, tuple):
-                yield from _names(branch)
+def _nodes(tree: tuple) -> list[tuple]:
+    """Every node, each after its branches; without recursion, as a long sum is a deep tree."""
+    nodes, waiting = [], [tree]
+    while waiting:
+        node = waiting.pop()
+        nodes.append(node)
+        waiting.extend(branch for branch in node[1:] if isinstance(branch, tuple))
+    return nodes[::-1]
 
 
-def _evaluate(tree: tuple, values: Mapping, symbolic: bool):
-    kind = tree[0]
-    if kind == "number":
-        return tree[1] if symbolic else np.float64(tree[1])
-    if kind == "name":
-        return CONSTANTS[tree[1]] if tree[1] in CONSTANTS else values[tree[1]]
-    if kind == "call":
-        argument = _evaluate(tree[2], values, symbolic)
-        numpy_name, casadi_name = FUNCTIONS[tree[1]]
-        return (
-            getattr(casadi, casadi_name)(casadi.SX(argument) if isinstance(argument, float | int) else argument)
-            if symbolic
-            else getattr(np, numpy_name)(argument)
-        )
-    arguments = [_evaluate(branch, values, symbolic) for branch in tree[1:]]
-    if symbolic and all(isinstance(a, float | int) for a in arguments):
-        arguments[0] = casadi.SX(arguments[0])  # Python's own floats raise on 1/0 and overflow
-    a, b = arguments[0], arguments[-1]
-    match kind:
-        case "negative":
-            return -a
-        case "+":
-            return a + b
-        case "-":
-            return a - b
-        case "*":
-            return a * b
-        case "/":
-            return a / b
-        case _:
-            return a**b
+def _evaluate(tree: tuple, values: Mapping, constant: type, symbolic: bool):
+    """The value of a tree; `constant` makes a number one of the values' kind."""
+    stack = []
+    for node in _nodes(tree):
+        kind = node[0]
+        if kind == "number":
+            stack.append(constant(node[1]))
+        elif kind == "name":
+            stack.append(constant(CONSTANTS[node[1]]) if node[1] in CONSTANTS else values[node[1]])
+        elif kind == "call":
+            numpy_name, casadi_name = FUNCTIONS[node[1]]
+            function = getattr(casadi, casadi_name) if symbolic else getattr(np, numpy_name)
+            stack.append(function(stack.pop()))
+        elif kind == "negative":
+            stack.append(-stack.pop())
+        else:
+            right = stack.pop()
+            stack.append(_OPERATORS[kind](stack.pop(), right))
+    return stack.pop()
+
+
+_OPERATORS = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "**": operator.pow,
+}

@@ -203,7 +203,7 @@ class Orbit:
             return f"  {name:<24}{text}{extra}"
 
         what = f"{machine['machine']}, spring {machine['spring']}, gravity {machine['gravity']}"
-        numbers = {"M": machine["mass_ratio"], "rest length": machine["rest_length"], **machine["parameters"]}
+        numbers = {"mass ratio": machine["mass_ratio"], "rest length": machine["rest_length"], **machine["parameters"]}
         values = ", ".join(f"{name} = {value:g}" for name, value in numbers.items() if value is not None)
         lines = [
             f"lossless orbit of family {c.family}: {what}",
@@ -260,7 +260,10 @@ class Orbit:
             "units": self.units and asdict(self.units),
         }
         path = Path(path)
-        path.write_text(to_json({"format": FORMAT, **self.document(), "motion": motion}) + "\n", encoding="utf-8")
+        try:
+            path.write_text(to_json({"format": FORMAT, **self.document(), "motion": motion}) + "\n", encoding="utf-8")
+        except (OSError, ValueError) as error:
+            raise InputError(f"the orbit cannot be saved to {path}: {error}") from None
         return path
 
     @classmethod

@@ -87,6 +87,8 @@ def title(orbit: Orbit) -> str:
 def save_figure(axes, path) -> Path:
     """Write the figure of some axes to a file, its kind from the ending; raises `InputError` when it cannot."""
     path = Path(path)
+    if not path.suffix:
+        raise InputError(f"the figure cannot be written to '{path}': its name needs an ending such as .png")
     try:
         axes.figure.savefig(path, dpi=160)
     except (OSError, ValueError) as error:
@@ -127,6 +129,9 @@ def animate_orbit(orbit: Orbit, path, frames: int = 120) -> Path:
     label = axes.set_title("", fontsize="small")
     zigzag = np.concatenate([[0, 0], np.tile([0.12, -0.12], 7), [0, 0]])
     axes.legend(frameon=False, fontsize="small", loc="upper right", markerscale=0.4)
+
+    axes.figure.canvas.draw()
+    axes.figure.set_layout_engine("none")  # laid out once, not again for every frame
 
     def draw(i):
         coil.set_data(zigzag, np.linspace(heights[below][i], heights[above][i], len(zigzag)))

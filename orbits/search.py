@@ -21,7 +21,7 @@ MAX_CORRECTION = 0.1
 # Energy pumped over a flight, as a share, beyond which the unfolded equations have no orbit but a forced motion.
 LARGEST_UNFOLDING = 1e-9
 METHODS = ("closed form", "relative", "half orbit", "shooting")
-LARGEST_FAMILY = 100_000
+LARGEST_FAMILY = 10_000
 
 
 @dataclass(frozen=True, eq=False)

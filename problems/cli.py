@@ -35,8 +35,18 @@ def machine_options(command):
         click.option(
             "--machine", metavar="hopper|juggler|FILE.toml", help="Kind of machine, or a file that states it."
         ),
-        click.option("--mass-ratio", type=float, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
-        click.option("--rest-length", type=float, metavar="L", help="Of the spring; default: long enough."),
+        click.option(
+            "--mass-ratio",
+            type=click.FloatRange(0, min_open=True),
+            metavar="M",
+            help="Foot (hand) over body (ball) mass; default 1.",
+        ),
+        click.option(
+            "--rest-length",
+            type=click.FloatRange(0, min_open=True),
+            metavar="L",
+            help="Of the spring; default: long enough.",
+        ),
         click.option(
             "--spring", metavar="LAW", help="Formula of r, a law's name, table:FILE.csv or potential:FORMULA."
         ),
@@ -50,7 +60,14 @@ def machine_options(command):
 
 @orbits.command(epilog="\b\nExit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
 @machine_options
-@click.option("--family", type=int, default=1, show_default=True, metavar="N", help="Oscillations in flight, from 1.")
+@click.option(
+    "--family",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Oscillations in flight, from 1.",
+)
 @click.option("--method", metavar="NAME", help="Force a way: 'closed form', 'relative', 'half orbit' or 'shooting'.")
 @click.option("--allow-inadmissible", is_flag=True, help="Exit 0 also for a root that is no motion.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
@@ -66,6 +83,12 @@ def find(family, method, allow_inadmissible, as_json, explain, plot, animate, sa
 
     with progress() as report:
         orbit = find_orbit(state(**machine), family, method=method, progress=report)
+    if plot is not None:
+        save_figure(orbit.plot(), plot)
+    if animate is not None:
+        orbit.animate(animate)
+    if save is not None:
+        orbit.save(save)
     if as_json:
         click.echo(to_json(orbit.document()))
     else:
@@ -73,12 +96,6 @@ def find(family, method, allow_inadmissible, as_json, explain, plot, animate, sa
         if explain:
             click.echo("  what this scene did not need:")
             click.echo("".join(f"      {line}\n" for line in orbit.skipped), nl=False)
-    if plot:
-        save_figure(orbit.plot(), plot)
-    if animate:
-        orbit.animate(animate)
-    if save:
-        orbit.save(save)
     if not orbit.admissible and not allow_inadmissible:
         raise click.exceptions.Exit(1)
 
@@ -103,6 +120,8 @@ def state(machine, mass_ratio, rest_length, spring, gravity, settings):
         name, equals, value = setting.partition("=")
         if not equals or not name.strip().isidentifier():
             raise InputError(f"--set {setting!r} is not of the form NAME=VALUE")
+        if name.strip() in values:
+            raise InputError(f"--set gives {name.strip()!r} two values")
         try:
             values[name.strip()] = float(value)
         except ValueError:
@@ -142,6 +161,9 @@ def main():
     """Run the command; what goes wrong is one message and an exit code, never a traceback."""
     try:
         code = orbits.main(prog_name="orbits", standalone_mode=False) or 0
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        code = 0
     except click.ClickException as error:
         code = _failed(error.format_message(), error.exit_code)
     except (click.Abort, KeyboardInterrupt):

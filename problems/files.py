@@ -33,8 +33,8 @@ def read(path) -> dict:
     try:
         with open(path, "rb") as file:
             data = tomllib.load(file)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"the machine file {path} cannot be read: {error}") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"the machine file {str(path)!r} cannot be read: {error}") from None
     _check_keys(path, data, KEYS)
     for table in ("parameters", "si"):
         if not isinstance(data.get(table, {}), dict):
@@ -45,23 +45,30 @@ def read(path) -> dict:
     return data
 
 
-def build(statement: dict, where: str = "the machine") -> Machine:
-    """The machine of a statement, as `read` gives it."""
+def build(statement: dict, where: str = "the options") -> Machine:
+    """The machine of a statement, as `read` gives it; `where` it was stated goes before every complaint."""
+    try:
+        return _build(statement)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _build(statement: dict) -> Machine:
     kind = statement.get("machine", "hopper")
-    if kind not in KINDS:
-        raise InputError(f"{where}: unknown machine {kind!r}{suggest(str(kind), KINDS)}")
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise InputError(f"unknown machine {kind!r}{suggest(str(kind), KINDS)}")
     common = {name: statement[name] for name in ("gravity", "restitution", "parameters") if name in statement}
     if "si" not in statement:
         own = {name: statement[name] for name in ("spring", "mass_ratio", "rest_length") if name in statement}
         return KINDS[kind](**own, **common)
     si = statement["si"]
-    _check_keys(f"{where}, [si]", si, (*MASSES[kind], *SI_KEYS))
+    _check_keys("[si]", si, (*MASSES[kind], *SI_KEYS))
     for name in ("mass_ratio", "rest_length"):
         if name in statement:
-            raise InputError(f"{where}: '{name}' beside [si]; state lengths and masses in [si], or not at all in SI")
+            raise InputError(f"'{name}' beside [si]; state lengths and masses in [si], or not at all in SI")
     for name in MASSES[kind]:
         if name not in si:
-            raise InputError(f"{where}: [si] needs {name} (kg)")
+            raise InputError(f"[si] needs {name} (kg)")
     return IN_SI[kind](**si, force=statement.get("spring"), **common)
 
 

@@ -50,7 +50,9 @@ def as_gravity(law, parameters: dict[str, float] | None = None) -> Law:
         return function(law, **parameters)
     if not isinstance(law, str):
         raise InputError(f"gravity is a law, a formula or a function, not {type(law).__name__}")
-    if law.replace("-", "_") in NAMED:
+    if law.startswith(("table:", "potential:")):
+        raise InputError(f"gravity '{law}': gravity is a formula of z or a law's name; only springs are tables")
+    if laws.is_name(law, "z"):
         return laws.named(NAMED, law, parameters)
     return formula(law, **parameters)
 

@@ -85,7 +85,7 @@ def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
             "centre of mass": Affine((1 / (1 + M), 0.0, M / (1 + M), 0.0), length / (1 + M)),
         }
 
-    straight = from_key(spring, dict.fromkeys(spring[3], 1.0)).degree() < 2
+    straight = from_key(spring, dict.fromkeys(spring[3], 1.0)).degree() == 1
     reduction = None
     if gravity is None:
         reduction = relative_reduction(

@@ -73,7 +73,7 @@ def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
         length = p.get("rest_length", 0.0)
         return {"ball": Affine((1.0, 0.0, 0.0, 0.0), length), "hand": Affine((0.0, 0.0, 1.0, 0.0), length)}
 
-    straight = from_key(spring, dict.fromkeys(spring[3], 1.0)).degree() < 2
+    straight = from_key(spring, dict.fromkeys(spring[3], 1.0)).degree() == 1
     reduction = None
     if gravity is None:
         reduction = relative_reduction(spring, 1.0, complete, lambda t, dz, p: t - dz[0], FREE)

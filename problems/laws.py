@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 
 from orbits.errors import InputError, OutOfRange
-from orbits.formula import parse, suggest
+from orbits.formula import CONSTANTS, parse, suggest
+from orbits.jets import covers
 
 WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
 
@@ -73,6 +74,8 @@ class Law:
             return 2
         x, p = _symbols(self.variable, self.parameters)
         value = ca.SX(self.expression(x, p, []))
+        if not covers(ca.Function("law", [x, *p.values()], [value])):
+            return 2  # |x| has the derivatives of a straight line
         return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
 
     def with_parameters(self, **values: float) -> "Law":
@@ -131,6 +134,11 @@ def from_function(
     return law
 
 
+def is_name(text: str, variable: str) -> bool:
+    """Whether a law's text is a lone name, of a law and not of the variable."""
+    return text.replace("-", "_").isidentifier() and text != variable and text not in CONSTANTS
+
+
 def named(table: Mapping[str, Callable], name: str, parameters: Mapping[str, float]) -> Law:
     """The law called `name` in `table`, with these parameters; the rest keep their defaults."""
     key = name.replace("-", "_")
@@ -150,8 +158,8 @@ def parameter_names(law, variable: str, table: Mapping[str, Callable]) -> set[st
         return set(list(inspect.signature(law).parameters)[1:])
     if not isinstance(law, str) or law.startswith("table:"):
         return set()
-    if law.replace("-", "_") in table:
-        return set(table[law.replace("-", "_")].__kwdefaults__ or {})
+    if is_name(law, variable):
+        return set(getattr(table.get(law.replace("-", "_")), "__kwdefaults__", None) or {})
     return set(parse(law.removeprefix("potential:")).names) - {variable}
 
 
@@ -159,9 +167,11 @@ def number(name: str, value, low: float = -math.inf, high: float = math.inf) -> 
     """`value` as a finite float strictly between the bounds; raises `InputError` that names it."""
     try:
         result = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {value!r} is not a number") from None
-    if isinstance(value, bool) or not math.isfinite(result):
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} = {str(value)[:40]!r} is not a number that can be computed with") from None
+    if isinstance(value, bool | str):
+        raise InputError(f"{name} = {value!r} is not a number")
+    if not math.isfinite(result):
         raise InputError(f"{name} = {value!r} is not a finite number")
     if not low < result < high:
         bounds = f"above {low:g}" if high == math.inf else f"between {low:g} and {high:g}"

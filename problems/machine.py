@@ -14,6 +14,8 @@ from .gravity import as_gravity
 from .laws import Law, number, parameter_names
 from .springs import as_spring
 
+# Beyond this one of the two masses is lost in rounding.
+MASS_RATIOS = (1e-12, 1e12)
 RESERVED = ("mass_ratio", "rest_length", "gravity_share")
 
 
@@ -42,7 +44,7 @@ class Machine:
     kind = ""
 
     def __post_init__(self):
-        number("mass_ratio", self.mass_ratio, low=0)
+        number("mass_ratio", self.mass_ratio, *MASS_RATIOS)
         if not 0 <= number("restitution", self.restitution) <= 1:
             raise InputError(f"restitution = {self.restitution:g} is out of bounds; it lies between 0 and 1")
         if self.rest_length is not None:
@@ -62,8 +64,6 @@ class Machine:
         given = dict(self.parameters)
         for name in given:
             number(name, given[name])
-            if name in RESERVED:
-                raise InputError(f"'{name}' is the machine's own name; call the formula's parameter something else")
         spring, gravity = (
             make(law, {name: given[name] for name in given.keys() & parameter_names(law, variable, named)})
             for make, law, variable, named in (
@@ -72,8 +72,10 @@ class Machine:
             )
         )
         known = {**spring.parameters, **gravity.parameters}
+        if taken := [name for name in RESERVED if name in known or name in given]:
+            raise InputError(f"'{taken[0]}' is the machine's own name; call the formula's parameter something else")
         if unknown := [name for name in given if name not in known]:
-            raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], known)}")
+            raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], list(known))}")
         for name in spring.parameters.keys() & gravity.parameters.keys():
             if spring.parameters[name] != gravity.parameters[name]:
                 raise InputError(f"spring and gravity both have a parameter '{name}' with different values; rename one")

@@ -17,8 +17,9 @@ from orbits.polynomial import piecewise_roots
 
 from .laws import Law, from_key
 
-# Launch speeds beyond this are hops of 5e11 lengths: not a machine.
-FASTEST = 1e6
+# Launch speeds beyond this, times the family, are hops of 5e7 lengths and more: not a machine.
+FASTEST = 1e4
+STIFFNESSES = (1e-12, 1e12)
 # A force that passes the lift-off level more slowly than rounding can tell does not pass it.
 FLATTEST = 1e-14
 # The guess of a launch speed is for Newton's method to finish.
@@ -33,7 +34,13 @@ def spring_pieces(key: tuple, coordinate: tuple[float, ...]) -> Pieces | None:
 
 def straight_line(key: tuple, p) -> tuple[float, float]:
     """Stiffness k and zero r0 of a straight-line law k (r - r0) at parameter values `p`."""
-    value, slope = from_key(key, p).with_slope(0.0)
+    law = from_key(key, p)
+    value, slope = law.with_slope(0.0)
+    if not STIFFNESSES[0] < slope < STIFFNESSES[1]:
+        raise InputError(
+            f"spring '{law.text}' has stiffness {slope:g}: it never reaches a lift-off that can be computed; "
+            f"stiffness lies between {STIFFNESSES[0]:g} and {STIFFNESSES[1]:g}"
+        )
     return float(slope), -float(value) / float(slope)
 
 
@@ -51,7 +58,7 @@ def relative_phase(spring: tuple, load: float) -> Phase:
         ("r", "r'"),
         lambda x, p, q: [x[1], -(law.expression(x[0], p, q) + load)],
         pieces=spring_pieces(spring, (1.0, 0.0)),
-        closed_form=oscillator if law.degree() < 2 else None,
+        closed_form=oscillator if law.degree() == 1 else None,
     )
 
 
@@ -125,7 +132,7 @@ def liftoff_extension(law: Law, load: float, what: str) -> float:
         raise InputError(f"spring '{law.text}' has no force at rest (r = {start:g})")
     grid, values = grid[:known], values[:known]
     if float(values[0]) == level:
-        return start
+        return _cleanly(law, start, what)
     crossed = np.flatnonzero((values >= level) == below)
     if not len(crossed):
         grid, values = _zoom(law, grid, values, below)
@@ -137,7 +144,11 @@ def liftoff_extension(law: Law, load: float, what: str) -> float:
         raise InputError(f"spring '{law.text}' never reaches {what} ({side}{where}): nothing leaves the ground")
     i = crossed[0]
     ends = values[i - 1] - level, values[i] - level
-    liftoff = bracketed_root(lambda r: float(law(r)) - level, grid[i - 1], grid[i], *ends)
+    return _cleanly(law, bracketed_root(lambda r: float(law(r)) - level, grid[i - 1], grid[i], *ends), what)
+
+
+def _cleanly(law: Law, liftoff: float, what: str) -> float:
+    """The extension at lift-off, if the force passes the level there."""
     slope = float(law.with_slope(liftoff)[1])
     if not slope > FLATTEST:
         raise InputError(
@@ -215,7 +226,7 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
 
     samples = [(0.0, 1.0)]
     alpha, reason = 1e-3, ""
-    while alpha < FASTEST:
+    while alpha < FASTEST * family:
         try:
             gap = excess(alpha)
         except OutOfRange as error:
@@ -232,7 +243,7 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
             reason = f"at launch speed {alpha:.4g} the spring gives way and the extension does not come back"
             break
         alpha += max(gap / 1.5, 0.02 * (1 + alpha))
-    reason = reason or f"none up to launch speed {FASTEST:g}"
+    reason = reason or f"none up to launch speed {FASTEST * family:g}"
     raise NoOrbit(f"{what} has no lossless orbit of family {family} under constant gravity: {reason}")
 
 

@@ -26,7 +26,7 @@ def potential(text: str, /, **parameters: float) -> Law:
     return laws.from_potential(text, "r", parameters)
 
 
-def function(force, breakpoints: tuple[float, ...] = (), **parameters: float) -> Law:
+def function(force, /, breakpoints: tuple[float, ...] = (), **parameters: float) -> Law:
     """A spring from a Python function force(r, **parameters), smooth between the breakpoints."""
     return laws.from_function(force, "r", parameters, breakpoints)
 
@@ -140,6 +140,8 @@ def table(source) -> Law:
     grid, place = np.unique(r, return_inverse=True)
     if len(grid) < 4:
         raise InputError(f"{label}: {len(grid)} different extensions; a table needs at least 4")
+    if np.diff(grid).min() < 1e-9 * np.ptp(grid) or np.abs(force).max() > 1e100:
+        raise InputError(f"{label}: rows too close together or too large to compute with")
     mean = np.bincount(place, force) / np.bincount(place)
     data = _quintic_pieces(grid, mean)
 
@@ -167,14 +169,16 @@ def as_spring(law, parameters: dict[str, float] | None = None) -> Law:
         return function(law, **parameters)
     if not isinstance(law, str):
         raise InputError(f"a spring is a law, a formula or a function, not {type(law).__name__}")
-    kind, _, rest = law.partition(":")
+    kind, colon, rest = law.partition(":")
+    if kind in ("table", "potential") and colon and not rest.strip():
+        raise InputError(f"spring '{law}' names no {'file' if kind == 'table' else 'formula'} after the colon")
     if kind == "table" and rest:
         if parameters:
             raise InputError(f"a table has no parameter '{next(iter(parameters))}'")
         return table(rest)
     if kind == "potential" and rest:
         return potential(rest, **parameters)
-    if law.replace("-", "_") in NAMED:
+    if laws.is_name(law, "r"):
         return laws.named(NAMED, law, parameters)
     return formula(law, **parameters)
 
@@ -199,10 +203,12 @@ def _read(path: Path) -> tuple[str, list[float], list[float]]:
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"the table {path} cannot be read: {error}") from None
+    except (OSError, ValueError, csv.Error) as error:
+        raise InputError(f"the table {str(path)!r} cannot be read: {error}") from None
     if len(rows) < 2:
         raise InputError(f"the table {path} has no rows; it needs a header and at least 4 rows")
+    if all(_is_number(cell) for cell in rows[0]):
+        raise InputError(f"the table {path} has no header; name its columns in the first row")
     header = [cell.strip().lower().replace("(", " ").replace("[", " ").replace("_", " ").split() for cell in rows[0]]
     columns = [
         next((i for i, words in enumerate(header) if words and words[0] in names), default)
@@ -219,6 +225,14 @@ def _read(path: Path) -> tuple[str, list[float], list[float]]:
             raise InputError(f"the table {path}, row {line}: {','.join(row)!r} does not hold two numbers") from None
     extensions, forces = zip(*values, strict=True)
     return path.name, list(extensions), list(forces)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _quintic_pieces(x, y) -> np.ndarray:

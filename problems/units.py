@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from orbits.errors import InputError
+from orbits.formula import suggest
 from orbits.model import Units
 
 from . import gravity as gravities
@@ -52,7 +53,7 @@ def machine_in_si(
     """
     upper, lower = (number(name, mass, low=0) for name, mass in masses.items())
     g = number("surface_gravity", surface_gravity, low=0)
-    given = dict(parameters or {})
+    given = {name: number(name, value) for name, value in (parameters or {}).items()}
     spring, k = _spring(force, stiffness, given)
     ratio = lower / upper
     weight = lower * g
@@ -66,9 +67,9 @@ def machine_in_si(
         used = {name: given[name] for name in given.keys() & parameter_names(gravity or "1", "z", gravities.NAMED)}
         law = as_gravity("1" if gravity is None else gravity, used)
         law = law.scaled(length, 1.0) if law.degree() > 0 else law
-    known = spring.parameters.keys() | law.parameters.keys()
+    known = [*spring.parameters, *law.parameters]
     if unknown := [name for name in given if name not in known]:
-        raise InputError(f"neither formula has a parameter '{unknown[0]}'")
+        raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], known)}")
     return kind(
         spring=spring.scaled(length, weight) if force is not None else "r",
         gravity=law,
@@ -89,6 +90,6 @@ def _spring(force, stiffness, given: dict) -> tuple[Law, float]:
     if stiffness is not None:
         return law, number("stiffness", stiffness, low=0)
     slope = float(law.with_slope(0.0)[1])
-    if not slope > 0:
+    if not 0 < slope < float("inf"):
         raise InputError(f"the spring '{law.text}' has slope {slope:g} at rest: give the stiffness that sets the units")
     return law, slope
