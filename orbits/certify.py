@@ -11,11 +11,12 @@ import numpy as np
 
 from .calls import Call
 from .errors import FlowError, NoOrbit
-from .flow import Flow, Trajectory, first_zero, flow, runge_kutta
+from .flow import Flow, Trajectory, first_zero, flow
 from .model import Affine, Model, Phase
 from .orbit import Certificate
 from .polynomial import derivative, evaluate, lowest, piecewise_roots
 from .shooting import Evaluation, Shooting
+from .steps import runge_kutta
 
 # Order-8 steps taken in one call.
 SEVERAL = 4
@@ -72,12 +73,11 @@ def _substeps(coefficients, h: float) -> int:
 
 @lru_cache(maxsize=64)
 def _several_steps(along: Flow) -> Call:
-    field, x, p = along.graph
     h = ca.SX.sym("h")
-    end = x
+    end = along.graph.x
     for _ in range(SEVERAL):
-        end = runge_kutta(field, end, p, h)
-    return Call(ca.Function("several", [x, h, p], [end]))
+        end = runge_kutta(along.graph, end, h)
+    return Call(ca.Function("several", [along.graph.x, h, along.graph.p], [end]))
 
 
 def contact_half(model: Model, u: Mapping[str, float], p: Mapping[str, float], limit: float) -> Trajectory | None:

@@ -229,7 +229,7 @@ class _Nodes:
             lengths = self._new("t", times, 0.0, 1.0)
             self.zeros.append((ca.sum1(lengths) - duration) / times.sum())
         steps = ca.vertcat(*[lengths[int(i)] * (h / times[i]) for i, h in zip(leg, path.steps, strict=True)]).T
-        ends = along.step.map(count)(before, steps, ca.DM(data))
+        ends = along.graph.step.map(count)(before, steps, ca.DM(data))
         self.zeros.append(ca.vec((ends - states) / size))
         for i, level in enumerate(levels):
             last = int(np.flatnonzero(leg == i)[-1])

@@ -6,7 +6,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from orbits import Affine, FlowError, Oscillator, OutOfRange, Phase, Pieces
-from orbits.flow import Flow, first_zero, runge_kutta
+from orbits.flow import Flow, first_zero
+from orbits.steps import Graph, runge_kutta
 
 START, TIME = np.array([0.83, 2.93]), 2.9
 
@@ -80,7 +81,7 @@ def test_derivatives_are_those_of_the_flow(force, more):
 def test_order_eight():
     x, p, h = ca.SX.sym("x", 2), ca.SX.sym("p", 0), ca.SX.sym("h")
     field = ca.Function("field", [x, p], [ca.vertcat(x[1], -ca.sin(x[0])), ca.SX(0, 1)])
-    step = ca.Function("step", [x, h], [runge_kutta(field, x, p, h)])
+    step = ca.Function("step", [x, h], [runge_kutta(Graph(field, x, p), x, h)])
     exact = solve_ivp(lambda t, x: [x[1], -np.sin(x[0])], (0, 2), [1.0, 1.5], "DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
     errors = []
     for count in (8, 16, 32):

@@ -163,7 +163,7 @@ class TestCalls:
         monkeypatch.setenv("CC", "no-such-compiler")
         x = ca.SX.sym("x")
         assert compile_function(ca.Function("f", [x], [x])) is None
-        monkeypatch.setattr("orbits.flow.compile_seconds", lambda function: 0.0)
+        monkeypatch.setattr("orbits.steps.compile_seconds", lambda function: 0.0)
         from orbits.flow import Flow
 
         flow = Flow(Phase("free", ("x", "v"), lambda x, p, q: [x[1], -x[0]]), ())

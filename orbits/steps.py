@@ -1,0 +1,231 @@
+"""Single steps of a flow with their sensitivities: Taylor's, and order-8 Runge-Kutta where there is no series."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from .calls import Call, compile_function, compile_seconds
+from .jets import covers, jets
+
+ORDER = 28
+# Truncation of a step against the state's size: a tenth of the rounding of the sum.
+TOLERANCE = 1e-17
+# A step whose series misses the equation by more, relative to the state, has gone past what the series knows.
+DEFECT = 1e-10
+# A step shorter than this, beside the time, is a singularity.
+SHORTEST = 1e-15
+SECONDS_PER_INSTRUCTION = 5e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Graph:
+    """A vector field as an SX function (x, p) -> (x', watched quantities), and its two symbols."""
+
+    field: ca.Function
+    x: ca.SX
+    p: ca.SX
+
+    @property
+    def size(self) -> int:
+        """Number of states n."""
+        return self.x.numel()
+
+    @cached_property
+    def has_series(self) -> bool:
+        """Whether every operation in it has a Taylor series."""
+        return covers(self.field)
+
+    @cached_property
+    def series(self) -> ca.SX:
+        """Taylor coefficients (n + m, ORDER + 1) of states and watched quantities."""
+        return jets(self.field, self.x, self.p, ORDER)
+
+    @cached_property
+    def step(self) -> ca.Function:
+        """One step of given length, a function (x, h, p) -> x for equations that other solvers differentiate."""
+        h = ca.SX.sym("h")
+        end = self.series[: self.size, :] @ _powers(h) if self.has_series else runge_kutta(self, self.x, h)
+        return ca.Function("step", [self.x, h, self.p], [end])
+
+
+class Taylor:
+    """Taylor steps, several in one call: coefficients of the state and its sensitivities, each step as long as its last
+    two terms allow."""
+
+    def __init__(self, graph: Graph, columns: int):
+        x, p, c = graph.x, graph.p, graph.series
+        self.n, self.columns = graph.size, columns
+        self.rows = c.shape[0]
+        state, longest = c[: self.n, :], ca.SX.sym("h")
+        scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (state[:, :2], state[:, -2], state[:, -1]))
+        bound = TOLERANCE * scale
+        h = ca.fmin(longest, ca.fmin((bound / before) ** (1 / (ORDER - 1)), (bound / last) ** (1 / ORDER)))
+        power = _powers(h)
+        dx, dp = ca.SX.sym("dx", self.n, columns), ca.SX.sym("dp", p.numel(), columns)
+        dc = ca.SX(self.n * (ORDER + 1), 0)
+        if columns:
+            dc = ca.jtimes(ca.vec(state.T), ca.vertcat(x, p), ca.vertcat(dx, dp))
+        terms = state @ ca.diag(power)
+        end = ca.sum2(terms)
+        dend = ca.reshape(power.T @ ca.reshape(dc, ORDER + 1, self.n * columns), self.n, columns)
+        results = [ca.vertcat(end, ca.vec(dend)), c.T, dc, ca.vertcat(h, self._defect(graph, terms, h) / scale)]
+        self.one = ca.Function(
+            "taylor", [ca.vertcat(x, ca.vec(dx)), p, ca.vec(dp), longest], [ca.densify(result) for result in results]
+        )
+        # Once interpreting has taken as long as compiling would, compile: that is never worse than twice the best.
+        self.patience = compile_seconds(self.one)
+        self.seconds = self.one.n_instructions() * SECONDS_PER_INSTRUCTION
+        self._calls: dict[int, Call] = {}
+
+    @staticmethod
+    def _defect(graph: Graph, terms: ca.SX, h: ca.SX) -> ca.SX:
+        """How far the series is from solving the equation at the middle and the end of the step, times its length.
+
+        Where a law is flat to the last digit, a saturated spring, its series says nothing of what comes after.
+        """
+        orders, defects = np.arange(ORDER + 1), []
+        for part in (0.5, 1.0):
+            scale = part**orders
+            rate = terms @ ca.DM(orders * scale) / part
+            defects.append(ca.norm_inf(rate - h * graph.field(terms @ ca.DM(scale), graph.p)[0]))
+        return ca.mmax(ca.vertcat(*defects))
+
+    def advance(self, x, p, dx, dp, count: int, longest: float, hint=None):
+        """The trusted ones of `count` steps: steps (m,), coefficients (m, rows, K + 1), sensitivities
+        (m, n, columns, K + 1)."""
+        self.patience -= count * self.seconds
+        if self.patience < 0:
+            self._compile()
+        if count not in self._calls:
+            self._calls[count] = Call(self.one if count == 1 else self.one.mapaccum(count))
+        call = self._calls[count]
+        start, data, slopes, lengths = call.arguments
+        start[: self.n] = x
+        data.reshape(count, -1)[:] = p
+        if self.columns:
+            start[self.n :] = dx.T.ravel()
+            slopes.reshape(count, -1)[:] = dp.T.ravel()
+        lengths[:] = min(longest, 1e9)
+        call.trigger()
+        _, c, dc, (steps, defects) = call.results
+        c = c.reshape(ORDER + 1, self.rows, count, order="F").T.copy()
+        trusted = count if (defects <= DEFECT).all() else int(np.argmin(defects <= DEFECT))
+        if trusted == 0:  # halve the first step until its series solves the equation, unless it has no series
+            if not (steps[0] > SHORTEST and np.isfinite(c[0]).all()):
+                return np.full(1, np.nan), c[:1], None
+            return self.advance(x, p, dx, dp, 1, 0.5 * steps[0])
+        dc = dc.reshape(ORDER + 1, self.n, self.columns, count, order="F").transpose(3, 1, 2, 0).copy()
+        return steps[:trusted].copy(), c[:trusted], dc[:trusted]
+
+    def _compile(self):
+        self.patience = np.inf
+        faster = compile_function(self.one)
+        if faster is not None:
+            self.one, self._calls = faster, {}
+
+
+def _powers(h: ca.SX) -> ca.SX:
+    powers = [ca.SX(1), h]
+    while len(powers) <= ORDER:
+        powers.append(h * powers[-1])
+    return ca.vertcat(*powers)
+
+
+def _cooper_verner() -> tuple[np.ndarray, np.ndarray]:
+    """Stage matrix (11, 11) and weights (11,) of the explicit order-8 method.
+
+    Cooper and Verner, "Some explicit Runge-Kutta methods of high order", SIAM J. Numer. Anal. 9 (1972).
+    """
+    s = np.sqrt(21.0)
+    a = np.zeros((11, 11))
+    a[1, :1] = 1 / 2
+    a[2, :2] = 1 / 4, 1 / 4
+    a[3, :3] = 1 / 7, -(7 + 3 * s) / 98, (21 + 5 * s) / 49
+    a[4, :4] = (11 + s) / 84, 0, (18 + 4 * s) / 63, (21 - s) / 252
+    a[5, :5] = (5 + s) / 48, 0, (9 + s) / 36, (-231 + 14 * s) / 360, (63 - 7 * s) / 80
+    a[6, :6] = (10 - s) / 42, 0, (-432 + 92 * s) / 315, (633 - 145 * s) / 90, (-504 + 115 * s) / 70, (63 - 13 * s) / 35
+    a[7, :7] = 1 / 14, 0, 0, 0, (14 - 3 * s) / 126, (13 - 3 * s) / 63, 1 / 9
+    a[8, :8] = 1 / 32, 0, 0, 0, (91 - 21 * s) / 576, 11 / 72, -(385 + 75 * s) / 1152, (63 + 13 * s) / 128
+    a[9, :9] = (
+        1 / 14,
+        0,
+        0,
+        0,
+        1 / 9,
+        -(733 + 147 * s) / 2205,
+        (515 + 111 * s) / 504,
+        -(51 + 11 * s) / 56,
+        (132 + 28 * s) / 245,
+    )
+    a[10, 4:10] = (
+        (-42 + 7 * s) / 18,
+        (-18 + 28 * s) / 45,
+        -(273 + 53 * s) / 72,
+        (301 + 53 * s) / 72,
+        (28 - 28 * s) / 45,
+        (49 - 7 * s) / 18,
+    )
+    return a, np.array([9, 0, 0, 0, 0, 0, 0, 49, 64, 49, 9]) / 180
+
+
+class RungeKutta:
+    """One order-8 step, fitted by the polynomial through nine points of it; the length from step halving."""
+
+    # Chebyshev points of (0, 1]: the start is kept exactly and divided out.
+    NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, 11) / 10)
+
+    def __init__(self, graph: Graph, columns: int):
+        field, x, p = graph.field, graph.x, graph.p
+        self.n, self.columns = graph.size, columns
+        h = ca.SX.sym("h")
+        dx, dp = ca.SX.sym("dx", self.n, columns), ca.SX.sym("dp", p.numel(), columns)
+        end = runge_kutta(graph, x, h)
+        slope = ca.jtimes(end, ca.vertcat(x, p), ca.vertcat(dx, dp)) if columns else ca.SX(self.n, 0)
+        self.step = ca.Function("step", [x, h, p, dx, dp], [end, ca.densify(slope), field(end, p)[1]])
+        self.powers = np.vander(self.NODES, increasing=True)
+        self.watched = ca.Function("watched", [x, p], [field(x, p)[1]])
+
+    def advance(self, x, p, dx, dp, count: int, longest: float, hint: float | None):
+        """(steps (1,), coefficients (1, rows, K + 1), sensitivities (1, n, columns, K + 1) or None): one at a time."""
+        dx = np.zeros((self.n, 0)) if dx is None else dx
+        dp = np.zeros((len(p), 0)) if dp is None else dp
+        h = self._length(x, p, dx, dp, 4 * hint if hint else 0.1)
+        ends, slopes, watched = (np.array(out) for out in self.step(x, (h * self.NODES)[None], p, dx, dp))
+        start = np.concatenate([x, np.array(self.watched(x, p)).ravel()])
+        c = self._polynomial(start, np.vstack([ends, watched]), h)
+        if not self.columns:
+            return np.array([h]), c[None], None
+        count = len(self.NODES)
+        slopes = slopes.reshape(self.n, count, self.columns).transpose(0, 2, 1).reshape(-1, count)
+        dc = self._polynomial(dx.ravel(), slopes, h).reshape(1, self.n, self.columns, -1)
+        return np.array([h]), c[None], dc
+
+    def _polynomial(self, start, values, h: float):
+        """Coefficients (rows, K + 1) through `start` and the values (rows, nodes)."""
+        rising = np.linalg.solve(self.powers, (values.T - start) / self.NODES[:, None])
+        return np.column_stack([start, (rising / h ** np.arange(1, len(self.NODES) + 1)[:, None]).T])
+
+    def _length(self, x, p, dx, dp, h: float) -> float:
+        """Longest step up to `h` whose error, by halving twice its length, is below rounding."""
+        while h > SHORTEST:
+            whole = self.step(x, 2 * h, p, dx, dp)[0]
+            half = self.step(x, h, p, dx, dp)[0]
+            error = float(ca.norm_inf(whole - self.step(half, h, p, dx, dp)[0]))
+            bound = 2e-14 * max(1e-3, np.abs(x).max())  # of the double step: that of a single one is 500 times less
+            if error <= bound:
+                return h
+            h *= min(0.5, max(0.1, 0.9 * (bound / error) ** (1 / 9))) if np.isfinite(error) else 0.1
+        return np.nan
+
+
+def runge_kutta(graph: Graph, x: ca.SX, h: ca.SX) -> ca.SX:
+    """The state after one order-8 step of length `h` from `x`."""
+    stages, weights = _cooper_verner()
+    rates = []
+    for row in stages:
+        rates.append(
+            graph.field(x + h * sum((a * k for a, k in zip(row, rates, strict=False) if a), ca.SX(0)), graph.p)[0]
+        )
+    return x + h * sum(b * k for b, k in zip(weights, rates, strict=True) if b)
