@@ -43,18 +43,9 @@ NAMED = {law.__name__: law for law in (constant, inverse_square, linear, exponen
 
 def as_gravity(law, parameters: dict[str, float] | None = None) -> Law:
     """A gravity law from a law, a formula, a law's name or a Python function."""
-    parameters = dict(parameters or {})
-    if isinstance(law, Law):
-        return law.with_parameters(**parameters) if parameters else law
-    if callable(law):
-        return function(law, **parameters)
-    if not isinstance(law, str):
-        raise InputError(f"gravity is a law, a formula or a function, not {type(law).__name__}")
-    if law.startswith(("table:", "potential:")):
+    if isinstance(law, str) and law.startswith(("table:", "potential:")):
         raise InputError(f"gravity '{law}': gravity is a formula of z or a law's name; only springs are tables")
-    if laws.is_name(law, "z"):
-        return laws.named(NAMED, law, parameters)
-    return formula(law, **parameters)
+    return _checked(laws.from_any(law, "z", parameters, NAMED, "gravity"))
 
 
 def _checked(law: Law) -> Law:

@@ -134,6 +134,20 @@ def from_function(
     return law
 
 
+def from_any(
+    law, variable: str, parameters: Mapping[str, float] | None, table: Mapping[str, Callable], what: str
+) -> Law:
+    """A law from a law, a Python function, the name of one in `table`, or a formula; `what` it is to be, in words."""
+    parameters = dict(parameters or {})
+    if isinstance(law, Law):
+        return law.with_parameters(**parameters) if parameters else law
+    if callable(law):
+        return from_function(law, variable, parameters)
+    if not isinstance(law, str):
+        raise InputError(f"{what} is a law, a formula or a function, not {type(law).__name__}")
+    return named(table, law, parameters) if is_name(law, variable) else from_formula(law, variable, parameters)
+
+
 def is_name(text: str, variable: str) -> bool:
     """Whether a law's text is a lone name, of a law and not of the variable."""
     return text.replace("-", "_").isidentifier() and text != variable and text not in CONSTANTS

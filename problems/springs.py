@@ -162,25 +162,16 @@ NAMED = {
 
 def as_spring(law, parameters: dict[str, float] | None = None) -> Law:
     """A spring from a law, a formula, a law's name, "table:FILE", "potential:FORMULA" or a Python function."""
-    parameters = dict(parameters or {})
-    if isinstance(law, Law):
-        return law.with_parameters(**parameters) if parameters else law
-    if callable(law):
-        return function(law, **parameters)
-    if not isinstance(law, str):
-        raise InputError(f"a spring is a law, a formula or a function, not {type(law).__name__}")
-    kind, colon, rest = law.partition(":")
-    if kind in ("table", "potential") and colon and not rest.strip():
+    kind, colon, rest = law.partition(":") if isinstance(law, str) else ("", "", "")
+    if not (colon and kind in ("table", "potential")):
+        return laws.from_any(law, "r", parameters, NAMED, "a spring")
+    if not rest.strip():
         raise InputError(f"spring '{law}' names no {'file' if kind == 'table' else 'formula'} after the colon")
-    if kind == "table" and rest:
-        if parameters:
-            raise InputError(f"a table has no parameter '{next(iter(parameters))}'")
-        return table(rest)
-    if kind == "potential" and rest:
-        return potential(rest, **parameters)
-    if laws.is_name(law, "r"):
-        return laws.named(NAMED, law, parameters)
-    return formula(law, **parameters)
+    if kind == "potential":
+        return potential(rest, **(parameters or {}))
+    if parameters:
+        raise InputError(f"a table has no parameter '{next(iter(parameters))}'")
+    return table(rest)
 
 
 def _line_expression(x, p, q):
