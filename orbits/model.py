@@ -143,7 +143,8 @@ class Units:
 class Reduction:
     """A smaller statement of the same orbit, in coordinates in which fewer states need integrating.
 
-    statement : its unknowns begin with "liftoff" and "alpha"; its one arc is the flight from lift-off to its middle
+    statement : its unknowns are "liftoff" and "alpha", which are its two states at lift-off; its one arc is the flight
+        from there to its middle
     reversor : sign of each of its states under time reversal
     complete : (times (N,), coefficients (N, n, K + 1), u, p) -> coefficients of the flight states
     gap_slope : (time, dz (n,), p) -> derivative of the gap with respect to alpha from that of the reduced state

@@ -232,7 +232,10 @@ def _reduced(model: Model, equations: Shooting, u, p: Mapping, error: float | No
     path = here.trajectories[0]
     coefficients = model.reduction.complete(path.times[:-1], path.coefficients, named, p)
     half = Trajectory(path.times, coefficients, model.flight.states)
-    slope = model.reduction.gap_slope(2 * path.times[-1], _at_landing(equations, here, p)[:, 1], p)
+    # The second half mirrors the first in time, and so does its transition matrix.
+    mirror, first = np.diag(model.reduction.reversor), here.transitions[0]
+    landing = mirror @ np.linalg.solve(first, mirror @ first)
+    slope = model.reduction.gap_slope(2 * path.times[-1], landing[:, 1], p)
     error = error_bound(equations, u, _vector(p), here) if error is None else error
     return _Solution(named, half, (half,), slope, np.abs(here.residual).max(), error)
 

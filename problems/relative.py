@@ -143,8 +143,20 @@ def liftoff_extension(law: Law, load: float, what: str) -> float:
         where = f" within [{low:g}, {high:g}]" if np.isfinite(high) or np.isfinite(low) else ""
         raise InputError(f"spring '{law.text}' never reaches {what} ({side}{where}): nothing leaves the ground")
     i = crossed[0]
-    ends = values[i - 1] - level, values[i] - level
-    return _cleanly(law, bracketed_root(lambda r: float(law(r)) - level, grid[i - 1], grid[i], *ends), what)
+    return _cleanly(law, _level_crossing(law, level, *sorted((grid[i - 1], grid[i]))), what)
+
+
+def _level_crossing(law: Law, level: float, low: float, high: float) -> float:
+    """Where the force rises through `level` between two extensions: Newton's method kept inside by bisection."""
+    r = 0.5 * (low + high)
+    for _ in range(200):
+        value, slope = (float(part) for part in law.with_slope(r))
+        low, high = (r, high) if value < level else (low, r)
+        new = r - (value - level) / slope if slope else low
+        if abs(new - r) <= 4e-16 * abs(r):
+            break
+        r = new if low < new < high else 0.5 * (low + high)
+    return min(max(new, low), high)
 
 
 def _cleanly(law: Law, liftoff: float, what: str) -> float:
