@@ -139,7 +139,7 @@ def certify(
     contact : its first half, None when it does not end
     gap_slope : derivative with respect to alpha of the gap at the orbit's landing time
     """
-    minima, jerks, violations = [], [], []
+    minima, jerks, violations, words = [], [], [], model.violations
     for part in parts:
         gap = model.gap(p).series(part.coefficients)
         jerks.append(6 * gap[0, 3])
@@ -148,12 +148,12 @@ def certify(
     if jerk <= 0:
         violations.append(f"the gap opens the wrong way at landing (landing jerk {-jerk:.3g}, must be negative)")
     if minima and clearance[0] <= 0:
-        violations.append(f"foot below ground at t = {clearance[1]:.6g} of the flight (height {clearance[0]:.3g})")
+        violations.append(f"{words['gap']} at t = {clearance[1]:.6g} of the flight (height {clearance[0]:.3g})")
     force = None
     if contact is None:
-        violations.append("contact: the spring collapses, the body never lifts off again")
+        violations.append(words["end"])
     else:
-        force, violation = _contact_force(contact)
+        force, violation = _contact_force(contact, words["pull"])
         violations += violation
     separation, violation = _separation(model, p, parts, contact)
     violations += violation
@@ -200,10 +200,10 @@ def _separation(model, p, parts, contact) -> tuple[float | None, list[str]]:
     if least > 0:
         return least, []
     when = path.times[piece] + t
-    return least, [f"the masses pass through each other at t = {when:.6g} of the {where} (separation {least:.3g})"]
+    return least, [f"{model.violations['separation']} at t = {when:.6g} of the {where} (separation {least:.3g})"]
 
 
-def _contact_force(contact: Trajectory) -> tuple[float, list[str]]:
+def _contact_force(contact: Trajectory, pulls: str) -> tuple[float, list[str]]:
     """Least stationary value of the contact force in the half contact, and a violation where it pulls.
 
     It starts from a simple zero, which is divided out exactly.
@@ -212,9 +212,9 @@ def _contact_force(contact: Trajectory) -> tuple[float, list[str]]:
     violations = []
     rate = force[0, 1]
     for i, t in piecewise_roots(force, contact.steps, start=1)[:1]:
-        violations.append(f"the ground would have to pull in contact at t = {contact.times[i] + t:.6g}")
+        violations.append(f"{pulls} in contact at t = {contact.times[i] + t:.6g}")
     if not violations and rate <= 0:
-        violations.append("the ground would have to pull as soon as the contact begins")
+        violations.append(f"{pulls} as soon as the contact begins")
     turns = [float(evaluate(force[i], t)) for i, t in piecewise_roots(derivative(force), contact.steps)]
     return min([*turns, float(evaluate(force[-1], contact.steps[-1]))]), violations
 

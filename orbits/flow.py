@@ -112,6 +112,11 @@ class Flow:
             return "closed form"
         return "Taylor" if self.graph.has_series else "Runge-Kutta"
 
+    @property
+    def compiled(self) -> bool:
+        """Whether stepping has taken long enough to be compiled."""
+        return any(isinstance(scheme, Taylor) and scheme.compiled for scheme in self._schemes.values())
+
     def scheme(self, columns: int):
         """The stepping scheme that carries so many sensitivities along, built on first use."""
         if columns not in self._schemes:

@@ -9,7 +9,7 @@ import numpy as np
 
 from .certify import certify, contact_half, count_family, error_bound
 from .errors import InputError, NoOrbit
-from .flow import Trajectory
+from .flow import Trajectory, flow
 from .model import Arc, Model, Phase, Statement
 from .orbit import Orbit, Shape
 from .shooting import Evaluation, Shooting, shooting
@@ -333,4 +333,7 @@ def _skipped(model: Model, p: Mapping, method: str) -> tuple[str, ...]:
         skipped.append("contact: only its first half, for its duration and the checks, not for the search")
     if model.separation(p) is None:
         skipped.append("separation of the masses: no rest length given")
-    return (*skipped, "compilation: not worth its time for one orbit")
+    phases = (model.reduction.statement.arcs[0].phase if model.reduction else model.flight, model.contact)
+    if not any(flow(phase, tuple(p)).compiled for phase in phases):
+        skipped.append("compilation: it would take longer than the search")
+    return tuple(skipped)

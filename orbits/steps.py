@@ -77,6 +77,7 @@ class Taylor:
         # Once interpreting has taken as long as compiling would, compile: that is never worse than twice the best.
         self.patience = compile_seconds(self.one)
         self.seconds = self.one.n_instructions() * SECONDS_PER_INSTRUCTION
+        self.compiled = False
         self._calls: dict[int, Call] = {}
 
     @staticmethod
@@ -123,7 +124,7 @@ class Taylor:
         self.patience = np.inf
         faster = compile_function(self.one)
         if faster is not None:
-            self.one, self._calls = faster, {}
+            self.one, self._calls, self.compiled = faster, {}, True
 
 
 def _powers(h: ca.SX) -> ca.SX:

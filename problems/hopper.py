@@ -116,6 +116,12 @@ def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
         heights=heights,
         impact_mass=lambda p: p["mass_ratio"] * (1 + p["mass_ratio"]),
         contact_speed=Affine((0.0, 1.0)),
+        violations={
+            "gap": "foot below ground",
+            "pull": "the ground would have to pull",
+            "separation": "the masses pass through each other",
+            "end": "contact: the spring collapses, the body never lifts off again",
+        },
         spring_ends=("foot", "body"),
         guess=guess(spring, 0.0, WEIGHT),
         homotopy="gravity_share" if gravity else None,

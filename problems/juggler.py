@@ -102,6 +102,12 @@ def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
         heights=heights,
         impact_mass=lambda p: p["mass_ratio"] / (1 + p["mass_ratio"]),
         contact_speed=Affine((0.0, 1.0)),
+        violations={
+            "gap": "ball below the hand",
+            "pull": "the hand would have to pull the ball",
+            "separation": "the hand passes through the ground",
+            "end": "contact: the spring collapses, the ball is never thrown again",
+        },
         spring_ends=(None, "hand"),
         guess=guess(spring, 1.0, FREE),
         homotopy="gravity_share" if gravity else None,
