@@ -178,8 +178,8 @@ class Model:
     gap : p -> height of the contact point above what it lands on, a function of the flight state
     separation : p -> smallest distance in the machine that must stay positive, None where it is not stated
     heights : p -> names and functions of the flight state, for plots; the masses first, the upper one before the lower
-    violations : what to say when the "gap" closes in flight, the contact has to "pull", the "separation" vanishes, or the
-        contact does not "end"
+    violations : what to say when the "gap" closes in flight, the contact has to "pull", the "separation" vanishes or
+        the contact does not "end"
     spring_ends : names of the heights between which the spring is drawn, None for the ground
     impact_mass : p -> twice the energy lost in a plastic impact over the square of the gap's speed
     contact_speed : contact coordinate that vanishes at mid-contact

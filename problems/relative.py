@@ -205,7 +205,8 @@ def bracketed_root(function: Callable, a: float, b: float, fa: float, fb: float,
 
 
 def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
-    """Time from lift-off to the first turn of the extension, and half its period; infinite when it does not return."""
+    """Time from lift-off to the first turn of the extension, and half its period; infinite when it does not return
+    in a thousand times as long. Raises `FlowError` when it cannot be carried on."""
     turns, clock = [], [0.0]
 
     def second_turn(coefficients, steps):
@@ -216,12 +217,7 @@ def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: 
         clock[0] += steps.sum()
         return None
 
-    try:
-        flow(phase, tuple(p)).run([liftoff, alpha], list(p.values()), 1e3 * (1 + alpha), stop=second_turn)
-    except OutOfRange:
-        raise
-    except FlowError:
-        return np.inf, np.inf
+    flow(phase, tuple(p)).run([liftoff, alpha], list(p.values()), 1e3 * (1 + alpha), stop=second_turn)
     return (turns[0], turns[1] - turns[0]) if len(turns) == 2 else (np.inf, np.inf)
 
 
@@ -232,8 +228,16 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
     is right by construction. Raises `NoOrbit` when there is none.
     """
 
+    ends = [""]
+
     def excess(alpha):
-        first, half = half_oscillations(phase, p, liftoff, alpha)
+        try:
+            first, half = half_oscillations(phase, p, liftoff, alpha)
+        except OutOfRange:
+            raise
+        except FlowError as error:
+            ends.append(f": {error}")
+            return np.inf
         return first + family * half - alpha
 
     samples = [(0.0, 1.0)]
@@ -252,7 +256,7 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
             if (bottom := excess(dip)) <= 0:
                 return bracketed_root(excess, samples[-3][0], dip, samples[-3][1], bottom, GUESS * alpha)
         if not np.isfinite(gap):
-            reason = f"at launch speed {alpha:.4g} the spring gives way and the extension does not come back"
+            reason = f"at launch speed {alpha:.4g} the spring gives way, the extension does not come back{ends[-1]}"
             break
         alpha += max(gap / 1.5, 0.02 * (1 + alpha))
     reason = reason or f"none up to launch speed {FASTEST * family:g}"
