@@ -16,6 +16,7 @@ from functools import cached_property, lru_cache
 import casadi as ca
 import numpy as np
 
+from . import interrupts
 from .calls import Call
 from .errors import FlowError, OutOfRange
 from .model import Affine, Phase
@@ -145,6 +146,7 @@ class Flow:
         track = _Track(self, p, x, columns, parameter_seeds)
         times, pieces, h, variations = [0.0], [], None, seeds
         while times[-1] < duration:
+            interrupts.check()
             left = duration - times[-1]
             ahead = 1 if self.phase.pieces else LOOK_AHEAD if stop else _chunk(left, h)
             steps, c, dc = scheme.advance(x, track.data, variations, track.seeds, ahead, left, h)
@@ -201,6 +203,7 @@ class Flow:
         step = 1.0 / np.sqrt(form.square)  # where the series to ORDER has long converged
         times, pieces = [0.0], []
         while times[-1] < duration:
+            interrupts.check()
             c = form.series(form.state(start, times[-1]), ORDER)
             h = min(step, duration - times[-1])
             halt = stop(c[None], np.array([h])) if stop else None

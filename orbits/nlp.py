@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 
+from . import interrupts
 from .errors import NoOrbit
 
 # Ipopt's own words for an end without an answer -> ours, with what to do.
@@ -34,7 +35,7 @@ def solve(unknowns: ca.MX, equations: ca.MX, guess, lower, scale) -> np.ndarray:
 
     guess, lower, scale : (n,), as the solution; the problem is posed in unknowns / scale, its equations
         being of order one
-    Raises `NoOrbit` with a reason; a keyboard interrupt, which Ipopt takes for a wish to stop, is raised again.
+    Raises `NoOrbit` with a reason; a keyboard interrupt stops the solver and is raised.
     """
     z = ca.MX.sym("z", unknowns.numel())
     scaled = ca.Function("equations", [unknowns], [equations])(z * scale)
@@ -46,16 +47,45 @@ def solve(unknowns: ca.MX, equations: ca.MX, guess, lower, scale) -> np.ndarray:
         ["x", "p", "lam_f", "lam_g"],
         ["triu_hess_gamma_x_x"],
     )
-    solver = ca.nlpsol("solver", "ipopt", {"x": z, "f": ca.MX(0), "g": scaled}, {**OPTIONS, "hess_lag": no_hessian})
+    watch = _Watch(z.numel(), equations.numel())
+    options = {**OPTIONS, "hess_lag": no_hessian, "iteration_callback": watch}
+    solver = ca.nlpsol("solver", "ipopt", {"x": z, "f": ca.MX(0), "g": scaled}, options)
     try:
-        answer = solver(x0=guess / scale, lbx=lower / scale, ubx=np.inf, lbg=0, ubg=0)
+        with interrupts.deferred():
+            answer = solver(x0=guess / scale, lbx=lower / scale, ubx=np.inf, lbg=0, ubg=0)
     except RuntimeError as error:
         raise NoOrbit("the multiple-shooting problem could not be evaluated: " + str(error).splitlines()[-1]) from None
+    interrupts.check()
     status = solver.stats()["return_status"]
-    if status == "User_Requested_Stop":
-        raise KeyboardInterrupt
     # A step too small to matter is the end of a solve to rounding; the residual decides.
     violation = float(ca.norm_inf(answer["g"]))
     if not violation <= 1e-10:
         raise NoOrbit(f"{REASONS.get(status, f'no convergence ({status})')} (equations off by {violation:.1e})")
     return np.array(answer["x"]).ravel() * scale
+
+
+class _Watch(ca.Callback):
+    """Called after every iteration: 1 stops the solver, once an interrupt was noted."""
+
+    def __init__(self, unknowns: int, equations: int):
+        super().__init__()
+        self.sizes = {"x": unknowns, "f": 1, "g": equations, "lam_x": unknowns, "lam_g": equations}
+        self.construct("watch", {})
+
+    def get_n_in(self):
+        return ca.nlpsol_n_out()
+
+    def get_n_out(self):
+        return 1
+
+    def get_name_in(self, i):
+        return ca.nlpsol_out(i)
+
+    def get_name_out(self, i):
+        return "ret"
+
+    def get_sparsity_in(self, i):
+        return ca.Sparsity.dense(self.sizes.get(ca.nlpsol_out(i), 0), 1)
+
+    def eval(self, arguments):
+        return [float(interrupts.pending())]

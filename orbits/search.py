@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from . import interrupts
 from .certify import certify, contact_half, count_family, error_bound
 from .errors import InputError, NoOrbit
 from .flow import Trajectory, flow
@@ -53,6 +54,13 @@ def find(
     Returns an `Orbit`, which may be inadmissible: see its `violations`. Raises `NoOrbit` with the reason when there is
     none or a solve ends on another family, and `InputError` for a family or a method that cannot be.
     """
+    if not hasattr(machine, "model"):
+        raise InputError(f"find takes a machine such as problems.Hopper(), not {type(machine).__name__}")
+    with interrupts.deferred():
+        return _find(machine, family, method, progress)
+
+
+def _find(machine, family, method, progress) -> Orbit:
     began = time.perf_counter()
     model, p = machine.model, dict(machine.values)
     family, method = _whole(family), _allowed(model, method)
