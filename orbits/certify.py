@@ -18,6 +18,8 @@ from .polynomial import derivative, evaluate, lowest, piecewise_roots
 from .shooting import Evaluation, Shooting
 from .steps import runge_kutta
 
+# Growth of a difference over the flight that the random walk of roundings covers by itself.
+SHEAR = 15.0
 # Order-8 steps taken in one call.
 SEVERAL = 4
 # Gauss points for the work along the straight line between two nodes; the field is analytic on it.
@@ -31,16 +33,18 @@ def error_bound(equations: Shooting, u, p, here: Evaluation) -> float:
 
     The motion is integrated again by another method with smaller steps; what the equations then lack goes through the
     inverse Jacobian. To it comes the rounding that both integrations may share: a random walk of half a unit in the
-    last place of the state a step, through the same inverse.
+    last place of the state a step, through the same inverse, and grown by the flow where that grows (in a long flight
+    of a nonlinear spring a change of amplitude becomes one of phase).
     """
     residual = equations.residual(u, p, here, _another_way)
     inverse = np.linalg.pinv(here.jacobian)[equations.statement.unknowns.index("alpha")]
     noise = 0.0
-    for along, path in zip(equations.flows, here.trajectories, strict=True):
+    for along, path, transition in zip(equations.flows, here.trajectories, here.transitions, strict=True):
         size = np.abs(path.coefficients[:, : along.size, 0]).max()
-        noise += EPS / 2 * size * np.sqrt(len(path.steps))
+        growth = max(1.0, np.linalg.norm(transition) / SHEAR)
+        noise += EPS / 2 * size * np.sqrt(len(path.steps)) * growth
     alpha = u[equations.statement.unknowns.index("alpha")]
-    return float(abs(inverse @ residual) + np.linalg.norm(inverse) * noise + np.spacing(alpha))
+    return float(1.2 * abs(inverse @ residual) + np.linalg.norm(inverse) * noise + np.spacing(alpha))
 
 
 def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:
@@ -149,11 +153,11 @@ def certify(
         violations.append(f"the gap opens the wrong way at landing (landing jerk {-jerk:.3g}, must be negative)")
     if minima and clearance[0] <= 0:
         violations.append(f"{words['gap']} at t = {clearance[1]:.6g} of the flight (height {clearance[0]:.3g})")
-    force = None
+    force = peak = None
     if contact is None:
         violations.append(words["end"])
     else:
-        force, violation = _contact_force(contact, words["pull"])
+        force, peak, violation = _contact_force(contact, words["pull"])
         violations += violation
     separation, violation = _separation(model, p, parts, contact)
     violations += violation
@@ -178,6 +182,7 @@ def certify(
         clearance=clearance[0],
         smallest_separation=separation if contact is not None else None,
         smallest_contact_force=force,
+        largest_contact_force=peak,
         landing_jerk=-float(jerk),
         loss_coefficient=loss and float(loss),
         stable_side=loss and ("above" if gap_slope > 0 else "below"),
@@ -203,20 +208,20 @@ def _separation(model, p, parts, contact) -> tuple[float | None, list[str]]:
     return least, [f"{model.violations['separation']} at t = {when:.6g} of the {where} (separation {least:.3g})"]
 
 
-def _contact_force(contact: Trajectory, pulls: str) -> tuple[float, list[str]]:
-    """Least stationary value of the contact force in the half contact, and a violation where it pulls.
-
-    It starts from a simple zero, which is divided out exactly.
-    """
+def _contact_force(contact: Trajectory, pulls: str) -> tuple[float | None, float, list[str]]:
+    """Lowest interior minimum of the force over the half contact (None without one), its peak, and a violation where
+    it pulls. It starts from a simple zero, which is divided out exactly."""
     force = contact.row("contact force")
-    violations = []
-    rate = force[0, 1]
+    slope, end, h = derivative(force), contact.times[-1], contact.steps[-1]
+    turns = [(i, t) for i, t in piecewise_roots(slope, contact.steps, rising=True)]
+    minima = [float(evaluate(force[i], t)) for i, t in turns if contact.times[i] + t < end * (1 - 1e-7)]
+    if evaluate(derivative(slope[-1]), h) > 0:  # mid-contact itself
+        minima.append(float(evaluate(force[-1], h)))
+    largest = -lowest(-force, contact.steps)[0]
     for i, t in piecewise_roots(force, contact.steps, start=1)[:1]:
-        violations.append(f"{pulls} in contact at t = {contact.times[i] + t:.6g}")
-    if not violations and rate <= 0:
-        violations.append(f"{pulls} as soon as the contact begins")
-    turns = [float(evaluate(force[i], t)) for i, t in piecewise_roots(derivative(force), contact.steps)]
-    return min([*turns, float(evaluate(force[-1], contact.steps[-1]))]), violations
+        return min(minima, default=None), largest, [f"{pulls} in contact at t = {contact.times[i] + t:.6g}"]
+    begins = [f"{pulls} as soon as the contact begins"] if force[0, 1] <= 0 else []
+    return min(minima, default=None), largest, begins
 
 
 @lru_cache(maxsize=64)

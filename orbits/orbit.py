@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, astuple, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from .errors import InputError
 from .flow import Trajectory
 from .model import Affine, Units
+from .polynomial import lowest
 
 FORMAT = "persistent-orbits orbit 1"
 
@@ -26,7 +27,9 @@ class Certificate:
     clearance : lowest interior minimum of the contact point's height in flight, None where it has none
     smallest_separation : least distance within the machine over the cycle, None where no length is stated
     unfolding : multiple of the energy gradient that the equations needed, None where they had no such unknown
-    smallest_contact_force : least stationary value in contact (at both ends it is 0), None where contact does not end
+    smallest_contact_force : lowest interior minimum of the force in contact, None where it has none (at both ends the
+        force is 0, and normally it rises to one peak in between)
+    largest_contact_force : its peak, None where the contact does not end
     landing_jerk : third derivative of the contact point's height at landing; negative on a motion
     loss_coefficient : C of the one-step map alpha + d -> alpha + d - C d**(4/3) on the stable side, 10 C on the other
     stable_side : "above" or "below" alpha
@@ -40,6 +43,7 @@ class Certificate:
     clearance: float | None
     smallest_separation: float | None
     smallest_contact_force: float | None
+    largest_contact_force: float | None
     landing_jerk: float
     loss_coefficient: float | None
     stable_side: str | None
@@ -116,6 +120,15 @@ class Orbit:
         return self.flight_time + self.contact_time
 
     @property
+    def rises(self) -> dict[str, float]:
+        """How far each of the shape's heights gets above its value at lift-off, by name."""
+        found = {}
+        for name, height in self.shape.heights.items():
+            series = height.series(self.flight.coefficients)
+            found[name] = float(-lowest(-series, self.flight.steps)[0] - series[0, 0])
+        return found
+
+    @property
     def state_mid_flight(self) -> np.ndarray:
         """Flight state (n,) at the middle of the flight."""
         return self(self.flight_time / 2)
@@ -157,6 +170,8 @@ class Orbit:
             "clearance": c.clearance,
             "smallest_separation": c.smallest_separation,
             "smallest_contact_force": c.smallest_contact_force,
+            "largest_contact_force": c.largest_contact_force,
+            "rises": self.rises,
             "landing_jerk": c.landing_jerk,
             "loss_coefficient": c.loss_coefficient,
             "stable_side": c.stable_side,
@@ -176,9 +191,6 @@ class Orbit:
         if self.units is None:
             raise InputError("this machine was stated in dimensionless units; state it in SI for results in SI")
         length, time, force = self.units.length, self.units.time, self.units.force
-        names = list(self.shape.heights)
-        top = {name: float(h(self.state_mid_flight)) for name, h in self.shape.heights.items()}
-        start = {name: float(h(self(0.0))) for name, h in self.shape.heights.items()}
         c = self.certificate
         return {
             "launch_speed_m_per_s": self.alpha * length / time,
@@ -187,7 +199,8 @@ class Orbit:
             "liftoff_extension_m": self.liftoff_extension * length,
             "clearance_m": c.clearance and c.clearance * length,
             "smallest_separation_m": c.smallest_separation and c.smallest_separation * length,
-            **{f"{name.replace(' ', '_')}_rise_m": (top[name] - start[name]) * length for name in names},
+            "largest_contact_force_N": c.largest_contact_force and c.largest_contact_force * force,
+            **{f"{name.replace(' ', '_')}_rise_m": rise * length for name, rise in self.rises.items()},
             "unit_length_m": length,
             "unit_time_s": time,
             "unit_force_N": force,
@@ -195,7 +208,7 @@ class Orbit:
 
     def __str__(self) -> str:
         c, machine = self.certificate, self.machine
-        length, time = (self.units.length, self.units.time) if self.units else (None, None)
+        length, time, force = astuple(self.units) if self.units else (None, None, None)
 
         def row(name, value, scale=None, unit=""):
             text = "-" if value is None else f"{value:.15g}" if isinstance(value, float) else str(value)
@@ -214,7 +227,9 @@ class Orbit:
             row("lift-off extension", self.liftoff_extension, length, "m"),
             row("clearance", c.clearance, length, "m"),
             row("smallest separation", c.smallest_separation, length, "m"),
-            row("smallest contact force", c.smallest_contact_force, self.units and self.units.force, "N"),
+            *(row(f"rise of {name}", value, length, "m") for name, value in self.rises.items()),
+            row("smallest contact force", c.smallest_contact_force, force, "N"),
+            row("largest contact force", c.largest_contact_force, force, "N"),
             row("landing jerk", c.landing_jerk),
             row("loss coefficient C", c.loss_coefficient)
             + (f"   (attracts from {c.stable_side})" if c.stable_side else ""),
@@ -233,12 +248,12 @@ class Orbit:
         return plot_orbit(self, axes)
 
     def plot_phase_portrait(self, axes=None):
-        """Plot speed against extension over a cycle; returns the axes."""
+        """Plot speed against height over a cycle; returns the axes."""
         from .plot import plot_phase_portrait
 
         return plot_phase_portrait(self, axes)
 
-    def animate(self, path, frames: int = 120) -> Path:
+    def animate(self, path, frames: int = 80) -> Path:
         """Write an animation of one cycle (GIF); returns its path."""
         from .plot import animate_orbit
 

@@ -49,9 +49,10 @@ def plot_orbit(orbit: Orbit, axes=None):
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set_xlim(0, time * end)
     axes.set_xlabel("time" + seconds)
-    axes.set_ylabel("height" + metres)
-    axes.set_title(title(orbit), fontsize="medium")
-    axes.legend(frameon=True, edgecolor="none", fontsize="small", loc="upper right")
+    axes.set_ylabel(_vertical(orbit) + metres)
+    axes.set_title(title(orbit), fontsize="medium", wrap=True)
+    # below the axes: the curves fill them
+    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4)
     axes.spines[["top", "right"]].set_visible(False)
     return axes
 
@@ -67,21 +68,29 @@ def plot_phase_portrait(orbit: Orbit, axes=None):
     for i, name in enumerate(list(orbit.shape.heights)[: speeds.shape[1]]):
         height, speed = length * orbit.shape.heights[name](states), length / time * speeds[:, i]
         axes.plot(height, speed, color=COLOURS[i], lw=1.6, label=name)
-    axes.set_xlabel("height" + metres)
+    axes.set_xlabel(_vertical(orbit) + metres)
     axes.set_ylabel("speed" + (" (m/s)" if metres else ""))
-    axes.set_title(title(orbit), fontsize="medium")
+    axes.set_title(title(orbit), fontsize="small", wrap=True)
     axes.legend(frameon=False, fontsize="small")
     axes.spines[["top", "right"]].set_visible(False)
     return axes
 
 
 def title(orbit: Orbit) -> str:
-    """One line that says which orbit it is."""
-    parts = [f"{orbit.machine['machine']}, family {orbit.family}", f"spring {orbit.machine['spring']}"]
+    """What says which orbit it is, in two lines."""
+    laws = [f"spring {orbit.machine['spring']}"]
     if orbit.machine["gravity"] != "1":
-        parts.append(f"gravity {orbit.machine['gravity']}")
-    parts.append(f"alpha = {orbit.alpha:.6g}")
-    return ", ".join(parts) + ("" if orbit.admissible else " (inadmissible)")
+        laws.append(f"gravity {orbit.machine['gravity']}")
+    speed = f"alpha = {orbit.alpha:.6g}"
+    if orbit.units:
+        speed += f" ({orbit.alpha * orbit.units.length / orbit.units.time:.4g} m/s)"
+    first = f"{orbit.machine['machine']}, family {orbit.family}, {speed}"
+    return first + ("" if orbit.admissible else " (inadmissible)") + "\n" + ", ".join(laws)
+
+
+def _vertical(orbit: Orbit) -> str:
+    """Without a rest length the upper mass is measured from its place over an unloaded spring."""
+    return "height" if orbit.machine["rest_length"] is not None else "displacement"
 
 
 def save_figure(axes, path) -> Path:
@@ -96,7 +105,7 @@ def save_figure(axes, path) -> Path:
     return path
 
 
-def animate_orbit(orbit: Orbit, path, frames: int = 120) -> Path:
+def animate_orbit(orbit: Orbit, path, frames: int = 80) -> Path:
     """Write one cycle as an animated GIF of masses, spring and ground; returns the path."""
     from matplotlib.animation import FuncAnimation, PillowWriter
 
@@ -118,15 +127,16 @@ def animate_orbit(orbit: Orbit, path, frames: int = 120) -> Path:
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
     margin = 0.08 * (high - low)
     axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height" + metres)
+    if orbit.machine["rest_length"] is None:
+        axes.set_yticks([])
     axes.spines[["top", "right", "bottom"]].set_visible(False)
     axes.axhspan(low - 2 * margin, 0, color=SHADE, zorder=0)
     axes.axhline(0, color="0.3", lw=1.5)
     coil = axes.plot([], [], color="0.35", lw=1.4, zorder=2)[0]
-    masses = [
-        axes.plot([], [], "o", ms=size, color=colour, label=name, zorder=3)[0]
-        for size, colour, name in zip((20, 14), COLOURS, names, strict=False)
-    ]
-    label = axes.set_title("", fontsize="small")
+    upper = axes.plot([], [], "o", ms=18, color=COLOURS[0], label=names[0], zorder=3)[0]
+    lower = axes.plot([], [], "_", ms=34, mew=6, color=COLOURS[1], label=names[1], zorder=3)[0]
+    masses = (upper, lower)
+    label = axes.set_title("contact", fontsize="small")
     zigzag = np.concatenate([[0, 0], np.tile([0.12, -0.12], 7), [0, 0]])
     axes.legend(frameon=False, fontsize="small", loc="upper right", markerscale=0.4)
 

@@ -89,7 +89,6 @@ class Law:
         """The law in units of `length` and `force`: the dimensionless form of one in metres and newtons."""
         return replace(
             self,
-            text=f"{self.text} [in units of {length:.6g} and {force:.6g}]",
             expression=_scaled(self.expression, length, force),
             pieces=self.pieces and _scaled_pieces(self.pieces, length),
         )
@@ -145,12 +144,13 @@ def from_any(
         return from_function(law, variable, parameters)
     if not isinstance(law, str):
         raise InputError(f"{what} is a law, a formula or a function, not {type(law).__name__}")
-    return named(table, law, parameters) if is_name(law, variable) else from_formula(law, variable, parameters)
+    return named(table, law, parameters) if is_name(law, variable, table) else from_formula(law, variable, parameters)
 
 
-def is_name(text: str, variable: str) -> bool:
-    """Whether a law's text is a lone name, of a law and not of the variable."""
-    return text.replace("-", "_").isidentifier() and text != variable and text not in CONSTANTS
+def is_name(text: str, variable: str, table: Mapping[str, Callable]) -> bool:
+    """Whether a law's text is a lone name, of a law and not of the variable; a law's name may have hyphens."""
+    lone = text.isidentifier() and text != variable and text not in CONSTANTS
+    return lone or text.replace("-", "_") in table
 
 
 def named(table: Mapping[str, Callable], name: str, parameters: Mapping[str, float]) -> Law:
@@ -172,7 +172,7 @@ def parameter_names(law, variable: str, table: Mapping[str, Callable]) -> set[st
         return set(list(inspect.signature(law).parameters)[1:])
     if not isinstance(law, str) or law.startswith("table:"):
         return set()
-    if is_name(law, variable):
+    if is_name(law, variable, table):
         return set(getattr(table.get(law.replace("-", "_")), "__kwdefaults__", None) or {})
     return set(parse(law.removeprefix("potential:")).names) - {variable}
 

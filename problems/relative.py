@@ -22,7 +22,7 @@ FASTEST = 1e4
 STIFFNESSES = (1e-12, 1e12)
 # A force that passes the lift-off level more slowly than rounding can tell does not pass it.
 FLATTEST = 1e-14
-# The guess of a launch speed is for Newton's method to finish.
+# The guess of a launch speed is for Newton's method to finish: off by this share of half an oscillation.
 GUESS = 1e-4
 
 
@@ -228,7 +228,7 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
     is right by construction. Raises `NoOrbit` when there is none.
     """
 
-    ends = [""]
+    ends, halves = [""], {}
 
     def excess(alpha):
         try:
@@ -238,6 +238,7 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
         except FlowError as error:
             ends.append(f": {error}")
             return np.inf
+        halves[alpha] = half
         return first + family * half - alpha
 
     samples = [(0.0, 1.0)]
@@ -250,13 +251,13 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
             break
         samples.append((alpha, gap))
         if gap <= 0:
-            return bracketed_root(excess, samples[-2][0], alpha, samples[-2][1], gap, GUESS * alpha)
+            return bracketed_root(excess, samples[-2][0], alpha, samples[-2][1], gap, GUESS * halves[alpha])
         if len(samples) > 3 and samples[-2][1] < samples[-3][1] and samples[-2][1] <= gap:
             dip = _lowest(excess, samples[-3][0], alpha)  # a pair of roots may lie between samples, near a fold
             if (bottom := excess(dip)) <= 0:
-                return bracketed_root(excess, samples[-3][0], dip, samples[-3][1], bottom, GUESS * alpha)
+                return bracketed_root(excess, samples[-3][0], dip, samples[-3][1], bottom, GUESS * halves[dip])
         if not np.isfinite(gap):
-            reason = f"at launch speed {alpha:.4g} the spring gives way, the extension does not come back{ends[-1]}"
+            reason = f"at launch speed {alpha:.4g} the extension does not come back{ends[-1]}"
             break
         alpha += max(gap / 1.5, 0.02 * (1 + alpha))
     reason = reason or f"none up to launch speed {FASTEST * family:g}"

@@ -6,6 +6,7 @@ Lengths are in units of the foot's weight over the stiffness, forces in the foot
 
 import csv
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,11 @@ from orbits.errors import InputError
 
 from . import laws
 from .laws import Law, number
+
+EXTENSIONS = ("extension", "deflection", "displacement", "elongation", "travel", "stroke", "compression", "r", "x")
+FORCES = ("force", "tension", "load", "f")
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
+NEWTONS = {"n": 1.0, "mn": 1e-3, "kn": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
 
 
 def formula(text: str, /, **parameters: float) -> Law:
@@ -121,16 +127,18 @@ def rubber(*, length: float = 10.0) -> Law:
     return formula("length/3*((1 + r/length) - (1 + r/length)**(-2))", length=length)
 
 
-def table(source) -> Law:
+def table(source, *, in_si: bool = False) -> Law:
     """A spring from measured pairs: a CSV file with a header, or (extensions, forces) as two sequences.
 
-    Columns named extension (or deflection, displacement, r, x) and force (or tension, f), with or without a unit after
-    them; else the first two. Rows in any order, repeated extensions averaged. Through the points runs the C2 cubic
-    spline, as a quintic Hermite interpolant whose slopes and curvatures are cut back where the spline would overshoot:
-    between rows the force is monotone, and the whole is twice differentiable. Outside the table there is no force: an
-    orbit that needs one is refused with the range.
+    The header names one column of `EXTENSIONS` and one of `FORCES`, tension and extension positive; under
+    `compression` both are counted the other way. In SI a unit after the name (mm, kN) is converted to m and N;
+    a dimensionless machine takes the numbers as they stand. Rows in any order, repeated extensions averaged.
+
+    Through the points runs the C2 cubic spline, as a quintic Hermite interpolant whose slopes and curvatures are cut
+    back where the spline would overshoot: between rows the force is monotone, and the whole is twice differentiable.
+    Outside the table there is no force: an orbit that needs one is refused with the range.
     """
-    label, r, force = _read(Path(source)) if isinstance(source, str | Path) else ("table", *source)
+    label, r, force = _read(Path(source), in_si) if isinstance(source, str | Path) else ("table", *source)
     try:
         r, force = np.asarray(r, dtype=float), np.asarray(force, dtype=float)
     except (TypeError, ValueError):
@@ -160,7 +168,7 @@ NAMED = {
 }
 
 
-def as_spring(law, parameters: dict[str, float] | None = None) -> Law:
+def as_spring(law, parameters: dict[str, float] | None = None, in_si: bool = False) -> Law:
     """A spring from a law, a formula, a law's name, "table:FILE", "potential:FORMULA" or a Python function."""
     kind, colon, rest = law.partition(":") if isinstance(law, str) else ("", "", "")
     if not (colon and kind in ("table", "potential")):
@@ -171,7 +179,7 @@ def as_spring(law, parameters: dict[str, float] | None = None) -> Law:
         return potential(rest, **(parameters or {}))
     if parameters:
         raise InputError(f"a table has no parameter '{next(iter(parameters))}'")
-    return table(rest)
+    return table(rest, in_si=in_si)
 
 
 def _line_expression(x, p, q):
@@ -189,8 +197,8 @@ def _end_stop_pieces(p):
     return [-math.inf, -gap, gap, math.inf], [[-gap, -gap, stop], [0.0, 0.0, 1.0], [gap, gap, stop]]
 
 
-def _read(path: Path) -> tuple[str, list[float], list[float]]:
-    """The two columns of a CSV file with a header."""
+def _read(path: Path, in_si: bool) -> tuple[str, np.ndarray, np.ndarray]:
+    """Name, extensions and forces of a CSV file with a header."""
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
@@ -200,22 +208,27 @@ def _read(path: Path) -> tuple[str, list[float], list[float]]:
         raise InputError(f"the table {path} has no rows; it needs a header and at least 4 rows")
     if all(_is_number(cell) for cell in rows[0]):
         raise InputError(f"the table {path} has no header; name its columns in the first row")
-    header = [cell.strip().lower().replace("(", " ").replace("[", " ").replace("_", " ").split() for cell in rows[0]]
-    columns = [
-        next((i for i, words in enumerate(header) if words and words[0] in names), default)
-        for names, default in (
-            (("extension", "deflection", "displacement", "r", "x"), 0),
-            (("force", "tension", "f"), 1),
-        )
-    ]
+    header = [re.split(r"[\s_()\[\]/]+", cell.strip().lower()) for cell in rows[0]]
+    columns, signs, scales = [], [], []
+    for names, units in ((EXTENSIONS, METRES), (FORCES, NEWTONS)):
+        column = next((i for i, words in enumerate(header) if words[0] in names), None)
+        if column is None:
+            raise InputError(f"the table {path} has no column {names[0]}: its header is {','.join(rows[0])!r}, known "
+                             f"names are {', '.join(names)}")  # fmt: skip
+        unit = next((word for word in header[column][1:] if word), "")
+        if in_si and unit and unit not in units:
+            raise InputError(f"the table {path}: unknown unit '{unit}'; known: {', '.join(units)}")
+        columns.append(column)
+        signs.append(-1.0 if header[column][0] == "compression" else 1.0)
+        scales.append(units[unit] if in_si and unit else 1.0)
     values = []
     for line, row in enumerate(rows[1:], start=2):
         try:
             values.append([float(row[i]) for i in columns])
         except (ValueError, IndexError):
             raise InputError(f"the table {path}, row {line}: {','.join(row)!r} does not hold two numbers") from None
-    extensions, forces = zip(*values, strict=True)
-    return path.name, list(extensions), list(forces)
+    extensions, forces = np.array(values).T
+    return path.name, signs[0] * scales[0] * extensions, signs[0] * scales[1] * forces
 
 
 def _is_number(cell: str) -> bool:

@@ -41,8 +41,9 @@ def machine_in_si(
     """A dimensionless machine, with the units that bring its results back to SI.
 
     masses : of the upper and the lower mass, by name, kg
-    stiffness : of a linear spring, N/m; with `force`, the stiffness that sets the units (default: its slope at rest)
-    force : a spring law in N of the extension in m, stated in any of the ways of `springs.as_spring`
+    stiffness : of a linear spring, N/m; beside `force` only where that has no slope at rest to set the units
+    force : a spring law in N of the extension in m, stated in any of the ways of `springs.as_spring`; a table's header
+        may name other units of length and force
     surface_gravity : m/s^2, where gravity's ratio is 1
     rest_length : of the spring, m
     body_radius : m, of the sphere whose gravity falls off with height
@@ -86,10 +87,17 @@ def _spring(force, stiffness, given: dict) -> tuple[Law, float]:
         if stiffness is None:
             raise InputError("a spring in SI needs its stiffness (N/m) or its force law")
         return as_spring("r"), number("stiffness", stiffness, low=0)
-    law = as_spring(force, {name: given[name] for name in given.keys() & parameter_names(force, "r", NAMED)})
-    if stiffness is not None:
-        return law, number("stiffness", stiffness, low=0)
+    known = given.keys() & parameter_names(force, "r", NAMED)
+    law = as_spring(force, {name: given[name] for name in known}, in_si=True)
     slope = float(law.with_slope(0.0)[1])
+    if stiffness is not None:
+        k = number("stiffness", stiffness, low=0)
+        if 0 < slope < float("inf") and abs(slope / k - 1) > 1e-6:
+            raise InputError(
+                f"the spring '{law.text}' has stiffness {slope:g} N/m at rest, not {k:g}: "
+                "state it in N of m, and leave stiffness out"
+            )
+        return law, k
     if not 0 < slope < float("inf"):
         raise InputError(f"the spring '{law.text}' has slope {slope:g} at rest: give the stiffness that sets the units")
     return law, slope

@@ -35,22 +35,28 @@ def main(folder: Path) -> dict[str, float]:
     length = orbit.units.length
     rows = [
         ("A1/A2", first / second, MEASURED_RATIO, ""),
-        ("amplitude of the ball", first * length, MEASURED_AMPLITUDE, " m"),
+        ("amplitude of the ball", first * length, MEASURED_AMPLITUDE, " (m)"),
     ]
     print(orbit, "\n")
-    print(f"  {'':<24}{'model':>10}{'measured':>10}{'off':>8}")
+    print(f"  {'':<28}{'model':>10}{'measured':>10}{'off':>8}")
     for name, model, measured, unit in rows:
-        print(f"  {name:<24}{model:>10.4g}{measured:>10.4g}{model / measured - 1:>8.1%}{unit}")
+        print(f"  {name + unit:<28}{model:>10.4g}{measured:>10.4g}{model / measured - 1:>8.1%}")
 
     axes = plot_orbit(orbit)
     axes.set_title(f"air-track juggler: A1/A2 = {first / second:.3f} (measured {MEASURED_RATIO})", fontsize="medium")
     bottom = length * orbit(orbit.flight_time + orbit.contact_time / 2)[0]
     for share, high, text in ((0.12, length * first, "$A_1$"), (0.42, length * second, "$A_2$")):
         x = share * orbit.flight_time * orbit.units.time
-        axes.annotate("", (x, bottom + high), (x, bottom), arrowprops={"arrowstyle": "<->", "color": "0.4", "lw": 0.9})
+        axes.annotate(
+            "",
+            (x, bottom + high),
+            (x, bottom),
+            arrowprops={"arrowstyle": "<->", "color": "0.4", "lw": 0.9, "shrinkA": 0, "shrinkB": 0},
+        )
         axes.text(x, 0.8 * bottom, f" {text} = {1e3 * high:.0f} mm", color="0.2", fontsize="small")
     axes.axhline(bottom, color="0.8", lw=0.7)
-    axes.axhline(bottom + length * first, color="0.8", lw=0.7)
+    for amplitude in (first, second):
+        axes.axhline(bottom + length * amplitude, color="0.8", lw=0.7)
     axes.set_ylabel("position along the track (m)")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(axes, folder / 'air_track.png')}")

@@ -76,7 +76,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         fontsize="medium",
     )
     path.legend(frameon=False, fontsize="small")
-    zoom = path.inset_axes([0.36, 0.08, 0.3, 0.42])
+    zoom = path.inset_axes([0.36, 0.2, 0.3, 0.38])
     first = t < 0.08 * best.flight_time
     for name, colour in colours.items():
         zoom.plot(t[first] * scale.time, best.shape.heights[name](states[first]) * scale.length, color=colour, lw=1.2)

@@ -104,7 +104,7 @@ def test_softening_spring_before_and_past_its_fold():
     assert find(Hopper("cubic", parameters={"beta": -0.005})).alpha == pytest.approx(4.7432, abs=1e-4)
     near = find(Hopper("cubic", parameters={"beta": -0.010695214}))
     assert near.alpha == pytest.approx(5.83222, abs=2e-3)
-    with pytest.raises(NoOrbit, match="gives way"):
+    with pytest.raises(NoOrbit, match="does not come back"):
         find(Hopper("cubic", parameters={"beta": -0.0108}))
 
 
