@@ -15,7 +15,7 @@ from .flow import Flow, Trajectory, first_zero, flow
 from .model import Affine, Model, Phase
 from .orbit import Certificate
 from .polynomial import derivative, evaluate, lowest, piecewise_roots
-from .shooting import Evaluation, Shooting
+from .shooting import Evaluation, Shooting, solve
 from .steps import runge_kutta
 
 # Growth of a difference over the flight that the random walk of roundings covers by itself.
@@ -37,14 +37,15 @@ def error_bound(equations: Shooting, u, p, here: Evaluation) -> float:
     of a nonlinear spring a change of amplitude becomes one of phase).
     """
     residual = equations.residual(u, p, here, _another_way)
-    inverse = np.linalg.pinv(here.jacobian)[equations.statement.unknowns.index("alpha")]
+    index = equations.statement.unknowns.index("alpha")
+    inverse = solve(here.jacobian.T, np.eye(equations.size)[index])  # the row of the inverse that belongs to alpha
     noise = 0.0
     for along, path, transition in zip(equations.flows, here.trajectories, here.transitions, strict=True):
         size = np.abs(path.coefficients[:, : along.size, 0]).max()
         growth = max(1.0, np.linalg.norm(transition) / SHEAR)
         noise += EPS / 2 * size * np.sqrt(len(path.steps)) * growth
     # The check has roundings of its own, of the size of what it measures: half as much again.
-    alpha = u[equations.statement.unknowns.index("alpha")]
+    alpha = u[index]
     return float(1.5 * abs(inverse @ residual) + np.linalg.norm(inverse) * noise + np.spacing(alpha))
 
 

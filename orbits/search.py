@@ -13,7 +13,7 @@ from .errors import InputError, NoOrbit
 from .flow import Trajectory, flow
 from .model import Arc, Model, Phase, Statement
 from .orbit import Orbit, Shape
-from .shooting import Evaluation, Shooting, shooting
+from .shooting import Evaluation, Shooting, shooting, solve
 
 # Below this the homotopy is stuck at a fold or an end of the family.
 MIN_STEP = 1e-4
@@ -218,11 +218,11 @@ def _tangent(equations: Shooting, u, p: Mapping, name: str, share: float) -> np.
     """Derivative of the solution with respect to a parameter, differenced: a predictor needs no more digits."""
     here = equations.evaluate(u, _vector({**p, name: share}))
     there = equations.evaluate(u, _vector({**p, name: share + 1e-6}))
-    return np.linalg.lstsq(here.jacobian, (here.residual - there.residual) / 1e-6)[0]
+    return solve(here.jacobian, (here.residual - there.residual) / 1e-6)
 
 
 def _corrected(model, equations, correct, predicted, family, p) -> np.ndarray:
-    if not (predicted[1:3] > 0).all():
+    if not (predicted[1:3] > 0).all():  # nor if they are not numbers
         raise NoOrbit("the step leads to a negative time or speed")
     new = correct(predicted, _vector(p))
     if np.max(np.abs(new - predicted)[1:3] / np.abs(new[1:3])) > MAX_CORRECTION:

@@ -136,7 +136,7 @@ class Shooting:
         u = np.array(u, dtype=float)
         here, size = self.evaluate(u, p), np.inf
         for _ in range(attempts):
-            step = np.linalg.lstsq(here.jacobian, -here.residual)[0]
+            step = solve(here.jacobian, -here.residual)
             size = np.max(np.abs(step) / np.maximum(np.abs(u), 1e-3))
             if size < QUADRATIC:
                 return u + step
@@ -168,6 +168,14 @@ class Shooting:
         problem = _Nodes(self, np.asarray(u, float), np.asarray(p, float))
         solution = nlp.solve(problem.unknowns, problem.equations, problem.guess, problem.lower, problem.scale)
         return self.newton(solution[: self.size], p)  # Ipopt ends at its tolerance, this at rounding
+
+
+def solve(jacobian, right) -> np.ndarray:
+    """The solution of a square system, NaN where it is singular."""
+    try:
+        return np.linalg.solve(jacobian, right)
+    except np.linalg.LinAlgError:
+        return np.full(len(right), np.nan)
 
 
 def _dense(name: str, arguments: list, results: list) -> ca.Function:

@@ -259,7 +259,10 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
         if not np.isfinite(gap):
             reason = f"at launch speed {alpha:.4g} the extension does not come back{ends[-1]}"
             break
-        alpha += max(gap / 1.5, 0.02 * (1 + alpha))
+        slope = (gap - samples[-2][1]) / (alpha - samples[-2][0])
+        # Just past where the last two samples point, so that the next one brackets the root.
+        ahead = 1.2 * gap / max(-slope, 0.3) if len(samples) > 2 and slope < 0 else gap / 1.5
+        alpha += max(ahead, 0.02 * (1 + alpha))
     reason = reason or f"none up to launch speed {FASTEST * family:g}"
     raise NoOrbit(f"{what} has no lossless orbit of family {family} under constant gravity: {reason}")
 
