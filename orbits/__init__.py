@@ -1,6 +1,6 @@
 """Lossless periodic orbits of machines with plastic contact: found, certified, followed."""
 
-from .errors import FlowError, InputError, MissingExtra, NoOrbit, OrbitsError, OutOfRange
+from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .model import Affine, Arc, Model, Oscillator, Phase, Pieces, Reduction, Statement, Units
 from .orbit import Certificate, Orbit
 from .search import METHODS, find
@@ -12,7 +12,6 @@ __all__ = [
     "Certificate",
     "FlowError",
     "InputError",
-    "MissingExtra",
     "Model",
     "NoOrbit",
     "Orbit",

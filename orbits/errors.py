@@ -19,7 +19,3 @@ class FlowError(NoOrbit):
 
 class OutOfRange(FlowError):
     """A motion needs a law where it is not defined, as outside a measured table."""
-
-
-class MissingExtra(OrbitsError, ImportError):
-    """An optional package is needed and absent; the message says how to install it."""

@@ -216,6 +216,16 @@ def test_contact_and_flight_are_one_periodic_motion():
     assert orbit(orbit.period - t[:40])[:, [0, 2]].shape == (40, 2)
 
 
+def test_a_machine_with_other_values_shares_its_model():
+    machine = machine_of(REFERENCES[2])
+    other = machine.with_values(beta=1.0, mass_ratio=3.0)
+    assert other.model is machine.model
+    assert find(other).alpha == pytest.approx(GOLDEN[1][0], rel=1e-13)
+    assert machine.values["beta"] == 0.3
+    with pytest.raises(InputError, match="has a parameter 'gamma'"):
+        machine.with_values(gamma=1.0)
+
+
 def random_laws(count: int):
     """Smooth springs that reach the foot's weight, seeded: polynomials, hyperbolic tangents and exponentials."""
     rng = np.random.default_rng(20)
