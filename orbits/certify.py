@@ -21,7 +21,7 @@ from .steps import runge_kutta
 # Growth of a difference over the flight that the random walk of roundings covers by itself.
 SHEAR = 15.0
 # Order-8 steps taken in one call.
-SEVERAL = 4
+SEVERAL = 8
 # Gauss points for the work along the straight line between two nodes; the field is analytic on it.
 GAUSS = 16
 GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(GAUSS)

@@ -26,8 +26,8 @@ from .steps import ORDER, SHORTEST, Graph, RungeKutta, Taylor
 MAX_STEPS = 200_000
 # Beyond this a motion has run away.
 RUNAWAY = 1e20
-# Steps taken in one call of the interpreter's.
-LOOK_AHEAD = 8
+# Steps taken in one call of the interpreter's: two such calls are most of an oscillation.
+LOOK_AHEAD = 6
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,10 @@ MAX_DEPTH = 40
 
 @cache
 def _to_bernstein(degree: int) -> np.ndarray:
-    return np.array([[comb(j, k) / comb(degree, k) for j in range(degree + 1)] for k in range(degree + 1)])
+    matrix, j = np.ones((degree + 1, degree + 1)), np.arange(degree + 1)
+    for k in range(1, degree + 1):  # comb(j, k)/comb(degree, k)
+        matrix[k] = matrix[k - 1] * np.maximum(j - k + 1, 0) / (degree - k + 1)
+    return matrix
 
 
 def bernstein(coefficients, h):

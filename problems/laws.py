@@ -70,13 +70,7 @@ class Law:
 
     def degree(self) -> int:
         """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
-        if self.pieces is not None:
-            return 2
-        x, p = _symbols(self.variable, self.parameters)
-        value = ca.SX(self.expression(x, p, []))
-        if not covers(ca.Function("law", [x, *p.values()], [value])):
-            return 2  # |x| has the derivatives of a straight line
-        return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
+        return _degree(self.key)
 
     def with_parameters(self, **values: float) -> "Law":
         """The same law with other values of some parameters."""
@@ -205,6 +199,18 @@ def from_key(key: tuple, p: Mapping[str, float]) -> Law:
     """The law of a `Law.key` with the values that `p` has for its parameters."""
     text, variable, expression, names, pieces = key
     return Law(text, variable, expression, {name: p[name] for name in names}, pieces)
+
+
+@lru_cache(maxsize=256)
+def _degree(key: tuple) -> int:
+    _, variable, expression, names, pieces = key
+    if pieces is not None:
+        return 2
+    x, p = _symbols(variable, names)
+    value = ca.SX(expression(x, p, []))
+    if not covers(ca.Function("law", [x, *p.values()], [value])):
+        return 2  # |x| has the derivatives of a straight line
+    return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
 
 
 @lru_cache(maxsize=256)
