@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+import threading
 from pathlib import Path
 
 import casadi as ca
@@ -17,11 +18,12 @@ class Call:
     """A CasADi function on NumPy arrays with its memory laid out once.
 
     A plain call costs 10 to 20 microseconds in conversions, this one a few. Arguments are copied in and results copied
-    out, so nothing is shared with the caller.
+    out under a lock, so nothing is shared with the caller or with another thread.
     """
 
     def __init__(self, function: ca.Function):
         self.function = function
+        self.lock = threading.RLock()
         self.arguments = [np.zeros(function.nnz_in(i)) for i in range(function.n_in())]
         shapes = [function.size_out(i) for i in range(function.n_out())]
         if any(function.nnz_out(i) != rows * columns for i, (rows, columns) in enumerate(shapes)):
@@ -36,10 +38,11 @@ class Call:
 
     def __call__(self, *arguments) -> list[np.ndarray]:
         """Results as matrices of the function's shapes; arguments of matching sizes, matrices included."""
-        for memory, argument in zip(self.arguments, arguments, strict=True):
-            memory[:] = np.asarray(argument).ravel(order="F")
-        self.trigger()
-        return [result.copy() for result in self.results]
+        with self.lock:
+            for memory, argument in zip(self.arguments, arguments, strict=True):
+                memory[:] = np.asarray(argument).ravel(order="F")
+            self.trigger()
+            return [result.copy() for result in self.results]
 
 
 def compiler() -> str | None:

@@ -3,14 +3,14 @@
 Nothing here reuses the equations that were solved, except to push a defect through their Jacobian.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from .calls import Call
-from .errors import FlowError, NoOrbit
+from .errors import FlowError, NoOrbit, OutOfRange
 from .flow import Flow, Trajectory, first_zero, flow
 from .model import Affine, Model, Phase
 from .orbit import Certificate
@@ -21,12 +21,14 @@ from .steps import runge_kutta
 # Square root of the number of steps from which roundings add by their bias more than at random.
 LONG_WALK = 20.0
 # Growth of a difference over the flight that the random walk of roundings covers by itself.
-SHEAR = 8.0
-# Order-8 steps taken in one call.
-SEVERAL = 8
+SHEAR = 4.0
+# Order-8 steps are taken in one call, their number a multiple of this.
+SEVERAL = 32
 # Gauss points for the work along the straight line between two nodes; the field is analytic on it.
-GAUSS = 16
+GAUSS = 10
 GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(GAUSS)
+# An error or an energy drift beyond this share is no rounding: the steps have leapt over a feature of a law.
+WORST = 1e-7
 EPS = float(np.finfo(float).eps)
 
 
@@ -57,12 +59,12 @@ def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:
     data = along.mesh_data(path, p)
     x = start
     if along.method != "Runge-Kutta":
-        several = _several_steps(along)
-        for h, d, c in zip(path.steps, data.T, path.coefficients[:, : along.size], strict=True):
-            count = _substeps(c, h)
-            for _ in range(count // SEVERAL):
-                x = several(x, h / count, d)[0].ravel()
-        return x
+        counts = _substeps(path.coefficients[:, : along.size], path.steps)
+        count = int(np.ceil(counts.sum() / SEVERAL)) * SEVERAL
+        idle = count - counts.sum()  # steps of no length
+        lengths = np.append(np.repeat(path.steps / counts, counts), np.zeros(idle))
+        data = np.repeat(data, np.append(counts[:-1], counts[-1] + idle), axis=1)
+        return _order_eight(along, count)(start, lengths, data)[0][:, -1]
     from scipy.integrate import solve_ivp  # slow to import, and only laws without a Taylor series need it
 
     for i, h in enumerate(path.steps):
@@ -71,34 +73,41 @@ def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:
     return x
 
 
-def _substeps(coefficients, h: float) -> int:
-    """Order-8 steps, a multiple of `SEVERAL`, that bring the error over a step of length `h` below rounding.
+def _substeps(coefficients, steps) -> np.ndarray:
+    """Order-8 steps (N,) that bring the error over each step of a motion below rounding; shapes as in `Trajectory`.
 
     It is the ninth Taylor term of one of them, as many times as there are.
     """
-    ninth = np.abs(coefficients[:, 9]).max() * h**9 / max(np.abs(coefficients[:, 0]).max(), 1e-300)
-    return SEVERAL * int(np.clip(np.ceil((ninth / (0.01 * EPS)) ** (1 / 8) / SEVERAL), 1, 250))
+    ninth = np.abs(coefficients[:, :, 9]).max(1) * steps**9 / np.maximum(np.abs(coefficients[:, :, 0]).max(1), 1e-300)
+    return np.clip(np.ceil((ninth / (0.01 * EPS)) ** (1 / 8)), 1, 2000).astype(int)
 
 
 @lru_cache(maxsize=64)
-def _several_steps(along: Flow) -> Call:
+def _order_eight(along: Flow, count: int) -> Call:
+    """`count` Runge-Kutta steps as a call (start, lengths, parameters with data) -> states (n, count)."""
     h = ca.SX.sym("h")
-    end = along.graph.x
-    for _ in range(SEVERAL):
-        end = runge_kutta(along.graph, end, h)
-    return Call(ca.Function("several", [along.graph.x, h, along.graph.p], [end]))
+    step = ca.Function("step", [along.graph.x, h, along.graph.p], [runge_kutta(along.graph, along.graph.x, h)])
+    return Call(step.mapaccum(count))
 
 
-def contact_half(model: Model, u: Mapping[str, float], p: Mapping[str, float], limit: float) -> Trajectory | None:
-    """The contact after a lossless landing up to its middle, or None when the body never turns back within `limit`."""
+def follow_contact(
+    model: Model, u: Mapping[str, float], p: Mapping[str, float], limit: float
+) -> tuple[Trajectory | None, str]:
+    """The contact after a lossless landing, up to its middle or, where nothing mirrors it, up to lift-off.
+
+    None with the reason when it has not come there within the time `limit`.
+    """
     along = flow(model.contact, tuple(p))
     start = np.array(model.touchdown(u, p), dtype=float)
+    # Without a mirror image the force ends the contact, the first watched row; its zero at landing is left out.
+    stop = first_zero(model.contact_speed) if model.reversor else first_zero(Affine((0.0,) * along.size + (1.0,)), 1)
     try:
-        path, _ = along.run(start, np.array(list(p.values())), limit, stop=first_zero(model.contact_speed))
+        path, _ = along.run(start, np.array(list(p.values())), limit, stop=stop)
+    except OutOfRange as error:
+        return None, f"contact: {error}"
     except FlowError:
-        return None
-    turned = abs(model.contact_speed(path.end[: along.size])) <= 1e-6 * abs(model.contact_speed(start))
-    return path if turned else None
+        return None, model.violations["end"]
+    return (path, "") if path.times[-1] < limit else (None, model.violations["end"])
 
 
 def count_family(model: Model, parts: tuple[Trajectory, ...]) -> int:
@@ -138,53 +147,45 @@ def certify(
     p: Mapping[str, float],
     parts: tuple[Trajectory, ...],
     contact: Trajectory | None,
+    stopped: str,
     gap_slope: float,
     residual: float,
     error: float,
 ) -> Certificate:
-    """Check an orbit.
+    """Check an orbit. Raises `NoOrbit` where its numbers cannot be trusted.
 
     parts : the flight from lift-off to its middle, and, where it is not its mirror image, from landing backwards
-    contact : its first half, None when it does not end
+    contact : as `follow_contact` gives it, None when it does not end, and then `stopped` says why
     gap_slope : derivative with respect to alpha of the gap at the orbit's landing time
     """
-    minima, jerks, violations, words = [], [], [], model.violations
-    for part in parts:
-        gap = model.gap(p).series(part.coefficients)
-        jerks.append(6 * gap[0, 3])
-        minima += interior_minima(gap, part)
-    jerk, clearance = min(jerks), min(minima, default=(None, None))
-    if jerk <= 0:
-        violations.append(f"the gap opens the wrong way at landing (landing jerk {-jerk:.3g}, must be negative)")
-    if minima and clearance[0] <= 0:
-        violations.append(f"{words['gap']} at t = {clearance[1]:.6g} of the flight (height {clearance[0]:.3g})")
+    jerk, clearance, violations = _flight(model, p, parts)
     force = peak = None
     if contact is None:
-        violations.append(words["end"])
+        violations.append(stopped)
     else:
-        force, peak, violation = _contact_force(contact, words["pull"])
+        force, peak, violation = _contact_force(contact, model.violations["pull"], model.reversor is not None)
         violations += violation
     separation, violation = _separation(model, p, parts, contact)
     violations += violation
 
-    work, slope = _energies(model, tuple(p))
     values = np.array(list(p.values()))
-    rise = float(slope(u["liftoff"], u["alpha"], values, _data_at(model.flight, parts[0], p)))
-    drift = max(_drift(work[0], model.flight, part, p) for part in parts)
+    start = parts[0].coefficients[0, : len(model.flight.states), 0]
+    data, _ = flow(model.flight, tuple(p)).piece_data(start, values)
+    power = float(_power(model, tuple(p))(u["liftoff"], u["alpha"], values, data)[0][0, 0])
+    drift = max(_drift(model.flight, model.flight_gradient, part, p) for part in parts)
     if contact is not None:
-        drift = max(drift, _drift(work[1], model.contact, contact, p))
+        drift = max(drift, _drift(model.contact, model.contact_gradient, contact, p))
+    drift /= 0.5 * u["alpha"] * power
     loss = None
     if jerk > 0 and gap_slope != 0:
-        loss = model.impact_mass(p) * jerk**2 / 8 * (6 * abs(gap_slope) / jerk) ** (4 / 3) / rise
-    figures = (residual, error, drift, jerk, rise, *(value for value in (loss, separation, force) if value is not None))
-    if not np.isfinite(figures).all():
-        raise NoOrbit("the orbit cannot be certified: its numbers overflow; state the machine in units nearer to 1")
+        loss = model.impact_mass(p) * jerk**2 / 8 * (6 * abs(gap_slope) / jerk) ** (4 / 3) / power
+    _refuse(u["alpha"], error, drift, (residual, jerk, *(x for x in (loss, separation, force) if x is not None)))
     return Certificate(
         family=count_family(model, parts),
         residual=float(residual),
         error=float(error),
-        energy_drift=drift / (0.5 * u["alpha"] * rise),
-        clearance=clearance[0],
+        energy_drift=drift,
+        clearance=clearance,
         smallest_separation=separation if contact is not None else None,
         smallest_contact_force=force,
         largest_contact_force=peak,
@@ -194,6 +195,34 @@ def certify(
         violations=tuple(violations),
         unfolding=u.get("unfolding"),
     )
+
+
+def _refuse(alpha: float, error: float, drift: float, others: tuple[float, ...]):
+    """Raise `NoOrbit` for figures that overflow, or that show an integration which has missed something."""
+    if not np.isfinite((error, drift, *others)).all():
+        raise NoOrbit("the orbit cannot be certified: its numbers overflow; state the machine in units nearer to 1")
+    if error > WORST * alpha or drift > WORST:
+        raise NoOrbit(
+            f"the orbit cannot be certified: launch speed {alpha:.6g} may be off by {error:.1e}, the energy drifts by "
+            f"{drift:.1e}. The motion crosses something narrower than an integration step: declare breakpoints there, "
+            "or smooth the law"
+        )
+
+
+def _flight(model: Model, p: Mapping[str, float], parts: tuple[Trajectory, ...]):
+    """Landing jerk (times -1), lowest interior minimum of the gap (None without one), violations in flight."""
+    minima, jerks, violations = [], [], []
+    for part, backwards in zip(parts, (False, True), strict=False):
+        gap = model.gap(p).series(part.coefficients)
+        jerks.append(6 * gap[0, 3])
+        whole = sum(half.times[-1] for half in parts)
+        minima += [(height, whole - t if backwards else t) for height, t in interior_minima(gap, part)]
+    jerk, (clearance, when) = min(jerks), min(minima, default=(None, None))
+    if jerk <= 0:
+        violations.append(f"the gap opens the wrong way at landing (landing jerk {-jerk:.3g}, must be negative)")
+    if minima and clearance <= 0:
+        violations.append(f"{model.violations['gap']} at t = {when:.6g} of the flight (height {clearance:.3g})")
+    return jerk, clearance, violations
 
 
 def _separation(model, p, parts, contact) -> tuple[float | None, list[str]]:
@@ -210,49 +239,57 @@ def _separation(model, p, parts, contact) -> tuple[float | None, list[str]]:
     if least > 0:
         return least, []
     when = path.times[piece] + t
+    if len(parts) == 2 and path is parts[1]:  # told backwards from landing
+        when = parts[0].times[-1] + path.times[-1] - when
     return least, [f"{model.violations['separation']} at t = {when:.6g} of the {where} (separation {least:.3g})"]
 
 
-def _contact_force(contact: Trajectory, pulls: str) -> tuple[float | None, float, list[str]]:
-    """Lowest interior minimum of the force over the half contact (None without one), its peak, and a violation where
-    it pulls. It starts from a simple zero, which is divided out exactly."""
+def _contact_force(contact: Trajectory, pulls: str, half: bool) -> tuple[float | None, float, list[str]]:
+    """Lowest interior minimum of the force over the (half) contact, None without one, its peak, and a violation where
+    it pulls. It starts from a simple zero, which is divided out exactly; a whole contact ends on another."""
     force = contact.row("contact force")
     slope, end, h = derivative(force), contact.times[-1], contact.steps[-1]
     turns = [(i, t) for i, t in piecewise_roots(slope, contact.steps, rising=True)]
     minima = [float(evaluate(force[i], t)) for i, t in turns if contact.times[i] + t < end * (1 - 1e-7)]
-    if evaluate(derivative(slope[-1]), h) > 0:  # mid-contact itself
+    if half and evaluate(derivative(slope[-1]), h) > 0:  # mid-contact itself
         minima.append(float(evaluate(force[-1], h)))
     largest = -lowest(-force, contact.steps)[0]
     for i, t in piecewise_roots(force, contact.steps, start=1)[:1]:
-        return min(minima, default=None), largest, [f"{pulls} in contact at t = {contact.times[i] + t:.6g}"]
+        when = contact.times[i] + t
+        if half or when < end * (1 - 1e-7):
+            return min(minima, default=None), largest, [f"{pulls} in contact at t = {when:.6g}"]
     begins = [f"{pulls} as soon as the contact begins"] if force[0, 1] <= 0 else []
     return min(minima, default=None), largest, begins
 
 
 @lru_cache(maxsize=64)
-def _energies(model: Model, parameters: tuple[str, ...]):
-    """The energy gradients of flight and contact as functions (x, (p, q)), and dE/dalpha at launch."""
-    gradients = []
-    for phase, gradient in ((model.flight, model.flight_gradient), (model.contact, model.contact_gradient)):
-        along = flow(phase, parameters)
-        x = ca.SX.sym("x", along.size)
-        p = ca.SX.sym("p", len(parameters) + (phase.pieces.size if phase.pieces else 0))
-        gradients.append(ca.Function("gradient", [x, p], [ca.vertcat(*gradient(*along.symbols(x, p)))]))
+def _gradient(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> ca.Function:
+    """An energy gradient of a model as a function (x, (p, q))."""
+    along = flow(phase, parameters)
+    x = ca.SX.sym("x", along.size)
+    p = ca.SX.sym("p", len(parameters) + (phase.pieces.size if phase.pieces else 0))
+    return ca.Function("gradient", [x, p], [ca.densify(ca.vertcat(*gradient(*along.symbols(x, p))))])
+
+
+@lru_cache(maxsize=64)
+def _power(model: Model, parameters: tuple[str, ...]) -> Call:
+    """dE/dalpha at launch as a call (liftoff, alpha, p, q)."""
     liftoff, alpha = ca.SX.sym("liftoff"), ca.SX.sym("alpha")
     p = ca.SX.sym("p", len(parameters))
     q = ca.SX.sym("q", model.flight.pieces.size if model.flight.pieces else 0)
     named = dict(zip(parameters, ca.vertsplit(p), strict=True))
     start = ca.vertcat(*model.launch({"liftoff": liftoff, "alpha": alpha}, named))
-    rise = ca.dot(gradients[0](start, ca.vertcat(p, q)), ca.jacobian(start, alpha))
-    return gradients, ca.Function("rise", [liftoff, alpha, p, q], [rise])
+    gradient = _gradient(model.flight, model.flight_gradient, parameters)(start, ca.vertcat(p, q))
+    return Call(ca.Function("power", [liftoff, alpha, p, q], [ca.densify(ca.dot(gradient, ca.jacobian(start, alpha)))]))
 
 
-def _data_at(phase: Phase, path: Trajectory, p: Mapping[str, float]) -> np.ndarray:
-    along = flow(phase, tuple(p))
-    return along.piece_data(path.coefficients[0, : along.size, 0], np.array(list(p.values())))[0]
+@lru_cache(maxsize=256)
+def _gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...], count: int) -> Call:
+    """`_gradient` at so many points, a call ((n, count), (np + nq, count)) -> (n, count)."""
+    return Call(_gradient(phase, gradient, parameters).map(count))
 
 
-def _drift(gradient: ca.Function, phase: Phase, path: Trajectory, p: Mapping[str, float]) -> float:
+def _drift(phase: Phase, gradient: Callable, path: Trajectory, p: Mapping[str, float]) -> float:
     """Largest change of energy along a motion: the work of the gradient on the straight lines between the nodes."""
     along = flow(phase, tuple(p))
     n = along.size
@@ -261,6 +298,7 @@ def _drift(gradient: ca.Function, phase: Phase, path: Trajectory, p: Mapping[str
     moves = np.diff(nodes, axis=0)
     points = nodes[:-1, None] + s[None, :, None] * moves[:, None]
     data = np.repeat(along.mesh_data(path, np.array(list(p.values()))), GAUSS, axis=1)
-    rates = np.array(gradient(points.reshape(-1, n).T, data)).T.reshape(points.shape)
+    gradients = _gradients(phase, gradient, tuple(p), len(path.steps) * GAUSS)
+    rates = gradients(points.reshape(-1, n).T, data)[0].T.reshape(points.shape)
     changes = np.einsum("kgn,kn,g->k", rates, moves, weights)
     return float(np.abs(np.cumsum(changes)).max())

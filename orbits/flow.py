@@ -28,6 +28,7 @@ MAX_STEPS = 200_000
 RUNAWAY = 1e20
 # Steps taken in one call of the interpreter's: two such calls are most of an oscillation.
 LOOK_AHEAD = 6
+MOST_AT_ONCE = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +89,7 @@ class Flow:
         self.phase, self.parameters = phase, tuple(parameters)
         self.size = len(phase.states)
         self.names = (*phase.states, *phase.watch)
-        self._schemes: dict[int, Taylor | RungeKutta] = {}
+        self._schemes: dict[tuple, Taylor | RungeKutta] = {}
 
     @cached_property
     def graph(self) -> Graph:
@@ -118,11 +119,15 @@ class Flow:
         """Whether stepping has taken long enough to be compiled."""
         return any(isinstance(scheme, Taylor) and scheme.compiled for scheme in self._schemes.values())
 
-    def scheme(self, columns: int):
-        """The stepping scheme that carries so many sensitivities along, built on first use."""
-        if columns not in self._schemes:
-            self._schemes[columns] = (Taylor if self.graph.has_series else RungeKutta)(self.graph, columns)
-        return self._schemes[columns]
+    def scheme(self, columns: int, varied: tuple[int, ...] = ()):
+        """The stepping scheme that carries so many sensitivities along, built on first use.
+
+        varied : rows of the parameters, with the data of a piece, whose seeds are not zero
+        """
+        if (columns, varied) not in self._schemes:
+            form = Taylor if self.graph.has_series else RungeKutta
+            self._schemes[columns, varied] = form(self.graph, columns, varied)
+        return self._schemes[columns, varied]
 
     def run(self, start, p, duration=np.inf, seeds=None, parameter_seeds=None, stop: Callable | None = None):
         """Travel from `start` (n,) for `duration`, or until `stop` says so.
@@ -139,16 +144,16 @@ class Flow:
         p = np.asarray(p, dtype=float)
         if not (np.isfinite(x).all() and np.isfinite(p).all() and duration > 0):
             raise FlowError(f"the {self.phase.name} cannot start from {x} for a time {duration}")
-        if self.phase.closed_form:
+        if self.phase.closed_form and (parameter_seeds is None or not parameter_seeds.any()):
             return self._closed_form(x, p, duration, seeds, stop)
         columns = 0 if seeds is None else seeds.shape[1]
-        scheme = self.scheme(columns)
         track = _Track(self, p, x, columns, parameter_seeds)
+        scheme = self.scheme(columns, track.varied())
         times, pieces, h, variations = [0.0], [], None, seeds
         while times[-1] < duration:
             interrupts.check()
             left = duration - times[-1]
-            ahead = 1 if self.phase.pieces else LOOK_AHEAD if stop else _chunk(left, h)
+            ahead = 1 if self.phase.pieces else LOOK_AHEAD if stop else _chunk(left, h) if h else scheme.usual
             steps, c, dc = scheme.advance(x, track.data, variations, track.seeds, ahead, left, h)
             steps, c = self._sound(steps, c, times[-1], len(pieces))
             count, cut, crossed, halted = self._cut(c, steps, left, track, stop)
@@ -169,7 +174,9 @@ class Flow:
             if duration - times[-1] <= 1e-15 * duration:
                 times[-1] = duration
             if crossed:
-                track.enter(crossed, x)
+                variations = track.enter(crossed, x, variations)
+        if not stop:
+            scheme.usual = min(len(pieces), MOST_AT_ONCE)
         return Trajectory(np.array(times), np.array(pieces), self.names), variations
 
     def _sound(self, steps, c, t: float, taken: int):
@@ -286,10 +293,8 @@ def first_zero(quantity: Affine, skip_start: int = 0) -> Callable:
     return stop
 
 
-def _chunk(left: float, h: float | None) -> int:
+def _chunk(left: float, h: float) -> int:
     """How many steps to take at once: a power of two, about as many as are left."""
-    if h is None:
-        return 4
     return int(2 ** np.ceil(np.log2(np.clip(left / h, 1, LOOK_AHEAD))))
 
 
@@ -300,9 +305,9 @@ class _Track:
         self.flow, self.pieces = flow, flow.phase.pieces
         self.data = p
         self.seeds = np.zeros((len(p), columns)) if parameter_seeds is None else parameter_seeds
+        self.p, self.parameter_seeds = p, self.seeds
         if self.pieces is None:
             return
-        self.p, self.parameter_seeds = p, self.seeds
         self.breaks, self.table, self.slopes = flow.piece_table(p)
         self.weights = np.array(self.pieces.coordinate)
         place = float(self.weights @ x)
@@ -313,6 +318,12 @@ class _Track:
         self.level = place if place in self.breaks else None
         if place == self.breaks[index] and index > 0 and self.weights @ flow.rates(x, self.data) < 0:
             self._set(index - 1)
+
+    def varied(self) -> tuple[int, ...]:
+        """Rows of the seeds that are not zero, on whatever piece."""
+        rows = np.flatnonzero(self.parameter_seeds.any(1))
+        data = range(len(self.parameter_seeds), len(self.seeds)) if len(rows) else ()
+        return (*map(int, rows), *data)
 
     def _set(self, index: int):
         self.index = index
@@ -336,13 +347,21 @@ class _Track:
         self.level = None
         return h, crossed
 
-    def enter(self, side: int, x):
-        """Go on in the next piece, above (+1) or below (-1)."""
+    def enter(self, side: int, x, variations):
+        """Go on in the next piece, above (+1) or below (-1); returns the variations (n, columns) beyond the break.
+
+        Where the field jumps there, a change of the time of crossing changes the state by the jump (saltation).
+        """
         index = self.index + side
         if not 0 <= index < len(self.table):
             raise OutOfRange(self._outside(float(self.weights @ x)))
         self.level = self.breaks[max(index, self.index)]
+        before = variations is not None and self.flow.rates(x, self.data)
         self._set(index)
+        if variations is None:
+            return None
+        earlier = self.weights @ variations / (self.weights @ before)
+        return variations + np.outer(self.flow.rates(x, self.data) - before, earlier)
 
     def _outside(self, place: float) -> str:
         low, high = self.breaks[0], self.breaks[-1]

@@ -55,14 +55,14 @@ class Certificate:
 class Shape:
     """How the stored half motions make a whole cycle, and what of it to show.
 
-    reversor, contact_reversor : signs of the states under time reversal
+    reversor, contact_reversor : signs of the states under time reversal, None where whole motions are stored
     embed : (n, m) matrix from contact to flight states
     heights : names and functions of the flight state, the masses first
     spring_ends : names of the heights that the spring joins, None for the ground
     """
 
-    reversor: tuple[int, ...]
-    contact_reversor: tuple[int, ...]
+    reversor: tuple[int, ...] | None
+    contact_reversor: tuple[int, ...] | None
     embed: np.ndarray
     heights: Mapping[str, Affine]
     spring_ends: tuple[str | None, str]
@@ -75,7 +75,8 @@ class Orbit:
     alpha : launch speed
     liftoff_extension : of the spring, at lift-off and landing
     flight_time, contact_time : durations; contact_time None when the contact never ends
-    flight, contact : the first halves, as piecewise polynomials; the second are their mirror images in time
+    flight, contact : the first halves, as piecewise polynomials, of which the second are mirror images in time; the
+        whole where the model has no reversor
     machine : the machine in words and numbers
     method, skipped : the way taken and what this machine did not need
     seconds : wall time of the search and the certificate
@@ -150,12 +151,15 @@ class Orbit:
             self.contact_time,
             self.shape.contact_reversor,
         )
-        return np.where((t <= self.flight_time)[..., None], flying, standing @ self.shape.embed.T)
+        standing = standing[..., : self.shape.embed.shape[1]] @ self.shape.embed.T
+        return np.where((t <= self.flight_time)[..., None], flying, standing)
 
     def document(self) -> dict:
         """The orbit as the JSON document of the command line."""
         c = self.certificate
-        mid = self.state_mid_flight[np.array(self.shape.reversor) > 0]
+        mid = self.state_mid_flight
+        if self.shape.reversor:  # the others vanish
+            mid = mid[np.array(self.shape.reversor) > 0]
         document = {
             **self.machine,
             "family": c.family,
@@ -301,8 +305,8 @@ class Orbit:
                 flight=_unpack(motion["flight"]),
                 contact=motion["contact"] and _unpack(motion["contact"]),
                 shape=Shape(
-                    tuple(shape["reversor"]),
-                    tuple(shape["contact_reversor"]),
+                    shape["reversor"] and tuple(shape["reversor"]),
+                    shape["contact_reversor"] and tuple(shape["contact_reversor"]),
                     np.array(shape["embed"]),
                     {name: Affine(tuple(weights), offset) for name, (weights, offset) in shape["heights"].items()},
                     tuple(shape["spring_ends"]),
@@ -337,12 +341,11 @@ def to_json(value) -> str:
 
 
 def _mirrored(path: Trajectory, t, duration: float, signs) -> np.ndarray:
-    """States at times `t` of a motion whose first half is `path` and whose second is its image under `signs`."""
-    count = len(signs)
-    if path.times[-1] > 0.75 * duration:  # the whole motion is stored
-        return path(t)[..., :count]
+    """Rows at times `t` of a motion whose first half is `path` and whose second is its image under `signs`, if any."""
+    if signs is None:
+        return path(t)
     later = t > path.times[-1]
-    states = path(np.where(later, duration - t, t))[..., :count]
+    states = path(np.where(later, duration - t, t))[..., : len(signs)]
     return np.where(later[..., None], states * np.array(signs), states)
 
 

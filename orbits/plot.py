@@ -63,8 +63,7 @@ def plot_phase_portrait(orbit: Orbit, axes=None):
     axes = axes or new_axes(4.5, 4.0)
     end = orbit.flight_time if orbit.contact_time is None else orbit.period
     states = orbit(np.linspace(0, end, 2001))
-    signs = np.array(orbit.shape.reversor)
-    speeds = states[:, signs < 0]
+    speeds = states[:, [name.endswith("'") for name in orbit.flight.names]]
     for i, name in enumerate(list(orbit.shape.heights)[: speeds.shape[1]]):
         height, speed = length * orbit.shape.heights[name](states), length / time * speeds[:, i]
         axes.plot(height, speed, color=COLOURS[i], lw=1.6, label=name)

@@ -29,11 +29,9 @@ def bernstein(coefficients, h):
 
 
 def evaluate(coefficients, t):
-    """Values at `t`, Horner's scheme; `coefficients` (..., K + 1) broadcast with `t` (...)."""
-    value = coefficients[..., -1]
-    for k in range(coefficients.shape[-1] - 2, -1, -1):
-        value = value * t + coefficients[..., k]
-    return value
+    """Values at `t`; `coefficients` (..., K + 1) broadcast with `t` (...)."""
+    powers = np.asarray(t)[..., None] ** np.arange(coefficients.shape[-1])
+    return np.einsum("...k,...k", coefficients, powers)
 
 
 def derivative(coefficients):
@@ -64,9 +62,9 @@ def roots(coefficients, h: float) -> list[float]:
     A value of 0 counts as positive.
     """
     values = bernstein(coefficients, h)
-    found: list[float] = []
+    found: list[tuple] = []
     _isolate(values, 0.0, 1.0, MAX_DEPTH, found)
-    return [_refine(coefficients, low * h, high * h, rising) for low, high, rising in found]
+    return [_refine(coefficients, h, *bracket) for bracket in found]
 
 
 def piecewise_roots(coefficients, steps, start: int = 0, rising: bool = False) -> list[tuple[int, float]]:
@@ -84,11 +82,9 @@ def piecewise_roots(coefficients, steps, start: int = 0, rising: bool = False) -
     positive = values >= 0
     found = []
     for i in np.flatnonzero(positive.any(1) & ~positive.all(1)):
-        isolated: list[tuple[float, float, bool]] = []
+        isolated: list[tuple] = []
         _isolate(values[i], 0.0, 1.0, MAX_DEPTH, isolated)
-        for low, high, up in isolated:
-            if up or not rising:
-                found.append((int(i), _refine(series[i], low * steps[i], high * steps[i], up)))
+        found += [(int(i), _refine(series[i], steps[i], *bracket)) for bracket in isolated if bracket[2] or not rising]
     return found
 
 
@@ -106,11 +102,14 @@ def lowest(coefficients, steps) -> tuple[float, int, float]:
 
 
 def _isolate(values, low, high, depth, found):
+    """Append (low, high, whether it rises, where about) of each root, all as shares of the interval."""
     positive = values >= 0
-    changes = np.count_nonzero(positive[1:] != positive[:-1])
-    crosses = positive[0] != positive[-1]
+    changed = np.flatnonzero(positive[1:] != positive[:-1])
+    changes, crosses = len(changed), positive[0] != positive[-1]
     if changes == 1 or (depth == 0 and crosses):
-        found.append((low, high, bool(positive[-1])))
+        j = changed[0]  # where the control polygon crosses, second order close to where the polynomial does
+        about = (j + values[j] / (values[j] - values[j + 1])) / (len(values) - 1)
+        found.append((low, high, bool(positive[-1]), low + (high - low) * float(about)))
     elif changes > 1 and depth > 0:
         left, right = _halve(values)
         middle = 0.5 * (low + high)
@@ -127,11 +126,14 @@ def _halve(values):
     return left, right
 
 
-def _refine(coefficients, low, high, rising) -> float:
-    """Newton's method kept inside the bracket, by bisection where it would leave it."""
+def _refine(coefficients, h, low, high, rising, t) -> float:
+    """Newton's method kept inside the bracket, by bisection where it would leave it; all but the answer in shares of h.
+
+    It ends when the next step, by the rate at which the last two have shrunk, is below rounding.
+    """
     c = coefficients.tolist()
-    sign = 1.0 if rising else -1.0
-    t = 0.5 * (low + high)
+    low, high, t = (float(share * h) for share in (low, high, t))
+    sign, last = 1.0 if rising else -1.0, 0.0
     for _ in range(200):
         value = slope = 0.0
         for a in reversed(c):
@@ -142,9 +144,11 @@ def _refine(coefficients, low, high, rising) -> float:
         else:
             low = t
         new = t - value / slope if slope else low
-        if abs(new - t) > 4.5e-16 * high and not low < new < high:
-            new = 0.5 * (low + high)
-        if abs(new - t) <= 4.5e-16 * high:
+        step = abs(new - t)
+        if step <= 4.5e-16 * high or (last and step * (step / last) ** 2 <= 1e-17 * high):
             return min(max(new, low), high)
-        t = new
+        if low < new < high:
+            t, last = new, step
+        else:
+            t, last = 0.5 * (low + high), 0.0
     return t

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from . import interrupts
-from .certify import certify, contact_half, count_family, error_bound
+from .certify import certify, count_family, error_bound, follow_contact
 from .errors import InputError, NoOrbit
 from .flow import Trajectory, flow
 from .model import Arc, Model, Phase, Statement
@@ -23,21 +23,6 @@ MAX_CORRECTION = 0.1
 LARGEST_UNFOLDING = 1e-9
 METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 10_000
-
-
-@dataclass(frozen=True, eq=False)
-class _Solution:
-    """A solved statement and what it means for the flight: its first half, or the whole where nothing mirrors it."""
-
-    equations: Shooting
-    u: np.ndarray
-    here: Evaluation
-    flight: Trajectory
-    error: float | None = None
-
-    @property
-    def named(self) -> dict[str, float]:
-        return {name: float(value) for name, value in zip(self.equations.statement.unknowns, self.u, strict=True)}
 
 
 def find(
@@ -68,8 +53,10 @@ def _find(machine, family, method, progress) -> Orbit:
     solution = solve(model, family, p, progress)
     u = solution.u
     flight_time = float(sum(part.times[-1] for part in solution.parts)) * (2 if len(solution.parts) == 1 else 1)
-    contact = contact_half(model, u, p, 100 * (1 + flight_time))
-    certificate = certify(model, u, p, solution.parts, contact, solution.gap_slope, solution.residual, solution.error)
+    contact, stopped = follow_contact(model, u, p, 100 * (1 + flight_time))
+    certificate = certify(
+        model, u, p, solution.parts, contact, stopped, solution.gap_slope, solution.residual, solution.error
+    )
     if certificate.family != family:
         raise NoOrbit(
             f"the solve for family {family} ended on an orbit of family {certificate.family}; try another method"
@@ -79,7 +66,7 @@ def _find(machine, family, method, progress) -> Orbit:
         alpha=u["alpha"],
         liftoff_extension=u["liftoff"],
         flight_time=flight_time,
-        contact_time=None if contact is None else float(2 * contact.times[-1]),
+        contact_time=None if contact is None else float(contact.times[-1]) * (2 if model.reversor else 1),
         flight=solution.flight,
         contact=contact,
         shape=_shape(model, p),
@@ -285,9 +272,8 @@ def _at_landing(equations: Shooting, here: Evaluation, p: Mapping) -> np.ndarray
 
 
 def _shape(model: Model, p: Mapping) -> Shape:
-    reversor = model.reversor or (1,) * len(model.flight.states)
-    contact = tuple(int(reversor[i]) for i in np.abs(model.embed).argmax(0))
-    return Shape(reversor, contact, model.embed, model.heights(p), model.spring_ends)
+    contact = model.reversor and tuple(int(model.reversor[i]) for i in np.abs(model.embed).argmax(0))
+    return Shape(model.reversor, contact, model.embed, model.heights(p), model.spring_ends)
 
 
 def _vector(p: Mapping) -> np.ndarray:

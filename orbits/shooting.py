@@ -97,7 +97,7 @@ class Shooting:
         residuals, jacobians, trajectories, transitions = [], [], [], []
         for along, (depart, arrive) in zip(self.flows, self._ends, strict=True):
             value, slope = depart(u, last, p)
-            dvalue = slope @ np.vstack([du, dlast, dp])
+            dvalue = _chain(slope, du, dlast, dp)
             start, dstart = value[:-1, 0], dvalue[:-1]
             moving = dstart.any(0) | dp.any(0)  # a duration moves the end only through the speed there
             transition = np.zeros_like(dstart)
@@ -108,7 +108,7 @@ class Shooting:
             q, dq = along.piece_data(start, p)
             holds, slope = arrive(u, start, end, p, q)
             residuals.append(holds.ravel())
-            jacobians.append(slope @ np.vstack([du, dstart, dend, dp, dq @ dp]))
+            jacobians.append(_chain(slope, du, dstart, dend, dp, _chain(dq, dp)))
             trajectories.append(path)
             transitions.append(transition)
             last, dlast = end, dend
@@ -168,6 +168,13 @@ class Shooting:
         problem = _Nodes(self, np.asarray(u, float), np.asarray(p, float))
         solution = nlp.solve(problem.unknowns, problem.equations, problem.guess, problem.lower, problem.scale)
         return self.newton(solution[: self.size], p)  # Ipopt ends at its tolerance, this at rounding
+
+
+def _chain(slope, *inner) -> np.ndarray:
+    """Chain rule, without the derivatives that are not needed: some may be no numbers (r**n by n where r < 0)."""
+    inner = np.vstack(inner)
+    used = inner.any(1)
+    return slope[:, used] @ inner[used]
 
 
 def solve(jacobian, right) -> np.ndarray:

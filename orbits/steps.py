@@ -51,43 +51,50 @@ class Graph:
 
 
 class Taylor:
-    """Taylor steps, several in one call: coefficients of the state and its sensitivities, each step as long as its last
-    two terms allow."""
+    """Taylor steps, several in one call: coefficients of the state and its sensitivities, each step as long as the
+    state's last two terms allow.
 
-    def __init__(self, graph: Graph, columns: int):
-        x, p, c = graph.x, graph.p, graph.series
-        self.n, self.columns = graph.size, columns
-        self.rows = c.shape[0]
-        state, longest = c[: self.n, :], ca.SX.sym("h")
+    The sensitivities' series come from the variational equations dx' = f_x dx + f_p dp, whose coefficients all columns
+    share; `varied` are the rows of dp that are not zero.
+    """
+
+    def __init__(self, graph: Graph, columns: int, varied: tuple[int, ...] = ()):
+        x, p, n = graph.x, graph.p, graph.size
+        self.n, self.columns, self.varied = n, columns, list(varied)
+        dx, dp = ca.SX.sym("dx", n, columns), ca.SX.sym("dp", len(varied), columns)
+        z, data = ca.vertcat(x, ca.vec(dx)), ca.vertcat(p, ca.vec(dp))
+        rates, watched = graph.field(x, p)
+        if columns:
+            slopes = ca.jacobian(rates, x) @ dx + ca.jacobian(rates, p)[:, self.varied] @ dp
+            rates = ca.densify(ca.vertcat(rates, ca.vec(slopes)))
+        c = jets(ca.Function("variations", [z, data], [rates, watched]), z, data, ORDER) if columns else graph.series
+        size = n * (1 + columns)
+        state, moving, watched = c[:n, :], c[:size, :], c[size:, :]
+        self.rows = n + watched.shape[0]
+        longest = ca.SX.sym("h")
         scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (state[:, :2], state[:, -2], state[:, -1]))
         bound = TOLERANCE * scale
         h = ca.fmin(longest, ca.fmin((bound / before) ** (1 / (ORDER - 1)), (bound / last) ** (1 / ORDER)))
-        power = _powers(h)
-        dx, dp = ca.SX.sym("dx", self.n, columns), ca.SX.sym("dp", p.numel(), columns)
-        dc = ca.SX(self.n * (ORDER + 1), 0)
-        if columns:
-            dc = ca.jtimes(ca.vec(state.T), ca.vertcat(x, p), ca.vertcat(dx, dp))
-        terms = state @ ca.diag(power)
-        end = ca.sum2(terms)
-        dend = ca.reshape(power.T @ ca.reshape(dc, ORDER + 1, self.n * columns), self.n, columns)
-        results = [ca.vertcat(end, ca.vec(dend)), c.T, dc, ca.vertcat(h, self._defect(graph, terms, h) / scale)]
-        self.one = ca.Function(
-            "taylor", [ca.vertcat(x, ca.vec(dx)), p, ca.vec(dp), longest], [ca.densify(result) for result in results]
-        )
+        powers = _powers(h)
+        terms = state @ ca.diag(powers)
+        results = [moving @ powers, ca.vertcat(state, watched).T, c[n:size, :].T]
+        results.append(ca.vertcat(h, self._defect(graph, terms, h) / scale))
+        self.one = ca.Function("taylor", [z, data, longest], [ca.densify(result) for result in results])
         # Once interpreting has taken as long as compiling would, compile: that is never worse than twice the best.
         self.patience = compile_seconds(self.one)
         self.seconds = self.one.n_instructions() * SECONDS_PER_INSTRUCTION
         self.compiled = False
+        self.usual = 4  # steps of a motion, about
         self._calls: dict[int, Call] = {}
 
     @staticmethod
     def _defect(graph: Graph, terms: ca.SX, h: ca.SX) -> ca.SX:
-        """How far the series is from solving the equation at the middle and the end of the step, times its length.
+        """How far the series is from solving the equation at the quarters of the step, times its length.
 
         Where a law is flat to the last digit, a saturated spring, its series says nothing of what comes after.
         """
         orders, defects = np.arange(ORDER + 1), []
-        for part in (0.5, 1.0):
+        for part in (0.25, 0.5, 0.75, 1.0):
             scale = part**orders
             rate = terms @ ca.DM(orders * scale) / part
             defects.append(ca.norm_inf(rate - h * graph.field(terms @ ca.DM(scale), graph.p)[0]))
@@ -102,23 +109,25 @@ class Taylor:
         if count not in self._calls:
             self._calls[count] = Call(self.one if count == 1 else self.one.mapaccum(count))
         call = self._calls[count]
-        start, data, slopes, lengths = call.arguments
-        start[: self.n] = x
-        data.reshape(count, -1)[:] = p
-        if self.columns:
-            start[self.n :] = dx.T.ravel()
-            slopes.reshape(count, -1)[:] = dp.T.ravel()
-        lengths[:] = min(longest, 1e9)
-        call.trigger()
-        _, c, dc, (steps, defects) = call.results
-        c = c.reshape(ORDER + 1, self.rows, count, order="F").T.copy()
+        with call.lock:
+            start, data, lengths = call.arguments
+            start[: self.n] = x
+            data = data.reshape(count, -1)
+            data[:, : len(p)] = p
+            if self.columns:
+                start[self.n :] = dx.T.ravel()
+                data[:, len(p) :] = dp[self.varied].T.ravel()
+            lengths[:] = min(longest, 1e9)
+            call.trigger()
+            _, c, dc, (steps, defects) = (result.copy(order="K") for result in call.results)
+        c = c.reshape(ORDER + 1, self.rows, count, order="F").T
         trusted = count if (defects <= DEFECT).all() else int(np.argmin(defects <= DEFECT))
         if trusted == 0:  # halve the first step until its series solves the equation, unless it has no series
             if not (steps[0] > SHORTEST and np.isfinite(c[0]).all()):
                 return np.full(1, np.nan), c[:1], None
             return self.advance(x, p, dx, dp, 1, 0.5 * steps[0])
-        dc = dc.reshape(ORDER + 1, self.n, self.columns, count, order="F").transpose(3, 1, 2, 0).copy()
-        return steps[:trusted].copy(), c[:trusted], dc[:trusted]
+        dc = dc.reshape(ORDER + 1, self.n, self.columns, count, order="F").transpose(3, 1, 2, 0)
+        return steps[:trusted], c[:trusted], dc[:trusted]
 
     def _compile(self):
         self.patience = np.inf
@@ -177,21 +186,23 @@ class RungeKutta:
     # Chebyshev points of (0, 1]: the start is kept exactly and divided out.
     NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, 11) / 10)
 
-    def __init__(self, graph: Graph, columns: int):
+    def __init__(self, graph: Graph, columns: int, varied: tuple[int, ...] = ()):
         field, x, p = graph.field, graph.x, graph.p
-        self.n, self.columns = graph.size, columns
+        self.n, self.columns, self.varied = graph.size, columns, list(varied)
         h = ca.SX.sym("h")
-        dx, dp = ca.SX.sym("dx", self.n, columns), ca.SX.sym("dp", p.numel(), columns)
+        dx, dp = ca.SX.sym("dx", self.n, columns), ca.SX.sym("dp", len(varied), columns)
         end = runge_kutta(graph, x, h)
-        slope = ca.jtimes(end, ca.vertcat(x, p), ca.vertcat(dx, dp)) if columns else ca.SX(self.n, 0)
+        moving = ca.vertcat(x, *[p[i] for i in varied])
+        slope = ca.jtimes(end, moving, ca.vertcat(dx, dp)) if columns else ca.SX(self.n, 0)
         self.step = ca.Function("step", [x, h, p, dx, dp], [end, ca.densify(slope), field(end, p)[1]])
+        self.usual = 1
         self.powers = np.vander(self.NODES, increasing=True)
         self.watched = ca.Function("watched", [x, p], [field(x, p)[1]])
 
     def advance(self, x, p, dx, dp, count: int, longest: float, hint: float | None):
         """(steps (1,), coefficients (1, rows, K + 1), sensitivities (1, n, columns, K + 1) or None): one at a time."""
         dx = np.zeros((self.n, 0)) if dx is None else dx
-        dp = np.zeros((len(p), 0)) if dp is None else dp
+        dp = dp[self.varied]
         h = self._length(x, p, dx, dp, 4 * hint if hint else 0.1)
         ends, slopes, watched = (np.array(out) for out in self.step(x, (h * self.NODES)[None], p, dx, dp))
         start = np.concatenate([x, np.array(self.watched(x, p)).ravel()])

@@ -49,6 +49,8 @@ def as_gravity(law, parameters: dict[str, float] | None = None) -> Law:
 
 
 def _checked(law: Law) -> Law:
+    if law.pieces is not None:
+        raise InputError(f"gravity '{law.text}' is piecewise; write it as one smooth formula of z")
     ground = float(law(0.0))
     if not abs(ground - 1) <= 1e-9:
         raise InputError(f"gravity '{law.text}' is {ground:g} at the ground; it is a ratio and must be 1 at z = 0")

@@ -9,6 +9,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from orbits.calls import Call
 from orbits.errors import InputError, OutOfRange
 from orbits.formula import CONSTANTS, parse, suggest
 from orbits.jets import covers
@@ -49,7 +50,7 @@ class Law:
     def with_slope(self, x) -> tuple[np.ndarray, np.ndarray]:
         """Values and derivatives at `x` (any shape)."""
         x = np.asarray(x, dtype=float)
-        function, table = _numeric(self.key)
+        call, table = _numeric(self.key)
         p = np.array(list(self.parameters.values()))
         q = np.zeros((0, x.size))
         if table is not None:
@@ -58,7 +59,7 @@ class Law:
             if x.size and not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
                 raise OutOfRange(f"{self.variable} is outside the law's range [{breaks[0]:.6g}, {breaks[-1]:.6g}]")
             q = data[np.clip(np.searchsorted(breaks, x.ravel(), "right") - 1, 0, len(breaks) - 2)].T
-        value, slope = function(x.reshape(1, -1), p, q)
+        value, slope = (call if x.size == 1 else call.function)(x.reshape(1, -1), p, q)
         return np.array(value).reshape(x.shape), np.array(slope).reshape(x.shape)
 
     def range(self) -> tuple[float, float]:
@@ -119,9 +120,9 @@ def from_function(
     """
     name = getattr(function, "__name__", "function")
     breaks = [-math.inf, *sorted(number("breakpoint", b) for b in breakpoints), math.inf]
-    table = (0, lambda p: (breaks, [[] for _ in breaks[1:]])) if breakpoints else None
+    table = (0, _break_table(tuple(breaks))) if breakpoints else None
     parameters = dict(parameters or {})
-    law = Law(name, variable, _function_expression(function, tuple(parameters)), parameters, table)
+    law = Law(name, variable, _function_expression(function, variable, tuple(parameters)), parameters, table)
     if not np.isfinite(law(0.0)):  # what float() makes of a symbol
         raise InputError(f"the law '{name}' has no finite value at {variable} = 0; {WRITE}")
     return law
@@ -133,6 +134,8 @@ def from_any(
     """A law from a law, a Python function, the name of one in `table`, or a formula; `what` it is to be, in words."""
     parameters = dict(parameters or {})
     if isinstance(law, Law):
+        if law.variable != variable:
+            raise InputError(f"'{law.text}' is a law of {law.variable}, not {what}")
         return law.with_parameters(**parameters) if parameters else law
     if callable(law):
         return from_function(law, variable, parameters)
@@ -215,7 +218,7 @@ def _degree(key: tuple) -> int:
 
 @lru_cache(maxsize=256)
 def _numeric(key: tuple):
-    """(x, p, q) -> (value, slope) as a CasADi function, and p -> (breaks, data) or None."""
+    """(x, p, q) -> (value, slope) as a call, and p -> (breaks, data) or None."""
     _, variable, expression, names, pieces = key
     x, p = _symbols(variable, names)
     q = ca.SX.sym("q", pieces[0] if pieces else 0)
@@ -227,7 +230,7 @@ def _numeric(key: tuple):
         rows = ca.vertcat(*[ca.horzcat(*row) for row in data]) if pieces[0] else ca.SX(len(data), 0)
         table = ca.Function("table", [vector], [ca.vertcat(*breaks), ca.densify(rows)])
     results = [ca.densify(value), ca.densify(ca.jacobian(value, x))]
-    return ca.Function("law", [x, vector, q], results), table
+    return Call(ca.Function("law", [x, vector, q], results)), table
 
 
 @lru_cache(maxsize=256)
@@ -250,27 +253,35 @@ def _derivative_expression(expression: Callable, variable: str) -> Callable:
     return derivative
 
 
-@lru_cache(maxsize=256)
-def _function_expression(function: Callable, names: tuple[str, ...]) -> Callable:
-    def expression(x, p, q):
-        mode = ca.GlobalOptions.getNumpyMode() if hasattr(ca.GlobalOptions, "getNumpyMode") else None
-        try:
-            if mode is not None:
-                ca.GlobalOptions.setNumpyMode(1)  # NumPy's functions then give CasADi expressions, without a warning
-            value = ca.SX(function(x, **{name: p[name] for name in names}))
-        except Exception as error:
-            name = getattr(function, "__name__", "function")
-            raise InputError(f"the law '{name}' fails on a symbolic argument ({error}); {WRITE}") from error
-        finally:
-            if mode is not None:
-                ca.GlobalOptions.setNumpyMode(mode)
-        if value.numel() != 1:
-            raise InputError(
-                f"the law '{getattr(function, '__name__', 'function')}' returns {value.numel()} values, not 1"
-            )
-        return value
+def _function_expression(function: Callable, variable: str, names: tuple[str, ...]) -> Callable:
+    """What a Python function makes of symbols, traced anew each time: what it closes over may have changed."""
+    x, p = _symbols(variable, names)
+    name = getattr(function, "__name__", "function")
+    mode = ca.GlobalOptions.getNumpyMode() if hasattr(ca.GlobalOptions, "getNumpyMode") else None
+    try:
+        if mode is not None:
+            ca.GlobalOptions.setNumpyMode(1)  # NumPy's functions then give CasADi expressions, without a warning
+        value = ca.SX(function(x, **p))
+    except Exception as error:
+        raise InputError(f"the law '{name}' fails on a symbolic argument ({type(error).__name__}); {WRITE}") from error
+    finally:
+        if mode is not None:
+            ca.GlobalOptions.setNumpyMode(mode)
+    if value.numel() != 1:
+        raise InputError(f"the law '{name}' returns {value.numel()} values, not 1")
+    return _graph_expression(ca.Function("law", [x, *p.values()], [value]).serialize(), names)
 
-    return expression
+
+@lru_cache(maxsize=256)
+def _break_table(breaks: tuple[float, ...]) -> Callable:
+    return lambda p: (breaks, [[] for _ in breaks[1:]])
+
+
+@lru_cache(maxsize=256)
+def _graph_expression(graph: str, names: tuple[str, ...]) -> Callable:
+    """The expression of a serialized graph: the same graph is the same expression, and shares what is built from it."""
+    function = ca.Function.deserialize(graph)
+    return lambda x, p, q: function(x, *(p[name] for name in names))
 
 
 @lru_cache(maxsize=256)

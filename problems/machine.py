@@ -30,7 +30,7 @@ class Machine:
     rest_length : of the spring; None for long enough that the masses never meet, which constant gravity allows
     restitution : of the impacts, 0 <= e <= 1; a lossless orbit is the same for every value
     parameters : values of the formulas' other names
-    units : what the numbers stand for in SI, see `units.from_si`
+    units : what the numbers stand for in SI, see `units.machine_in_si`; the laws' parameters are then in SI themselves
     """
 
     spring: object = "r"
@@ -53,10 +53,10 @@ class Machine:
         object.__setattr__(self, "spring", spring)
         object.__setattr__(self, "gravity", gravity)
         object.__setattr__(self, "parameters", {**spring.parameters, **gravity.parameters})
-        if self.rest_length is None and self.kind == "hopper" and gravity.degree() > 0:
+        if self.rest_length is None and gravity.degree() > 0:
             raise InputError(
-                f"gravity '{gravity.text}' varies with height and the body sits at rest_length + y1: "
-                "give the rest length"
+                f"gravity '{gravity.text}' varies with height, and the upper mass is as high as its coordinate and the "
+                "rest length together: give the rest length"
             )
 
     def _laws(self) -> tuple[Law, Law]:
@@ -103,7 +103,13 @@ class Machine:
         return values
 
     def with_values(self, **values: float) -> "Machine":
-        """The same machine with other values of mass_ratio, rest_length or the formulas' parameters."""
+        """The same machine with other values of mass_ratio, rest_length or the formulas' parameters.
+
+        Raises `InputError` for a name that it does not have, and for masses and lengths of a machine stated in SI:
+        there they set the units.
+        """
+        if self.units and (fixed := values.keys() & {"mass_ratio", "rest_length"}):
+            raise InputError(f"'{min(fixed)}' of a machine in SI follows from its masses and lengths: state it anew")
         own = {name: value for name, value in values.items() if name in ("mass_ratio", "rest_length")}
         rest = {name: value for name, value in values.items() if name not in own}
         return replace(self, parameters={**self.parameters, **rest}, **own)

@@ -19,11 +19,14 @@ from .laws import Law, from_key
 
 # Launch speeds beyond this, times the family, are hops of 5e7 lengths and more: not a machine.
 FASTEST = 1e4
+SLOWEST = 1e-3
 STIFFNESSES = (1e-12, 1e12)
 # A force that passes the lift-off level more slowly than rounding can tell does not pass it.
 FLATTEST = 1e-14
 # The guess of a launch speed is for Newton's method to finish: off by this share of half an oscillation.
-GUESS = 1e-4
+GUESS = 1e-3
+# Where lift-off is looked for, from rest.
+DISTANCES = np.concatenate([[0.0], np.geomspace(1e-9, 1e9, 600)])
 
 
 def spring_pieces(key: tuple, coordinate: tuple[float, ...]) -> Pieces | None:
@@ -101,7 +104,9 @@ def guess(spring: tuple, load: float, what: str) -> Callable:
     def start(family, p):
         law = from_key(spring, p)
         liftoff = liftoff_extension(law, load, what)
-        alpha = launch_speed(relative_phase(spring, load), p, liftoff, family, f"spring '{law.text}'")
+        stiffness = law.with_slope([liftoff, np.clip(0.0, *law.range())])[1].max()
+        scale = 1 / np.sqrt(stiffness)
+        alpha = launch_speed(relative_phase(spring, load), p, liftoff, family, scale, f"spring '{law.text}'")
         return {"liftoff": liftoff, "alpha": alpha, "duration": alpha}
 
     return start
@@ -122,8 +127,7 @@ def liftoff_extension(law: Law, load: float, what: str) -> float:
     start = min(max(0.0, low), high)
     level = 1.0 - load
     below = float(law(start)) < level
-    grid = np.concatenate([[0.0], np.geomspace(1e-9, 1e9, 600)])
-    grid = start + grid if below else start - grid
+    grid = start + DISTANCES if below else start - DISTANCES
     grid = np.clip(grid, low, high)
     values = law(grid)
     finite = np.isfinite(values)
@@ -182,19 +186,21 @@ def _zoom(law: Law, grid, values, below: bool):
 def bracketed_root(function: Callable, a: float, b: float, fa: float, fb: float, enough: float = 0.0) -> float:
     """The root between a and b, where the function goes from fa to fb of opposite sign: bisection and secant (Dekker).
 
-    Ends on a value of at most `enough` or at rounding. Our own because importing a library's root finder takes longer
-    than everything that is computed here.
+    Ends one secant step after a value of at most `enough`, or at rounding. Our own because importing a library's root
+    finder takes longer than everything that is computed here.
     """
     if abs(fa) < abs(fb):
         a, b, fa, fb = b, a, fb, fa
     c, fc = a, fa  # a brackets with b, c is the previous b
     for _ in range(200):
-        if abs(fb) <= enough or abs(a - b) <= 4e-16 * max(abs(a), abs(b)):
+        if fb == 0 or abs(a - b) <= 4e-16 * max(abs(a), abs(b)):
             break
         middle = 0.5 * (a + b)
         new = b - fb * (b - c) / (fb - fc) if fb != fc else middle
-        if not min(b, middle) < new < max(b, middle):
-            new = middle
+        between = min(b, middle) < new < max(b, middle)
+        if abs(fb) <= enough:
+            return new if between else b
+        new = new if between else middle
         c, fc = b, fb
         b, fb = new, function(new)
         if (fb > 0) == (fa > 0):
@@ -221,49 +227,55 @@ def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: 
     return (turns[0], turns[1] - turns[0]) if len(turns) == 2 else (np.inf, np.inf)
 
 
-def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int, what: str) -> float:
+def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int, scale: float, what: str) -> float:
     """The lowest launch speed whose half flight ends on the family's turn: alpha = first turn + family half periods.
 
     The time of that turn is a function of alpha alone, so this is one scalar equation for any spring, and the family
-    is right by construction. Raises `NoOrbit` when there is none.
+    is right by construction. `scale` is the speed in whose multiples is searched. Raises `NoOrbit` when there is none.
     """
-
-    ends, halves = [""], {}
+    halves = {}
 
     def excess(alpha):
+        nonlocal reason
         try:
-            first, half = half_oscillations(phase, p, liftoff, alpha)
-        except OutOfRange:
-            raise
-        except FlowError as error:
-            ends.append(f": {error}")
-            return np.inf
-        halves[alpha] = half
-        return first + family * half - alpha
-
-    samples = [(0.0, 1.0)]
-    alpha, reason = 1e-3, ""
-    while alpha < FASTEST * family:
-        try:
-            gap = excess(alpha)
+            first, halves[alpha] = half_oscillations(phase, p, liftoff, alpha)
         except OutOfRange as error:
             reason = f"beyond launch speed {alpha:.4g} {error}"
-            break
-        samples.append((alpha, gap))
+            return np.inf
+        except FlowError as error:
+            reason = f"at launch speed {alpha:.4g} the extension does not come back: {error}"
+            return np.inf
+        if not np.isfinite(first):
+            reason = f"at launch speed {alpha:.4g} the extension does not come back"
+        return first + family * halves[alpha] - alpha
+
+    fastest, slowest = FASTEST * family * scale, SLOWEST * scale
+    samples, cap = [(0.0, 1.0)], np.inf  # beyond the cap there is no return
+    alpha, reason = 2 * family * scale, ""  # rather low for most springs; where it is too fast, from the slowest
+    while alpha < fastest and samples[-1][0] < (1 - 1e-4) * cap:
+        gap = excess(alpha)
+        if len(samples) == 1 and alpha > slowest and not 0 < gap < np.inf:
+            alpha, reason = slowest, ""
+            continue
         if gap <= 0:
-            return bracketed_root(excess, samples[-2][0], alpha, samples[-2][1], gap, GUESS * halves[alpha])
-        if len(samples) > 3 and samples[-2][1] < samples[-3][1] and samples[-2][1] <= gap:
-            dip = _lowest(excess, samples[-3][0], alpha)  # a pair of roots may lie between samples, near a fold
+            return bracketed_root(excess, samples[-1][0], alpha, samples[-1][1], gap, GUESS * halves[alpha])
+        if np.isfinite(gap):
+            samples.append((alpha, gap))
+        else:
+            cap = alpha
+        if len(samples) > 3 and samples[-2][1] < samples[-3][1] and samples[-2][1] <= samples[-1][1]:
+            dip = _lowest(excess, samples[-3][0], samples[-1][0])  # a pair of roots between samples, near a fold
             if (bottom := excess(dip)) <= 0:
                 return bracketed_root(excess, samples[-3][0], dip, samples[-3][1], bottom, GUESS * halves[dip])
-        if not np.isfinite(gap):
-            reason = f"at launch speed {alpha:.4g} the extension does not come back{ends[-1]}"
-            break
-        slope = (gap - samples[-2][1]) / (alpha - samples[-2][0])
+        last, before = samples[-1], samples[-2] if len(samples) > 1 else samples[-1]
+        slope = (last[1] - before[1]) / (last[0] - before[0]) if len(samples) > 2 else 0.0
         # Just past where the last two samples point, so that the next one brackets the root.
-        ahead = 1.2 * gap / max(-slope, 0.3) if len(samples) > 2 and slope < 0 else gap / 1.5
-        alpha += max(ahead, 0.02 * (1 + alpha))
-    reason = reason or f"none up to launch speed {FASTEST * family:g}"
+        ahead = 1.2 * last[1] / max(-slope, 0.3) if slope < 0 else last[1] / 1.5
+        alpha = last[0] + max(ahead, 0.02 * (scale + last[0]))
+        if alpha >= cap:
+            alpha = 0.5 * (last[0] + cap)
+    if cap == np.inf:
+        reason = f"none up to launch speed {fastest:g}"
     raise NoOrbit(f"{what} has no lossless orbit of family {family} under constant gravity: {reason}")
 
 
