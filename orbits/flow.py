@@ -29,6 +29,8 @@ RUNAWAY = 1e20
 # Steps taken in one call of the interpreter's: two such calls are most of an oscillation.
 LOOK_AHEAD = 6
 MOST_AT_ONCE = 64
+# How near to a break the field is asked for its limits there, which are extrapolated to second order.
+NEARBY = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +46,10 @@ class Trajectory:
     times: np.ndarray
     coefficients: np.ndarray
     names: tuple[str, ...]
+
+    def __post_init__(self):
+        self.times.setflags(write=False)
+        self.coefficients.setflags(write=False)
 
     def __call__(self, t):
         """Rows (..., n + m) at times `t` (...), which lie within the trajectory's."""
@@ -356,12 +362,21 @@ class _Track:
         if not 0 <= index < len(self.table):
             raise OutOfRange(self._outside(float(self.weights @ x)))
         self.level = self.breaks[max(index, self.index)]
-        before = variations is not None and self.flow.rates(x, self.data)
+        before = self.data
         self._set(index)
         if variations is None:
             return None
-        earlier = self.weights @ variations / (self.weights @ before)
-        return variations + np.outer(self.flow.rates(x, self.data) - before, earlier)
+        earlier = self.weights @ variations / (self.weights @ self.flow.rates(x, before))
+        return variations + np.outer(self._jump(x, before, side), earlier)
+
+    def _jump(self, x, before, side: int) -> np.ndarray:
+        """How much the field (n,) changes across the break at `x`, extrapolated from both sides: at the break itself a
+        law need not know on which side it is."""
+        away = side * NEARBY * (1 + np.abs(x).max()) * self.weights / (self.weights @ self.weights)
+        near, far = (
+            self.flow.rates(x + k * away, self.data) - self.flow.rates(x - k * away, before) for k in (1.0, 2.0)
+        )
+        return 2 * near - far
 
     def _outside(self, place: float) -> str:
         low, high = self.breaks[0], self.breaks[-1]

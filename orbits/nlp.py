@@ -54,13 +54,13 @@ def solve(unknowns: ca.MX, equations: ca.MX, guess, lower, scale) -> np.ndarray:
         with interrupts.deferred():
             answer = solver(x0=guess / scale, lbx=lower / scale, ubx=np.inf, lbg=0, ubg=0)
     except RuntimeError as error:
-        raise NoOrbit("the multiple-shooting problem could not be evaluated: " + str(error).splitlines()[-1]) from None
+        raise NoOrbit("multiple shooting cannot be evaluated; state the machine in units nearer to 1") from error
     interrupts.check()
     status = solver.stats()["return_status"]
     # A step too small to matter is the end of a solve to rounding; the residual decides.
     violation = float(ca.norm_inf(answer["g"]))
     if not violation <= 1e-10:
-        raise NoOrbit(f"{REASONS.get(status, f'no convergence ({status})')} (equations off by {violation:.1e})")
+        raise NoOrbit(f"{REASONS.get(status, 'no convergence')} (equations off by {violation:.1e})")
     return np.array(answer["x"]).ravel() * scale
 
 

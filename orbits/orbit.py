@@ -14,6 +14,8 @@ from .model import Affine, Units
 from .polynomial import lowest
 
 FORMAT = "persistent-orbits orbit 1"
+# What describes a machine in a document.
+MACHINE = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,10 @@ class Orbit:
 
     def __call__(self, t) -> np.ndarray:
         """Flight states (..., n) at times `t` (...): any time, or 0 <= t <= flight_time where there is no period."""
-        t = np.asarray(t, dtype=float)
+        try:
+            t = np.asarray(t, dtype=float)
+        except (TypeError, ValueError):
+            t = np.array(np.nan)
         if not np.isfinite(t).all():
             raise InputError("times must be finite numbers")
         if self.contact_time is None:
@@ -295,13 +300,10 @@ class Orbit:
             motion = data["motion"]
             shape = motion["shape"]
             names = {name: data[name] for name in Certificate.__dataclass_fields__ if name != "violations"}
-            machine = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters")
             return cls(
-                machine={name: data[name] for name in machine},
-                alpha=data["alpha"],
-                liftoff_extension=data["liftoff_extension"],
-                flight_time=data["flight_time"],
-                contact_time=data["contact_time"],
+                machine={name: data[name] for name in MACHINE},
+                **{name: _number(data[name]) for name in ("alpha", "liftoff_extension", "flight_time")},
+                contact_time=data["contact_time"] and _number(data["contact_time"]),
                 flight=_unpack(motion["flight"]),
                 contact=motion["contact"] and _unpack(motion["contact"]),
                 shape=Shape(
@@ -354,4 +356,14 @@ def _pack(path: Trajectory) -> dict:
 
 
 def _unpack(data: dict) -> Trajectory:
-    return Trajectory(np.array(data["times"]), np.array(data["coefficients"]), tuple(data["names"]))
+    path = Trajectory(np.array(data["times"]), np.array(data["coefficients"]), tuple(data["names"]))
+    steps, rows, _ = path.coefficients.shape
+    if len(path.times) != steps + 1 or rows != len(path.names) or not (path.steps > 0).all():
+        raise ValueError("its motion is damaged")
+    return path
+
+
+def _number(value) -> float:
+    if not isinstance(value, float):
+        raise ValueError(f"{value!r} is not a number")
+    return value

@@ -7,6 +7,8 @@ import numpy as np
 from .errors import InputError
 from .orbit import Orbit
 
+FIGURES = (".png", ".pdf", ".svg", ".jpg")
+ANIMATIONS = (".gif",)
 # One colour a role, told apart by colour-blind readers too (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
 SHADE = "#e8e4d8"
@@ -92,11 +94,19 @@ def _vertical(orbit: Orbit) -> str:
     return "height" if orbit.machine["rest_length"] is not None else "displacement"
 
 
+def check_path(path, endings: tuple[str, ...]) -> Path:
+    """The path of a file to write; raises `InputError` where its ending or its folder rules that out."""
+    path = Path(path)
+    if path.suffix.lower() not in endings:
+        raise InputError(f"'{path}' cannot be written: its name needs an ending, {' or '.join(endings)}")
+    if not path.parent.is_dir():
+        raise InputError(f"'{path}' cannot be written: there is no folder '{path.parent}'")
+    return path
+
+
 def save_figure(axes, path) -> Path:
     """Write the figure of some axes to a file, its kind from the ending; raises `InputError` when it cannot."""
-    path = Path(path)
-    if not path.suffix:
-        raise InputError(f"the figure cannot be written to '{path}': its name needs an ending such as .png")
+    path = check_path(path, FIGURES)
     try:
         axes.figure.savefig(path, dpi=160)
     except (OSError, ValueError) as error:
@@ -108,9 +118,9 @@ def animate_orbit(orbit: Orbit, path, frames: int = 80) -> Path:
     """Write one cycle as an animated GIF of masses, spring and ground; returns the path."""
     from matplotlib.animation import FuncAnimation, PillowWriter
 
-    path = Path(path)
-    if path.suffix.lower() != ".gif":
-        raise InputError(f"an animation is a .gif file, not '{path.name}'")
+    path = check_path(path, ANIMATIONS)
+    if isinstance(frames, bool) or not isinstance(frames, int) or frames < 2:
+        raise InputError(f"frames = {frames!r}; an animation has at least 2")
     end = orbit.flight_time if orbit.contact_time is None else orbit.period
     t = np.linspace(0, end, frames, endpoint=orbit.contact_time is None)
     states = orbit(t)

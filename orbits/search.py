@@ -10,7 +10,7 @@ import numpy as np
 from . import interrupts
 from .certify import certify, count_family, error_bound, follow_contact
 from .errors import InputError, NoOrbit
-from .flow import Trajectory, flow
+from .flow import Trajectory
 from .model import Arc, Model, Phase, Statement
 from .orbit import Orbit, Shape
 from .shooting import Evaluation, Shooting, shooting, solve
@@ -36,10 +36,12 @@ def find(
         shooting by Ipopt
     progress : called with the share of the way done, for what takes long
 
-    Returns an `Orbit`, which may be inadmissible: see its `violations`. Raises `NoOrbit` with the reason when there is
-    none or a solve ends on another family, and `InputError` for a family or a method that cannot be.
+    Where a family has several orbits, this is the one of least launch speed under constant gravity, or what that
+    becomes as gravity's variation is brought in. It may be inadmissible: see its `violations`. Raises `NoOrbit` with
+    the reason when there is none or a solve ends on another family, and `InputError` for a family or a method that
+    cannot be.
     """
-    if not hasattr(machine, "model"):
+    if not all(hasattr(machine, name) for name in ("model", "values", "describe", "units")):
         raise InputError(f"find takes a machine such as problems.Hopper(), not {type(machine).__name__}")
     with interrupts.deferred():
         return _find(machine, family, method, progress)
@@ -49,8 +51,8 @@ def _find(machine, family, method, progress) -> Orbit:
     began = time.perf_counter()
     model, p = machine.model, dict(machine.values)
     family, method = _whole(family), _allowed(model, method)
-    solve = {"closed form": _exact, "relative": _relative, "half orbit": _half_orbit, "shooting": _shooting}[method]
-    solution = solve(model, family, p, progress)
+    way = {"closed form": _exact, "relative": _relative, "half orbit": _half_orbit, "shooting": _shooting}[method]
+    solution = way(model, family, p, progress)
     u = solution.u
     flight_time = float(sum(part.times[-1] for part in solution.parts)) * (2 if len(solution.parts) == 1 else 1)
     contact, stopped = follow_contact(model, u, p, 100 * (1 + flight_time))
@@ -72,7 +74,7 @@ def _find(machine, family, method, progress) -> Orbit:
         shape=_shape(model, p),
         certificate=certificate,
         method=method,
-        skipped=_skipped(model, p, method),
+        skipped=_skipped(model, p, method, solution.compiled),
         seconds=time.perf_counter() - began,
         units=machine.units,
     )
@@ -86,6 +88,7 @@ class _Solution:
     flight : the first half, in flight states; the whole flight where nothing mirrors it
     parts : the flight from lift-off to its middle and, where it is not its mirror image, from landing backwards
     gap_slope : derivative with respect to alpha of the gap at the landing time
+    compiled : whether the equations' flow took long enough to be compiled
     """
 
     u: Mapping[str, float]
@@ -94,6 +97,7 @@ class _Solution:
     gap_slope: float
     residual: float
     error: float
+    compiled: bool
 
 
 # The four ways, simplest first: (model, family, parameters, progress) -> solution.
@@ -232,7 +236,7 @@ def _reduced(model: Model, equations: Shooting, u, p: Mapping, error: float | No
     landing = mirror @ np.linalg.solve(first, mirror @ first)
     slope = model.reduction.gap_slope(2 * path.times[-1], landing[:, 1], p)
     error = error_bound(equations, u, _vector(p), here) if error is None else error
-    return _Solution(named, half, (half,), slope, np.abs(here.residual).max(), error)
+    return _Solution(named, half, (half,), slope, np.abs(here.residual).max(), error, equations.compiled)
 
 
 def _mirrored(model: Model, equations: Shooting, u, p: Mapping) -> _Solution:
@@ -240,7 +244,7 @@ def _mirrored(model: Model, equations: Shooting, u, p: Mapping) -> _Solution:
     half = here.trajectories[0]
     slope = np.array(model.gap(p).weights) @ _at_landing(equations, here, p)[:, 1]
     error = error_bound(equations, u, _vector(p), here)
-    return _Solution(equations.named(u), half, (half,), slope, np.abs(here.residual).max(), error)
+    return _Solution(equations.named(u), half, (half,), slope, np.abs(here.residual).max(), error, equations.compiled)
 
 
 def _unmirrored(model: Model, equations: Shooting, u, p: Mapping) -> _Solution:
@@ -255,7 +259,7 @@ def _unmirrored(model: Model, equations: Shooting, u, p: Mapping) -> _Solution:
     slope = np.array(model.gap(p).weights) @ here.transitions[0][: len(flight.names), 1]
     error = error_bound(equations, u, _vector(p), here)
     parts = flight.split(flight.times[-1] / 2)
-    return _Solution(named, flight, parts, slope, np.abs(here.residual).max(), error)
+    return _Solution(named, flight, parts, slope, np.abs(here.residual).max(), error, equations.compiled)
 
 
 def _in_flight_states(model: Model, path: Trajectory) -> Trajectory:
@@ -308,7 +312,7 @@ def _allowed(model: Model, method: str | None) -> str:
     return method
 
 
-def _skipped(model: Model, p: Mapping, method: str) -> tuple[str, ...]:
+def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:
     """What the way taken did without, in words."""
     skipped = {
         "closed form": ["flight: closed form, nothing integrated", "search: one scalar equation, no solver"],
@@ -327,7 +331,6 @@ def _skipped(model: Model, p: Mapping, method: str) -> tuple[str, ...]:
         skipped.append("contact: only its first half, for its duration and the checks, not for the search")
     if model.separation(p) is None:
         skipped.append("separation of the masses: no rest length given")
-    phases = (model.reduction.statement.arcs[0].phase if model.reduction else model.flight, model.contact)
-    if not any(flow(phase, tuple(p)).compiled for phase in phases):
-        skipped.append("compilation: it would take longer than the search")
+    if not compiled:
+        skipped.append("compilation: nothing that repays it, or no compiler")
     return tuple(skipped)

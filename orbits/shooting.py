@@ -48,6 +48,11 @@ class Shooting:
         self.size = len(statement.unknowns)
         self.flows = tuple(flow(arc.phase, self.parameters) for arc in statement.arcs)
 
+    @property
+    def compiled(self) -> bool:
+        """Whether one of the flows has taken long enough to be compiled."""
+        return any(along.compiled for along in self.flows)
+
     @cached_property
     def _ends(self) -> list[tuple[Call, Call]]:
         """For each arc: where it starts and for how long, and what holds at its ends; values and derivatives."""

@@ -194,18 +194,20 @@ class RungeKutta:
         end = runge_kutta(graph, x, h)
         moving = ca.vertcat(x, *[p[i] for i in varied])
         slope = ca.jtimes(end, moving, ca.vertcat(dx, dp)) if columns else ca.SX(self.n, 0)
-        self.step = ca.Function("step", [x, h, p, dx, dp], [end, ca.densify(slope), field(end, p)[1]])
+        step = ca.Function("step", [x, h, p, dx, dp], [end, ca.densify(slope), ca.densify(field(end, p)[1])])
+        self.step = Call(step)
+        self.nodes = Call(step.map("nodes", "serial", len(self.NODES), [0, 2, 3, 4], []))
         self.usual = 1
         self.powers = np.vander(self.NODES, increasing=True)
-        self.watched = ca.Function("watched", [x, p], [field(x, p)[1]])
+        self.watched = Call(ca.Function("watched", [x, p], [ca.densify(field(x, p)[1])]))
 
     def advance(self, x, p, dx, dp, count: int, longest: float, hint: float | None):
         """(steps (1,), coefficients (1, rows, K + 1), sensitivities (1, n, columns, K + 1) or None): one at a time."""
         dx = np.zeros((self.n, 0)) if dx is None else dx
         dp = dp[self.varied]
         h = self._length(x, p, dx, dp, 4 * hint if hint else 0.1)
-        ends, slopes, watched = (np.array(out) for out in self.step(x, (h * self.NODES)[None], p, dx, dp))
-        start = np.concatenate([x, np.array(self.watched(x, p)).ravel()])
+        ends, slopes, watched = self.nodes(x, h * self.NODES, p, dx, dp)
+        start = np.concatenate([x, self.watched(x, p)[0].ravel()])
         c = self._polynomial(start, np.vstack([ends, watched]), h)
         if not self.columns:
             return np.array([h]), c[None], None
@@ -224,7 +226,7 @@ class RungeKutta:
         while h > SHORTEST:
             whole = self.step(x, 2 * h, p, dx, dp)[0]
             half = self.step(x, h, p, dx, dp)[0]
-            error = float(ca.norm_inf(whole - self.step(half, h, p, dx, dp)[0]))
+            error = np.abs(whole - self.step(half, h, p, dx, dp)[0]).max()
             bound = 2e-14 * max(1e-3, np.abs(x).max())  # of the double step: that of a single one is 500 times less
             if error <= bound:
                 return h

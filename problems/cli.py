@@ -78,11 +78,14 @@ def machine_options(command):
 def find(family, method, allow_inadmissible, as_json, explain, plot, animate, save, **machine):
     """Find one lossless orbit and certify it."""
     from orbits.orbit import to_json
-    from orbits.plot import save_figure
+    from orbits.plot import ANIMATIONS, FIGURES, check_path, save_figure
     from orbits.search import find as find_orbit
 
+    for path, endings in ((plot, FIGURES), (animate, ANIMATIONS), (save, (".json",))):
+        if path is not None:
+            check_path(path, endings)  # before the search, not after it
     with progress() as report:
-        orbit = find_orbit(state(**machine), family, method=method, progress=report)
+        orbit = find_orbit(machine_of(**machine), family, method=method, progress=report)
     if plot is not None:
         save_figure(orbit.plot(), plot)
     if animate is not None:
@@ -100,7 +103,7 @@ def find(family, method, allow_inadmissible, as_json, explain, plot, animate, sa
         raise click.exceptions.Exit(1)
 
 
-def state(machine, mass_ratio, rest_length, spring, gravity, settings):
+def machine_of(machine, mass_ratio, rest_length, spring, gravity, settings):
     """The machine that the options describe, over what its file says."""
     from orbits.errors import InputError
 

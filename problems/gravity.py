@@ -1,4 +1,8 @@
-"""Gravity laws: the ratio gamma(z) of gravity at height z to that at the ground, gamma(0) = 1."""
+"""Gravity laws: the ratio gamma(z) of gravity at height z to that at the ground, gamma(0) = 1.
+
+Heights and the laws' lengths R and H are in the machine's unit of length (in m for a machine stated in SI), kappa in
+its inverse.
+"""
 
 from orbits.errors import InputError
 
@@ -22,18 +26,18 @@ def constant() -> Law:
 
 
 def inverse_square(*, R: float = 1000.0) -> Law:
-    """Newton's gravity 1/(1 + z/R)**2 above a sphere of radius R."""
+    """Newton's gravity 1/(1 + z/R)**2 above a sphere of radius R (Principia, book 1, proposition 71)."""
     number("R", R, low=0)
     return formula("1/(1 + z/R)**2", R=R)
 
 
 def linear(*, kappa: float = 0.001) -> Law:
-    """First-order gradient 1 - kappa z; kappa = 2/R is the sphere's to first order."""
+    """First-order gradient 1 - kappa z; kappa = 2/R is the sphere's to first order (the free-air gradient)."""
     return formula("1 - kappa*z", kappa=kappa)
 
 
 def exponential(*, H: float = 1000.0) -> Law:
-    """Gravity that decays as exp(-z/H)."""
+    """Gravity that decays as exp(-z/H), as a screened (Yukawa) force does over distances small beside the body."""
     number("H", H, low=0)
     return formula("exp(-z/H)", H=H)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from orbits.model import Affine, Model, Oscillator, Phase
 
-from .laws import from_key
+from .laws import Key
 from .machine import Machine, gravity_at
 from .relative import guess, relative_reduction, spring_pieces, straight_line, thrown
 
@@ -29,13 +29,13 @@ class Hopper(Machine):
 
     kind = "hopper"
 
-    def build(self, spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
+    def build(self, spring: Key, gravity: Key | None, has_length: bool) -> Model:
         return _model(spring, gravity, has_length)
 
 
 @lru_cache(maxsize=64)
-def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
-    force = spring[2]
+def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
+    force = spring.expression
     pull = gravity_at(gravity)
 
     def body_weight(y1, p):
@@ -85,7 +85,6 @@ def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
             "centre of mass": Affine((1 / (1 + M), 0.0, M / (1 + M), 0.0), length / (1 + M)),
         }
 
-    straight = from_key(spring, dict.fromkeys(spring[3], 1.0)).degree() == 1
     reduction = None
     if gravity is None:
         reduction = relative_reduction(
@@ -100,7 +99,7 @@ def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
             contact,
             {"contact force": lambda x, p, q: 1 - force(x[0], p, q)},
             spring_pieces(spring, (1.0, 0.0)),
-            contact_oscillator if straight and gravity is None else None,
+            contact_oscillator if spring.degree() == 1 and gravity is None else None,
         ),
         launch=lambda u, p: [u["liftoff"], u["alpha"], 0.0, 0.0],
         liftoff=lambda u, p, q: force(u["liftoff"], p, q) - 1,

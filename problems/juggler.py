@@ -15,7 +15,7 @@ import numpy as np
 
 from orbits.model import Affine, Model, Oscillator, Phase
 
-from .laws import from_key
+from .laws import Key
 from .machine import Machine, gravity_at
 from .relative import guess, relative_reduction, spring_pieces, straight_line, thrown
 
@@ -33,13 +33,13 @@ class Juggler(Machine):
 
     kind = "juggler"
 
-    def build(self, spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
+    def build(self, spring: Key, gravity: Key | None, has_length: bool) -> Model:
         return _model(spring, gravity, has_length)
 
 
 @lru_cache(maxsize=64)
-def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
-    force = spring[2]
+def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
+    force = spring.expression
     pull = gravity_at(gravity)
 
     def weight(w, p):
@@ -73,7 +73,6 @@ def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
         length = p.get("rest_length", 0.0)
         return {"ball": Affine((1.0, 0.0, 0.0, 0.0), length), "hand": Affine((0.0, 0.0, 1.0, 0.0), length)}
 
-    straight = from_key(spring, dict.fromkeys(spring[3], 1.0)).degree() == 1
     reduction = None
     if gravity is None:
         reduction = relative_reduction(spring, 1.0, complete, lambda t, dz, p: t - dz[0], FREE)
@@ -86,7 +85,7 @@ def _model(spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
             contact,
             {"contact force": lambda x, p, q: -force(x[0], p, q) / (1 + p["mass_ratio"])},
             spring_pieces(spring, (1.0, 0.0)),
-            contact_oscillator if straight and gravity is None else None,
+            contact_oscillator if spring.degree() == 1 and gravity is None else None,
         ),
         launch=lambda u, p: [u["liftoff"], u["alpha"], u["liftoff"], u["alpha"]],
         liftoff=lambda u, p, q: force(u["liftoff"], p, q),

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -15,6 +16,20 @@ from orbits.formula import CONSTANTS, parse, suggest
 from orbits.jets import covers
 
 WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
+
+
+class Key(NamedTuple):
+    """What a law is apart from its parameters' values; equal keys share everything built from them."""
+
+    text: str
+    variable: str
+    expression: Callable
+    names: tuple[str, ...]
+    pieces: tuple[int, Callable] | None
+
+    def degree(self) -> int:
+        """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
+        return _degree(self)
 
 
 @dataclass(frozen=True)
@@ -39,9 +54,8 @@ class Law:
             number(name, value)
 
     @property
-    def key(self) -> tuple:
-        """What the law is apart from its parameters' values; equal keys share everything built from them."""
-        return self.text, self.variable, self.expression, tuple(self.parameters), self.pieces
+    def key(self) -> Key:
+        return Key(self.text, self.variable, self.expression, tuple(self.parameters), self.pieces)
 
     def __call__(self, x) -> np.ndarray:
         """Values at `x` (any shape), NaN where the law has none; a table raises `OutOfRange` outside its range."""
@@ -68,10 +82,6 @@ class Law:
             return -np.inf, np.inf
         breaks = self.pieces[1](self.parameters)[0]
         return float(breaks[0]), float(breaks[-1])
-
-    def degree(self) -> int:
-        """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
-        return _degree(self.key)
 
     def with_parameters(self, **values: float) -> "Law":
         """The same law with other values of some parameters."""
@@ -166,7 +176,10 @@ def parameter_names(law, variable: str, table: Mapping[str, Callable]) -> set[st
     if isinstance(law, Law):
         return set(law.parameters)
     if callable(law):
-        return set(list(inspect.signature(law).parameters)[1:])
+        try:
+            return set(list(inspect.signature(law).parameters)[1:])
+        except ValueError:  # a builtin or a NumPy function
+            return set()
     if not isinstance(law, str) or law.startswith("table:"):
         return set()
     if is_name(law, variable, table):
@@ -198,14 +211,13 @@ def _symbols(variable: str, names) -> tuple[ca.SX, dict[str, ca.SX]]:
     return ca.SX.sym(variable), {name: ca.SX.sym(name) for name in names}
 
 
-def from_key(key: tuple, p: Mapping[str, float]) -> Law:
-    """The law of a `Law.key` with the values that `p` has for its parameters."""
-    text, variable, expression, names, pieces = key
-    return Law(text, variable, expression, {name: p[name] for name in names}, pieces)
+def from_key(key: Key, p: Mapping[str, float]) -> Law:
+    """The law of a key with the values that `p` has for its parameters."""
+    return Law(key.text, key.variable, key.expression, {name: p[name] for name in key.names}, key.pieces)
 
 
 @lru_cache(maxsize=256)
-def _degree(key: tuple) -> int:
+def _degree(key: Key) -> int:
     _, variable, expression, names, pieces = key
     if pieces is not None:
         return 2
@@ -217,7 +229,7 @@ def _degree(key: tuple) -> int:
 
 
 @lru_cache(maxsize=256)
-def _numeric(key: tuple):
+def _numeric(key: Key):
     """(x, p, q) -> (value, slope) as a call, and p -> (breaks, data) or None."""
     _, variable, expression, names, pieces = key
     x, p = _symbols(variable, names)

@@ -11,7 +11,7 @@ from orbits.model import Model, Units
 from . import gravity as gravities
 from . import springs
 from .gravity import as_gravity
-from .laws import Law, number, parameter_names
+from .laws import Key, Law, number, parameter_names
 from .springs import as_spring
 
 # Beyond this one of the two masses is lost in rounding.
@@ -53,7 +53,7 @@ class Machine:
         object.__setattr__(self, "spring", spring)
         object.__setattr__(self, "gravity", gravity)
         object.__setattr__(self, "parameters", {**spring.parameters, **gravity.parameters})
-        if self.rest_length is None and gravity.degree() > 0:
+        if self.rest_length is None and gravity.key.degree() > 0:
             raise InputError(
                 f"gravity '{gravity.text}' varies with height, and the upper mass is as high as its coordinate and the "
                 "rest length together: give the rest length"
@@ -61,6 +61,8 @@ class Machine:
 
     def _laws(self) -> tuple[Law, Law]:
         """The two laws, each given the parameters that it knows."""
+        if not isinstance(self.parameters, Mapping):
+            raise InputError(f"parameters = {self.parameters!r}; they are a mapping of names to numbers")
         given = dict(self.parameters)
         for name in given:
             number(name, given[name])
@@ -84,10 +86,10 @@ class Machine:
     @cached_property
     def model(self) -> Model:
         """The engine's view of the machine; machines that differ only in numbers share it."""
-        gravity = self.gravity.key if self.gravity.degree() > 0 else None
+        gravity = self.gravity.key if self.gravity.key.degree() > 0 else None
         return self.build(self.spring.key, gravity, self.rest_length is not None)
 
-    def build(self, spring: tuple, gravity: tuple | None, has_length: bool) -> Model:
+    def build(self, spring: Key, gravity: Key | None, has_length: bool) -> Model:
         """The model from the keys of the laws (None for constant gravity) and whether there is a rest length."""
         raise NotImplementedError
 
@@ -124,12 +126,13 @@ class Machine:
             "rest_length": None if self.rest_length is None else float(self.rest_length),
             "restitution": float(self.restitution),
             "parameters": {name: float(value) for name, value in self.parameters.items()},
+            "laws_in": "SI" if self.units else "units of the machine",
         }
 
 
-def gravity_at(key: tuple | None) -> Callable:
+def gravity_at(key: Key | None) -> Callable:
     """(z, p) -> gravity ratio; its share over constant gravity is a parameter, along which an orbit is followed."""
     if key is None:
         return lambda z, p: 1.0
-    law = key[2]
+    law = key.expression
     return lambda z, p: 1 + p["gravity_share"] * (law(z, p, []) - 1)

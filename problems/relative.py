@@ -15,7 +15,7 @@ from orbits.flow import flow
 from orbits.model import Arc, Oscillator, Phase, Pieces, Reduction, Statement
 from orbits.polynomial import piecewise_roots
 
-from .laws import Law, from_key
+from .laws import Key, Law, from_key
 
 # Launch speeds beyond this, times the family, are hops of 5e7 lengths and more: not a machine.
 FASTEST = 1e4
@@ -29,13 +29,12 @@ GUESS = 1e-3
 DISTANCES = np.concatenate([[0.0], np.geomspace(1e-9, 1e9, 600)])
 
 
-def spring_pieces(key: tuple, coordinate: tuple[float, ...]) -> Pieces | None:
+def spring_pieces(key: Key, coordinate: tuple[float, ...]) -> Pieces | None:
     """The pieces of a spring law's key, for a phase whose state gives the extension by these weights."""
-    pieces = key[-1]
-    return pieces and Pieces(coordinate, *pieces, "extension")
+    return key.pieces and Pieces(coordinate, *key.pieces, "extension")
 
 
-def straight_line(key: tuple, p) -> tuple[float, float]:
+def straight_line(key: Key, p) -> tuple[float, float]:
     """Stiffness k and zero r0 of a straight-line law k (r - r0) at parameter values `p`."""
     law = from_key(key, p)
     value, slope = law.with_slope(0.0)
@@ -48,9 +47,9 @@ def straight_line(key: tuple, p) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=64)
-def relative_phase(spring: tuple, load: float) -> Phase:
+def relative_phase(spring: Key, load: float) -> Phase:
     """The motion r'' = -(phi(r) + load) of a spring law's key, in closed form where the law is a straight line."""
-    law = from_key(spring, dict.fromkeys(spring[3], 1.0))
+    force = spring.expression
 
     def oscillator(p):
         k, zero = straight_line(spring, p)
@@ -59,20 +58,20 @@ def relative_phase(spring: tuple, load: float) -> Phase:
     return Phase(
         "flight",
         ("r", "r'"),
-        lambda x, p, q: [x[1], -(law.expression(x[0], p, q) + load)],
+        lambda x, p, q: [x[1], -(force(x[0], p, q) + load)],
         pieces=spring_pieces(spring, (1.0, 0.0)),
-        closed_form=oscillator if law.degree() == 1 else None,
+        closed_form=oscillator if spring.degree() == 1 else None,
     )
 
 
-def relative_reduction(spring: tuple, load: float, complete: Callable, gap_slope: Callable, what: str) -> Reduction:
+def relative_reduction(spring: Key, load: float, complete: Callable, gap_slope: Callable, what: str) -> Reduction:
     """The reduction of a machine under constant gravity; `complete` and `gap_slope` as in `Reduction`.
 
     spring : the law's key
     load : F - phi
     what : the force that lift-off waits for, in words
     """
-    phase, force = relative_phase(spring, load), spring[2]
+    phase, force = relative_phase(spring, load), spring.expression
 
     def exact(family, p):
         """Eq. (12): b = tan b with alpha = b/sqrt(k); b = n pi + atan(b) contracts to it."""
@@ -98,7 +97,7 @@ def relative_reduction(spring: tuple, load: float, complete: Callable, gap_slope
     return Reduction(statement, (1, -1), complete, gap_slope, exact if phase.closed_form else None)
 
 
-def guess(spring: tuple, load: float, what: str) -> Callable:
+def guess(spring: Key, load: float, what: str) -> Callable:
     """(family, p) -> lift-off extension, launch speed and half flight time under constant gravity."""
 
     def start(family, p):
@@ -122,7 +121,9 @@ def thrown(times, coefficients, u):
 
 
 def liftoff_extension(law: Law, load: float, what: str) -> float:
-    """The extension at which force + load = 1 is first reached from rest, the force rising; `InputError` when never."""
+    """The extension at which force + load = 1 is first reached from rest, the force rising; `NoOrbit` when never."""
+    if law.key.degree() == 0:
+        raise InputError(f"spring '{law.text}' does not depend on the extension {law.variable}: it is no spring")
     low, high = law.range()
     start = min(max(0.0, low), high)
     level = 1.0 - load
@@ -145,7 +146,7 @@ def liftoff_extension(law: Law, load: float, what: str) -> float:
         extreme = values.max() if below else values.min()
         side = f"largest tension {extreme:.4g}" if below else f"least force {extreme:.4g}"
         where = f" within [{low:g}, {high:g}]" if np.isfinite(high) or np.isfinite(low) else ""
-        raise InputError(f"spring '{law.text}' never reaches {what} ({side}{where}): nothing leaves the ground")
+        raise NoOrbit(f"spring '{law.text}' never reaches {what} ({side}{where}): nothing leaves the ground")
     i = crossed[0]
     return _cleanly(law, _level_crossing(law, level, *sorted((grid[i - 1], grid[i]))), what)
 
@@ -167,7 +168,7 @@ def _cleanly(law: Law, liftoff: float, what: str) -> float:
     """The extension at lift-off, if the force passes the level there."""
     slope = float(law.with_slope(liftoff)[1])
     if not slope > FLATTEST:
-        raise InputError(
+        raise NoOrbit(
             f"spring '{law.text}' only just reaches {what} at extension {liftoff:.6g}, with slope {slope:.1e}: "
             "nothing lifts off cleanly"
         )

@@ -1,7 +1,9 @@
 """Spring laws: force phi(r) against extension r, tension positive, stiffness 1 at rest where nothing else is said.
 
 Lengths are in units of the foot's weight over the stiffness, forces in the foot's weight (hopper), or of the hand's
-(juggler). Each named law is a function of its parameters; `NAMED` lists them for the command line.
+(juggler); of a machine stated in SI, in m and N. Each named law is a function of its parameters, whose units follow
+from these: `beta` is 1/length**2, `delta` 1/length**4, `a` and `b` are 1/length, `gap`, `length`, `height` and
+`thickness` lengths, `k`, `ratio` and `stop` stiffnesses. `NAMED` lists the laws for the command line.
 """
 
 import csv
@@ -33,12 +35,15 @@ def potential(text: str, /, **parameters: float) -> Law:
 
 
 def function(force, /, breakpoints: tuple[float, ...] = (), **parameters: float) -> Law:
-    """A spring from a Python function force(r, **parameters), smooth between the breakpoints."""
+    """A spring from a Python function force(r, **parameters), smooth between the breakpoints.
+
+    Declare where it jumps or bends: steps end there, and derivatives are carried across a jump.
+    """
     return laws.from_function(force, "r", parameters, breakpoints)
 
 
 def linear(*, k: float = 1.0) -> Law:
-    """Hooke's law k r."""
+    """Hooke's law k r: metal springs in small strain (Hooke 1678)."""
     number("k", k, low=0)
     return formula("r") if k == 1 else formula("k*r", k=k)
 
@@ -49,18 +54,21 @@ def cubic(*, beta: float = 0.3) -> Law:
 
 
 def quintic(*, beta: float = 0.0, delta: float = 0.1) -> Law:
-    """r + beta r**3 + delta r**5, the next symmetric polynomial after Duffing's."""
+    """r + beta r**3 + delta r**5, the next symmetric polynomial after Duffing's (Nayfeh and Mook 1979): a spring that
+    softens first and hardens then, or the other way round."""
     return formula("r + beta*r**3 + delta*r**5", beta=beta, delta=delta)
 
 
 def tanh(*, b: float = 0.2) -> Law:
-    """Saturating spring tanh(b r)/b: the force never exceeds 1/b, as in a friction or yield element."""
+    """Saturating spring tanh(b r)/b: the force never exceeds 1/b, a smooth form of the elastic,
+    perfectly plastic curve (Hill 1950)."""
     number("b", b, low=0)
     return formula("tanh(b*r)/b", b=b)
 
 
 def sinh(*, b: float = 0.5) -> Law:
-    """Hardening spring sinh(b r)/b, exponentially stiff both ways, as an Eyring element."""
+    """Hardening spring sinh(b r)/b, exponentially stiff both ways, the form of stress in
+    Eyring's theory of flow (1936)."""
     number("b", b, low=0)
     return formula("sinh(b*r)/b", b=b)
 
@@ -82,14 +90,16 @@ def morse(*, a: float = 0.05) -> Law:
 
 
 def bilinear(*, ratio: float = 3.0, gap: float = 0.5) -> Law:
-    """Stiffness 1 up to the extension `gap`, `ratio` beyond it: a second spring that is picked up in tension."""
+    """Stiffness 1 up to the extension `gap`, `ratio` beyond it: a second spring that is picked up in
+    tension (Shaw and Holmes 1983)."""
     number("ratio", ratio, low=0)
     number("gap", gap, low=0)
     return Law("bilinear", "r", _line_expression, {"ratio": ratio, "gap": gap}, (3, _bilinear_pieces))
 
 
 def end_stops(*, gap: float = 3.0, stop: float = 20.0) -> Law:
-    """Stiffness 1 between stops at extensions -gap and gap, `stop` beyond them: a bump stop and a strap."""
+    """Stiffness 1 between stops at extensions -gap and gap, `stop` beyond them: a bump stop and a strap
+    (Shaw and Holmes 1983)."""
     number("gap", gap, low=0)
     number("stop", stop, low=0)
     return Law("end_stops", "r", _line_expression, {"gap": gap, "stop": stop}, (3, _end_stop_pieces))
@@ -138,11 +148,11 @@ def table(source, *, in_si: bool = False) -> Law:
     back where the spline would overshoot: between rows the force is monotone, and the whole is twice differentiable.
     Outside the table there is no force: an orbit that needs one is refused with the range.
     """
-    label, r, force = _read(Path(source), in_si) if isinstance(source, str | Path) else ("table", *source)
+    label, columns = _read(Path(source), in_si) if isinstance(source, str | Path) else ("table", source)
     try:
-        r, force = np.asarray(r, dtype=float), np.asarray(force, dtype=float)
+        r, force = (np.asarray(column, dtype=float) for column in columns)
     except (TypeError, ValueError):
-        raise InputError(f"{label}: extensions and forces must be numbers") from None
+        raise InputError(f"{label}: a table is two sequences of numbers, extensions and forces") from None
     if r.ndim != 1 or r.shape != force.shape or not (np.isfinite(r).all() and np.isfinite(force).all()):
         raise InputError(f"{label}: extensions and forces must be two finite lists of one length")
     grid, place = np.unique(r, return_inverse=True)
@@ -197,8 +207,8 @@ def _end_stop_pieces(p):
     return [-math.inf, -gap, gap, math.inf], [[-gap, -gap, stop], [0.0, 0.0, 1.0], [gap, gap, stop]]
 
 
-def _read(path: Path, in_si: bool) -> tuple[str, np.ndarray, np.ndarray]:
-    """Name, extensions and forces of a CSV file with a header."""
+def _read(path: Path, in_si: bool) -> tuple[str, tuple[np.ndarray, np.ndarray]]:
+    """Name, and extensions and forces, of a CSV file with a header."""
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
@@ -228,7 +238,7 @@ def _read(path: Path, in_si: bool) -> tuple[str, np.ndarray, np.ndarray]:
         except (ValueError, IndexError):
             raise InputError(f"the table {path}, row {line}: {','.join(row)!r} does not hold two numbers") from None
     extensions, forces = np.array(values).T
-    return path.name, signs[0] * scales[0] * extensions, signs[0] * scales[1] * forces
+    return path.name, (signs[0] * scales[0] * extensions, signs[0] * scales[1] * forces)
 
 
 def _is_number(cell: str) -> bool:

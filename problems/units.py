@@ -63,11 +63,12 @@ def machine_in_si(
     if body_radius is not None:
         if gravity is not None:
             raise InputError("give body_radius or gravity, not both")
-        law = gravities.inverse_square(R=number("body_radius", body_radius, low=0) / length)
+        radius = number("body_radius", body_radius, low=0)
+        law = gravities.formula("1/(1 + z/body_radius)**2", body_radius=radius).scaled(length, 1.0)
     else:
         used = {name: given[name] for name in given.keys() & parameter_names(gravity or "1", "z", gravities.NAMED)}
         law = as_gravity("1" if gravity is None else gravity, used)
-        law = law.scaled(length, 1.0) if law.degree() > 0 else law
+        law = law.scaled(length, 1.0) if law.key.degree() > 0 else law
     known = [*spring.parameters, *law.parameters]
     if unknown := [name for name in given if name not in known]:
         raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], known)}")

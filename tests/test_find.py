@@ -187,7 +187,10 @@ def test_a_model_without_a_reversor_is_unfolded(machine):
     assert whole.certificate.clearance == mirrored.certificate.clearance
     assert abs(whole.certificate.unfolding) < 1e-12
     assert whole.certificate.loss_coefficient == pytest.approx(mirrored.certificate.loss_coefficient, rel=1e-8)
-    t = np.linspace(0, whole.flight_time, 101)
+    assert whole.contact_time == pytest.approx(mirrored.contact_time, rel=1e-12)
+    assert whole.certificate.largest_contact_force == pytest.approx(mirrored.certificate.largest_contact_force)
+    assert whole.certificate.smallest_contact_force == mirrored.certificate.smallest_contact_force
+    t = np.linspace(0, whole.period, 101)
     assert whole(t) == pytest.approx(mirrored(t), abs=1e-10)
     with pytest.raises(InputError, match="needs a reversor"):
         find(machine, method="half orbit")
@@ -310,3 +313,68 @@ def test_gravity_that_does_not_bring_it_back_is_a_named_failure():
 def test_a_table_too_short_names_its_range():
     with pytest.raises(NoOrbit, match=r"outside the law's range \[-2, 2\]"):
         find(Hopper(springs.table((np.linspace(-2, 2, 9), np.linspace(-2, 2, 9)))))
+
+
+@pytest.mark.parametrize("reach", [4.65, 5.0, 6.5, 8.0])
+def test_a_straight_table_is_the_linear_spring_as_far_as_it_reaches(reach):
+    """The extension of the linear orbit lies between -4.603 and 1 in flight."""
+    r = np.linspace(-reach, reach, 9)
+    orbit = find(Hopper(springs.table((r, r))))
+    assert orbit.alpha == pytest.approx(4.493409457909064, rel=1e-12)
+    if not orbit.admissible:
+        assert "contact: the extension reaches" in orbit.violations[0]
+        assert f"outside the law's range [-{reach:g}" in orbit.violations[0]
+
+
+@pytest.mark.parametrize("stiffness", [1e-6, 1e-2, 1e4, 1e9])
+def test_units_do_not_matter(stiffness):
+    """K r + c K^3 r^3 is the spring r + c r^3 in other units."""
+    scaled = find(Hopper("K*r + c*r**3", parameters={"K": stiffness, "c": -0.0106 * stiffness**3}))
+    plain = find(Hopper("cubic", parameters={"beta": -0.0106}))
+    assert scaled.alpha * np.sqrt(stiffness) == pytest.approx(plain.alpha, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("spring", "gravity"),
+    [
+        ("r + 0.5*exp(-50*(r + 3)**2)", "1"),
+        ("r + 5*exp(-50*(r + 3)**2)", "1"),
+        ("r + 20*exp(-200*(r + 6)**2)", "1"),  # passed in contact alone
+        ("r + 0.5*exp(-5000*(r + 3)**2)", "1"),
+        ("r", "1 + 0.5*exp(-200*(z - 5)**2)"),
+    ],
+)
+def test_what_is_narrower_than_a_step_is_not_missed_silently(spring, gravity):
+    machine = Hopper(spring, gravity, rest_length=20.0)
+    for family in (1, 2):
+        refusal = ""
+        try:
+            drift = find(machine, family).certificate.energy_drift
+        except NoOrbit as error:
+            refusal = str(error)
+        assert "certified" in refusal or "did not converge" in refusal if refusal else drift < 1e-12
+
+
+def test_a_force_that_jumps_at_a_breakpoint_is_the_limit_of_a_steep_one():
+    """r + 0.2 sgn r against r + 0.2 tanh(w r): the difference falls with 1/w^2, in the derivatives too."""
+    jump = find(Hopper(springs.function(lambda r: r + 0.2 * np.sign(r), breakpoints=(0,))))
+    for steepness in (200.0, 2000.0):
+        steep = find(Hopper("r + 0.2*tanh(w*r)", parameters={"w": steepness}))
+        difference = 10 / steepness**2
+        assert steep.alpha == pytest.approx(jump.alpha, abs=difference)
+        coefficients = (steep.certificate.loss_coefficient, jump.certificate.loss_coefficient)
+        assert coefficients[0] == pytest.approx(coefficients[1], abs=40 * difference)
+
+
+def test_an_exponent_may_be_a_parameter():
+    orbit = find(Hopper("r + beta*r**n", parameters={"beta": 0.3, "n": 3.0}))
+    assert orbit.alpha == pytest.approx(float(REFERENCES[2]["alpha"]), rel=1e-12)
+
+
+def test_threads_do_not_disturb_each_other():
+    from concurrent.futures import ThreadPoolExecutor
+
+    machines = [Hopper("cubic", parameters={"beta": 0.1 + 0.01 * i}) for i in range(40)]
+    with ThreadPoolExecutor(4) as pool:
+        together = [(orbit.alpha, orbit.error) for orbit in pool.map(find, machines)]
+    assert together == [(orbit.alpha, orbit.error) for orbit in map(find, machines)]

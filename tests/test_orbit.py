@@ -105,7 +105,7 @@ class TestPlots:
         for index, hop in enumerate((orbit, find(Hopper()), find(Juggler()))):
             with Image.open(hop.animate(tmp_path / f"hop{index}.gif", frames=6)) as image:
                 assert image.n_frames == 6
-        with pytest.raises(InputError, match=r"is a \.gif file"):
+        with pytest.raises(InputError, match=r"needs an ending, \.gif"):
             orbit.animate(tmp_path / "hop.mp4")
 
     @pytest.mark.parametrize("name", ["missing/hop.png", "hop.docx"])
@@ -178,3 +178,27 @@ class TestUnits:
     def test_dimensionless_machines_have_none(self, orbit):
         with pytest.raises(InputError, match="stated in dimensionless units"):
             orbit.si()
+
+
+def test_a_damaged_file_is_refused(orbit, tmp_path):
+    path = orbit.save(tmp_path / "hop.json")
+    whole = json.loads(path.read_text())
+    for damage in (
+        lambda data: data.update(alpha="x"),
+        lambda data: data["motion"]["flight"].update(times=[0.0]),
+        lambda data: data["motion"]["flight"].update(names=["y1"]),
+        lambda data: data["motion"]["contact"].update(coefficients=[1.0]),
+        lambda data: data.pop("laws_in"),
+    ):
+        data = json.loads(json.dumps(whole))
+        damage(data)
+        path.write_text(json.dumps(data))
+        with pytest.raises(InputError, match="is not a saved orbit"):
+            Orbit.load(path)
+
+
+def test_what_an_orbit_holds_cannot_be_overwritten(orbit):
+    with pytest.raises(ValueError, match="read-only"):
+        orbit.flight.coefficients[:] = 0
+    with pytest.raises(InputError, match="finite numbers"):
+        orbit("a")

@@ -13,6 +13,7 @@ from conftest import REFERENCES, machine_of
 
 from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find, nlp
 from orbits.calls import Call, compile_function, compiler
+from orbits.model import Oscillator
 from orbits.shooting import Shooting
 
 
@@ -179,3 +180,16 @@ class TestCalls:
 def test_methods_are_refused_by_name():
     with pytest.raises(InputError, match="known: closed form, relative"):
         find(machine_of(REFERENCES[0]), method="ipopt")
+
+
+def test_parameter_derivatives_of_a_closed_form():
+    """cos(w t) and its derivative with respect to the stiffness w^2."""
+    phase = Phase(
+        "swing", ("x", "v"), lambda x, p, q: [x[1], -p["k"] * x[0]], closed_form=lambda p: Oscillator(p["k"], 0.0)
+    )
+    arc = Arc(phase, lambda u, before, p: [1.0, 0.0], lambda u, p: u["time"], lambda u, x, p: [x[0]])
+    equations = Shooting(Statement("swing", ("time",), (arc,), ("time",)), ("k",))
+    here = equations.evaluate([1.2], np.array([2.0]), vary=("k",))
+    w = np.sqrt(2.0)
+    assert here.residual == pytest.approx([np.cos(1.2 * w)], abs=1e-15)
+    assert here.jacobian == pytest.approx(np.array([[-w * np.sin(1.2 * w), -0.6 / w * np.sin(1.2 * w)]]), rel=1e-13)
