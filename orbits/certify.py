@@ -168,14 +168,12 @@ def certify(
     separation, violation = _separation(model, p, parts, contact)
     violations += violation
 
-    values = np.array(list(p.values()))
-    start = parts[0].coefficients[0, : len(model.flight.states), 0]
-    data, _ = flow(model.flight, tuple(p)).piece_data(start, values)
-    power = float(_power(model, tuple(p))(u["liftoff"], u["alpha"], values, data)[0][0, 0])
-    drift = max(_drift(model.flight, model.flight_gradient, part, p) for part in parts)
+    drifts, gradients = zip(*(_energy(model.flight, model.flight_gradient, part, p) for part in parts), strict=True)
+    # dE/dalpha at launch, whose expressions are plain arithmetic: a complex step is exact
+    power = float(gradients[0] @ np.imag(model.launch({**u, "alpha": u["alpha"] + 1e-30j}, p)) * 1e30)
     if contact is not None:
-        drift = max(drift, _drift(model.contact, model.contact_gradient, contact, p))
-    drift /= 0.5 * u["alpha"] * power
+        drifts += (_energy(model.contact, model.contact_gradient, contact, p)[0],)
+    drift = max(drifts) / (0.5 * u["alpha"] * power)
     loss = None
     if jerk > 0 and gap_slope != 0:
         loss = model.impact_mass(p) * jerk**2 / 8 * (6 * abs(gap_slope) / jerk) ** (4 / 3) / power
@@ -262,43 +260,28 @@ def _contact_force(contact: Trajectory, pulls: str, half: bool) -> tuple[float |
     return min(minima, default=None), largest, begins
 
 
-@lru_cache(maxsize=64)
-def _gradient(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> ca.Function:
-    """An energy gradient of a model as a function (x, (p, q))."""
+@lru_cache(maxsize=256)
+def _gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...], count: int) -> Call:
+    """An energy gradient of a model at so many points, a call ((n, count), (np + nq, count)) -> (n, count)."""
     along = flow(phase, parameters)
     x = ca.SX.sym("x", along.size)
     p = ca.SX.sym("p", len(parameters) + (phase.pieces.size if phase.pieces else 0))
-    return ca.Function("gradient", [x, p], [ca.densify(ca.vertcat(*gradient(*along.symbols(x, p))))])
+    one = ca.Function("gradient", [x, p], [ca.densify(ca.vertcat(*gradient(*along.symbols(x, p))))])
+    return Call(one.map(count))
 
 
-@lru_cache(maxsize=64)
-def _power(model: Model, parameters: tuple[str, ...]) -> Call:
-    """dE/dalpha at launch as a call (liftoff, alpha, p, q)."""
-    liftoff, alpha = ca.SX.sym("liftoff"), ca.SX.sym("alpha")
-    p = ca.SX.sym("p", len(parameters))
-    q = ca.SX.sym("q", model.flight.pieces.size if model.flight.pieces else 0)
-    named = dict(zip(parameters, ca.vertsplit(p), strict=True))
-    start = ca.vertcat(*model.launch({"liftoff": liftoff, "alpha": alpha}, named))
-    gradient = _gradient(model.flight, model.flight_gradient, parameters)(start, ca.vertcat(p, q))
-    return Call(ca.Function("power", [liftoff, alpha, p, q], [ca.densify(ca.dot(gradient, ca.jacobian(start, alpha)))]))
+def _energy(phase: Phase, gradient: Callable, path: Trajectory, p: Mapping[str, float]) -> tuple[float, np.ndarray]:
+    """Largest change of energy along a motion, and the gradient (n,) at its start.
 
-
-@lru_cache(maxsize=256)
-def _gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...], count: int) -> Call:
-    """`_gradient` at so many points, a call ((n, count), (np + nq, count)) -> (n, count)."""
-    return Call(_gradient(phase, gradient, parameters).map(count))
-
-
-def _drift(phase: Phase, gradient: Callable, path: Trajectory, p: Mapping[str, float]) -> float:
-    """Largest change of energy along a motion: the work of the gradient on the straight lines between the nodes."""
+    The change is the work of the gradient on the straight lines between the nodes.
+    """
     along = flow(phase, tuple(p))
-    n = along.size
+    n, count = along.size, len(path.steps)
     nodes = np.vstack([path.coefficients[:, :n, 0], path.end[:n]])
-    s, weights = 0.5 * (GAUSS_POINTS + 1), 0.5 * GAUSS_WEIGHTS
     moves = np.diff(nodes, axis=0)
-    points = nodes[:-1, None] + s[None, :, None] * moves[:, None]
+    points = (nodes[:-1, None] + 0.5 * (GAUSS_POINTS + 1)[:, None] * moves[:, None]).reshape(-1, n)
     data = np.repeat(along.mesh_data(path, np.array(list(p.values()))), GAUSS, axis=1)
-    gradients = _gradients(phase, gradient, tuple(p), len(path.steps) * GAUSS)
-    rates = gradients(points.reshape(-1, n).T, data)[0].T.reshape(points.shape)
-    changes = np.einsum("kgn,kn,g->k", rates, moves, weights)
-    return float(np.abs(np.cumsum(changes)).max())
+    gradients = _gradients(phase, gradient, tuple(p), 1 + count * GAUSS)
+    rates = gradients(np.vstack([nodes[0], points]).T, np.hstack([data[:, :1], data]))[0].T
+    changes = np.einsum("kgn,kn,g->k", rates[1:].reshape(count, GAUSS, n), moves, 0.5 * GAUSS_WEIGHTS)
+    return float(np.abs(np.cumsum(changes)).max()), rates[0]

@@ -214,21 +214,23 @@ class Flow:
         """Polynomials of the exact flow, each from the exact state at its start: no error accumulates."""
         form = self.phase.closed_form(dict(zip(self.parameters, p, strict=True)))
         step = 1.0 / np.sqrt(form.square)  # where the series to ORDER has long converged
-        times, pieces = [0.0], []
-        while times[-1] < duration:
+        count = int(min(np.ceil(duration / step), MAX_STEPS))
+        blocks, halt, end = [], None, duration
+        for first in range(0, count, LOOK_AHEAD if stop else count):
             interrupts.check()
-            c = form.series(form.state(start, times[-1]), ORDER)
-            h = min(step, duration - times[-1])
-            halt = stop(c[None], np.array([h])) if stop else None
-            pieces.append(c)
-            times.append(times[-1] + (halt[1] if halt else h))
+            times = step * np.arange(first, min(first + LOOK_AHEAD, count) if stop else count)
+            c = form.series(form.state(start, times), ORDER)
+            if stop and (halt := stop(c, np.minimum(step, duration - times))):
+                c, end = c[: halt[0] + 1], times[halt[0]] + halt[1]
+            blocks.append(c)
             if halt:
                 break
-            if len(pieces) > MAX_STEPS:
-                raise FlowError(f"the {self.phase.name} takes too many steps, at {self._say(c[0])}")
-        variations = None if seeds is None else form.transition(times[-1]) @ seeds
-        names = (*self.phase.states, *form.watch)
-        return Trajectory(np.array(times), np.array(pieces), names), variations
+        if not halt and count * step < duration * (1 - 1e-12):
+            raise FlowError(f"the {self.phase.name} takes too many steps, at {self._say(start)}")
+        c = np.concatenate(blocks)
+        times = np.append(step * np.arange(len(c)), end)
+        variations = None if seeds is None else form.transition(end) @ seeds
+        return Trajectory(times, c, (*self.phase.states, *form.watch)), variations
 
     def _say(self, x) -> str:
         return ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.phase.states, x, strict=False))

@@ -57,7 +57,7 @@ class Oscillator:
     watch: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def state(self, start, t):
-        """State (2,) at time `t` after `start`."""
+        """States (2, ...) at times `t` (...) after `start`."""
         omega = np.sqrt(self.square)
         c, s = np.cos(omega * t), np.sin(omega * t)
         x, v = start[0] - self.centre, start[1]
@@ -69,15 +69,19 @@ class Oscillator:
         c, s = np.cos(omega * t), np.sin(omega * t)
         return np.array([[c, s / omega], [-omega * s, c]])
 
-    def series(self, state, order: int):
-        """Taylor coefficients (2 + watched, order + 1) of the motion through `state`."""
-        c = [state[0] - self.centre, state[1]]
-        for k in range(order):
-            c.append(-self.square * c[k] / ((k + 1) * (k + 2)))
-        x = np.array([state[0], *c[1:-1]])
-        v = [(k + 1) * c[k + 1] for k in range(order + 1)]
-        one = np.eye(1, order + 1)[0]
-        return np.array([x, v, *(slope * x + value * one for slope, value in self.watch.values())])
+    def series(self, states, order: int):
+        """Taylor coefficients (N, 2 + watched, order + 1) of the motions through `states` (2, N)."""
+        k = np.arange(order + 2)
+        factors = (-self.square) ** (k // 2) / np.cumprod(np.maximum(k, 1.0))
+        c = np.where(k % 2, states[1][:, None], states[0][:, None] - self.centre) * factors
+        v = c[:, 1:] * k[1:]
+        x = c[:, :-1]
+        x[:, 0] = states[0]
+        rows = [x, v]
+        for slope, value in self.watch.values():
+            rows.append(slope * x)
+            rows[-1][:, 0] += value
+        return np.stack(rows, axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,8 @@ Heights and the laws' lengths R and H are in the machine's unit of length (in m 
 its inverse.
 """
 
+import numpy as np
+
 from orbits.errors import InputError
 
 from . import laws
@@ -55,7 +57,9 @@ def as_gravity(law, parameters: dict[str, float] | None = None) -> Law:
 def _checked(law: Law) -> Law:
     if law.pieces is not None:
         raise InputError(f"gravity '{law.text}' is piecewise; write it as one smooth formula of z")
-    ground = float(law(0.0))
+    with np.errstate(all="ignore"):
+        values = {name: np.float64(value) for name, value in law.parameters.items()}
+        ground = float(law.expression(np.float64(0.0), values, []))
     if not abs(ground - 1) <= 1e-9:
         raise InputError(f"gravity '{law.text}' is {ground:g} at the ground; it is a ratio and must be 1 at z = 0")
     return law
