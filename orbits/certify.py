@@ -27,9 +27,16 @@ SEVERAL = 32
 # Gauss points for the work along the straight line between two nodes; the field is analytic on it.
 GAUSS = 10
 GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(GAUSS)
-# An error or an energy drift beyond this share is no rounding: the steps have leapt over a feature of a law.
-WORST = 1e-7
+# An error or an energy drift beyond these shares, and far beyond what rounding explains, shows that the steps have
+# leapt over a feature of a law.
+WORST_ERROR, WORST_DRIFT, FAR = 1e-11, 1e-8, 1e4
 EPS = float(np.finfo(float).eps)
+
+
+NARROW = (
+    ". The motion crosses something narrower than an integration step: smooth the law, or give breakpoints to "
+    "springs.function"
+)
 
 
 def error_bound(equations: Shooting, u, p, here: Evaluation) -> float:
@@ -50,8 +57,11 @@ def error_bound(equations: Shooting, u, p, here: Evaluation) -> float:
         walk = np.sqrt(len(path.steps))
         noise += EPS / 2 * size * walk * (1 + walk / LONG_WALK) * growth
     # The check has roundings of its own, of the size of what it measures: as much again.
-    alpha = u[index]
-    return float(2 * abs(inverse @ residual) + np.linalg.norm(inverse) * noise + np.spacing(alpha))
+    alpha, found = u[index], 2 * abs(inverse @ residual)
+    floor = np.linalg.norm(inverse) * noise + np.spacing(alpha)
+    if found > max(WORST_ERROR * alpha, FAR * floor):
+        raise NoOrbit(f"the orbit cannot be certified: launch speed {alpha:.6g} may be off by {found:.1e}{NARROW}")
+    return float(found + floor)
 
 
 def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:
@@ -79,7 +89,7 @@ def _substeps(coefficients, steps) -> np.ndarray:
     It is the ninth Taylor term of one of them, as many times as there are.
     """
     ninth = np.abs(coefficients[:, :, 9]).max(1) * steps**9 / np.maximum(np.abs(coefficients[:, :, 0]).max(1), 1e-300)
-    return np.clip(np.ceil((ninth / (0.01 * EPS)) ** (1 / 8)), 1, 2000).astype(int)
+    return 8 * np.clip(np.ceil((ninth / (0.01 * EPS)) ** (1 / 8) / 8), 1, 250).astype(int)  # and no fewer samples
 
 
 @lru_cache(maxsize=64)
@@ -168,16 +178,20 @@ def certify(
     separation, violation = _separation(model, p, parts, contact)
     violations += violation
 
-    drifts, gradients = zip(*(_energy(model.flight, model.flight_gradient, part, p) for part in parts), strict=True)
+    ways = [_energy(model.flight, model.flight_gradient, part, p) for part in parts]
     # dE/dalpha at launch, whose expressions are plain arithmetic: a complex step is exact
-    power = float(gradients[0] @ np.imag(model.launch({**u, "alpha": u["alpha"] + 1e-30j}, p)) * 1e30)
+    power = float(ways[0][2] @ np.imag(model.launch({**u, "alpha": u["alpha"] + 1e-30j}, p)) * 1e30)
     if contact is not None:
-        drifts += (_energy(model.contact, model.contact_gradient, contact, p)[0],)
-    drift = max(drifts) / (0.5 * u["alpha"] * power)
+        ways.append(_energy(model.contact, model.contact_gradient, contact, p))
+    energy = 0.5 * u["alpha"] * power
+    drift = max(change for change, _, _ in ways) / energy
     loss = None
     if jerk > 0 and gap_slope != 0:
         loss = model.impact_mass(p) * jerk**2 / 8 * (6 * abs(gap_slope) / jerk) ** (4 / 3) / power
-    _refuse(u["alpha"], error, drift, (residual, jerk, *(x for x in (loss, separation, force) if x is not None)))
+    if not np.isfinite((error, drift, residual, jerk, *(x for x in (loss, separation, force) if x is not None))).all():
+        raise NoOrbit("the orbit cannot be certified: its numbers overflow; state the machine in units nearer to 1")
+    if any(change > max(WORST_DRIFT * energy, FAR * floor) for change, floor, _ in ways):
+        raise NoOrbit(f"the orbit cannot be certified: its energy drifts by {drift:.1e}{NARROW}")
     return Certificate(
         family=count_family(model, parts),
         residual=float(residual),
@@ -193,18 +207,6 @@ def certify(
         violations=tuple(violations),
         unfolding=u.get("unfolding"),
     )
-
-
-def _refuse(alpha: float, error: float, drift: float, others: tuple[float, ...]):
-    """Raise `NoOrbit` for figures that overflow, or that show an integration which has missed something."""
-    if not np.isfinite((error, drift, *others)).all():
-        raise NoOrbit("the orbit cannot be certified: its numbers overflow; state the machine in units nearer to 1")
-    if error > WORST * alpha or drift > WORST:
-        raise NoOrbit(
-            f"the orbit cannot be certified: launch speed {alpha:.6g} may be off by {error:.1e}, the energy drifts by "
-            f"{drift:.1e}. The motion crosses something narrower than an integration step: declare breakpoints there, "
-            "or smooth the law"
-        )
 
 
 def _flight(model: Model, p: Mapping[str, float], parts: tuple[Trajectory, ...]):
@@ -270,8 +272,8 @@ def _gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...], co
     return Call(one.map(count))
 
 
-def _energy(phase: Phase, gradient: Callable, path: Trajectory, p: Mapping[str, float]) -> tuple[float, np.ndarray]:
-    """Largest change of energy along a motion, and the gradient (n,) at its start.
+def _energy(phase: Phase, gradient: Callable, path: Trajectory, p: Mapping[str, float]):
+    """Largest change of energy along a motion, what rounding of the states makes of it, the gradient (n,) at its start.
 
     The change is the work of the gradient on the straight lines between the nodes.
     """
@@ -284,4 +286,5 @@ def _energy(phase: Phase, gradient: Callable, path: Trajectory, p: Mapping[str, 
     gradients = _gradients(phase, gradient, tuple(p), 1 + count * GAUSS)
     rates = gradients(np.vstack([nodes[0], points]).T, np.hstack([data[:, :1], data]))[0].T
     changes = np.einsum("kgn,kn,g->k", rates[1:].reshape(count, GAUSS, n), moves, 0.5 * GAUSS_WEIGHTS)
-    return float(np.abs(np.cumsum(changes)).max()), rates[0]
+    rounding = EPS * np.abs(nodes).max() * np.abs(rates).max()
+    return float(np.abs(np.cumsum(changes)).max()), float(rounding), rates[0]

@@ -214,7 +214,7 @@ class Flow:
         """Polynomials of the exact flow, each from the exact state at its start: no error accumulates."""
         form = self.phase.closed_form(dict(zip(self.parameters, p, strict=True)))
         step = 1.0 / np.sqrt(form.square)  # where the series to ORDER has long converged
-        count = int(min(np.ceil(duration / step), MAX_STEPS))
+        count = int(np.clip(np.ceil(duration / step * (1 - 1e-12)), 1, MAX_STEPS))
         blocks, halt, end = [], None, duration
         for first in range(0, count, LOOK_AHEAD if stop else count):
             interrupts.check()
@@ -372,9 +372,12 @@ class _Track:
         return variations + np.outer(self._jump(x, before, side), earlier)
 
     def _jump(self, x, before, side: int) -> np.ndarray:
-        """How much the field (n,) changes across the break at `x`, extrapolated from both sides: at the break itself a
-        law need not know on which side it is."""
-        away = side * NEARBY * (1 + np.abs(x).max()) * self.weights / (self.weights @ self.weights)
+        """How much the field (n,) changes across the break at `x`. Without data of the pieces a law does not know on
+        which side of the break it is: then extrapolated from both sides."""
+        if self.pieces.size:
+            return self.flow.rates(x, self.data) - self.flow.rates(x, before)
+        room = np.diff(self.breaks).min()
+        away = side * NEARBY * min(1 + abs(self.level), room) * self.weights / (self.weights @ self.weights)
         near, far = (
             self.flow.rates(x + k * away, self.data) - self.flow.rates(x - k * away, before) for k in (1.0, 2.0)
         )

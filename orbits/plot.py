@@ -7,7 +7,7 @@ import numpy as np
 from .errors import InputError
 from .orbit import Orbit
 
-FIGURES = (".png", ".pdf", ".svg", ".jpg")
+FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 ANIMATIONS = (".gif",)
 # One colour a role, told apart by colour-blind readers too (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
@@ -95,9 +95,10 @@ def _vertical(orbit: Orbit) -> str:
 
 
 def check_path(path, endings: tuple[str, ...]) -> Path:
-    """The path of a file to write; raises `InputError` where its ending or its folder rules that out."""
+    """The path of a file to write, with one of the endings if any are given; raises `InputError` where its ending or
+    its folder rules that out."""
     path = Path(path)
-    if path.suffix.lower() not in endings:
+    if endings and path.suffix.lower() not in endings:
         raise InputError(f"'{path}' cannot be written: its name needs an ending, {' or '.join(endings)}")
     if not path.parent.is_dir():
         raise InputError(f"'{path}' cannot be written: there is no folder '{path.parent}'")
@@ -119,7 +120,7 @@ def animate_orbit(orbit: Orbit, path, frames: int = 80) -> Path:
     from matplotlib.animation import FuncAnimation, PillowWriter
 
     path = check_path(path, ANIMATIONS)
-    if isinstance(frames, bool) or not isinstance(frames, int) or frames < 2:
+    if isinstance(frames, bool) or not isinstance(frames, int | np.integer) or frames < 2:
         raise InputError(f"frames = {frames!r}; an animation has at least 2")
     end = orbit.flight_time if orbit.contact_time is None else orbit.period
     t = np.linspace(0, end, frames, endpoint=orbit.contact_time is None)

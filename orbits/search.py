@@ -23,6 +23,8 @@ MAX_CORRECTION = 0.1
 LARGEST_UNFOLDING = 1e-9
 METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 10_000
+# A contact lasts longer than the flight by the square root of the mass ratio, no more.
+LONGEST_CONTACT = 1e7
 
 
 def find(
@@ -55,7 +57,7 @@ def _find(machine, family, method, progress) -> Orbit:
     solution = way(model, family, p, progress)
     u = solution.u
     flight_time = float(sum(part.times[-1] for part in solution.parts)) * (2 if len(solution.parts) == 1 else 1)
-    contact, stopped = follow_contact(model, u, p, 100 * (1 + flight_time))
+    contact, stopped = follow_contact(model, u, p, LONGEST_CONTACT * (1 + flight_time))
     certificate = certify(
         model, u, p, solution.parts, contact, stopped, solution.gap_slope, solution.residual, solution.error
     )
@@ -328,7 +330,8 @@ def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str
     if model.contact.closed_form:
         skipped.append("contact: closed form")
     else:
-        skipped.append("contact: only its first half, for its duration and the checks, not for the search")
+        part = "its first half" if model.reversor else "the once"
+        skipped.append(f"contact: only {part}, for its duration and the checks, not for the search")
     if model.separation(p) is None:
         skipped.append("separation of the masses: no rest length given")
     if not compiled:

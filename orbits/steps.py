@@ -1,5 +1,6 @@
 """Single steps of a flow with their sensitivities: Taylor's, and order-8 Runge-Kutta where there is no series."""
 
+import threading
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -51,8 +52,8 @@ class Graph:
 
 
 class Taylor:
-    """Taylor steps, several in one call: coefficients of the state and its sensitivities, each step as long as the
-    state's last two terms allow.
+    """Taylor steps, several in one call: coefficients of the state and its sensitivities, each step as long as their
+    last two terms allow.
 
     The sensitivities' series come from the variational equations dx' = f_x dx + f_p dp, whose coefficients all columns
     share; `varied` are the rows of dp that are not zero.
@@ -72,9 +73,10 @@ class Taylor:
         state, moving, watched = c[:n, :], c[:size, :], c[size:, :]
         self.rows = n + watched.shape[0]
         longest = ca.SX.sym("h")
-        scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (state[:, :2], state[:, -2], state[:, -1]))
-        bound = TOLERANCE * scale
-        h = ca.fmin(longest, ca.fmin((bound / before) ** (1 / (ORDER - 1)), (bound / last) ** (1 / ORDER)))
+        scale = ca.norm_inf(ca.vec(state[:, :2]))
+        h = ca.fmin(longest, _trusted_length(state, 0))
+        if varied:  # the series of f_p may end sooner than that of f
+            h = ca.fmin(h, _trusted_length(c[n:size, :], ca.norm_inf(ca.vec(dp))))
         powers = _powers(h)
         terms = state @ ca.diag(powers)
         results = [moving @ powers, ca.vertcat(state, watched).T, c[n:size, :].T]
@@ -83,6 +85,7 @@ class Taylor:
         # Once interpreting has taken as long as compiling would, compile: that is never worse than twice the best.
         self.patience = compile_seconds(self.one)
         self.seconds = self.one.n_instructions() * SECONDS_PER_INSTRUCTION
+        self.lock = threading.RLock()  # a thread may compile while others step
         self.compiled = False
         self.usual = 4  # steps of a motion, about
         self._calls: dict[int, Call] = {}
@@ -103,12 +106,13 @@ class Taylor:
     def advance(self, x, p, dx, dp, count: int, longest: float, hint=None):
         """The trusted ones of `count` steps: steps (m,), coefficients (m, rows, K + 1), sensitivities
         (m, n, columns, K + 1)."""
-        self.patience -= count * self.seconds
-        if self.patience < 0:
-            self._compile()
-        if count not in self._calls:
-            self._calls[count] = Call(self.one if count == 1 else self.one.mapaccum(count))
-        call = self._calls[count]
+        with self.lock:
+            self.patience -= count * self.seconds
+            if self.patience < 0:
+                self._compile()
+            if count not in self._calls:
+                self._calls[count] = Call(self.one if count == 1 else self.one.mapaccum(count))
+            call = self._calls[count]
         with call.lock:
             start, data, lengths = call.arguments
             start[: self.n] = x
@@ -134,6 +138,13 @@ class Taylor:
         faster = compile_function(self.one)
         if faster is not None:
             self.one, self._calls, self.compiled = faster, {}, True
+
+
+def _trusted_length(c: ca.SX, size) -> ca.SX:
+    """The step at which the last two terms of series (rows, ORDER + 1) vanish beside the first two and `size`."""
+    scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (c[:, :2], c[:, -2], c[:, -1]))
+    bound = TOLERANCE * (scale + size)
+    return ca.fmin((bound / before) ** (1 / (ORDER - 1)), (bound / last) ** (1 / ORDER))
 
 
 def _powers(h: ca.SX) -> ca.SX:
@@ -181,7 +192,7 @@ def _cooper_verner() -> tuple[np.ndarray, np.ndarray]:
 
 
 class RungeKutta:
-    """One order-8 step, fitted by the polynomial through nine points of it; the length from step halving."""
+    """One order-8 step, fitted by the polynomial through ten points of it; the length from step halving."""
 
     # Chebyshev points of (0, 1]: the start is kept exactly and divided out.
     NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, 11) / 10)

@@ -81,7 +81,7 @@ def find(family, method, allow_inadmissible, as_json, explain, plot, animate, sa
     from orbits.plot import ANIMATIONS, FIGURES, check_path, save_figure
     from orbits.search import find as find_orbit
 
-    for path, endings in ((plot, FIGURES), (animate, ANIMATIONS), (save, (".json",))):
+    for path, endings in ((plot, FIGURES), (animate, ANIMATIONS), (save, ())):
         if path is not None:
             check_path(path, endings)  # before the search, not after it
     with progress() as report:

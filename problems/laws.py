@@ -64,6 +64,8 @@ class Law:
     def with_slope(self, x) -> tuple[np.ndarray, np.ndarray]:
         """Values and derivatives at `x` (any shape)."""
         x = np.asarray(x, dtype=float)
+        if x.size == 0:
+            return x, x
         call, table = _numeric(self.key)
         p = np.array(list(self.parameters.values()))
         q = np.zeros((0, x.size))
@@ -129,6 +131,8 @@ def from_function(
     breakpoints : where it is not smooth; integration steps end there
     """
     name = getattr(function, "__name__", "function")
+    if not isinstance(breakpoints, list | tuple):
+        raise InputError(f"breakpoints = {breakpoints!r}; they are a tuple of extensions")
     breaks = [-math.inf, *sorted(number("breakpoint", b) for b in breakpoints), math.inf]
     table = (0, _break_table(tuple(breaks))) if breakpoints else None
     parameters = dict(parameters or {})

@@ -103,8 +103,8 @@ def guess(spring: Key, load: float, what: str) -> Callable:
     def start(family, p):
         law = from_key(spring, p)
         liftoff = liftoff_extension(law, load, what)
-        stiffness = law.with_slope([liftoff, np.clip(0.0, *law.range())])[1].max()
-        scale = 1 / np.sqrt(stiffness)
+        slopes = law.with_slope([liftoff, np.clip(0.0, *law.range())])[1]
+        scale = 1 / np.sqrt(slopes[np.isfinite(slopes)].max())  # at rest a law may have none, at lift-off it has
         alpha = launch_speed(relative_phase(spring, load), p, liftoff, family, scale, f"spring '{law.text}'")
         return {"liftoff": liftoff, "alpha": alpha, "duration": alpha}
 
@@ -262,8 +262,10 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
             return bracketed_root(excess, samples[-1][0], alpha, samples[-1][1], gap, GUESS * halves[alpha])
         if np.isfinite(gap):
             samples.append((alpha, gap))
-        else:
+        elif alpha > slowest:
             cap = alpha
+        else:
+            break
         if len(samples) > 3 and samples[-2][1] < samples[-3][1] and samples[-2][1] <= samples[-1][1]:
             dip = _lowest(excess, samples[-3][0], samples[-1][0])  # a pair of roots between samples, near a fold
             if (bottom := excess(dip)) <= 0:
@@ -275,7 +277,7 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
         alpha = last[0] + max(ahead, 0.02 * (scale + last[0]))
         if alpha >= cap:
             alpha = 0.5 * (last[0] + cap)
-    if cap == np.inf:
+    if not reason:
         reason = f"none up to launch speed {fastest:g}"
     raise NoOrbit(f"{what} has no lossless orbit of family {family} under constant gravity: {reason}")
 

@@ -668,7 +668,9 @@ def test_the_progress_display_shows_on_a_terminal_and_clears_itself(monkeypatch)
     assert shown.endswith("\r" + " " * 40 + "\r")
 
 
-@pytest.mark.parametrize("option", ["--plot nowhere/hop.png", "--animate hop.mp4", "--save hop.txt", "--plot hop"])
+@pytest.mark.parametrize(
+    "option", ["--plot nowhere/hop.png", "--animate hop.mp4", "--save nowhere/hop.json", "--plot hop"]
+)
 def test_a_file_that_cannot_be_written_is_refused_before_the_search(orbits, option):
     result = orbits(f"find --family 400 --spring cubic --json {option}")
     assert result.code == 2

@@ -378,3 +378,47 @@ def test_threads_do_not_disturb_each_other():
     with ThreadPoolExecutor(4) as pool:
         together = [(orbit.alpha, orbit.error) for orbit in pool.map(find, machines)]
     assert together == [(orbit.alpha, orbit.error) for orbit in map(find, machines)]
+
+
+@pytest.mark.parametrize("spring", ["r*sqrt(abs(r))", "r*abs(r)**0.5", "sign(r)*abs(r)**1.5"])
+def test_a_spring_without_slope_at_rest(spring):
+    """One law in three spellings: homogeneous, so its half period at amplitude A goes with A^-0.25."""
+    assert find(Hopper(spring)).alpha == pytest.approx(3.459326351441497, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("centre", "width", "shift"), [(-0.5, 3e-3, 1.4e-5), (1.3, 1e-3, -2.6e-5)], ids=["wide", "narrow"]
+)
+def test_bumps_that_the_steps_leap_over_are_noticed(centre, width, shift):
+    """A bump of height 0.5 shifts alpha a little: found right, or refused."""
+    law = f"r + 0.5*exp(-((r - ({centre}))/{width})**2)"
+    try:
+        alpha = find(Hopper(law)).alpha
+    except NoOrbit:
+        return
+    assert alpha - 4.493409457909064 == pytest.approx(shift, rel=0.1)
+
+
+def test_rounding_near_a_singularity_is_no_leap():
+    orbit = find(Hopper(springs.rubber(length=0.5)), 60)
+    assert orbit.alpha == pytest.approx(165.944491364, rel=1e-10)
+
+
+@pytest.mark.parametrize("mass_ratio", [1e-4, 1e-8, 1e-11])
+def test_a_light_foot_stays_long_on_the_ground(mass_ratio):
+    """Contact is an oscillation at the frequency sqrt(M/(1+M)) about -1/M."""
+    orbit = find(Hopper("r", mass_ratio=mass_ratio))
+    w = np.sqrt(mass_ratio / (1 + mass_ratio))
+    half = (np.pi - np.arctan2(orbit.alpha / w, 1 + 1 / mass_ratio)) / w
+    assert orbit.contact_time == pytest.approx(2 * half, rel=1e-9)
+
+
+@pytest.mark.parametrize("spring", ["r**2", "exp(r)/2"])
+def test_a_spring_that_never_pushes_is_soon_refused(spring, monkeypatch):
+    from problems import relative
+
+    runs, count = relative.half_oscillations, []
+    monkeypatch.setattr(relative, "half_oscillations", lambda *a: (count.append(1), runs(*a))[1])
+    with pytest.raises(NoOrbit, match=r"does not come back|none up to"):
+        find(Hopper(spring))
+    assert len(count) < 200

@@ -154,3 +154,21 @@ def test_a_flow_cannot_start_from_nowhere():
     for start, duration in (([np.nan, 0.0], 1.0), ([0.0, 1.0], -1.0), ([0.0, 1.0], np.nan)):
         with pytest.raises(FlowError):
             oscillator(duffing).run(start, [0.3], duration)
+
+
+def test_a_parameter_derivative_sees_poles_that_the_state_does_not():
+    """r' = v, v' = -b (r - r^3)/(1 + r^2) at b = 0: free motion r = t, whose derivative by b is a double integral."""
+    field = lambda x, p, q: [x[1], -p["b"] * (x[0] - x[0] ** 3) / (1 + x[0] ** 2)]  # noqa: E731
+    flow = Flow(Phase("drift", ("r", "v"), field), ("b",))
+    _, slopes = flow.run([0.0, 1.0], [0.0], 10.0, seeds=np.zeros((2, 1)), parameter_seeds=np.ones((1, 1)))
+    t, w = np.polynomial.legendre.leggauss(60)
+    t, w = 5 * (t + 1), 5 * w
+    assert slopes[0, 0] == pytest.approx(np.sum(w * (10 - t) * -(t - t**3) / (1 + t**2)), rel=1e-12)
+
+
+def test_a_closed_form_has_no_step_of_no_length():
+    phase = Phase("swing", ("x", "v"), lambda x, p, q: [x[1], -x[0]], closed_form=lambda p: Oscillator(9.81, 0.0))
+    flow = Flow(phase, ())
+    for n in range(1, 200):
+        path, _ = flow.run([1.0, 0.0], [], n / np.sqrt(9.81))
+        assert (path.steps > 0).all()
