@@ -25,8 +25,10 @@ STIFFNESSES = (1e-12, 1e12)
 FLATTEST = 1e-14
 # The guess of a launch speed is for Newton's method to finish: off by this share of half an oscillation.
 GUESS = 1e-3
-# Where lift-off is looked for, from rest.
-DISTANCES = np.concatenate([[0.0], np.geomspace(1e-9, 1e9, 600)])
+# Where lift-off is looked for, from rest: densely where a spring in its own units lifts off.
+DISTANCES = np.concatenate(
+    [[0.0], np.geomspace(1e-9, 1e-3, 50)[:-1], np.geomspace(1e-3, 1e3, 200), np.geomspace(1e3, 1e9, 50)[1:]]
+)
 
 
 def spring_pieces(key: Key, coordinate: tuple[float, ...]) -> Pieces | None:
@@ -103,8 +105,9 @@ def guess(spring: Key, load: float, what: str) -> Callable:
     def start(family, p):
         law = from_key(spring, p)
         liftoff = liftoff_extension(law, load, what)
-        slopes = law.with_slope([liftoff, np.clip(0.0, *law.range())])[1]
-        scale = 1 / np.sqrt(slopes[np.isfinite(slopes)].max())  # at rest a law may have none, at lift-off it has
+        low, high = law.range()
+        slopes = [float(law.with_slope(r)[1]) for r in (liftoff, min(max(0.0, low), high))]
+        scale = 1 / np.sqrt(max(filter(np.isfinite, slopes)))  # at rest a law may have none, at lift-off it has
         alpha = launch_speed(relative_phase(spring, load), p, liftoff, family, scale, f"spring '{law.text}'")
         return {"liftoff": liftoff, "alpha": alpha, "duration": alpha}
 
