@@ -47,13 +47,14 @@ def error_bound(equations: Shooting, u, p, here: Evaluation) -> float:
     last place of the state a step, through the same inverse, and grown by the flow where that grows (in a long flight
     of a nonlinear spring a change of amplitude becomes one of phase).
     """
-    residual = equations.residual(u, p, here, _another_way)
+    residual = equations.residual(u, p, here.trajectories, _another_way)
     index = equations.statement.unknowns.index("alpha")
     inverse = solve(here.jacobian.T, np.eye(equations.size)[index])  # the row of the inverse that belongs to alpha
     noise = 0.0
-    for along, path, transition in zip(equations.flows, here.trajectories, here.transitions, strict=True):
+    ways = zip(equations.flows, here.trajectories, here.transitions, here.starts, strict=True)
+    for along, path, transition, start in ways:
         size = np.abs(path.coefficients[:, : along.size, 0]).max()
-        growth = max(1.0, np.linalg.norm(transition) / SHEAR)
+        growth = max(1.0, np.linalg.norm(transition @ start) / SHEAR)
         walk = np.sqrt(len(path.steps))
         noise += EPS / 2 * size * walk * (1 + walk / LONG_WALK) * growth
     # The check has roundings of its own, of the size of what it measures: as much again.

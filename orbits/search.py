@@ -108,19 +108,20 @@ class _Solution:
 def _exact(model: Model, family: int, p: Mapping, progress) -> _Solution:
     u, error = model.reduction.exact(family, p)
     equations = shooting(model.reduction.statement, tuple(p))
-    return _reduced(model, equations, np.array(list(u.values())), p, error)
+    u = np.array(list(u.values()))
+    return _reduced(model, equations, u, equations.evaluate(u, _vector(p)), p, error)
 
 
 def _relative(model: Model, family: int, p: Mapping, progress) -> _Solution:
     start = model.guess(family, p)
     equations = shooting(model.reduction.statement, tuple(p))
-    u = equations.newton([start["liftoff"], start["alpha"]], _vector(p))
-    return _reduced(model, equations, u, p)
+    u, here = equations.newton([start["liftoff"], start["alpha"]], _vector(p))
+    return _reduced(model, equations, u, here, p)
 
 
 def _half_orbit(model: Model, family: int, p: Mapping, progress) -> _Solution:
     equations = shooting(half_orbit(model.flight, model.launch, model.liftoff, model.reversor), tuple(p))
-    return _mirrored(model, equations, _along(model, equations, equations.newton, family, p, progress), p)
+    return _mirrored(model, equations, *_along(model, equations, equations.newton, family, p, progress), p)
 
 
 def _shooting(model: Model, family: int, p: Mapping, progress) -> _Solution:
@@ -129,7 +130,7 @@ def _shooting(model: Model, family: int, p: Mapping, progress) -> _Solution:
     else:
         statement, interpret = whole_flight(model), _unmirrored
     equations = shooting(statement, tuple(p))
-    return interpret(model, equations, _along(model, equations, equations.multiple_shooting, family, p, progress), p)
+    return interpret(model, equations, *_along(model, equations, equations.multiple_shooting, family, p, progress), p)
 
 
 @lru_cache(maxsize=64)
@@ -173,7 +174,7 @@ def whole_flight(model: Model) -> Statement:
     return Statement("whole flight", ("liftoff", "alpha", "duration", "unfolding"), (arc,), ("alpha", "duration"))
 
 
-def _along(model: Model, equations: Shooting, correct: Callable, family: int, p: Mapping, progress) -> np.ndarray:
+def _along(model: Model, equations: Shooting, correct: Callable, family: int, p: Mapping, progress):
     """Solve the model's equations from its guess, led there along the homotopy parameter with step control.
 
     A step is taken when the corrector ends near where the tangent pointed and the family is still the same.
@@ -184,14 +185,16 @@ def _along(model: Model, equations: Shooting, correct: Callable, family: int, p:
     if model.homotopy is None:
         return correct(u, _vector(p))
     share, step = 0.0, 1.0
-    u = correct(u, _vector({**p, model.homotopy: 0.0}))
+    u, here = correct(u, _vector({**p, model.homotopy: 0.0}))
     while share < 1:
-        tangent = _tangent(equations, u, p, model.homotopy, share)
+        # differenced: a predictor needs no more digits, and its own derivative would take longer to build
+        there = equations.evaluate(u, _vector({**p, model.homotopy: share + 1e-6}))
+        tangent = solve(here.jacobian, (here.residual - there.residual) / 1e-6)
         step = min(step, 1 - share)
         while True:
             ahead = {**p, model.homotopy: 1.0 if step == 1 - share else share + step}
             try:
-                u = _corrected(model, equations, correct, u + step * tangent, family, ahead)
+                u, here = _corrected(model, equations, correct, u + step * tangent, family, ahead)
                 break
             except NoOrbit as error:
                 step /= 2
@@ -204,53 +207,41 @@ def _along(model: Model, equations: Shooting, correct: Callable, family: int, p:
         step *= 2
         if progress:
             progress(share)
-    return u
+    return u, here
 
 
-def _tangent(equations: Shooting, u, p: Mapping, name: str, share: float) -> np.ndarray:
-    """Derivative of the solution with respect to a parameter, differenced: a predictor needs no more digits."""
-    here = equations.evaluate(u, _vector({**p, name: share}))
-    there = equations.evaluate(u, _vector({**p, name: share + 1e-6}))
-    return solve(here.jacobian, (here.residual - there.residual) / 1e-6)
-
-
-def _corrected(model, equations, correct, predicted, family, p) -> np.ndarray:
+def _corrected(model, equations, correct, predicted, family, p):
     if not (predicted[1:3] > 0).all():  # nor if they are not numbers
         raise NoOrbit("the step leads to a negative time or speed")
-    new = correct(predicted, _vector(p))
+    new, here = correct(predicted, _vector(p))
     if np.max(np.abs(new - predicted)[1:3] / np.abs(new[1:3])) > MAX_CORRECTION:
         raise NoOrbit("the corrector ends far from the predicted orbit")
-    flight = _in_flight_states(model, equations.evaluate(new, _vector(p)).trajectories[0])
+    flight = _in_flight_states(model, here.trajectories[0])
     parts = flight.split(flight.times[-1] / 2) if "unfolding" in equations.statement.unknowns else (flight,)
     if count_family(model, parts) != family:
         raise NoOrbit("the family changes")
-    return new
+    return new, here
 
 
-def _reduced(model: Model, equations: Shooting, u, p: Mapping, error: float | None = None) -> _Solution:
-    here = equations.evaluate(u, _vector(p))
+def _reduced(model: Model, equations: Shooting, u, here: Evaluation, p: Mapping, error=None) -> _Solution:
     named = equations.named(u)
     path = here.trajectories[0]
     coefficients = model.reduction.complete(path.times[:-1], path.coefficients, named, p)
     half = Trajectory(path.times, coefficients, model.flight.states)
-    # The second half mirrors the first in time, and so does its transition matrix.
-    mirror, first = np.diag(model.reduction.reversor), here.transitions[0]
-    landing = mirror @ np.linalg.solve(first, mirror @ first)
+    landing = _at_landing(here, model.reduction.reversor)
     slope = model.reduction.gap_slope(2 * path.times[-1], landing[:, 1], p)
     error = error_bound(equations, u, _vector(p), here) if error is None else error
     return _Solution(named, half, (half,), slope, np.abs(here.residual).max(), error, equations.compiled)
 
 
-def _mirrored(model: Model, equations: Shooting, u, p: Mapping) -> _Solution:
-    here = equations.evaluate(u, _vector(p))
+def _mirrored(model: Model, equations: Shooting, u, here: Evaluation, p: Mapping) -> _Solution:
     half = here.trajectories[0]
-    slope = np.array(model.gap(p).weights) @ _at_landing(equations, here, p)[:, 1]
+    slope = np.array(model.gap(p).weights) @ _at_landing(here, model.reversor)[:, 1]
     error = error_bound(equations, u, _vector(p), here)
     return _Solution(equations.named(u), half, (half,), slope, np.abs(here.residual).max(), error, equations.compiled)
 
 
-def _unmirrored(model: Model, equations: Shooting, u, p: Mapping) -> _Solution:
-    here = equations.evaluate(u, _vector(p))
+def _unmirrored(model: Model, equations: Shooting, u, here: Evaluation, p: Mapping) -> _Solution:
     named = equations.named(u)
     if abs(named["unfolding"]) * named["duration"] > LARGEST_UNFOLDING:
         raise NoOrbit(
@@ -258,7 +249,7 @@ def _unmirrored(model: Model, equations: Shooting, u, p: Mapping) -> _Solution:
             "this model has no lossless orbit here"
         )
     flight = _in_flight_states(model, here.trajectories[0])
-    slope = np.array(model.gap(p).weights) @ here.transitions[0][: len(flight.names), 1]
+    slope = np.array(model.gap(p).weights) @ (here.transitions[0] @ here.starts[0])[: len(flight.names), 1]
     error = error_bound(equations, u, _vector(p), here)
     parts = flight.split(flight.times[-1] / 2)
     return _Solution(named, flight, parts, slope, np.abs(here.residual).max(), error, equations.compiled)
@@ -270,11 +261,14 @@ def _in_flight_states(model: Model, path: Trajectory) -> Trajectory:
     return Trajectory(path.times, path.coefficients[:, : len(states)], states)
 
 
-def _at_landing(equations: Shooting, here: Evaluation, p: Mapping) -> np.ndarray:
-    """Derivatives of the state at landing, of a flight whose first half is `here`, with respect to the unknowns."""
-    along, path = equations.flows[0], here.trajectories[0]
-    first = here.transitions[0][:, :2]  # of extension and speed at lift-off
-    return along.run(path.end[: along.size], _vector(p), path.times[-1], first)[1]
+def _at_landing(here: Evaluation, reversor) -> np.ndarray:
+    """Derivatives of the state at landing, of a flight whose first half is `here`, with respect to the unknowns.
+
+    The second half mirrors the first in time, and so does its transition matrix.
+    """
+    first, mirror = here.transitions[0], np.array(reversor)[:, None]
+    half = first @ here.starts[0]
+    return mirror * np.linalg.solve(first[:, : len(first)], mirror * half)
 
 
 def _shape(model: Model, p: Mapping) -> Shape:

@@ -1,7 +1,7 @@
 """A boundary value statement as equations: evaluated along its flow, solved by Newton, or by multiple shooting."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import casadi as ca
@@ -24,14 +24,18 @@ class Evaluation:
 
     residual : (n,)
     jacobian : (n, n + k), with respect to the unknowns and to the k varied parameters
-    trajectories : one per arc
-    transitions : derivatives (states, n + k) of each arc's end at fixed duration
+    trajectories : one per arc, with variations by its start and the varied parameters
+    transitions : derivatives (states, states + k) of each arc's end at fixed duration, by the same
+    starts : derivatives (states + k, n + k) of the same, by the unknowns and the varied parameters
+    durations : derivatives (n + k,) of each arc's duration
     """
 
     residual: np.ndarray
     jacobian: np.ndarray
     trajectories: tuple[Trajectory, ...]
     transitions: tuple[np.ndarray, ...]
+    starts: tuple[np.ndarray, ...]
+    durations: tuple[np.ndarray, ...]
 
 
 @lru_cache(maxsize=64)
@@ -90,39 +94,50 @@ class Shooting:
         start = ca.vertcat(*arc.start(unknowns, ca.vertsplit(last), named))
         return start, arc.duration(unknowns, named)
 
-    def evaluate(self, u, p, vary: tuple[str, ...] = ()) -> Evaluation:
-        """Residual, Jacobian and motion at unknowns `u` (n,) and parameters `p` (np,)."""
-        n, columns = self.size, self.size + len(vary)
-        directions = np.zeros((n + len(self.parameters), columns))
+    def evaluate(self, u, p, vary: tuple[str, ...] = (), meshes=None) -> Evaluation:
+        """Residual, Jacobian and motion at unknowns `u` (n,) and parameters `p` (np,); `meshes` as in `Flow.run`."""
+        n, k = self.size, len(vary)
+        directions = np.zeros((n + len(self.parameters), n + k))
         directions[:n, :n] = np.eye(n)
         for j, name in enumerate(vary):
             directions[n + self.parameters.index(name), n + j] = 1.0
         du, dp = directions[:n], directions[n:]
-        last, dlast = np.zeros(0), np.zeros((0, columns))
-        residuals, jacobians, trajectories, transitions = [], [], [], []
-        for along, (depart, arrive) in zip(self.flows, self._ends, strict=True):
+        last, dlast = np.zeros(0), np.zeros((0, n + k))
+        residuals, jacobians, arcs = [], [], []
+        meshes = meshes or [None] * len(self.flows)
+        for along, mesh, (depart, arrive) in zip(self.flows, meshes, self._ends, strict=True):
             value, slope = depart(u, last, p)
             dvalue = _chain(slope, du, dlast, dp)
-            start, dstart = value[:-1, 0], dvalue[:-1]
-            moving = dstart.any(0) | dp.any(0)  # a duration moves the end only through the speed there
-            transition = np.zeros_like(dstart)
-            path, transition[:, moving] = along.run(start, p, value[-1, 0], dstart[:, moving], dp[:, moving])
+            start, dstart = value[:-1, 0], np.vstack([dvalue[:-1], np.eye(k, n + k, n)])
+            seeds = np.eye(along.size, along.size + k)
+            dseeds = np.hstack([np.zeros((len(self.parameters), along.size)), dp[:, n:]])
+            path, transition = along.run(start, p, value[-1, 0], seeds, dseeds, mesh=mesh)
             end = path.end[: along.size]
             speed = evaluate(derivative(path.coefficients[-1, : along.size]), path.steps[-1])
-            dend = transition + np.outer(speed, dvalue[-1])
+            dend = transition @ dstart + np.outer(speed, dvalue[-1])
             q, dq = along.piece_data(start, p)
             holds, slope = arrive(u, start, end, p, q)
             residuals.append(holds.ravel())
-            jacobians.append(_chain(slope, du, dstart, dend, dp, _chain(dq, dp)))
-            trajectories.append(path)
-            transitions.append(transition)
+            jacobians.append(_chain(slope, du, dstart[: along.size], dend, dp, _chain(dq, dp)))
+            arcs.append((path, transition, dstart, dvalue[-1]))
             last, dlast = end, dend
-        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), tuple(trajectories), tuple(transitions))
+        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *zip(*arcs, strict=True))
 
-    def residual(self, u, p, here: Evaluation, travel: Callable) -> np.ndarray:
-        """The residual (n,) with every arc's end from travel(flow, start, p, path), `path` the same arc in `here`."""
+    def moved(self, here: Evaluation, u, p, step) -> Evaluation:
+        """`here`, at `u` less a small `step` (n + k,), taken along to `u`: to first order, but for the residual."""
+        if any(path.variations is None for path in here.trajectories):  # closed forms cost nothing
+            return self.evaluate(u, p)
+        paths = tuple(
+            path.moved(start @ step, longer @ step)
+            for path, start, longer in zip(here.trajectories, here.starts, here.durations, strict=True)
+        )
+        residual = self.residual(u, p, paths, lambda along, start, p, path: path.end)
+        return replace(here, residual=residual, trajectories=paths)
+
+    def residual(self, u, p, paths: tuple[Trajectory, ...], travel: Callable) -> np.ndarray:
+        """The residual (n,) with every arc's end from travel(flow, start, p, path), one of `paths` for each."""
         last, residuals = np.zeros(0), []
-        for along, path, (depart, arrive) in zip(self.flows, here.trajectories, self._ends, strict=True):
+        for along, path, (depart, arrive) in zip(self.flows, paths, self._ends, strict=True):
             start = depart(u, last, p)[0][:-1, 0]
             last = travel(along, start, p, path)
             q, _ = along.piece_data(start, p)
@@ -133,8 +148,8 @@ class Shooting:
         """The unknowns by name."""
         return {name: float(value) for name, value in zip(self.statement.unknowns, u, strict=True)}
 
-    def newton(self, u, p, attempts: int = 30) -> np.ndarray:
-        """The solution (n,) by Newton's method from `u`, to rounding.
+    def newton(self, u, p, attempts: int = 30) -> tuple[np.ndarray, Evaluation]:
+        """The solution (n,) by Newton's method from `u`, to rounding, and the statement there.
 
         A step that leaves the flow's domain or a positive duration is halved. Raises `NoOrbit` without convergence.
         """
@@ -144,7 +159,8 @@ class Shooting:
             step = solve(here.jacobian, -here.residual)
             size = np.max(np.abs(step) / np.maximum(np.abs(u), 1e-3))
             if size < QUADRATIC:
-                return u + step
+                u = u + step
+                return u, self.moved(here, u, p, step)
             if not np.isfinite(size):
                 break
             u, here = self._damped(u, step, p, here)
@@ -165,8 +181,8 @@ class Shooting:
             step = step / 2
         raise NoOrbit(f"the {self.statement.name} equations did not converge: no step reduces the residual {size:.1e}")
 
-    def multiple_shooting(self, u, p) -> np.ndarray:
-        """The solution (n,) with every integration step a shooting node, by Ipopt, from `u`.
+    def multiple_shooting(self, u, p) -> tuple[np.ndarray, Evaluation]:
+        """As `newton`, with every integration step a shooting node, by Ipopt, from `u`.
 
         A step that ends on a breakpoint of a piecewise field becomes a node with a free time, held on the breakpoint.
         """

@@ -103,9 +103,11 @@ class Taylor:
             defects.append(ca.norm_inf(rate - h * graph.field(terms @ ca.DM(scale), graph.p)[0]))
         return ca.mmax(ca.vertcat(*defects))
 
-    def advance(self, x, p, dx, dp, count: int, longest: float, hint=None):
-        """The trusted ones of `count` steps: steps (m,), coefficients (m, rows, K + 1), sensitivities
-        (m, n, columns, K + 1)."""
+    def advance(self, x, p, dx, dp, count: int, longest, hint=None):
+        """The trusted ones of `count` steps, none longer than `longest`, which is one for all or (count,).
+
+        Returns steps (m,), coefficients (m, rows, K + 1), sensitivities (m, n, columns, K + 1).
+        """
         with self.lock:
             self.patience -= count * self.seconds
             if self.patience < 0:
@@ -121,7 +123,7 @@ class Taylor:
             if self.columns:
                 start[self.n :] = dx.T.ravel()
                 data[:, len(p) :] = dp[self.varied].T.ravel()
-            lengths[:] = min(longest, 1e9)
+            lengths[:] = np.minimum(longest, 1e9)
             call.trigger()
             _, c, dc, (steps, defects) = (result.copy(order="K") for result in call.results)
         c = c.reshape(ORDER + 1, self.rows, count, order="F").T
