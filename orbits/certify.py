@@ -49,12 +49,13 @@ def error_bound(equations: Shooting, u, p, here: Evaluation) -> float:
     """
     residual = equations.residual(u, p, here.trajectories, _another_way)
     index = equations.statement.unknowns.index("alpha")
-    inverse = solve(here.jacobian.T, np.eye(equations.size)[index])  # the row of the inverse that belongs to alpha
+    square = here.jacobian[:, : equations.size]
+    inverse = solve(square.T, np.eye(equations.size)[index])  # the row of the inverse that belongs to alpha
     noise = 0.0
     ways = zip(equations.flows, here.trajectories, here.transitions, here.starts, strict=True)
     for along, path, transition, start in ways:
         size = np.abs(path.coefficients[:, : along.size, 0]).max()
-        growth = max(1.0, np.linalg.norm(transition @ start) / SHEAR)
+        growth = max(1.0, np.linalg.norm((transition @ start)[:, : equations.size]) / SHEAR)
         walk = np.sqrt(len(path.steps))
         noise += EPS / 2 * size * walk * (1 + walk / LONG_WALK) * growth
     # The check has roundings of its own, of the size of what it measures: as much again.

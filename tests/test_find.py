@@ -9,7 +9,7 @@ from conftest import REFERENCES, machine_of
 
 import orbits.certify
 from orbits import METHODS, InputError, NoOrbit, find
-from orbits.search import whole_flight
+from orbits.statements import whole_flight
 from problems import Hopper, Juggler, gravity, springs
 
 

@@ -1,0 +1,204 @@
+"""What is solved for an orbit of a model, and what the solution means: the statements, and orbits made from them."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from .certify import certify, error_bound, follow_contact
+from .errors import NoOrbit
+from .flow import Trajectory
+from .model import Arc, Model, Phase, Statement
+from .orbit import Orbit, Shape
+from .shooting import Evaluation, Shooting, shooting
+
+# Energy pumped over a flight, as a share, beyond which the unfolded equations have no orbit but a forced motion.
+LARGEST_UNFOLDING = 1e-9
+# A contact lasts longer than the flight by the square root of the mass ratio, no more.
+LONGEST_CONTACT = 1e7
+
+
+def equations_of(model: Model, method: str, parameters: tuple[str, ...]) -> Shooting:
+    """The equations that a method solves."""
+    if method in ("closed form", "relative"):
+        return shooting(model.reduction.statement, parameters)
+    if model.reversor:
+        return shooting(half_orbit(model.flight, model.launch, model.liftoff, model.reversor), parameters)
+    return shooting(whole_flight(model), parameters)
+
+
+@lru_cache(maxsize=64)
+def half_orbit(flight: Phase, launch: Callable, liftoff: Callable, reversor: tuple[int, ...]) -> Statement:
+    """From the launch set to a state that the reversor leaves alone: half of an orbit that is its own mirror image.
+
+    Unknowns: the extension at lift-off, the launch speed, half the flight time.
+    """
+    arc = Arc(
+        flight,
+        start=lambda u, before, p: launch(u, p),
+        duration=lambda u, p: u["duration"],
+        conditions=lambda u, x, p: [value for value, sign in zip(x, reversor, strict=True) if sign < 0],
+        guard=lambda u, x, p, q: [liftoff(u, p, q)],
+    )
+    return Statement("half orbit", ("liftoff", "alpha", "duration"), (arc,), ("alpha", "duration"))
+
+
+@lru_cache(maxsize=64)
+def whole_flight(model: Model) -> Statement:
+    """From the launch set to a lossless landing, for a model without a reversor.
+
+    Launch speed and flight time are two unknowns for three landing conditions: that all can hold is the doing of a
+    conserved energy and of whatever symmetry the motion has. To make it square the field is unfolded, a multiple of the
+    energy's gradient added to it; that multiple is a further unknown, and it vanishes on an orbit.
+    """
+    flight = model.flight
+
+    def field(x, p, q):
+        gradient = model.flight_gradient(x[:-1], p, q)
+        return [f + x[-1] * g for f, g in zip(flight.field(x[:-1], p, q), gradient, strict=True)] + [0 * x[-1]]
+
+    pieces = flight.pieces and replace(flight.pieces, coordinate=(*flight.pieces.coordinate, 0.0))
+    arc = Arc(
+        Phase(flight.name, (*flight.states, "unfolding"), field, pieces=pieces),
+        start=lambda u, before, p: [*model.launch(u, p), u["unfolding"]],
+        duration=lambda u, p: u["duration"],
+        conditions=lambda u, x, p: model.landing(u, x[:-1], p),
+        guard=lambda u, x, p, q: [model.liftoff(u, p, q)],
+    )
+    return Statement("whole flight", ("liftoff", "alpha", "duration", "unfolding"), (arc,), ("alpha", "duration"))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A solved statement and what it means for the flight.
+
+    u : the unknowns by name
+    flight : the first half, in flight states; the whole flight where nothing mirrors it
+    parts : the flight from lift-off to its middle and, where it is not its mirror image, from landing backwards
+    gap_slope : derivative with respect to alpha of the gap at the landing time
+    compiled : whether the equations' flow took long enough to be compiled
+    """
+
+    u: Mapping[str, float]
+    flight: Trajectory
+    parts: tuple[Trajectory, ...]
+    gap_slope: float
+    residual: float
+    error: float
+    compiled: bool
+
+
+def interpret(model: Model, method: str, equations: Shooting, u, here: Evaluation, p: Mapping, error=None) -> Solution:
+    """What the solution `u` of a method's equations, evaluated `here`, means for the flight.
+
+    error : of alpha, where it is known; else it is estimated
+    """
+    if error is None:
+        error = error_bound(equations, u, vector(p), here)
+    read = _reduced if method in ("closed form", "relative") else _mirrored if model.reversor else _unmirrored
+    flight, parts, slope = read(model, equations, u, here, p)
+    residual = np.abs(here.residual).max()
+    return Solution(equations.named(u), flight, parts, float(slope), float(residual), error, equations.compiled)
+
+
+def as_orbit(machine, method: str, solution: Solution, began: float) -> Orbit:
+    """The certified orbit of a machine; `began` is when the search for it did, by `time.perf_counter`."""
+    model, p, u = machine.model, machine.values, solution.u
+    flight_time = float(sum(part.times[-1] for part in solution.parts)) * (2 if len(solution.parts) == 1 else 1)
+    contact, stopped = follow_contact(model, u, p, LONGEST_CONTACT * (1 + flight_time))
+    certificate = certify(
+        model, u, p, solution.parts, contact, stopped, solution.gap_slope, solution.residual, solution.error
+    )
+    return Orbit(
+        machine=machine.describe(),
+        alpha=u["alpha"],
+        liftoff_extension=u["liftoff"],
+        flight_time=flight_time,
+        contact_time=None if contact is None else float(contact.times[-1]) * (2 if model.reversor else 1),
+        flight=solution.flight,
+        contact=contact,
+        shape=_shape(model, p),
+        certificate=certificate,
+        method=method,
+        skipped=_skipped(model, p, method, solution.compiled),
+        seconds=time.perf_counter() - began,
+        units=machine.units,
+    )
+
+
+def _reduced(model: Model, equations: Shooting, u, here: Evaluation, p: Mapping):
+    path, named = here.trajectories[0], equations.named(u)
+    coefficients = model.reduction.complete(path.times[:-1], path.coefficients, named, p)
+    half = Trajectory(path.times, coefficients, model.flight.states)
+    landing = _at_landing(here, model.reduction.reversor)
+    return half, (half,), model.reduction.gap_slope(2 * path.times[-1], landing[:, 1], p)
+
+
+def _mirrored(model: Model, equations: Shooting, u, here: Evaluation, p: Mapping):
+    half = in_flight_states(model, here.trajectories[0])
+    return half, (half,), np.array(model.gap(p).weights) @ _at_landing(here, model.reversor)[:, 1]
+
+
+def _unmirrored(model: Model, equations: Shooting, u, here: Evaluation, p: Mapping):
+    named = equations.named(u)
+    if abs(named["unfolding"]) * named["duration"] > LARGEST_UNFOLDING:
+        raise NoOrbit(
+            f"the landing conditions hold only with the energy pumped at the rate {named['unfolding']:.3g}: "
+            "this model has no lossless orbit here"
+        )
+    flight = in_flight_states(model, here.trajectories[0])
+    slope = np.array(model.gap(p).weights) @ (here.transitions[0] @ here.starts[0])[: len(flight.names), 1]
+    return flight, flight.split(flight.times[-1] / 2), slope
+
+
+def in_flight_states(model: Model, path: Trajectory) -> Trajectory:
+    """The rows of the flight states alone."""
+    states = model.flight.states
+    return Trajectory(path.times, path.coefficients[:, : len(states)], states)
+
+
+def _at_landing(here: Evaluation, reversor) -> np.ndarray:
+    """Derivatives of the state at landing, of a flight whose first half is `here`, with respect to the unknowns.
+
+    The second half mirrors the first in time, and so does its transition matrix.
+    """
+    first, mirror = here.transitions[0], np.array(reversor)[:, None]
+    half = first @ here.starts[0]
+    return mirror * np.linalg.solve(first[:, : len(first)], mirror * half)
+
+
+def _shape(model: Model, p: Mapping) -> Shape:
+    contact = model.reversor and tuple(int(model.reversor[i]) for i in np.abs(model.embed).argmax(0))
+    return Shape(model.reversor, contact, model.embed, model.heights(p), model.spring_ends)
+
+
+def vector(p: Mapping) -> np.ndarray:
+    """The values of parameters by name, in their order."""
+    return np.array(list(p.values()), dtype=float)
+
+
+def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:
+    """What the way taken did without, in words."""
+    skipped = {
+        "closed form": ["flight: closed form, nothing integrated", "search: one scalar equation, no solver"],
+        "relative": [
+            "flight: the extension alone is integrated, 2 states of 4",
+            "flight: half of it, by time reversal",
+        ],
+        "half orbit": ["flight: half of it, by time reversal"],
+        "shooting": ["flight: half of it, by time reversal"] if model.reversor else [],
+    }[method]
+    if method in ("relative", "half orbit"):
+        skipped.append("search: Newton on a few unknowns from a measured guess, no Ipopt")
+    if model.contact.closed_form:
+        skipped.append("contact: closed form")
+    else:
+        part = "its first half" if model.reversor else "the once"
+        skipped.append(f"contact: only {part}, for its duration and the checks, not for the search")
+    if model.separation(p) is None:
+        skipped.append("separation of the masses: no rest length given")
+    if not compiled:
+        skipped.append("compilation: nothing that repays it, or no compiler")
+    return tuple(skipped)
