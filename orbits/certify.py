@@ -39,18 +39,21 @@ NARROW = (
 )
 
 
-def error_bound(equations: Shooting, u, p, here: Evaluation) -> float:
+def error_bound(equations: Shooting, u, p, here: Evaluation, across=None) -> float:
     """Bound on the error of the unknown "alpha".
 
     The motion is integrated again by another method with smaller steps; what the equations then lack goes through the
     inverse Jacobian. To it comes the rounding that both integrations may share: a random walk of half a unit in the
     last place of the state a step, through the same inverse, and grown by the flow where that grows (in a long flight
     of a nonlinear spring a change of amplitude becomes one of phase).
+
+    across : a row (n + 1,) that closes the equations where a parameter is varied too: the error is then that across
+        the curve of solutions, which at a fold is the only one there is
     """
     residual = equations.residual(u, p, here.trajectories, _another_way)
     index = equations.statement.unknowns.index("alpha")
-    square = here.jacobian[:, : equations.size]
-    inverse = solve(square.T, np.eye(equations.size)[index])  # the row of the inverse that belongs to alpha
+    square = here.jacobian[:, : equations.size] if across is None else np.vstack([here.jacobian, across])
+    inverse = solve(square.T, np.eye(len(square))[index])[: equations.size]  # the row of the inverse that belongs to alpha
     noise = 0.0
     ways = zip(equations.flows, here.trajectories, here.transitions, here.starts, strict=True)
     for along, path, transition, start in ways:

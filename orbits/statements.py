@@ -90,13 +90,15 @@ class Solution:
     compiled: bool
 
 
-def interpret(model: Model, method: str, equations: Shooting, u, here: Evaluation, p: Mapping, error=None) -> Solution:
+def interpret(
+    model: Model, method: str, equations: Shooting, u, here: Evaluation, p: Mapping, error=None, across=None
+) -> Solution:
     """What the solution `u` of a method's equations, evaluated `here`, means for the flight.
 
-    error : of alpha, where it is known; else it is estimated
+    error : of alpha, where it is known; else it is estimated, as `error_bound` does with `across`
     """
     if error is None:
-        error = error_bound(equations, u, vector(p), here)
+        error = error_bound(equations, u, vector(p), here, across)
     read = _reduced if method in ("closed form", "relative") else _mirrored if model.reversor else _unmirrored
     flight, parts, slope = read(model, equations, u, here, p)
     residual = np.abs(here.residual).max()
