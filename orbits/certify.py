@@ -53,7 +53,9 @@ def error_bound(equations: Shooting, u, p, here: Evaluation, across=None) -> flo
     residual = equations.residual(u, p, here.trajectories, _another_way)
     index = equations.statement.unknowns.index("alpha")
     square = here.jacobian[:, : equations.size] if across is None else np.vstack([here.jacobian, across])
-    inverse = solve(square.T, np.eye(len(square))[index])[: equations.size]  # the row of the inverse that belongs to alpha
+    inverse = solve(square.T, np.eye(len(square))[index])[
+        : equations.size
+    ]  # the row of the inverse that belongs to alpha
     noise = 0.0
     ways = zip(equations.flows, here.trajectories, here.transitions, here.starts, strict=True)
     for along, path, transition, start in ways:

@@ -185,10 +185,11 @@ class Family:
         yield to_json({**head, "settings": self.settings, "versions": self.versions})
         events = list(self.events)
         for index, point in enumerate(self.points):
-            yield to_json({"point": asdict(point)})
+            yield record(point)
             while events and events[0].after == index:
-                yield to_json({"event": asdict(events.pop(0))})
-        yield to_json({"end": asdict(self.end)})
+                yield record(events.pop(0))
+        if self.end:
+            yield record(self.end)
 
     @classmethod
     def load(cls, path) -> "Family":
@@ -230,13 +231,20 @@ class Family:
         try:
             import xarray
         except ImportError:
-            raise InputError(
-                "NetCDF needs xarray: install persistent-orbits[data], or save as .json or .csv"
-            ) from None
+            raise InputError("NetCDF needs xarray: install persistent-orbits[data], or save as .json or .csv") from None
         numbers = [name for name in COLUMNS if name != "stable_side"]
         data = {name: ("point", self.column(name)) for name in numbers}
-        attributes = {"machine": to_json(self.machine), "settings": to_json(self.settings), "end": to_json(asdict(self.end))}
+        attributes = {
+            "machine": to_json(self.machine),
+            "settings": to_json(self.settings),
+            "end": to_json(asdict(self.end)),
+        }
         return xarray.Dataset(data, {self.name: ("point", self.column("value"))}, attributes)
+
+
+def record(item: Point | Event | End) -> str:
+    """A line of a saved family."""
+    return to_json({type(item).__name__.lower(): asdict(item)})
 
 
 def _point(data: dict) -> Point:

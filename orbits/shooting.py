@@ -14,8 +14,10 @@ from .flow import Flow, Trajectory, flow
 from .model import Arc, Statement
 from .polynomial import derivative, evaluate
 
-# A relative Newton step this small is the last: the next would be its square.
+# A relative Newton step this small is the last, if its square, grown over the motion, is below rounding: that is the
+# next one.
 QUADRATIC = 1e-9
+ROUNDING = 1e-17
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,15 @@ class Evaluation:
     transitions: tuple[np.ndarray, ...]
     starts: tuple[np.ndarray, ...]
     durations: tuple[np.ndarray, ...]
+
+    @property
+    def growth(self) -> float:
+        """Of a small change over the motion, the largest."""
+        return max(float(np.abs(transition).max()) for transition in self.transitions)
+
+    def settles(self, size: float, last: float) -> bool:
+        """Whether a relative Newton step is the last one worth taking; `last` is the one before."""
+        return size < QUADRATIC and (size * size * self.growth < ROUNDING or size > 0.1 * last)
 
 
 @lru_cache(maxsize=64)
@@ -124,7 +135,8 @@ class Shooting:
         return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *zip(*arcs, strict=True))
 
     def moved(self, here: Evaluation, u, p, step) -> Evaluation:
-        """`here`, at `u` less a small `step` (n + k,), taken along to `u`: to first order, but for the residual."""
+        """`here`, at `u` less a Newton step (n + k,) that settles it, taken along to `u`: to first order, but for the
+        residual."""
         if any(path.variations is None for path in here.trajectories):  # closed forms cost nothing
             return self.evaluate(u, p)
         paths = tuple(
@@ -157,8 +169,8 @@ class Shooting:
         here, size = self.evaluate(u, p), np.inf
         for _ in range(attempts):
             step = solve(here.jacobian, -here.residual)
-            size = np.max(np.abs(step) / np.maximum(np.abs(u), 1e-3))
-            if size < QUADRATIC:
+            last, size = size, np.max(np.abs(step) / np.maximum(np.abs(u), 1e-3))
+            if here.settles(size, last):
                 u = u + step
                 return u, self.moved(here, u, p, step)
             if not np.isfinite(size):

@@ -1,0 +1,379 @@
+"""The curve of a machine's orbits along a parameter: steps on it, what happens on the way, and how it ends.
+
+Pseudo-arclength continuation of F(u, value) = 0, the equations that `find` solves, with their exact derivatives. With
+X = (u, value) in units of its own size, a step of length s along the unit tangent t is the solution of F(X) = 0,
+t . (X - X0) = s. Its prediction is the Hermite interpolant, in that same s, of the last points and tangents, so good
+that the corrector usually needs one evaluation; a corrector that has to go far may have found another curve, and the
+step is refused.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from .errors import NoOrbit, OrbitsError
+from .family import End, Event, Point
+from .orbit import Orbit
+from .roots import bracketed_root
+from .shooting import Evaluation, solve
+from .statements import as_orbit, equations_of, interpret
+
+# In shares of the curve's own size: the first step, the shortest, and what a corrector may move of a step's length.
+FIRST, SHORTEST, FARTHEST = 1e-3, 1e-8, 1e-2
+# What the step control aims at for the corrector: then its first step is its last.
+AIM = 1e-5
+# The largest angle between two tangents, in radians.
+LARGEST_TURN = 0.25
+# An orbit this many times faster, longer or smaller than the first is on its way to infinity or to nothing.
+FAR = 1e2
+# A motion that makes more of a small change has come to an unstable equilibrium: single shooting ends there.
+HANGING = 3e7
+# A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
+AT_A_FOLD = 1e-3
+# Points of the curve that a prediction rests on.
+MEMORY = 3
+
+
+@dataclass(frozen=True, eq=False)
+class At:
+    """A solved point of the curve.
+
+    x : (n + 1,), the unknowns and the parameter's value
+    tangent : (n + 1,), of length 1 in units of the curve's size
+    turn : determinant of the equations' derivatives and the tangent, which changes sign at a branch point
+    growth : of a small change over the motion
+    """
+
+    x: np.ndarray
+    tangent: np.ndarray
+    turn: float
+    growth: float
+    orbit: Orbit
+
+    value = property(lambda self: float(self.x[-1]))
+
+    def point(self) -> Point:
+        return Point(
+            value=self.value,
+            u=tuple(map(float, self.x[:-1])),
+            tangent=tuple(map(float, self.tangent)),
+            alpha=self.orbit.alpha,
+            liftoff_extension=self.orbit.liftoff_extension,
+            flight_time=self.orbit.flight_time,
+            contact_time=self.orbit.contact_time,
+            certificate=self.orbit.certificate,
+        )
+
+
+# What an orbit has to spare before something happens; the event is where it changes sign. None: it says nothing.
+MARGINS: dict[str, Callable[[Orbit], float | None]] = {
+    "grazing": lambda orbit: 1.0 if orbit.certificate.clearance is None else orbit.certificate.clearance,
+    "masses touch": lambda orbit: orbit.certificate.smallest_separation,
+    "contact pulls": lambda orbit: (
+        1.0 if orbit.certificate.smallest_contact_force is None else orbit.certificate.smallest_contact_force
+    ),
+    "landing jerk": lambda orbit: -orbit.certificate.landing_jerk,
+    "collapse": lambda orbit: -1.0 if orbit.contact_time is None else 1.0,
+}
+
+
+class Curve:
+    """The curve F(u, value) = 0 of a machine's orbits along one of its parameters."""
+
+    def __init__(self, machine, along: str, method: str, span: float):
+        self.machine, self.along, self.method = machine, along, method
+        self.names = tuple(machine.values)
+        self.equations = equations_of(machine.model, method, self.names)
+        self.place = self.names.index(along)
+        self.parameters = np.array(list(machine.values.values()))
+        self.span = span
+        self.meshes = None
+
+    def size(self, x) -> np.ndarray:
+        """What counts as one unit of each component round `x`."""
+        return np.append(np.maximum(np.abs(x[:-1]), 0.1 * np.abs(x[:-1]).max()), self.span)
+
+    def p(self, x) -> np.ndarray:
+        values = self.parameters.copy()
+        values[self.place] = x[-1]
+        return values
+
+    def evaluate(self, x) -> Evaluation:
+        here = self.equations.evaluate(x[:-1], self.p(x), (self.along,), self.meshes)
+        counts = [len(path.steps) for path in here.trajectories]
+        if self.meshes is None or counts != [len(mesh) - 1 for mesh in self.meshes]:
+            self.meshes = [_finer(path.times) for path in here.trajectories]
+        return here
+
+    def correct(self, x, row, level: float, before) -> At:
+        """The point of the curve where row . X = level, by Newton's method from `x`; its tangent goes on from `before`.
+
+        Raises `NoOrbit` where that does not converge at once.
+        """
+        size, last = self.size(x), np.inf
+        for _ in range(8):
+            here = self.evaluate(x)
+            jacobian = np.vstack([here.jacobian, row])
+            step = solve(jacobian, np.append(-here.residual, level - row @ x))
+            length = np.max(np.abs(step) / size)
+            x = x + step
+            if here.settles(length, last):
+                break
+            if not length < 0.5 * last:
+                raise NoOrbit("the corrector does not converge")
+            last = length
+        else:
+            raise NoOrbit("the corrector converges too slowly")
+        tangent = solve(jacobian, np.eye(len(x))[-1])
+        tangent /= np.linalg.norm(tangent / size) * np.sign(tangent / size @ (before / size))
+        if not np.isfinite(tangent).all():
+            raise NoOrbit("the curve has no direction here")
+        turn = np.linalg.det(np.vstack([here.jacobian * size, tangent / size]))
+        here = self.equations.moved(here, x[:-1], self.p(x), step)
+        return At(x, tangent, float(turn), here.growth, self.orbit(x, here, tangent / size**2))
+
+    def orbit(self, x, here: Evaluation, across) -> Orbit:
+        """The orbit at `x`; `across` is the tangent as a row, which closes the equations at a fold."""
+        began = time.perf_counter()
+        steep = abs(across[-1]) * self.span < AT_A_FOLD
+        machine = self.machine.with_values(**{self.along: float(x[-1])})
+        solution = interpret(
+            machine.model, self.method, self.equations, x[:-1], here, machine.values, across=across if steep else None
+        )
+        return as_orbit(machine, self.method, solution, began)
+
+
+def _finer(times: np.ndarray) -> np.ndarray:
+    """A motion's nodes as shares of its duration, a little closer, so that its neighbours can use them too."""
+    count = len(times) - 1
+    places = np.linspace(0, count, int(np.ceil(1.05 * count)) + 2)
+    return np.interp(places, np.arange(count + 1), times) / times[-1]
+
+
+def _hermite(nodes, values, slopes, s: float) -> np.ndarray:
+    """The polynomial through values (m, n) with slopes (m, n) at nodes (m,), at `s`: confluent divided differences."""
+    z = np.repeat(nodes, 2)
+    table = np.repeat(values, 2, axis=0)
+    result, product = table[0].copy(), 1.0
+    for k in range(1, len(z)):
+        gaps = (z[k:] - z[:-k])[:, None]
+        differences = np.diff(table, axis=0) / np.where(gaps == 0, 1.0, gaps)
+        table = np.where(gaps == 0, np.repeat(slopes, 2, axis=0)[: len(gaps)], differences)
+        product *= s - z[k - 1]
+        result += table[0] * product
+    return result
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a walk is to do, as in `follow`."""
+
+    longest: float
+    most: int
+    at: tuple[float, ...]
+    watch: Mapping[str, Callable[[Orbit], float]]
+    stop_inadmissible: bool
+
+
+class Walk:
+    """Steps along a curve from a point of it, with what happens in each."""
+
+    def __init__(self, curve: Curve, first: At, start: float, stop: float, options: Options):
+        self.curve, self.first, self.options = curve, first, options
+        self.start, self.stop, self.bounds = start, stop, (min(start, stop), max(start, stop))
+        self.recent = [first]
+        self.length = min(FIRST, options.longest)
+        self.margins = {**MARGINS, **options.watch}
+
+    def __iter__(self) -> Iterator[At | Event | End]:
+        """The points of the curve, first to last, each event before the point that follows it, and the end."""
+        yield self.first
+        index = 0
+        while True:
+            here = self.recent[-1]
+            if index >= self.options.most:
+                yield End("stopped", f"{self.options.most} points, the most that were asked for")
+                return
+            try:
+                there = self.step()
+            except OrbitsError as error:
+                yield self.lost(error)
+                return
+            end = None
+            if not self.bounds[0] < there.value < self.bounds[1]:
+                bound = self.bounds[0] if there.value <= self.bounds[0] else self.bounds[1]
+                there, end = self.landed(here, there, bound), End("reached", f"{self.curve.along} = {bound:g}")
+            for kind, at in self.between(here, there):
+                if kind == "asked":
+                    index += 1
+                    yield at
+                yield Event(kind, index, at.point())
+            if end is None and (again := self.closed(here, there)):
+                there, end = again, End("closed", "the curve comes back to its first orbit")
+            index += 1
+            yield there
+            self.recent = [*self.recent[1 - MEMORY :], there]
+            if self.options.stop_inadmissible and not there.orbit.admissible:
+                end = End("stopped", "no motion from here: " + there.orbit.violations[0])
+            if end := end or self.far(there):
+                yield end
+                return
+
+    def share(self, value: float) -> float:
+        """How much of the parameter's way lies behind a value."""
+        return (value - self.start) / (self.stop - self.start)
+
+    def predict(self, recent: list[At], s: float):
+        """Where the curve is a length `s` on from the last of some points, and the row that measures it."""
+        last = recent[-1]
+        size = self.curve.size(last.x)
+        row = last.tangent / size**2
+        used = [last]
+        for at in reversed(recent[:-1]):
+            if not row @ at.tangent > 0.3 or row @ (at.x - used[0].x) >= 0:
+                break
+            used.insert(0, at)
+        nodes = np.array([row @ (at.x - last.x) for at in used])
+        slopes = np.array([at.tangent / (row @ at.tangent) for at in used])
+        return _hermite(nodes, np.array([at.x for at in used]), slopes, s), row, 2 * len(used)
+
+    def step(self) -> At:
+        """The next point, with control of the step; raises the reason when no step is short enough."""
+        last, failure = self.recent[-1], NoOrbit("no step is short enough")
+        while self.length > SHORTEST:
+            guess, row, order = self.predict(self.recent, self.length)
+            try:
+                there = self.curve.correct(guess, row, row @ last.x + self.length, last.tangent)
+                moved = self.trusted(last, there, guess)
+            except OrbitsError as error:
+                failure, self.length = error, 0.5 * self.length
+                continue
+            longer = (AIM / max(moved, 1e-300)) ** (1 / order)
+            self.length = min(self.length * np.clip(0.9 * longer, 0.3, 2.0), self.options.longest)
+            return there
+        raise failure
+
+    def trusted(self, last: At, there: At, guess) -> float:
+        """How far the corrector went; raises `NoOrbit` when the point may lie on another curve."""
+        size = self.curve.size(last.x)
+        moved = np.linalg.norm((there.x - guess) / size)
+        a, b = last.tangent / size, there.tangent / size
+        turned = np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1))
+        if moved > FARTHEST * self.length or turned > LARGEST_TURN:
+            raise NoOrbit(
+                f"the corrector moves {moved:.1e} in a step of {self.length:.1e}, the tangent turns {turned:.2g}"
+            )
+        if there.orbit.family != last.orbit.family and self.length > FIRST / 10:
+            raise NoOrbit(f"the orbit changes from family {last.orbit.family} to {there.orbit.family}")
+        return float(moved)
+
+    def inside(self, a: At, b: At) -> Callable[[float], At]:
+        """The curve between two of its neighbouring points as a function of the share of the chord."""
+        size = self.curve.size(a.x)
+        chord = (b.x - a.x) / size
+        row = chord / (chord @ chord) / size
+        slopes = np.array([at.tangent / (row @ at.tangent) for at in (a, b)])
+        ends = np.array([a.x, b.x])
+
+        def at(share: float) -> At:
+            if share in (0.0, 1.0):
+                return (a, b)[int(share)]
+            return self.curve.correct(
+                _hermite(np.array([0.0, 1.0]), ends, slopes, share), row, row @ a.x + share, a.tangent
+            )
+
+        return at
+
+    def landed(self, a: At, b: At, value: float) -> At:
+        """The point between two where the parameter has exactly a value."""
+        if b.value == value:
+            return b
+        inside = self.inside(a, b)
+        share = (value - a.value) / (b.value - a.value)
+        near = inside(float(np.clip(share, 1e-9, 1 - 1e-9)))
+        guess = near.x + near.tangent * (value - near.value) / near.tangent[-1]
+        near = self.curve.correct(guess, np.eye(len(a.x))[-1], value, a.tangent)
+        return replace(near, x=np.append(near.x[:-1], value))
+
+    def between(self, a: At, b: At) -> list[tuple[str, At]]:
+        """What happens between two points, in order along the curve."""
+        found = []
+        inside = self.inside(a, b)
+
+        def quantity(name: str, at: At) -> float | None:
+            if name == "fold":
+                return float(at.tangent[-1])
+            if name == "branch point":
+                return at.turn
+            if name == "family":
+                return 1.0 if at.orbit.family == a.orbit.family else -1.0
+            return self.margins[name](at.orbit)
+
+        for name in ("fold", "branch point", "family", *self.margins):
+            ends = quantity(name, a), quantity(name, b)
+            if None in ends or not ends[0] * ends[1] < 0:
+                continue
+            found.append((name, *self.located(lambda at, name=name: quantity(name, at), inside, *ends)))
+        folds = [0.0, *sorted(share for name, share, _ in found if name == "fold"), 1.0]
+        for low, high in pairwise(folds):
+            ends = inside(low), inside(high)
+            for value in self.options.at:
+                if min(at.value for at in ends) < value < max(at.value for at in ends):
+                    at = self.landed(*ends, value)
+                    found.append(
+                        ("asked", low + (high - low) * (value - ends[0].value) / (ends[1].value - ends[0].value), at)
+                    )
+        return [(name, at) for name, _, at in sorted(found, key=lambda entry: entry[1])]
+
+    @staticmethod
+    def located(quantity, inside, first: float, last: float) -> tuple[float, At]:
+        """Where a quantity changes sign: the share of the chord and the point."""
+        share = bracketed_root(lambda share: quantity(inside(share)) or 0.0, 0.0, 1.0, first, last)
+        return share, inside(share)
+
+    def closed(self, a: At, b: At) -> At | None:
+        """The first point, if the curve passes it again between two."""
+        size = self.curve.size(a.x)
+        chord = (b.x - a.x) / size
+        away = (self.first.x - a.x) / size
+        share = away @ chord / (chord @ chord)
+        if a is self.first or not 0 < share <= 1 or np.linalg.norm(away) > 2 * np.linalg.norm(chord):
+            return None
+        at = self.inside(a, b)(share)
+        return at if np.max(np.abs(at.x - self.first.x) / size) < 1e-9 and at.tangent @ self.first.tangent > 0 else None
+
+    def far(self, there: At) -> End | None:
+        """The end of a curve that goes to infinity or to nothing."""
+        orbit, first = there.orbit, self.first.orbit
+        name, value = self.curve.along, there.value
+        if there.growth > HANGING:
+            return End(
+                "escaped",
+                "the motion hangs ever longer at an unstable equilibrium, where rounding decides",
+                self.limit(),
+            )
+        if orbit.alpha > FAR * first.alpha or orbit.flight_time > FAR * first.flight_time:
+            limit = self.limit()
+            if orbit.flight_time / orbit.alpha > FAR * first.flight_time / first.alpha:
+                return End("degenerate", f"gravity no longer returns the machine near {name} = {value:.6g}", limit)
+            return End("escaped", "the launch speed grows without bound", limit)
+        if orbit.alpha < first.alpha / FAR:
+            return End("degenerate", f"the flight vanishes near {name} = {value:.6g}", self.limit())
+        if abs(orbit.liftoff_extension) > FAR * (1 + abs(first.liftoff_extension)):
+            return End("degenerate", f"the spring no longer lifts the foot near {name} = {value:.6g}", self.limit())
+        return None
+
+    def limit(self) -> float | None:
+        """The value that the parameter tends to, extrapolated from the last points in powers of 1/alpha."""
+        points = self.recent[-3:]
+        w = np.array([1 / at.orbit.alpha for at in points])
+        if len(points) < 3 or len(set(w)) < 3:
+            return None
+        return float(np.polynomial.Polynomial.fit(w, [at.value for at in points], 2)(0.0))
+
+    def lost(self, error: OrbitsError) -> End:
+        last = self.recent[-1]
+        return End("stuck", f"at {self.curve.along} = {last.value:.10g}, alpha = {last.orbit.alpha:.10g}: {error}")
