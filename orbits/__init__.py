@@ -1,6 +1,8 @@
 """Lossless periodic orbits of machines with plastic contact: found, certified, followed."""
 
+from .continuation import follow, trace
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
+from .family import End, Event, Family, Point
 from .model import Affine, Arc, Model, Oscillator, Phase, Pieces, Reduction, Statement, Units
 from .orbit import Certificate, Orbit
 from .search import METHODS, find
@@ -10,6 +12,9 @@ __all__ = [
     "Affine",
     "Arc",
     "Certificate",
+    "End",
+    "Event",
+    "Family",
     "FlowError",
     "InputError",
     "Model",
@@ -20,8 +25,11 @@ __all__ = [
     "OutOfRange",
     "Phase",
     "Pieces",
+    "Point",
     "Reduction",
     "Statement",
     "Units",
     "find",
+    "follow",
+    "trace",
 ]

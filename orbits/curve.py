@@ -185,6 +185,7 @@ class Walk:
         self.curve, self.first, self.options = curve, first, options
         self.start, self.stop, self.bounds = start, stop, (min(start, stop), max(start, stop))
         self.recent = [first]
+        self.seen = [(first.orbit.alpha, first.value)]  # of all points
         self.length = min(FIRST, options.longest)
         self.margins = {**MARGINS, **options.watch}
 
@@ -216,6 +217,7 @@ class Walk:
             index += 1
             yield there
             self.recent = [*self.recent[1 - MEMORY :], there]
+            self.seen.append((there.orbit.alpha, there.value))
             if self.options.stop_inadmissible and not there.orbit.admissible:
                 end = End("stopped", "no motion from here: " + there.orbit.violations[0])
             if end := end or self.far(there):
@@ -367,12 +369,14 @@ class Walk:
         return None
 
     def limit(self) -> float | None:
-        """The value that the parameter tends to, extrapolated from the last points in powers of 1/alpha."""
-        points = self.recent[-3:]
-        w = np.array([1 / at.orbit.alpha for at in points])
-        if len(points) < 3 or len(set(w)) < 3:
+        """The value that the parameter tends to, extrapolated from four well spaced points: by 1/alpha**2 and higher
+        powers, since the height of a throw goes with its square."""
+        alpha, value = np.array(self.seen).T
+        chosen = [int(np.abs(np.log(alpha / alpha[-1] * ratio)).argmin()) for ratio in (1.0, 1.25, 1.6, 2.0)]
+        if len(set(chosen)) < 4:
             return None
-        return float(np.polynomial.Polynomial.fit(w, [at.value for at in points], 2)(0.0))
+        terms = (alpha[chosen[0]] / alpha[chosen])[:, None] ** np.array([0, 2, 3, 4])
+        return float(np.linalg.solve(terms, value[chosen])[0])
 
     def lost(self, error: OrbitsError) -> End:
         last = self.recent[-1]

@@ -164,6 +164,12 @@ class Family:
         limit = f", {self.name} tends to {self.end.limit:.8g}" if self.end.limit is not None else ""
         return "\n".join([*lines, f"  end: {self.end.kind}, {self.end.reason}{limit}"])
 
+    def plot(self, axes=None, quantity: str = "alpha", label: str | None = None):
+        """Plot a quantity against the parameter; returns the axes. See `orbits.plot.plot_family`."""
+        from .plot import plot_family
+
+        return plot_family(self, axes, quantity, label)
+
     def save(self, path) -> Path:
         """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`)."""
         path = Path(path)

@@ -12,6 +12,16 @@ ANIMATIONS = (".gif",)
 # One colour a role, told apart by colour-blind readers too (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
 SHADE = "#e8e4d8"
+MARKERS = {
+    "fold": "o",
+    "branch point": "s",
+    "grazing": "v",
+    "masses touch": "X",
+    "contact pulls": "^",
+    "landing jerk": "<",
+    "collapse": "D",
+    "family": "*",
+}
 
 
 def new_axes(width: float = 7.0, height: float = 4.0):
@@ -74,6 +84,37 @@ def plot_phase_portrait(orbit: Orbit, axes=None):
     axes.set_title(title(orbit), fontsize="small", wrap=True)
     axes.legend(frameon=False, fontsize="small")
     axes.spines[["top", "right"]].set_visible(False)
+    return axes
+
+
+def plot_family(family, axes=None, quantity: str = "alpha", label: str | None = None):
+    """A quantity of a family's orbits against the parameter, events marked; returns the axes.
+
+    Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
+    """
+    axes = axes or new_axes(6.5, 4.5)
+    x, y = family.column("value"), family.column(quantity)
+    motion = np.array([point.admissible for point in family], dtype=bool)
+    line = axes.plot(x, np.where(motion, y, np.nan), lw=2, label=label)[0]
+    # a dashed piece takes in the neighbours that are motions, so that no gap is left
+    lost = ~motion | np.append(~motion[1:], False) | np.insert(~motion[:-1], 0, False)
+    axes.plot(x, np.where(lost, y, np.nan), lw=1.4, ls=(0, (4, 2)), color=line.get_color(), zorder=1)
+    known = axes.get_legend_handles_labels()[1]
+    for event in family.events:
+        if event.kind == "asked":
+            continue
+        marker = MARKERS.get(event.kind, "P")
+        name = None if event.kind in known else event.kind
+        value = getattr(event.point, quantity)
+        axes.plot(event.point.value, value, marker, color="0.15", ms=6, mfc="white", mew=1.4, label=name, zorder=4)
+        known.append(event.kind)
+    axes.set_xlabel(family.name)
+    axes.set_ylabel(quantity.replace("_", " "))
+    axes.spines[["top", "right"]].set_visible(False)
+    if known or label:
+        axes.legend(frameon=False, fontsize="small")
+    machine = family.machine
+    axes.set_title(f"{machine['machine']}, spring {machine['spring']}, gravity {machine['gravity']}", fontsize="small")
     return axes
 
 

@@ -16,6 +16,9 @@ Examples:
   orbits find --spring table:bench.csv --json          a measured spring
   orbits find --gravity "1/(1 + z/R)**2" --set R=150 --rest-length 20
   orbits find --machine rover.toml --animate hop.gif   a machine in SI units
+  orbits follow --spring cubic --along beta --from 0 --to 5 --at 0.5,1,2
+  orbits follow --spring cubic --along beta --from 0 --to -0.02 --plot fold.png
+  orbits follow --spring tanh --along b --from 0.1 --to 1 --family 2 --output tanh.jsonl
 """
 
 
@@ -100,6 +103,58 @@ def find(family, method, allow_inadmissible, as_json, explain, plot, animate, sa
             click.echo("  what this scene did not need:")
             click.echo("".join(f"      {line}\n" for line in orbit.skipped), nl=False)
     if not orbit.admissible and not allow_inadmissible:
+        raise click.exceptions.Exit(1)
+
+
+@orbits.command(epilog="\b\nExit code: 0 followed to its end, 1 no such orbit or the curve was lost, 2 bad input.")
+@machine_options
+@click.option("--family", type=click.IntRange(1), default=1, show_default=True, metavar="N", help="As in find.")
+@click.option("--along", required=True, metavar="NAME", help="The parameter: a law's, mass_ratio or rest_length.")
+@click.option("--from", "start", type=float, metavar="A", help="Its first value; default: as --set has it.")
+@click.option("--to", "stop", type=float, required=True, metavar="B", help="Its last value.")
+@click.option("--at", metavar="V1,V2,...", help="Values to hit exactly.")
+@click.option("--longest", type=float, default=0.02, show_default=True, help="Longest step, as a share of the way.")
+@click.option("--method", metavar="NAME", help="As in find.")
+@click.option("--stop-inadmissible", is_flag=True, help="End where the orbits are no motions any more.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@click.option("--plot", metavar="FILE", help="Write a figure (.png, .pdf, .svg).")
+@click.option("--output", metavar="FILE", help="Write each point as it is found: .jsonl, to resume from or to load.")
+@click.option("--save", metavar="FILE", help="Save the whole family: .csv, .nc or .jsonl.")
+@click.option("--resume", metavar="FILE", help="Go on from the end of a family written by --output or --save.")
+def follow(
+    family, along, start, stop, at, longest, method, stop_inadmissible, as_json, plot, output, save, resume, **machine
+):
+    """Follow a family of orbits along a parameter, past folds, to its end."""
+    from orbits.continuation import follow as follow_family
+    from orbits.errors import InputError
+    from orbits.family import Family
+    from orbits.orbit import to_json
+    from orbits.plot import FIGURES, check_path, plot_family, save_figure
+
+    for path, endings in ((plot, FIGURES), (output, ()), (save, ())):
+        if path is not None:
+            check_path(path, endings)
+    try:
+        values = [float(value) for value in at.split(",")] if at else []
+    except ValueError:
+        raise InputError(f"--at {at!r} is not a list of numbers, as 0.5,1,2") from None
+    settings = [text for text in machine.pop("settings") if text.partition("=")[0].strip() != along or start is None]
+    if start is not None and along not in ("mass_ratio", "rest_length"):
+        settings.append(f"{along}={start!r}")
+    elif start is not None:
+        machine[along] = start
+    before = None if resume is None else Family.load(resume)
+    with progress() as report:
+        followed = follow_family(
+            machine_of(**machine, settings=settings), along, stop, start, family, at=values, longest=longest,
+            method=method, stop_inadmissible=stop_inadmissible, output=output, resume=before, progress=report,
+        )  # fmt: skip
+    if plot is not None:
+        save_figure(plot_family(followed), plot)
+    if save is not None:
+        followed.save(save)
+    click.echo(to_json(followed.document()) if as_json else str(followed))
+    if followed.end.kind == "stuck":
         raise click.exceptions.Exit(1)
 
 
