@@ -22,15 +22,17 @@ from .shooting import Evaluation, solve
 from .statements import as_orbit, equations_of, interpret
 
 # In shares of the curve's own size: the first step, the shortest, and what a corrector may move of a step's length.
-FIRST, SHORTEST, FARTHEST = 1e-3, 1e-8, 1e-2
+FIRST, SHORTEST, FARTHEST = 1e-3, 1e-7, 1e-2
 # What the step control aims at for the corrector: then its first step is its last.
 AIM = 1e-5
 # The largest angle between two tangents, in radians.
 LARGEST_TURN = 0.25
 # An orbit this many times faster, longer or smaller than the first is on its way to infinity or to nothing.
 FAR = 1e2
-# A motion that makes more of a small change has come to an unstable equilibrium: single shooting ends there.
-HANGING = 3e7
+# A motion that makes more of a small change, as it hangs at an unstable equilibrium, is beyond shooting in one piece.
+LARGEST_GROWTH = 3e7
+# A curve that is lost after the launch speed has grown this much was running off.
+RUNNING = 4.0
 # A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
 AT_A_FOLD = 1e-3
 # Points of the curve that a prediction rests on.
@@ -201,7 +203,7 @@ class Walk:
             try:
                 there = self.step()
             except OrbitsError as error:
-                yield self.lost(error)
+                yield self.lost(str(error))
                 return
             end = None
             if not self.bounds[0] < there.value < self.bounds[1]:
@@ -351,12 +353,8 @@ class Walk:
         """The end of a curve that goes to infinity or to nothing."""
         orbit, first = there.orbit, self.first.orbit
         name, value = self.curve.along, there.value
-        if there.growth > HANGING:
-            return End(
-                "escaped",
-                "the motion hangs ever longer at an unstable equilibrium, where rounding decides",
-                self.limit(),
-            )
+        if there.growth > LARGEST_GROWTH:
+            return self.lost(f"small changes grow {there.growth:.0e}-fold over the flight, and rounding decides")
         if orbit.alpha > FAR * first.alpha or orbit.flight_time > FAR * first.flight_time:
             limit = self.limit()
             if orbit.flight_time / orbit.alpha > FAR * first.flight_time / first.alpha:
@@ -378,6 +376,10 @@ class Walk:
         terms = (alpha[chosen[0]] / alpha[chosen])[:, None] ** np.array([0, 2, 3, 4])
         return float(np.linalg.solve(terms, value[chosen])[0])
 
-    def lost(self, error: OrbitsError) -> End:
+    def lost(self, reason: str) -> End:
+        """The end of a curve that cannot be followed further."""
         last = self.recent[-1]
-        return End("stuck", f"at {self.curve.along} = {last.value:.10g}, alpha = {last.orbit.alpha:.10g}: {error}")
+        where = f"at {self.curve.along} = {last.value:.10g}, alpha = {last.orbit.alpha:.10g}: {reason}"
+        if last.orbit.alpha > RUNNING * self.first.orbit.alpha:
+            return End("escaped", f"the launch speed grows, and the curve is lost {where}", self.limit())
+        return End("stuck", where)

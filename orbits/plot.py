@@ -93,11 +93,16 @@ def plot_family(family, axes=None, quantity: str = "alpha", label: str | None = 
     Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
     """
     axes = axes or new_axes(6.5, 4.5)
-    x, y = family.column("value"), family.column(quantity)
-    motion = np.array([point.admissible for point in family], dtype=bool)
+    along = list(family)
+    for event in reversed(family.events):  # where motions begin and end is drawn, not only the points beside it
+        along.insert(event.after + 1, event.point)
+    x, y = (np.array([getattr(point, name) for point in along], dtype=float) for name in ("value", quantity))
+    motion = np.array([point.admissible for point in along])
+    edges = np.flatnonzero(motion[1:] != motion[:-1])
+    motion[edges] = motion[edges + 1] = True
     line = axes.plot(x, np.where(motion, y, np.nan), lw=2, label=label)[0]
-    # a dashed piece takes in the neighbours that are motions, so that no gap is left
-    lost = ~motion | np.append(~motion[1:], False) | np.insert(~motion[:-1], 0, False)
+    lost = ~motion
+    lost[edges] = lost[edges + 1] = True
     axes.plot(x, np.where(lost, y, np.nan), lw=1.4, ls=(0, (4, 2)), color=line.get_color(), zorder=1)
     known = axes.get_legend_handles_labels()[1]
     for event in family.events:
