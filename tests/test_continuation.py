@@ -1,0 +1,291 @@
+"""Families against golden values, known folds and limits, other routes along them, and themselves at half the step."""
+
+import json
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, trace
+from orbits.curve import _hermite
+from problems import Hopper, Juggler, hopper_in_si, springs
+
+GOLDEN = {0.5: 2.7218099551244222, 1.0: 2.4464033594052791, 2.0: 2.1928659123582987, 5.0: 1.8928045469451067}
+FOLD, FOLD_ALPHA = -0.0106952149164040, 5.83222367210583
+
+
+def events(family: Family, kind: str) -> list:
+    return [event.point for event in family.events if event.kind == kind]
+
+
+@pytest.fixture(scope="module")
+def softening() -> Family:
+    """The cubic spring from linear to its fold, and back on the second sheet."""
+    return follow(Hopper("cubic", rest_length=30.0), "beta", -0.02, 0.0, at=[-0.005])
+
+
+def test_golden_values_are_hit_exactly():
+    family = follow(Hopper("cubic"), "beta", 5.0, 0.0, at=[0.5, 1, 2, 5])
+    for value, alpha in GOLDEN.items():
+        (point,) = family.at(value)
+        assert point.alpha == pytest.approx(alpha, rel=1e-12)
+        assert abs(point.alpha - alpha) <= max(point.error, 1e-15)
+    assert family.end.kind == "reached"
+    assert family[-1].value == 5.0
+    assert [event.kind for event in family.events] == ["asked"] * 3
+
+
+def test_the_fold_of_the_cubic_spring_and_its_second_sheet(softening):
+    (fold,) = events(softening, "fold")
+    assert fold.value == pytest.approx(FOLD, abs=1e-11)
+    assert fold.alpha == pytest.approx(FOLD_ALPHA, abs=1e-8)
+    assert [round(point.alpha, 4) for point in softening.at(-0.005)] == [4.7432, 9.924]
+    assert softening.end.kind == "escaped"
+    assert softening.end.limit == pytest.approx(0, abs=1e-4)
+
+
+def test_the_collapse_in_contact_is_where_the_energy_is_that_of_the_barrier(softening):
+    """Just above it the contact takes ever longer, below it there is none: energy equals that of the unstable rest."""
+    (point,) = events(softening, "collapse")
+    b, rho = point.value, point.liftoff_extension
+    total = lambda r: r**2 / 2 + b * r**4 / 4 + r  # noqa: E731 - M = 1: kinetic energy v^2 beside it
+    roots = np.roots([b, 0, 1, 1])
+    top = min(root.real for root in roots if abs(root.imag) < 1e-12)
+    assert point.alpha**2 + total(rho) == pytest.approx(total(top), rel=1e-10)
+    before = softening[softening.events[1].after]
+    assert before.admissible
+    assert not softening[softening.events[1].after + 1].admissible
+
+
+@pytest.mark.parametrize("family", [1, 2, 3, 4])
+def test_the_saturating_spring_runs_off_to_its_limit(family):
+    curve = follow(Hopper("tanh"), "b", 0.9, 0.05, family)
+    assert curve.end.kind == "escaped"
+    assert curve.end.limit == pytest.approx(1 / (2 * family + 1), abs=1e-6)
+    assert {point.family for point in curve} == {family}
+
+
+@pytest.mark.parametrize(
+    ("machine", "along", "stop"),
+    [
+        (Hopper("cubic", parameters={"beta": 0.0}), "beta", -0.02),
+        (Hopper("r + c*r**2 + d*r**3", parameters={"c": 0.0, "d": -0.003}), "c", 0.2),
+        (Hopper("r", "1/(1 + k*z)**2", rest_length=20.0, parameters={"k": 0.0}), "k", 0.05),
+        (Juggler("r + 0.1*r**3", "1/(1 + k*z)**2", rest_length=20.0, parameters={"k": 0.0}), "k", 0.05),
+        (Hopper("bilinear", parameters={"ratio": 1.0}), "ratio", 5.0),
+        (Hopper("toda", parameters={"b": 0.01}), "b", 0.45),
+    ],
+    ids=["cubic", "quadratic", "hopper in gravity", "juggler in gravity", "bilinear", "toda"],
+)
+def test_half_the_step_gives_the_same_curve(machine, along, stop):
+    """The same events, and the same orbits wherever the parameter has the same value."""
+    start = machine.values[along]
+    at = np.linspace(start, stop, 7)[1:-1]
+    one, two = (follow(machine, along, stop, at=at, longest=step) for step in (0.03, 0.015))
+    assert len(two) > 1.2 * len(one)
+    assert one.end.kind == two.end.kind
+    assert [event.kind for event in one.events] == [event.kind for event in two.events]
+    for a, b in zip(one.events, two.events, strict=True):
+        assert a.point.value == pytest.approx(b.point.value, rel=1e-10)
+        assert a.point.alpha == pytest.approx(b.point.alpha, rel=1e-7 if a.kind == "fold" else 1e-10)
+
+
+def test_points_are_what_find_finds():
+    machine = Hopper("r", "1/(1 + k*z)**2", 0.5, 10.0, parameters={"k": 0.0})
+    for point in list(follow(machine, "k", 0.05))[::9]:
+        orbit = find(machine.with_values(k=point.value))
+        assert point.alpha == pytest.approx(orbit.alpha, rel=1e-12)
+        assert point.flight_time == pytest.approx(orbit.flight_time, rel=1e-12)
+        assert point.contact_time == pytest.approx(orbit.contact_time, rel=1e-10)
+        assert point.certificate.loss_coefficient == pytest.approx(orbit.certificate.loss_coefficient, rel=1e-8)
+
+
+def test_a_parameter_that_does_not_matter_leaves_alpha_alone():
+    family = follow(Hopper("r", mass_ratio=0.5), "mass_ratio", 4.0)
+    assert np.ptp(family.column("alpha")) < 1e-14
+    closed = [find(Hopper("r", mass_ratio=point.value)).certificate.loss_coefficient for point in family]
+    assert family.column("loss_coefficient") == pytest.approx(closed, rel=1e-10)
+
+
+def test_stiffness_only_changes_the_units():
+    family = follow(Hopper("k*r", parameters={"k": 1.0}), "k", 9.0)
+    assert family.column("alpha") * np.sqrt(family.column("k")) == pytest.approx(4.493409457909064, rel=1e-13)
+
+
+def test_masses_that_touch_are_located_and_the_curve_goes_on():
+    machine = Hopper("toda", rest_length=30.0)
+    family = follow(machine, "b", -0.6, -0.01)
+    (touch,) = events(family, "masses touch")
+    assert abs(touch.certificate.smallest_separation) < 1e-12
+    assert family[-1].value == -0.6
+    assert "masses pass" in family[-1].certificate.violations[0]
+    short = follow(machine, "b", -0.6, -0.01, stop_inadmissible=True)
+    assert short.end.kind == "stopped"
+    assert "masses pass" in short.end.reason
+    assert [point.admissible for point in short] == [True] * (len(short) - 1) + [False]
+
+
+def test_the_users_own_event():
+    family = follow(Hopper("cubic"), "beta", 2.0, 0.0, watch={"three": lambda orbit: orbit.alpha - 3.0})
+    (point,) = events(family, "three")
+    assert point.alpha == pytest.approx(3.0, rel=1e-14)
+    assert find(Hopper("cubic", parameters={"beta": point.value})).alpha == pytest.approx(3.0, rel=1e-12)
+
+
+def test_the_interpolant_has_its_order():
+    """Six data of an exponential: the error falls with the sixth power."""
+    errors = []
+    for h in (0.2, 0.1):
+        nodes = np.array([-2 * h, -h, 0.0])
+        values = np.exp(np.column_stack([nodes, 2 * nodes]))
+        errors.append(np.abs(_hermite(nodes, values, values * [1, 2], h) - np.exp([h, 2 * h])).max())
+    assert 50 < errors[0] / errors[1] < 100
+
+
+def test_trace_yields_orbits_events_and_the_end():
+    items = list(trace(Hopper("cubic"), "beta", 1.0, 0.0, at=[0.5], longest=0.1))
+    assert isinstance(items[0], Orbit)
+    assert items[0].alpha == pytest.approx(4.493409457909064)
+    assert [type(item) for item in items if not isinstance(item, Orbit)] == [Event, End]
+    assert items[-2].machine["parameters"]["beta"] == 1.0
+
+
+class TestOnDisk:
+    def test_a_family_saves_and_loads_to_the_last_bit(self, softening, tmp_path):
+        again = Family.load(softening.save(tmp_path / "family.jsonl"))
+        assert again == softening
+        assert str(again) == str(softening)
+
+    def test_csv_has_full_precision(self, softening, tmp_path):
+        lines = softening.save(tmp_path / "family.csv").read_text().splitlines()
+        assert lines[0].startswith("beta,alpha,liftoff_extension,flight_time,contact_time,admissible,error")
+        assert float(lines[3].split(",")[1]) == softening[2].alpha
+        assert len(lines) == len(softening) + 1
+
+    def test_netcdf_or_a_word_that_it_needs_an_extra(self, softening, tmp_path):
+        try:
+            import xarray
+        except ImportError:
+            with pytest.raises(InputError, match=r"persistent-orbits\[data\]"):
+                softening.save(tmp_path / "family.nc")
+        else:
+            with xarray.open_dataset(softening.save(tmp_path / "family.nc")) as data:
+                assert (data["alpha"].values == softening.column("alpha")).all()
+
+    def test_a_killed_run_is_resumed(self, tmp_path):
+        """Every finished point is on disk; resumed, the curve is that of an uninterrupted run."""
+        path = tmp_path / "family.jsonl"
+        code = (
+            "from orbits import follow; from problems import Hopper\n"
+            f"follow(Hopper('cubic'), 'beta', 5.0, 0.0, longest=0.002, output={str(path)!r})"
+        )
+        process = subprocess.Popen([sys.executable, "-c", code])
+        until = time.monotonic() + 30
+        while time.monotonic() < until and not (path.exists() and path.read_text().count("\n") > 20):
+            time.sleep(0.02)
+        process.kill()
+        process.wait()
+        broken = Family.load(path)
+        assert 15 < len(broken) < 500
+        assert broken.end.kind == "stuck"
+        rest = follow(Hopper("cubic"), "beta", 5.0, 0.0, at=[2.0], resume=broken, output=path)
+        assert rest.points[: len(broken) - 1] == broken.points[:-1]
+        assert rest.at(2.0)[0].alpha == pytest.approx(GOLDEN[2.0], rel=1e-12)
+        assert rest.end.kind == "reached"
+        assert Family.load(path) == rest
+
+    def test_another_machine_cannot_resume(self, softening):
+        with pytest.raises(InputError, match="another machine"):
+            follow(Hopper("cubic", rest_length=31.0), "beta", -0.02, 0.0, resume=softening)
+
+    def test_what_is_no_family_is_refused(self, tmp_path):
+        path = tmp_path / "family.jsonl"
+        for text in ("", "{}", '{"format": "other"}', "not json"):
+            path.write_text(text)
+            with pytest.raises(InputError, match="is not a saved family"):
+                Family.load(path)
+
+    def test_a_document_is_json(self, softening):
+        document = json.loads(json.dumps(softening.document()))
+        assert document["points"][0]["beta"] == 0.0
+        assert document["settings"]["stop"] == -0.02
+        assert set(document["versions"]) == {"persistent-orbits", "casadi", "numpy", "python"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"along": "gamma"}, "no parameter 'gamma' to follow; it has mass_ratio, beta"),
+        ({"stop": 0.3}, "there is no way between"),
+        ({"stop": np.nan}, "not a finite number"),
+        ({"longest": 0.0}, "a step is a share"),
+        ({"most": 0}, "a number of points"),
+        ({"at": ["a"]}, "not a finite number"),
+        ({"watch": {"fold": 1}}, "a function of the orbit"),
+        ({"watch": {"grazing": lambda orbit: 1.0}}, "a name of its own"),
+        ({"output": "/nowhere/family.jsonl"}, "cannot be written"),
+    ],
+)
+def test_bad_questions_are_refused(options, message):
+    question = {"along": "beta", "stop": 1.0, "start": 0.3, **options}
+    with pytest.raises(InputError, match=message):
+        follow(Hopper("cubic"), question.pop("along"), question.pop("stop"), **question)
+
+
+def test_no_first_orbit_is_said_and_a_lost_curve_keeps_what_it_has():
+    with pytest.raises(NoOrbit, match="does not come back"):
+        follow(Hopper("cubic"), "beta", 0.0, -0.1)
+    family = follow(Hopper("r"), "mass_ratio", -1.0)
+    assert family.end.kind == "stuck"
+    assert "mass_ratio = " in family.end.reason
+    assert len(family) > 10
+
+
+def test_a_machine_in_si_is_followed_in_its_own_units():
+    machine = hopper_in_si(60, 3, force="k*r + c*r**3", rest_length=0.8, parameters={"k": 8e3, "c": 0.0})
+    family = follow(machine, "c", 2e6)
+    assert family[-1].alpha == pytest.approx(find(machine.with_values(c=2e6)).alpha, rel=1e-12)
+
+
+def test_plots(softening):
+    axes = softening.plot(label="first")
+    follow(Hopper("cubic"), "beta", -0.003, 0.0, 2).plot(axes, label="second")
+    solid, dashed, *_ = axes.lines
+    assert np.nanmin(solid.get_xdata()[~np.isnan(solid.get_ydata())]) == events(softening, "collapse")[0].value
+    assert np.nanmax(dashed.get_ydata()) == softening[-1].alpha
+    assert {text.get_text() for text in axes.get_legend().get_texts()} == {"first", "second", "collapse", "fold"}
+
+
+def random_springs(count: int):
+    """Softening springs of random shape, seeded: their families fold, escape or go on."""
+    rng = np.random.default_rng(7)
+    for _ in range(count):
+        a, b, c = rng.normal(0, 0.05), rng.uniform(0.1, 0.4), rng.uniform(0.0, 0.02)
+        text = ("r + a*r**2 - s*c*r**3", "r + s*(tanh(b*r)/b - r)", "r + a*r**2 + s*c*r**5 - s*b*r**3/9")[
+            rng.integers(3)
+        ]
+        values = {name: value for name, value in (("a", a), ("b", b), ("c", c)) if f"{name}*" in text}
+        yield text, {**values, "s": 0.0}, int(rng.integers(1, 4))
+
+
+@pytest.mark.parametrize(("text", "parameters", "family"), list(random_springs(12)))
+def test_random_families_keep_to_their_curve(text, parameters, family):
+    machine = Hopper(text, parameters=parameters)
+    try:
+        one, two = (follow(machine, "s", 1.0, family=family, longest=step) for step in (0.05, 0.025))
+    except NoOrbit:
+        with pytest.raises(NoOrbit):
+            find(machine, family)
+        return
+    assert one.end.kind == two.end.kind
+    assert one.end.kind in ("reached", "escaped", "stuck", "degenerate")
+    assert {point.family for point in (*one, *two)} == {family}
+    for kind in ("fold", "collapse", "branch point"):
+        values = [[point.value for point in events(curve, kind)] for curve in (one, two)]
+        assert values[0] == pytest.approx(values[1], rel=1e-9)
+
+
+def test_named_springs_can_be_followed():
+    assert follow(Hopper(springs.sinh()), "b", 1.0).end.kind == "reached"
