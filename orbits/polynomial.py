@@ -12,6 +12,8 @@ import numpy as np
 
 # Halving stops here: 2**-40 of a step is below what double precision can tell apart at a grazing pair.
 MAX_DEPTH = 40
+# So many roots are quicker found one by one.
+FEW = 6
 
 
 @cache
@@ -68,37 +70,69 @@ def roots(coefficients, h: float) -> list[float]:
 
 
 def piecewise_roots(coefficients, steps, start: int = 0, rising: bool = False) -> list[tuple[int, float]]:
-    """Roots (piece, time in it) of a continuous piecewise polynomial; of the rising sign changes only, if asked.
+    """Roots (piece, time in it) of a continuous piecewise polynomial, coefficients (N, K + 1), steps (N,); in order.
 
-    coefficients (N, K + 1), steps (N,); `start` is the order of a zero known to stand at the very beginning, which is
-    divided out exactly and not reported.
+    start, rising : as in `stacked_roots`
+    """
+    _, pieces, times = stacked_roots(coefficients[None], np.asarray(steps)[None], start, rising)
+    return list(zip(pieces.tolist(), times.tolist(), strict=True))
+
+
+def stacked_roots(coefficients, steps, start: int = 0, rising: bool = False):
+    """Roots of several continuous piecewise polynomials: which (m,), the piece (m,), the time in it (m,); in order.
+
+    coefficients (P, N, K + 1), steps (P, N)
+    start : the order of a zero known to stand at the very beginning of each, divided out exactly and not reported
+    rising : report only where the sign goes from minus to plus
     """
     series = np.array(coefficients)
     if start:
-        series[0] = np.concatenate([series[0, start:], np.zeros(start)])
+        series[:, 0, :-start] = series[:, 0, start:]
+        series[:, 0, -start:] = 0.0
     values = bernstein(series, steps)
     # At a joint both sides must agree on the sign, or rounding would lose a root there or find it twice.
-    values[:-1, -1] = series[1:, 0]
+    values[:, :-1, -1] = series[:, 1:, 0]
     positive = values >= 0
+    changes = positive[..., 1:] != positive[..., :-1]
     found = []
-    for i in np.flatnonzero(positive.any(1) & ~positive.all(1)):
-        isolated: list[tuple] = []
-        _isolate(values[i], 0.0, 1.0, MAX_DEPTH, isolated)
-        found += [(int(i), _refine(series[i], steps[i], *bracket)) for bracket in isolated if bracket[2] or not rising]
-    return found
+    for which, piece in np.argwhere(changes.any(-1)):
+        brackets: list[tuple] = []
+        _isolate(values[which, piece], 0.0, 1.0, MAX_DEPTH, brackets)
+        found += [(which, piece, *bracket) for bracket in brackets if bracket[2] or not rising]
+    if not found:
+        return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
+    which, piece = (np.array(column) for column in list(zip(*found, strict=True))[:2])
+    c, h = series[which, piece], np.asarray(steps)[which, piece]
+    if len(found) > FEW:
+        times = _refine_together(c, h, *(np.array(column) for column in list(zip(*found, strict=True))[2:]))
+    else:
+        times = np.array([_refine(c[k], h[k], *bracket[2:]) for k, bracket in enumerate(found)])
+    return which, piece, times
 
 
 def lowest(coefficients, steps) -> tuple[float, int, float]:
     """Least value of a piecewise polynomial, with the piece and the time in it; shapes as in `piecewise_roots`."""
-    starts, ends = coefficients[:, 0], evaluate(coefficients, steps)
-    best = min(
-        (float(starts.min()), int(starts.argmin()), 0.0),
-        (float(ends.min()), int(ends.argmin()), float(steps[ends.argmin()])),
-    )
-    for i in np.flatnonzero(bernstein(coefficients, steps).min(1) < best[0]):
-        for t in roots(derivative(coefficients[i]), steps[i]):
-            best = min(best, (float(evaluate(coefficients[i], t)), int(i), t))
-    return best
+    least, piece, time = stacked_lowest(coefficients[None], np.asarray(steps)[None])
+    return float(least[0]), int(piece[0]), float(time[0])
+
+
+def stacked_lowest(coefficients, steps):
+    """Least values (P,), their pieces (P,) and times in them (P,); shapes as in `stacked_roots`."""
+    everywhere = np.stack([coefficients[..., 0], evaluate(coefficients, steps)], axis=-1)
+    count = len(everywhere)
+    place = everywhere.reshape(count, -1).argmin(1)
+    least, piece, at_end = everywhere.reshape(count, -1)[np.arange(count), place], place // 2, place % 2
+    time = at_end * steps[np.arange(count), piece]
+    which, where = np.nonzero(bernstein(coefficients, steps).min(-1) < least[:, None])
+    if len(which):
+        slopes, h = derivative(coefficients[which, where]), steps[which, where]
+        inside, _, t = stacked_roots(slopes[:, None], h[:, None], rising=True)
+        values = evaluate(coefficients[which[inside], where[inside]], t)
+        for k in np.argsort(-values, kind="stable"):  # the least last
+            if values[k] < least[which[inside[k]]]:
+                i = which[inside[k]]
+                least[i], piece[i], time[i] = values[k], where[inside[k]], t[k]
+    return least, piece, time
 
 
 def _isolate(values, low, high, depth, found):
@@ -151,4 +185,27 @@ def _refine(coefficients, h, low, high, rising, t) -> float:
             t, last = new, step
         else:
             t, last = 0.5 * (low + high), 0.0
+    return t
+
+
+def _refine_together(c, h, low, high, rising, t) -> np.ndarray:
+    """`_refine` of several at once; c (m, K + 1), the others (m,)."""
+    low, high, t = low * h, high * h, t * h
+    sign, last = np.where(rising, 1.0, -1.0), np.zeros(len(t))
+    k = np.arange(c.shape[1])
+    slopes = derivative(c)
+    for _ in range(200):
+        powers = t[:, None] ** k
+        value, slope = np.einsum("mk,mk->m", c, powers), np.einsum("mk,mk->m", slopes, powers[:, :-1])
+        above = sign * value >= 0
+        low, high = np.where(above, low, t), np.where(above, t, high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            new = t - value / slope
+            step = np.abs(new - t)
+            settled = (step <= 4.5e-16 * high) | (step * (step / last) ** 2 <= 1e-17 * high)
+        inside = settled | ((low < new) & (new < high))
+        if settled.all():
+            return np.clip(new, low, high)
+        t = np.where(inside, np.clip(new, low, high), 0.5 * (low + high))
+        last = np.where(inside, step, 0.0)
     return t

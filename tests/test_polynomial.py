@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.polynomial import bernstein, derivative, evaluate, lowest, piecewise_roots, roots, shifted
+from orbits.polynomial import bernstein, evaluate, lowest, piecewise_roots, roots, stacked_roots
 
 RNG = np.random.default_rng(7)
 
@@ -70,3 +70,29 @@ def test_shift_and_derivative():
     step = 1e-6
     slope = (evaluate(c, 0.4 + step) - evaluate(c, 0.4 - step)) / (2 * step)
     assert evaluate(derivative(c), 0.4) == pytest.approx(slope, rel=1e-8)
+
+
+def test_many_roots_at_once_are_the_same_as_one_by_one():
+    """Stacks of polynomials with a dozen roots each, against each polynomial alone."""
+    rng = np.random.default_rng(4)
+    steps = rng.uniform(0.5, 2.0, (5, 3))
+    c = rng.normal(size=(5, 3, 8))
+    for i in range(2):  # joined up
+        powers = steps[:, i, None] ** np.arange(8)
+        c[:, i + 1, 0] = np.einsum("pk,pk->p", c[:, i], powers)
+    which, piece, t = stacked_roots(c, steps)
+    assert len(which) > 6
+    for p in range(5):
+        alone = [
+            (k, s)
+            for k in range(3)
+            for _, _, s in zip(*stacked_roots(c[p : p + 1, k : k + 1], steps[p : p + 1, k : k + 1]), strict=True)
+        ]
+        mine = [(k, s) for q, k, s in zip(which, piece, t, strict=True) if q == p]
+        assert [k for k, _ in mine] == [k for k, _ in alone]
+        assert [s for _, s in mine] == pytest.approx([s for _, s in alone], rel=1e-13, abs=1e-15)
+        least, k, s = lowest(c[p], steps[p])
+        sampled = np.concatenate([evaluate(c[p, j][None], np.linspace(0, steps[p, j], 2001)) for j in range(3)])
+        assert least <= sampled.min() + 1e-15
+        assert least == pytest.approx(sampled.min(), abs=1e-4)
+        assert evaluate(c[p, k], s) == pytest.approx(least, abs=1e-14)
