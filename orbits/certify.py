@@ -3,8 +3,11 @@
 Nothing here reuses the equations that were solved, except to push a defect through their Jacobian.
 """
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
+from itertools import groupby
 
 import casadi as ca
 import numpy as np
@@ -14,7 +17,7 @@ from .errors import FlowError, NoOrbit, OutOfRange
 from .flow import Flow, Trajectory, first_zero, flow
 from .model import Affine, Model, Phase
 from .orbit import Certificate
-from .polynomial import derivative, evaluate, lowest, piecewise_roots
+from .polynomial import Pile, derivative, evaluate
 from .shooting import Evaluation, Shooting, solve
 from .steps import runge_kutta
 
@@ -26,7 +29,10 @@ SHEAR = 4.0
 SEVERAL = 32
 # Gauss points for the work along the straight line between two nodes; the field is analytic on it.
 GAUSS = 10
-GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(GAUSS)
+GAUSS_PLACES, GAUSS_WEIGHTS = (0.5 * values for values in np.polynomial.legendre.leggauss(GAUSS))
+GAUSS_PLACES += 0.5
+# Points whose gradients are asked for in one call.
+BLOCK = 128
 # An error or an energy drift beyond these shares, and far beyond what rounding explains, shows that the steps have
 # leapt over a feature of a law.
 WORST_ERROR, WORST_DRIFT, FAR = 1e-11, 1e-8, 1e4
@@ -127,171 +133,247 @@ def follow_contact(
     return (path, "") if path.times[-1] < limit else (None, model.violations["end"])
 
 
-def count_family(model: Model, parts: tuple[Trajectory, ...]) -> int:
-    """Stationary points of the extension after lift-off up to and with mid-flight, less one.
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A solved orbit to be checked.
 
-    parts : the flight from lift-off to its middle, and, where it is not its mirror image, from landing backwards
-    """
-    turns = 0
-    for part in parts:
-        speed = derivative(model.extension.series(part.coefficients))
-        found = [part.times[i] + t for i, t in piecewise_roots(speed, part.steps)]
-        turns += sum(t < part.times[-1] * (1 - 1e-7) for t in found)  # the one left out is mid-flight itself
-    return int(turns // len(parts))
-
-
-def interior_minima(gap, part: Trajectory) -> list[tuple[float, float]]:
-    """(height, time) of the gap's local minima inside one part of the flight, from its coefficients (N, K + 1).
-
-    The part starts from a zero of order three of the gap, which is divided out exactly.
-    """
-    slope = derivative(gap)
-    end = part.times[-1]
-    found = [
-        (float(evaluate(gap[i], t)), float(part.times[i] + t))
-        for i, t in piecewise_roots(slope, part.steps, start=2, rising=True)
-    ]
-    found = [(height, t) for height, t in found if t < end * (1 - 1e-7)]
-    middle, rate = float(evaluate(gap[-1], part.steps[-1])), evaluate(slope[-1], part.steps[-1])
-    if abs(rate) * end < 1e-6 * np.abs(gap[:, 0]).max() and evaluate(derivative(slope[-1]), part.steps[-1]) > 0:
-        found.append((middle, float(end)))
-    return found
-
-
-def certify(
-    model: Model,
-    u: Mapping[str, float],
-    p: Mapping[str, float],
-    parts: tuple[Trajectory, ...],
-    contact: Trajectory | None,
-    stopped: str,
-    gap_slope: float,
-    residual: float,
-    error: float,
-) -> Certificate:
-    """Check an orbit. Raises `NoOrbit` where its numbers cannot be trusted.
-
+    u, p : unknowns and parameters by name
     parts : the flight from lift-off to its middle, and, where it is not its mirror image, from landing backwards
     contact : as `follow_contact` gives it, None when it does not end, and then `stopped` says why
     gap_slope : derivative with respect to alpha of the gap at the orbit's landing time
+    residual, error : of the equations, and of alpha
     """
-    jerk, clearance, violations = _flight(model, p, parts)
-    force = peak = None
-    if contact is None:
-        violations.append(stopped)
-    else:
-        force, peak, violation = _contact_force(contact, model.violations["pull"], model.reversor is not None)
-        violations += violation
-    separation, violation = _separation(model, p, parts, contact)
-    violations += violation
 
-    ways = [_energy(model.flight, model.flight_gradient, part, p) for part in parts]
-    # dE/dalpha at launch, whose expressions are plain arithmetic: a complex step is exact
-    power = float(ways[0][2] @ np.imag(model.launch({**u, "alpha": u["alpha"] + 1e-30j}, p)) * 1e30)
-    if contact is not None:
-        ways.append(_energy(model.contact, model.contact_gradient, contact, p))
-    energy = 0.5 * u["alpha"] * power
-    drift = max(change for change, _, _ in ways) / energy
+    u: Mapping[str, float]
+    p: Mapping[str, float]
+    parts: tuple[Trajectory, ...]
+    contact: Trajectory | None
+    stopped: str
+    gap_slope: float
+    residual: float
+    error: float
+
+    @property
+    def flight_time(self) -> float:
+        """Time of the parts together."""
+        return sum(part.times[-1] for part in self.parts)
+
+
+def certify(model: Model, cases: Sequence[Case]) -> list[Certificate | NoOrbit]:
+    """Check orbits of one model: the certificate of each, or the error that tells why there is none."""
+    measured = zip(
+        cases,
+        count_families(model, [case.parts for case in cases]),
+        _flights(model, cases),
+        _contact_forces(model, cases),
+        _separations(model, cases),
+        _energies(model, cases),
+        strict=True,
+    )
+    return [_certificate(model, *figures) for figures in measured]
+
+
+def _certificate(model: Model, case: Case, family: int, flight, contact, separation, energy) -> Certificate | NoOrbit:
+    """The certificate of a case from its figures, each with the violations that it makes."""
+    (jerk, clearance, in_flight), (force, peak, in_contact), (least, touching) = flight, contact, separation
+    power, changes = energy
+    start = 0.5 * case.u["alpha"] * power
+    drift = max(change for change, _ in changes) / start
     loss = None
-    if jerk > 0 and gap_slope != 0:
-        loss = model.impact_mass(p) * jerk**2 / 8 * (6 * abs(gap_slope) / jerk) ** (4 / 3) / power
-    if not np.isfinite((error, drift, residual, jerk, *(x for x in (loss, separation, force) if x is not None))).all():
-        raise NoOrbit("the orbit cannot be certified: its numbers overflow; state the machine in units nearer to 1")
-    if any(change > max(WORST_DRIFT * energy, FAR * floor) for change, floor, _ in ways):
-        raise NoOrbit(f"the orbit cannot be certified: its energy drifts by {drift:.1e}{NARROW}")
+    if jerk > 0 and case.gap_slope != 0:
+        loss = model.impact_mass(case.p) * jerk**2 / 8 * (6 * abs(case.gap_slope) / jerk) ** (4 / 3) / power
+    figures = (case.error, drift, case.residual, jerk, *(x for x in (loss, least, force) if x is not None))
+    if not all(map(math.isfinite, figures)):
+        return NoOrbit("the orbit cannot be certified: its numbers overflow; state the machine in units nearer to 1")
+    if any(change > max(WORST_DRIFT * start, FAR * floor) for change, floor in changes):
+        return NoOrbit(f"the orbit cannot be certified: its energy drifts by {drift:.1e}{NARROW}")
     return Certificate(
-        family=count_family(model, parts),
-        residual=float(residual),
-        error=float(error),
-        energy_drift=drift,
+        family=family,
+        residual=float(case.residual),
+        error=float(case.error),
+        energy_drift=float(drift),
         clearance=clearance,
-        smallest_separation=separation if contact is not None else None,
+        smallest_separation=least,
         smallest_contact_force=force,
         largest_contact_force=peak,
         landing_jerk=-float(jerk),
         loss_coefficient=loss and float(loss),
-        stable_side=loss and ("above" if gap_slope > 0 else "below"),
-        violations=tuple(violations),
-        unfolding=u.get("unfolding"),
+        stable_side=loss and ("above" if case.gap_slope > 0 else "below"),
+        violations=(*in_flight, *in_contact, *touching),
+        unfolding=case.u.get("unfolding"),
     )
 
 
-def _flight(model: Model, p: Mapping[str, float], parts: tuple[Trajectory, ...]):
-    """Landing jerk (times -1), lowest interior minimum of the gap (None without one), violations in flight."""
-    minima, jerks, violations = [], [], []
-    for part, backwards in zip(parts, (False, True), strict=False):
-        gap = model.gap(p).series(part.coefficients)
-        jerks.append(6 * gap[0, 3])
-        whole = sum(half.times[-1] for half in parts)
-        minima += [(height, whole - t if backwards else t) for height, t in interior_minima(gap, part)]
-    jerk, (clearance, when) = min(jerks), min(minima, default=(None, None))
-    if jerk <= 0:
-        violations.append(f"the gap opens the wrong way at landing (landing jerk {-jerk:.3g}, must be negative)")
-    if minima and clearance <= 0:
-        violations.append(f"{model.violations['gap']} at t = {when:.6g} of the flight (height {clearance:.3g})")
-    return jerk, clearance, violations
+def count_families(model: Model, flights: Sequence[tuple[Trajectory, ...]]) -> list[int]:
+    """Stationary points of the extension after lift-off up to and with mid-flight, less one; flights as in `Case`."""
+    every = [part for parts in flights for part in parts]
+    speeds = [derivative(model.extension.series(part.coefficients)) for part in every]
+    found = iter(Pile(speeds, [part.steps for part in every]).roots())
+    # The root left out is mid-flight itself.
+    inside = [
+        sum(part.times[i] + t < part.times[-1] * (1 - 1e-7) for part in parts for i, t in next(found))
+        for parts in flights
+    ]
+    return [int(turns // len(parts)) for turns, parts in zip(inside, flights, strict=True)]
 
 
-def _separation(model, p, parts, contact) -> tuple[float | None, list[str]]:
-    """Least separation over the cycle, None where no length is stated, and a violation where it is not positive."""
-    distance = model.separation(p)
-    if distance is None:
-        return None, []
-    found = [(*lowest(distance.series(part.coefficients), part.steps), part, "flight") for part in parts]
-    if contact is not None:
-        standing = Affine(tuple(np.array(distance.weights) @ model.embed), distance.offset)
-        series = standing.series(contact.coefficients[:, : len(model.contact.states)])
-        found.append((*lowest(series, contact.steps), contact, "contact"))
-    least, piece, t, path, where = min(found, key=lambda entry: entry[0])
-    if least > 0:
-        return least, []
-    when = path.times[piece] + t
-    if len(parts) == 2 and path is parts[1]:  # told backwards from landing
-        when = parts[0].times[-1] + path.times[-1] - when
-    return least, [f"{model.violations['separation']} at t = {when:.6g} of the {where} (separation {least:.3g})"]
+def _flights(model: Model, cases: Sequence[Case]) -> list[tuple]:
+    """Of each case the landing jerk (times -1), the lowest interior minimum of the gap (None without one), and the
+    violations in flight. Each part starts from a zero of order three of the gap, which is divided out exactly."""
+    parts = [part for case in cases for part in case.parts]
+    gaps = [model.gap(case.p).series(part.coefficients) for case in cases for part in case.parts]
+    turns = iter(Pile([derivative(gap) for gap in gaps], [part.steps for part in parts]).roots(start=2, rising=True))
+    gaps, answers = iter(gaps), []
+    for case in cases:
+        minima, jerks = [], []
+        for backwards, part in enumerate(case.parts):
+            gap = next(gaps)
+            jerks.append(6 * gap[0, 3])
+            for height, t in _interior_minima(gap, part, next(turns)):
+                minima.append((height, case.flight_time - t if backwards else t))
+        jerk, (clearance, when), violations = min(jerks), min(minima, default=(None, None)), []
+        if jerk <= 0:
+            violations.append(f"the gap opens the wrong way at landing (landing jerk {-jerk:.3g}, must be negative)")
+        if minima and clearance <= 0:
+            violations.append(f"{model.violations['gap']} at t = {when:.6g} of the flight (height {clearance:.3g})")
+        answers.append((jerk, clearance, violations))
+    return answers
 
 
-def _contact_force(contact: Trajectory, pulls: str, half: bool) -> tuple[float | None, float, list[str]]:
-    """Lowest interior minimum of the force over the (half) contact, None without one, its peak, and a violation where
-    it pulls. It starts from a simple zero, which is divided out exactly; a whole contact ends on another."""
-    force = contact.row("contact force")
-    slope, end, h = derivative(force), contact.times[-1], contact.steps[-1]
-    turns = [(i, t) for i, t in piecewise_roots(slope, contact.steps, rising=True)]
-    minima = [float(evaluate(force[i], t)) for i, t in turns if contact.times[i] + t < end * (1 - 1e-7)]
-    if half and evaluate(derivative(slope[-1]), h) > 0:  # mid-contact itself
-        minima.append(float(evaluate(force[-1], h)))
-    largest = -lowest(-force, contact.steps)[0]
-    for i, t in piecewise_roots(force, contact.steps, start=1)[:1]:
-        when = contact.times[i] + t
-        if half or when < end * (1 - 1e-7):
-            return min(minima, default=None), largest, [f"{pulls} in contact at t = {when:.6g}"]
-    begins = [f"{pulls} as soon as the contact begins"] if force[0, 1] <= 0 else []
-    return min(minima, default=None), largest, begins
+def _interior_minima(gap, part: Trajectory, turns) -> list[tuple[float, float]]:
+    """(height, time) of the gap's local minima inside a part of the flight: at its turns, and at its very end."""
+    end, last, h = part.times[-1], gap[-1], part.times[-1] - part.times[-2]
+    found = [(float(evaluate(gap[i], t)), float(part.times[i] + t)) for i, t in turns]
+    found = [(height, t) for height, t in found if t < end * (1 - 1e-7)]
+    middle, rate, bend = (evaluate(c, h) for c in (last, derivative(last), derivative(derivative(last))))
+    if bend > 0 and abs(rate) * end < 1e-6 * np.abs(gap[:, 0]).max():
+        found.append((float(middle), float(end)))
+    return found
 
 
-@lru_cache(maxsize=256)
-def _gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...], count: int) -> Call:
-    """An energy gradient of a model at so many points, a call ((n, count), (np + nq, count)) -> (n, count)."""
+def _separations(model: Model, cases: Sequence[Case]) -> list[tuple]:
+    """Of each case the least separation over the cycle, None where no length is stated or the contact does not end,
+    and the violation where it is not positive."""
+    series, paths, owners = [], [], []
+    for index, case in enumerate(cases):
+        distance = model.separation(case.p)
+        if distance is None:
+            continue
+        for part in case.parts:
+            series.append(distance.series(part.coefficients))
+            paths.append(part)
+            owners.append((index, "flight"))
+        if case.contact is not None:
+            standing = Affine(tuple(np.array(distance.weights) @ model.embed), distance.offset)
+            series.append(standing.series(case.contact.coefficients[:, : len(model.contact.states)]))
+            paths.append(case.contact)
+            owners.append((index, "contact"))
+    answers: list[tuple] = [(None, [])] * len(cases)
+    found = zip(Pile(series, [path.steps for path in paths]).lowest(), paths, owners, strict=True) if series else ()
+    for index, group in groupby(found, key=lambda entry: entry[2][0]):
+        case = cases[index]
+        (least, piece, t), path, (_, where) = min(group, key=lambda entry: entry[0])
+        when = path.times[piece] + t
+        if len(case.parts) == 2 and path is case.parts[1]:  # told backwards from landing
+            when = case.flight_time - when
+        words = f"{model.violations['separation']} at t = {when:.6g} of the {where} (separation {least:.3g})"
+        answers[index] = (least if case.contact is not None else None, [] if least > 0 else [words])
+    return answers
+
+
+def _contact_forces(model: Model, cases: Sequence[Case]) -> list[tuple]:
+    """Of each case the lowest interior minimum of the force over the (half) contact, None without one, its peak, and a
+    violation where it pulls or the contact does not end. The force starts from a simple zero, which is divided out
+    exactly; a whole contact ends on another."""
+    standing = [case.contact for case in cases if case.contact is not None]
+    if not standing:
+        return [(None, None, [case.stopped]) for case in cases]
+    forces, steps = [contact.row("contact force") for contact in standing], [contact.steps for contact in standing]
+    half, pulls = model.reversor is not None, model.violations["pull"]
+    turns = iter(Pile([derivative(force) for force in forces], steps).roots(rising=True))
+    zeros = iter(Pile(forces, steps).roots(start=1))
+    peaks = iter(Pile([-force for force in forces], steps).lowest())
+    forces, answers = iter(forces), []
+    for case in cases:
+        if case.contact is None:
+            answers.append((None, None, [case.stopped]))
+            continue
+        force, times = next(forces), case.contact.times
+        before = times[-1] * (1 - 1e-7)
+        minima = [float(evaluate(force[i], t)) for i, t in next(turns) if times[i] + t < before]
+        h = times[-1] - times[-2]
+        if half and evaluate(derivative(derivative(force[-1])), h) > 0:  # mid-contact itself
+            minima.append(float(evaluate(force[-1], h)))
+        crossings = [times[i] + t for i, t in next(zeros) if half or times[i] + t < before]
+        violations = [f"{pulls} in contact at t = {when:.6g}" for when in crossings[:1]]
+        if not violations and force[0, 1] <= 0:
+            violations = [f"{pulls} as soon as the contact begins"]
+        answers.append((min(minima, default=None), -next(peaks)[0], violations))
+    return answers
+
+
+@lru_cache(maxsize=64)
+def _gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> Call:
+    """An energy gradient of a model at a block of points, a call ((n, BLOCK), (np + nq, BLOCK)) -> (n, BLOCK)."""
     along = flow(phase, parameters)
     x = ca.SX.sym("x", along.size)
     p = ca.SX.sym("p", len(parameters) + (phase.pieces.size if phase.pieces else 0))
     one = ca.Function("gradient", [x, p], [ca.densify(ca.vertcat(*gradient(*along.symbols(x, p))))])
-    return Call(one.map(count))
+    return Call(one.map(BLOCK))
 
 
-def _energy(phase: Phase, gradient: Callable, path: Trajectory, p: Mapping[str, float]):
-    """Largest change of energy along a motion, what rounding of the states makes of it, the gradient (n,) at its start.
+def _energies(model: Model, cases: Sequence[Case]) -> list[tuple[float, list[tuple[float, float]]]]:
+    """Of each case dE/dalpha at launch, and for each of its motions the largest change of energy, with what rounding of
+    the states makes of it."""
+    flying = [(part, case.p) for case in cases for part in case.parts]
+    standing = [(case.contact, case.p) for case in cases if case.contact is not None]
+    flights = iter(_work(model.flight, model.flight_gradient, flying))
+    contacts = iter(_work(model.contact, model.contact_gradient, standing)) if standing else None
+    answers = []
+    for case in cases:
+        drifts = [next(flights) for _ in case.parts]
+        # Launch expressions are plain arithmetic: a complex step is exact.
+        direction = np.imag(model.launch({**case.u, "alpha": case.u["alpha"] + 1e-30j}, case.p)) * 1e30
+        power = float(drifts[0][2] @ direction)
+        if case.contact is not None:
+            drifts.append(next(contacts))
+        answers.append((power, [(change, floor) for change, floor, _ in drifts]))
+    return answers
+
+
+def _work(phase: Phase, gradient: Callable, motions: list) -> list[tuple[float, float, np.ndarray]]:
+    """Of each motion (path, p) the largest change of energy, that of rounding, and the gradient (n,) at its start.
 
     The change is the work of the gradient on the straight lines between the nodes.
     """
-    along = flow(phase, tuple(p))
-    n, count = along.size, len(path.steps)
-    nodes = np.vstack([path.coefficients[:, :n, 0], path.end[:n]])
-    moves = np.diff(nodes, axis=0)
-    points = (nodes[:-1, None] + 0.5 * (GAUSS_POINTS + 1)[:, None] * moves[:, None]).reshape(-1, n)
-    data = np.repeat(along.mesh_data(path, np.array(list(p.values()))), GAUSS, axis=1)
-    gradients = _gradients(phase, gradient, tuple(p), 1 + count * GAUSS)
-    rates = gradients(np.vstack([nodes[0], points]).T, np.hstack([data[:, :1], data]))[0].T
-    changes = np.einsum("kgn,kn,g->k", rates[1:].reshape(count, GAUSS, n), moves, 0.5 * GAUSS_WEIGHTS)
-    rounding = EPS * np.abs(nodes).max() * np.abs(rates).max()
-    return float(np.abs(np.cumsum(changes)).max()), float(rounding), rates[0]
+    names = tuple(motions[0][1])
+    along = flow(phase, names)
+    n, paths = along.size, [path for path, _ in motions]
+    counts = np.array([len(path.times) - 1 for path in paths])
+    last = np.cumsum(counts) - 1
+    first = last - counts + 1
+    nodes = np.concatenate([path.coefficients[:, :n, 0] for path in paths])
+    after = np.roll(nodes, -1, axis=0)
+    h = np.array([path.times[-1] - path.times[-2] for path in paths])
+    after[last] = evaluate(np.stack([path.coefficients[-1, :n] for path in paths]), h[:, None])
+    moves = after - nodes
+    data = np.concatenate([along.mesh_data(path, np.array(list(p.values()))) for path, p in motions], axis=1)
+    points = nodes[:, None] + GAUSS_PLACES[:, None] * moves[:, None]
+    rates = _in_blocks(_gradients(phase, gradient, names), points.reshape(-1, n).T, np.repeat(data, GAUSS, axis=1))
+    rates = rates.T.reshape(-1, GAUSS, n)
+    changes = np.cumsum(np.einsum("kgn,kn,g->k", rates, moves, GAUSS_WEIGHTS))
+    before = np.where(first > 0, changes[first - 1], 0.0)
+    largest = np.maximum.reduceat(np.abs(changes - np.repeat(before, counts)), first)
+    size = np.maximum.reduceat(np.abs(nodes).max(1), first)
+    steep = np.maximum.reduceat(np.abs(rates).max((1, 2)), first)
+    starts = _in_blocks(_gradients(phase, gradient, names), nodes[first].T, data[:, first]).T
+    return list(zip(largest.tolist(), (EPS * size * steep).tolist(), starts, strict=True))
+
+
+def _in_blocks(call: Call, x, p) -> np.ndarray:
+    """A call's results (n, m) at points x (n, m) with parameters p (np, m), a block at a time."""
+    count = x.shape[1]
+    room = -count % BLOCK
+    x, p = (np.hstack([values, np.repeat(values[:, -1:], room, axis=1)]) for values in (x, p))
+    blocks = [call(x[:, i : i + BLOCK], p[:, i : i + BLOCK])[0] for i in range(0, count, BLOCK)]
+    return np.hstack(blocks)[:, :count]

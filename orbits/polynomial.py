@@ -70,69 +70,80 @@ def roots(coefficients, h: float) -> list[float]:
 
 
 def piecewise_roots(coefficients, steps, start: int = 0, rising: bool = False) -> list[tuple[int, float]]:
-    """Roots (piece, time in it) of a continuous piecewise polynomial, coefficients (N, K + 1), steps (N,); in order.
-
-    start, rising : as in `stacked_roots`
-    """
-    _, pieces, times = stacked_roots(coefficients[None], np.asarray(steps)[None], start, rising)
-    return list(zip(pieces.tolist(), times.tolist(), strict=True))
-
-
-def stacked_roots(coefficients, steps, start: int = 0, rising: bool = False):
-    """Roots of several continuous piecewise polynomials: which (m,), the piece (m,), the time in it (m,); in order.
-
-    coefficients (P, N, K + 1), steps (P, N)
-    start : the order of a zero known to stand at the very beginning of each, divided out exactly and not reported
-    rising : report only where the sign goes from minus to plus
-    """
-    series = np.array(coefficients)
-    if start:
-        series[:, 0, :-start] = series[:, 0, start:]
-        series[:, 0, -start:] = 0.0
-    values = bernstein(series, steps)
-    # At a joint both sides must agree on the sign, or rounding would lose a root there or find it twice.
-    values[:, :-1, -1] = series[:, 1:, 0]
-    positive = values >= 0
-    changes = positive[..., 1:] != positive[..., :-1]
-    found = []
-    for which, piece in np.argwhere(changes.any(-1)):
-        brackets: list[tuple] = []
-        _isolate(values[which, piece], 0.0, 1.0, MAX_DEPTH, brackets)
-        found += [(which, piece, *bracket) for bracket in brackets if bracket[2] or not rising]
-    if not found:
-        return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
-    which, piece = (np.array(column) for column in list(zip(*found, strict=True))[:2])
-    c, h = series[which, piece], np.asarray(steps)[which, piece]
-    if len(found) > FEW:
-        times = _refine_together(c, h, *(np.array(column) for column in list(zip(*found, strict=True))[2:]))
-    else:
-        times = np.array([_refine(c[k], h[k], *bracket[2:]) for k, bracket in enumerate(found)])
-    return which, piece, times
+    """Roots (piece, time in it) of a continuous piecewise polynomial, in order; arguments as in `Pile`."""
+    return Pile([coefficients], [steps]).roots(start, rising)[0]
 
 
 def lowest(coefficients, steps) -> tuple[float, int, float]:
-    """Least value of a piecewise polynomial, with the piece and the time in it; shapes as in `piecewise_roots`."""
-    least, piece, time = stacked_lowest(coefficients[None], np.asarray(steps)[None])
-    return float(least[0]), int(piece[0]), float(time[0])
+    """Least value of a piecewise polynomial, with the piece and the time in it; arguments as in `Pile`."""
+    return Pile([coefficients], [steps]).lowest()[0]
 
 
-def stacked_lowest(coefficients, steps):
-    """Least values (P,), their pieces (P,) and times in them (P,); shapes as in `stacked_roots`."""
-    everywhere = np.stack([coefficients[..., 0], evaluate(coefficients, steps)], axis=-1)
-    count = len(everywhere)
-    place = everywhere.reshape(count, -1).argmin(1)
-    least, piece, at_end = everywhere.reshape(count, -1)[np.arange(count), place], place // 2, place % 2
-    time = at_end * steps[np.arange(count), piece]
-    which, where = np.nonzero(bernstein(coefficients, steps).min(-1) < least[:, None])
-    if len(which):
-        slopes, h = derivative(coefficients[which, where]), steps[which, where]
-        inside, _, t = stacked_roots(slopes[:, None], h[:, None], rising=True)
-        values = evaluate(coefficients[which[inside], where[inside]], t)
-        for k in np.argsort(-values, kind="stable"):  # the least last
-            if values[k] < least[which[inside[k]]]:
-                i = which[inside[k]]
-                least[i], piece[i], time[i] = values[k], where[inside[k]], t[k]
-    return least, piece, time
+class Pile:
+    """Several continuous piecewise polynomials, asked together: one takes hardly less time than twenty.
+
+    coefficients (N, K + 1) and steps (N,) of each; N may differ
+    """
+
+    def __init__(self, coefficients: list, steps: list):
+        counts = [len(h) for h in steps]
+        self.count = len(counts)
+        self.coefficients, self.steps = np.concatenate(coefficients), np.concatenate(steps)
+        self.first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(int)
+        self.owner = np.repeat(np.arange(self.count), counts)
+
+    def roots(self, start: int = 0, rising: bool = False) -> list[list[tuple[int, float]]]:
+        """For each polynomial its roots (piece, time in it), in order.
+
+        start : the order of a zero known to stand at the very beginning of each, divided out exactly and not reported
+        rising : report only where the sign goes from minus to plus
+        """
+        series = self.coefficients.copy()
+        if start:
+            series[self.first, :-start] = self.coefficients[self.first, start:]
+            series[self.first, -start:] = 0.0
+        values = bernstein(series, self.steps)
+        # At a joint both sides must agree on the sign, or rounding would lose a root there or find it twice.
+        joint = self.owner[1:] == self.owner[:-1]
+        values[:-1, -1] = np.where(joint, series[1:, 0], values[:-1, -1])
+        positive = values >= 0
+        found = []
+        for i in np.flatnonzero(positive.any(1) & ~positive.all(1)):
+            brackets: list[tuple] = []
+            _isolate(values[i], 0.0, 1.0, MAX_DEPTH, brackets)
+            found += [(i, *bracket) for bracket in brackets if bracket[2] or not rising]
+        if len(found) > FEW:
+            pieces, low, high, up, about = (np.array(column) for column in zip(*found, strict=True))
+            times = _refine_together(series[pieces], self.steps[pieces], low, high, up, about)
+        else:
+            times = [_refine(series[i], self.steps[i], *bracket) for i, *bracket in found]
+        answers: list[list[tuple[int, float]]] = [[] for _ in range(self.count)]
+        for (i, *_), t in zip(found, times, strict=True):
+            owner = self.owner[i]
+            answers[owner].append((int(i - self.first[owner]), float(t)))
+        return answers
+
+    def lowest(self) -> list[tuple[float, int, float]]:
+        """For each polynomial its least value, with the piece and the time in it."""
+        starts, ends = self.coefficients[:, 0], evaluate(self.coefficients, self.steps)
+        least = np.minimum(np.minimum.reduceat(starts, self.first), np.minimum.reduceat(ends, self.first))
+        where = np.flatnonzero(bernstein(self.coefficients, self.steps).min(1) < least[self.owner])
+        best: list = [None] * self.count
+        for i in np.flatnonzero((starts == least[self.owner]) | (ends == least[self.owner]))[::-1]:
+            owner = self.owner[i]
+            at_start = starts[i] == least[owner]
+            best[owner] = (float(least[owner]), int(i - self.first[owner]), 0.0 if at_start else float(self.steps[i]))
+        if len(where):
+            slopes = derivative(self.coefficients[where])
+            for i, inside in zip(
+                where, Pile(list(slopes[:, None]), list(self.steps[where, None])).roots(rising=True), strict=True
+            ):
+                for _, t in inside:
+                    owner = self.owner[i]
+                    best[owner] = min(
+                        best[owner], (float(evaluate(self.coefficients[i], t)), int(i - self.first[owner]), t)
+                    )
+        return best
 
 
 def _isolate(values, low, high, depth, found):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from . import interrupts
-from .certify import count_family
+from .certify import count_families
 from .errors import InputError, NoOrbit
 from .model import Model
 from .orbit import Orbit
@@ -124,7 +124,7 @@ def _corrected(model, equations, correct, predicted, family, p):
         raise NoOrbit("the corrector ends far from the predicted orbit")
     flight = in_flight_states(model, here.trajectories[0])
     parts = flight.split(flight.times[-1] / 2) if "unfolding" in equations.statement.unknowns else (flight,)
-    if count_family(model, parts) != family:
+    if count_families(model, [parts]) != [family]:
         raise NoOrbit("the family changes")
     return new, here
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .certify import certify, error_bound, follow_contact
+from .certify import Case, certify, error_bound, follow_contact
 from .errors import NoOrbit
 from .flow import Trajectory
 from .model import Arc, Model, Phase, Statement
@@ -110,9 +110,10 @@ def as_orbit(machine, method: str, solution: Solution, began: float) -> Orbit:
     model, p, u = machine.model, machine.values, solution.u
     flight_time = float(sum(part.times[-1] for part in solution.parts)) * (2 if len(solution.parts) == 1 else 1)
     contact, stopped = follow_contact(model, u, p, LONGEST_CONTACT * (1 + flight_time))
-    certificate = certify(
-        model, u, p, solution.parts, contact, stopped, solution.gap_slope, solution.residual, solution.error
-    )
+    figures = solution.gap_slope, solution.residual, solution.error
+    (certificate,) = certify(model, [Case(u, p, solution.parts, contact, stopped, *figures)])
+    if isinstance(certificate, NoOrbit):
+        raise certificate
     return Orbit(
         machine=machine.describe(),
         alpha=u["alpha"],
