@@ -56,25 +56,79 @@ def error_bound(equations: Shooting, u, p, here: Evaluation, across=None) -> flo
     across : a row (n + 1,) that closes the equations where a parameter is varied too: the error is then that across
         the curve of solutions, which at a fold is the only one there is
     """
-    residual = equations.residual(u, p, here.trajectories, _another_way)
+    return _bound(equations, u, here, across, equations.residual(u, p, here.trajectories, _another_way))
+
+
+def _bound(equations: Shooting, u, here: Evaluation, across, residual) -> float:
+    """What a residual (n,) measured in another way means for "alpha", with its floor; as in `error_bound`."""
     index = equations.statement.unknowns.index("alpha")
     square = here.jacobian[:, : equations.size] if across is None else np.vstack([here.jacobian, across])
-    inverse = solve(square.T, np.eye(len(square))[index])[
-        : equations.size
-    ]  # the row of the inverse that belongs to alpha
+    inverse = solve(square.T, np.eye(len(square))[index])[: equations.size]  # the inverse's row of alpha
     noise = 0.0
     ways = zip(equations.flows, here.trajectories, here.transitions, here.starts, strict=True)
     for along, path, transition, start in ways:
         size = np.abs(path.coefficients[:, : along.size, 0]).max()
         growth = max(1.0, np.linalg.norm((transition @ start)[:, : equations.size]) / SHEAR)
-        walk = np.sqrt(len(path.steps))
+        walk = math.sqrt(len(path.times) - 1)
         noise += EPS / 2 * size * walk * (1 + walk / LONG_WALK) * growth
     # The check has roundings of its own, of the size of what it measures: as much again.
     alpha, found = u[index], 2 * abs(inverse @ residual)
-    floor = np.linalg.norm(inverse) * noise + np.spacing(alpha)
+    floor = math.sqrt(inverse @ inverse) * noise + np.spacing(alpha)
     if found > max(WORST_ERROR * alpha, FAR * floor):
         raise NoOrbit(f"the orbit cannot be certified: launch speed {alpha:.6g} may be off by {found:.1e}{NARROW}")
     return float(found + floor)
+
+
+def error_bounds(equations: Shooting, points: Sequence[tuple]) -> list[float | NoOrbit]:
+    """`error_bound` of many points (u, p, here, across), by a quicker check where their flow allows it.
+
+    The field is integrated along each step's polynomial by Gauss's rule; what the step's end lacks is carried on to the
+    arc's end.
+    """
+    (along,) = equations.flows if len(equations.flows) == 1 else (None,)
+    answers: list[float | NoOrbit] = []
+    quick = along is not None and along.method == "Taylor" and along.phase.pieces is None
+    residuals = _defects(along, points) if quick else [None] * len(points)
+    for (u, p, here, across), residual in zip(points, residuals, strict=True):
+        try:
+            if residual is None:
+                answers.append(error_bound(equations, u, p, here, across))
+            else:
+                answers.append(_bound(equations, u, here, across, residual))
+        except NoOrbit as error:
+            answers.append(error)
+    return answers
+
+
+def _defects(along: Flow, points: Sequence[tuple]) -> list[np.ndarray]:
+    """Of each point the residual that its equations have when the defects of the steps are made good."""
+    n, paths = along.size, [here.trajectories[0] for _, _, here, _ in points]
+    counts = np.array([len(path.times) - 1 for path in paths])
+    last = np.cumsum(counts) - 1
+    first = last - counts + 1
+    c = np.concatenate([path.coefficients[:, :n] for path in paths])
+    h = np.concatenate([np.diff(path.times) for path in paths])
+    powers = (h[:, None] * GAUSS_PLACES)[..., None] ** np.arange(c.shape[2])
+    states = np.einsum("mik,mgk->mgi", c, powers)
+    data = np.repeat(np.array([p for _, p, _, _ in points]).T, counts * GAUSS, axis=1)
+    rates = _in_blocks(_field(along), states.reshape(-1, n).T, data).T.reshape(-1, GAUSS, n)
+    ends = evaluate(c[last], h[last, None])
+    transitions = np.stack([here.transitions[0][:, :n] for _, _, here, _ in points])
+    after, carried = np.roll(c[:, :, 0], -1, axis=0), np.concatenate([path.variations[:, :, :n, 0] for path in paths])
+    after[last], carried = ends, np.roll(carried, -1, axis=0)
+    carried[last] = transitions
+    defects = after - c[:, :, 0] - h[:, None] * np.einsum("mgi,g->mi", rates, GAUSS_WEIGHTS)
+    at_start = np.add.reduceat(np.linalg.solve(carried, defects[..., None])[..., 0], first)
+    wrong = np.einsum("pij,pj->pi", transitions, at_start)
+    return [here.residual - here.holds[0] @ end for (_, _, here, _), end in zip(points, wrong, strict=True)]
+
+
+@lru_cache(maxsize=64)
+def _field(along: Flow) -> Call:
+    """A flow's field at a block of points, a call ((n, BLOCK), (np, BLOCK)) -> (n, BLOCK)."""
+    graph = along.graph
+    one = ca.Function("field", [graph.x, graph.p], [ca.densify(graph.field(graph.x, graph.p)[0])])
+    return Call(one.map(BLOCK))
 
 
 def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:
@@ -161,6 +215,8 @@ class Case:
 
 def certify(model: Model, cases: Sequence[Case]) -> list[Certificate | NoOrbit]:
     """Check orbits of one model: the certificate of each, or the error that tells why there is none."""
+    if not cases:
+        return []
     measured = zip(
         cases,
         count_families(model, [case.parts for case in cases]),

@@ -72,7 +72,7 @@ def trace(machine, along: str, stop: float, start: float | None = None, family: 
         raise InputError(f"trace has no option '{min(unknown)}'; it knows {', '.join(known)} and method")
     walk = _begin(machine, along, start, stop, family, method, _options(**{**known, **options}), None)
     for item in _uninterrupted(walk):
-        yield item.orbit if isinstance(item, At) else item
+        yield walk.curve.orbit(item) if isinstance(item, At) else item
 
 
 def _uninterrupted(walk: Walk) -> Iterator:
@@ -130,7 +130,7 @@ def _begin(machine, along, start, stop, family, method, options: Options, resume
         x = np.array([*(unknowns[name] for name in curve.equations.statement.unknowns), start])
         ahead = np.eye(len(x))[-1] * np.sign(stop - start)
         first = curve.correct(x, np.eye(len(x))[-1], start, ahead)
-        first = replace(first, x=np.append(first.x[:-1], start))
+        first = curve.check(replace(first, x=np.append(first.x[:-1], start)))
     return Walk(curve, first, start, stop, options)
 
 
@@ -148,7 +148,8 @@ def _resumed(machine, along, start, stop, resume: Family, options: Options) -> W
     curve = Curve(machine, along, resume.settings["method"], abs(stop - start))
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
     with interrupts.deferred():
-        first = curve.correct(x, tangent / curve.size(x) ** 2, tangent / curve.size(x) ** 2 @ x, tangent)
+        row = tangent / curve.size(x) ** 2
+        first = curve.check(curve.correct(x, row, row @ x, tangent))
     return Walk(curve, first, start, stop, options)
 
 
@@ -160,7 +161,7 @@ class _Record:
         settings = {
             "start": walk.start,
             "stop": walk.stop,
-            "family": walk.first.orbit.family,
+            "family": walk.first.point.family,
             "method": walk.curve.method,
             "longest": options.longest,
             "at": list(options.at),
@@ -185,7 +186,7 @@ class _Record:
 
     def add(self, item):
         if isinstance(item, At):
-            self.points.append(item.point())
+            self.points.append(item.point)
         elif isinstance(item, Event):
             self.events.append(replace(item, after=item.after + self.offset))
         else:

@@ -8,18 +8,19 @@ step is refused.
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
+from .certify import Case, certify, error_bounds
 from .errors import NoOrbit, OrbitsError
 from .family import End, Event, Point
-from .orbit import Orbit
+from .orbit import Certificate, Orbit
 from .roots import bracketed_root
 from .shooting import Evaluation, solve
-from .statements import as_orbit, equations_of, interpret
+from .statements import as_case, as_orbit, equations_of, interpret
 
 # In shares of the curve's own size: the first step, the shortest, and what a corrector may move of a step's length.
 FIRST, SHORTEST, FARTHEST = 1e-3, 1e-7, 1e-2
@@ -35,8 +36,8 @@ LARGEST_GROWTH = 3e7
 RUNNING = 4.0
 # A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
 AT_A_FOLD = 1e-3
-# Points of the curve that a prediction rests on.
-MEMORY = 3
+# Points of the curve that a prediction rests on, and points that are certified together.
+MEMORY, TOGETHER = 3, 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,39 +47,28 @@ class At:
     x : (n + 1,), the unknowns and the parameter's value
     tangent : (n + 1,), of length 1 in units of the curve's size
     turn : determinant of the equations' derivatives and the tangent, which changes sign at a branch point
-    growth : of a small change over the motion
+    here : the equations there
+    length : of the step that led there
+    point : the certified orbit without its motion, None until it has been checked
     """
 
     x: np.ndarray
     tangent: np.ndarray
     turn: float
-    growth: float
-    orbit: Orbit
+    here: Evaluation
+    length: float = 0.0
+    point: Point | None = None
 
     value = property(lambda self: float(self.x[-1]))
 
-    def point(self) -> Point:
-        return Point(
-            value=self.value,
-            u=tuple(map(float, self.x[:-1])),
-            tangent=tuple(map(float, self.tangent)),
-            alpha=self.orbit.alpha,
-            liftoff_extension=self.orbit.liftoff_extension,
-            flight_time=self.orbit.flight_time,
-            contact_time=self.orbit.contact_time,
-            certificate=self.orbit.certificate,
-        )
-
 
 # What an orbit has to spare before something happens; the event is where it changes sign. None: it says nothing.
-MARGINS: dict[str, Callable[[Orbit], float | None]] = {
-    "grazing": lambda orbit: 1.0 if orbit.certificate.clearance is None else orbit.certificate.clearance,
-    "masses touch": lambda orbit: orbit.certificate.smallest_separation,
-    "contact pulls": lambda orbit: (
-        1.0 if orbit.certificate.smallest_contact_force is None else orbit.certificate.smallest_contact_force
-    ),
-    "landing jerk": lambda orbit: -orbit.certificate.landing_jerk,
-    "collapse": lambda orbit: -1.0 if orbit.contact_time is None else 1.0,
+MARGINS: dict[str, Callable[[Point], float | None]] = {
+    "grazing": lambda point: 1.0 if point.clearance is None else point.clearance,
+    "masses touch": lambda point: point.smallest_separation,
+    "contact pulls": lambda point: 1.0 if point.smallest_contact_force is None else point.smallest_contact_force,
+    "landing jerk": lambda point: -point.landing_jerk,
+    "collapse": lambda point: -1.0 if point.contact_time is None else 1.0,
 }
 
 
@@ -135,17 +125,65 @@ class Curve:
             raise NoOrbit("the curve has no direction here")
         turn = np.linalg.det(np.vstack([here.jacobian * size, tangent / size]))
         here = self.equations.moved(here, x[:-1], self.p(x), step)
-        return At(x, tangent, float(turn), here.growth, self.orbit(x, here, tangent / size**2))
+        return At(x, tangent, float(turn), here)
 
-    def orbit(self, x, here: Evaluation, across) -> Orbit:
-        """The orbit at `x`; `across` is the tangent as a row, which closes the equations at a fold."""
-        began = time.perf_counter()
-        steep = abs(across[-1]) * self.span < AT_A_FOLD
-        machine = self.machine.with_values(**{self.along: float(x[-1])})
-        solution = interpret(
-            machine.model, self.method, self.equations, x[:-1], here, machine.values, across=across if steep else None
+    def checked(self, ats: Sequence[At]) -> list[At | OrbitsError]:
+        """The points certified, all together; in the place of one that cannot be, the error that says why."""
+        points = [(at.x[:-1], self.p(at.x), at.here, self._across(at)) for at in ats]
+        errors = error_bounds(self.equations, points)
+        answers: list = [self._case(at, error) for at, error in zip(ats, errors, strict=True)]
+        good = [i for i, case in enumerate(answers) if isinstance(case, Case)]
+        certificates = certify(self.machine.model, [answers[i] for i in good])
+        for i, certificate in zip(good, certificates, strict=True):
+            if not isinstance(certificate, NoOrbit):
+                certificate = self._point(ats[i], answers[i], certificate)
+            answers[i] = certificate
+        return answers
+
+    def check(self, at: At) -> At:
+        """One point certified; raises the error when it cannot be."""
+        (answer,) = self.checked([at])
+        if isinstance(answer, OrbitsError):
+            raise answer
+        return answer
+
+    def _across(self, at: At) -> np.ndarray | None:
+        """The tangent as a row, at a fold: errors are measured across the curve there."""
+        across = at.tangent / self.size(at.x) ** 2
+        return across if abs(across[-1]) * self.span < AT_A_FOLD else None
+
+    def _case(self, at: At, error: float | OrbitsError) -> Case | OrbitsError:
+        """What is to be certified of a point."""
+        if isinstance(error, OrbitsError):
+            return error
+        p = dict(zip(self.names, self.p(at.x).tolist(), strict=True))
+        try:
+            self.machine.with_values(**{self.along: at.value})  # refuses values that cannot be
+            solution = interpret(self.machine.model, self.method, self.equations, at.x[:-1], at.here, p, error)
+        except OrbitsError as refusal:
+            return refusal
+        return as_case(self.machine.model, solution, p)
+
+    def _point(self, at: At, case: Case, certificate: Certificate) -> At:
+        whole = 1 if self.machine.model.reversor is None else 2
+        point = Point(
+            value=at.value,
+            u=tuple(at.x[:-1].tolist()),
+            tangent=tuple(at.tangent.tolist()),
+            alpha=case.u["alpha"],
+            liftoff_extension=case.u["liftoff"],
+            flight_time=float(case.flight_time) * (2 if len(case.parts) == 1 else 1),
+            contact_time=None if case.contact is None else float(case.contact.times[-1]) * whole,
+            certificate=certificate,
         )
-        return as_orbit(machine, self.method, solution, began)
+        return replace(at, point=point)
+
+    def orbit(self, at: At) -> Orbit:
+        """The whole orbit at a point."""
+        began = time.perf_counter()
+        machine = self.machine.with_values(**{self.along: at.value})
+        known = machine.model, self.method, self.equations, at.x[:-1], at.here, machine.values
+        return as_orbit(machine, self.method, interpret(*known, error=at.point.error if at.point else None), began)
 
 
 def _finer(times: np.ndarray) -> np.ndarray:
@@ -181,50 +219,89 @@ class Options:
 
 
 class Walk:
-    """Steps along a curve from a point of it, with what happens in each."""
+    """Steps along a curve from a point of it, with what happens in each.
+
+    Steps are taken several at a time and then certified together; where one cannot be, or is of another family, they
+    are taken again from before it, shorter and one by one.
+    """
 
     def __init__(self, curve: Curve, first: At, start: float, stop: float, options: Options):
         self.curve, self.first, self.options = curve, first, options
         self.start, self.stop, self.bounds = start, stop, (min(start, stop), max(start, stop))
         self.recent = [first]
-        self.seen = [(first.orbit.alpha, first.value)]  # of all points
+        self.seen = [(first.point.alpha, first.value)]  # of all points
         self.length = min(FIRST, options.longest)
-        self.margins = {**MARGINS, **options.watch}
+        self.count = 1  # steps to take at a time
 
     def __iter__(self) -> Iterator[At | Event | End]:
         """The points of the curve, first to last, each event before the point that follows it, and the end."""
         yield self.first
         index = 0
         while True:
-            here = self.recent[-1]
-            if index >= self.options.most:
-                yield End("stopped", f"{self.options.most} points, the most that were asked for")
+            last = self.recent[-1]
+            ahead, failure = self.steps()
+            good, refusal = self.certified(last, ahead)
+            for there in good:
+                if index >= self.options.most:
+                    yield End("stopped", f"{self.options.most} points, the most that were asked for")
+                    return
+                there, end = self.ended(last, there)
+                for kind, at in self.between(last, there):
+                    if kind == "asked":
+                        index += 1
+                        yield at
+                    yield Event(kind, index, at.point)
+                index += 1
+                yield there
+                self.seen.append((there.point.alpha, there.value))
+                self.recent, last = [*self.recent, there][-MEMORY:], there
+                if end := end or self.far(there):
+                    yield end
+                    return
+            if refusal is None and failure is None:
+                self.count = min(2 * self.count, TOGETHER)
+                continue
+            self.count = 1
+            if refusal is not None:
+                self.length = 0.5 * ahead[len(good)].length
+            if failure is not None or self.length <= SHORTEST:
+                yield self.lost(str(refusal or failure))
                 return
+
+    def steps(self) -> tuple[list[At], OrbitsError | None]:
+        """The next few points, not certified yet, and the error that allows no more."""
+        ahead: list[At] = []
+        while len(ahead) < self.count:
             try:
-                there = self.step()
+                ahead.append(self.step([*self.recent, *ahead][-MEMORY:]))
             except OrbitsError as error:
-                yield self.lost(str(error))
-                return
-            end = None
-            if not self.bounds[0] < there.value < self.bounds[1]:
-                bound = self.bounds[0] if there.value <= self.bounds[0] else self.bounds[1]
-                there, end = self.landed(here, there, bound), End("reached", f"{self.curve.along} = {bound:g}")
-            for kind, at in self.between(here, there):
-                if kind == "asked":
-                    index += 1
-                    yield at
-                yield Event(kind, index, at.point())
-            if end is None and (again := self.closed(here, there)):
-                there, end = again, End("closed", "the curve comes back to its first orbit")
-            index += 1
-            yield there
-            self.recent = [*self.recent[1 - MEMORY :], there]
-            self.seen.append((there.orbit.alpha, there.value))
-            if self.options.stop_inadmissible and not there.orbit.admissible:
-                end = End("stopped", "no motion from here: " + there.orbit.violations[0])
-            if end := end or self.far(there):
-                yield end
-                return
+                return ahead, error
+            if not self.bounds[0] < ahead[-1].value < self.bounds[1] or ahead[-1].here.growth > LARGEST_GROWTH:
+                break
+        return ahead, None
+
+    def certified(self, last: At, ahead: list[At]) -> tuple[list[At], OrbitsError | None]:
+        """The points that are certified, up to the first that is not, and its error."""
+        good: list[At] = []
+        for there in self.curve.checked(ahead) if ahead else []:
+            if isinstance(there, OrbitsError):
+                return good, there
+            family = (good[-1] if good else last).point.family
+            if there.point.family != family and there.length > FIRST / 10:
+                return good, NoOrbit(f"the orbit changes from family {family} to {there.point.family}")
+            good.append(there)
+        return good, None
+
+    def ended(self, here: At, there: At) -> tuple[At, End | None]:
+        """The next point, or where the curve ends before it."""
+        if not self.bounds[0] < there.value < self.bounds[1]:
+            bound = self.bounds[0] if there.value <= self.bounds[0] else self.bounds[1]
+            return self.landed(here, there, bound), End("reached", f"{self.curve.along} = {bound:g}")
+        if again := self.closed(here, there):
+            return again, End("closed", "the curve comes back to its first orbit")
+        if self.options.stop_inadmissible and not there.point.admissible:
+            return there, End("stopped", "no motion from here: " + there.point.violations[0])
+        return there, None
 
     def share(self, value: float) -> float:
         """How much of the parameter's way lies behind a value."""
@@ -244,19 +321,20 @@ class Walk:
         slopes = np.array([at.tangent / (row @ at.tangent) for at in used])
         return _hermite(nodes, np.array([at.x for at in used]), slopes, s), row, 2 * len(used)
 
-    def step(self) -> At:
-        """The next point, with control of the step; raises the reason when no step is short enough."""
-        last, failure = self.recent[-1], NoOrbit("no step is short enough")
+    def step(self, recent: list[At]) -> At:
+        """The point after some, with control of the step; raises the reason when no step is short enough."""
+        last, failure = recent[-1], NoOrbit("no step is short enough")
         while self.length > SHORTEST:
-            guess, row, order = self.predict(self.recent, self.length)
+            guess, row, order = self.predict(recent, self.length)
             try:
                 there = self.curve.correct(guess, row, row @ last.x + self.length, last.tangent)
                 moved = self.trusted(last, there, guess)
             except OrbitsError as error:
                 failure, self.length = error, 0.5 * self.length
                 continue
+            there = replace(there, length=self.length)
             longer = (AIM / max(moved, 1e-300)) ** (1 / order)
-            self.length = min(self.length * np.clip(0.9 * longer, 0.3, 2.0), self.options.longest)
+            self.length = min(self.length * min(max(0.9 * longer, 0.3), 2.0), self.options.longest)
             return there
         raise failure
 
@@ -265,17 +343,15 @@ class Walk:
         size = self.curve.size(last.x)
         moved = np.linalg.norm((there.x - guess) / size)
         a, b = last.tangent / size, there.tangent / size
-        turned = np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1))
+        turned = np.arccos(min(max(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1.0), 1.0))
         if moved > FARTHEST * self.length or turned > LARGEST_TURN:
             raise NoOrbit(
-                f"the corrector moves {moved:.1e} in a step of {self.length:.1e}, the tangent turns {turned:.2g}"
+                f"the corrector moves {moved:.1e} in a step of {self.length:.1e}, the tangent turns by {turned:.2g}"
             )
-        if there.orbit.family != last.orbit.family and self.length > FIRST / 10:
-            raise NoOrbit(f"the orbit changes from family {last.orbit.family} to {there.orbit.family}")
         return float(moved)
 
     def inside(self, a: At, b: At) -> Callable[[float], At]:
-        """The curve between two of its neighbouring points as a function of the share of the chord."""
+        """The curve between two of its neighbouring points, not certified, as a function of the share of the chord."""
         size = self.curve.size(a.x)
         chord = (b.x - a.x) / size
         row = chord / (chord @ chord) / size
@@ -285,9 +361,8 @@ class Walk:
         def at(share: float) -> At:
             if share in (0.0, 1.0):
                 return (a, b)[int(share)]
-            return self.curve.correct(
-                _hermite(np.array([0.0, 1.0]), ends, slopes, share), row, row @ a.x + share, a.tangent
-            )
+            guess = _hermite(np.array([0.0, 1.0]), ends, slopes, share)
+            return self.curve.correct(guess, row, row @ a.x + share, a.tangent)
 
         return at
 
@@ -300,7 +375,7 @@ class Walk:
         near = inside(float(np.clip(share, 1e-9, 1 - 1e-9)))
         guess = near.x + near.tangent * (value - near.value) / near.tangent[-1]
         near = self.curve.correct(guess, np.eye(len(a.x))[-1], value, a.tangent)
-        return replace(near, x=np.append(near.x[:-1], value))
+        return self.curve.check(replace(near, x=np.append(near.x[:-1], value), length=b.length))
 
     def between(self, a: At, b: At) -> list[tuple[str, At]]:
         """What happens between two points, in order along the curve."""
@@ -312,15 +387,18 @@ class Walk:
                 return float(at.tangent[-1])
             if name == "branch point":
                 return at.turn
+            at = at if at.point else self.curve.check(at)
             if name == "family":
-                return 1.0 if at.orbit.family == a.orbit.family else -1.0
-            return self.margins[name](at.orbit)
+                return 1.0 if at.point.family == a.point.family else -1.0
+            if name in MARGINS:
+                return MARGINS[name](at.point)
+            return self.options.watch[name](self.curve.orbit(at))
 
-        for name in ("fold", "branch point", "family", *self.margins):
-            ends = quantity(name, a), quantity(name, b)
-            if None in ends or not ends[0] * ends[1] < 0:
-                continue
-            found.append((name, *self.located(lambda at, name=name: quantity(name, at), inside, *ends)))
+        for name in ("fold", "branch point", "family", *MARGINS, *self.options.watch):
+            first, last = quantity(name, a), quantity(name, b)
+            if first is not None and last is not None and first * last < 0:
+                share = bracketed_root(lambda share, name=name: quantity(name, inside(share)) or 0.0, 0, 1, first, last)
+                found.append((name, share, self.curve.check(inside(share))))
         folds = [0.0, *sorted(share for name, share, _ in found if name == "fold"), 1.0]
         for low, high in pairwise(folds):
             ends = inside(low), inside(high)
@@ -331,12 +409,6 @@ class Walk:
                         ("asked", low + (high - low) * (value - ends[0].value) / (ends[1].value - ends[0].value), at)
                     )
         return [(name, at) for name, _, at in sorted(found, key=lambda entry: entry[1])]
-
-    @staticmethod
-    def located(quantity, inside, first: float, last: float) -> tuple[float, At]:
-        """Where a quantity changes sign: the share of the chord and the point."""
-        share = bracketed_root(lambda share: quantity(inside(share)) or 0.0, 0.0, 1.0, first, last)
-        return share, inside(share)
 
     def closed(self, a: At, b: At) -> At | None:
         """The first point, if the curve passes it again between two."""
@@ -351,10 +423,10 @@ class Walk:
 
     def far(self, there: At) -> End | None:
         """The end of a curve that goes to infinity or to nothing."""
-        orbit, first = there.orbit, self.first.orbit
+        orbit, first = there.point, self.first.point
         name, value = self.curve.along, there.value
-        if there.growth > LARGEST_GROWTH:
-            return self.lost(f"small changes grow {there.growth:.0e}-fold over the flight, and rounding decides")
+        if there.here.growth > LARGEST_GROWTH:
+            return self.lost(f"small changes grow {there.here.growth:.0e}-fold over the flight, and rounding decides")
         if orbit.alpha > FAR * first.alpha or orbit.flight_time > FAR * first.flight_time:
             limit = self.limit()
             if orbit.flight_time / orbit.alpha > FAR * first.flight_time / first.alpha:
@@ -379,7 +451,7 @@ class Walk:
     def lost(self, reason: str) -> End:
         """The end of a curve that cannot be followed further."""
         last = self.recent[-1]
-        where = f"at {self.curve.along} = {last.value:.10g}, alpha = {last.orbit.alpha:.10g}: {reason}"
-        if last.orbit.alpha > RUNNING * self.first.orbit.alpha:
+        where = f"at {self.curve.along} = {last.value:.10g}, alpha = {last.point.alpha:.10g}: {reason}"
+        if last.point.alpha > RUNNING * self.first.point.alpha:
             return End("escaped", f"the launch speed grows, and the curve is lost {where}", self.limit())
         return End("stuck", where)

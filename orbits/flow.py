@@ -57,7 +57,8 @@ class Trajectory:
         """The states' motion for a small `change` (columns,) of what was varied, and so much longer; to first order."""
         states = self.variations.shape[1]
         coefficients = self.coefficients[:, :states] + np.einsum("nick,c->nik", self.variations, change)
-        return Trajectory(np.append(self.times[:-1], self.times[-1] + longer), coefficients, self.names[:states])
+        times = np.append(self.times[:-1], self.times[-1] + longer)
+        return Trajectory(times, coefficients, self.names[:states], self.variations)
 
     def __call__(self, t):
         """Rows (..., n + m) at times `t` (...), which lie within the trajectory's."""

@@ -93,17 +93,15 @@ def plot_family(family, axes=None, quantity: str = "alpha", label: str | None = 
     Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
     """
     axes = axes or new_axes(6.5, 4.5)
-    along = list(family)
-    for event in reversed(family.events):  # where motions begin and end is drawn, not only the points beside it
-        along.insert(event.after + 1, event.point)
-    x, y = (np.array([getattr(point, name) for point in along], dtype=float) for name in ("value", quantity))
-    motion = np.array([point.admissible for point in along])
-    edges = np.flatnonzero(motion[1:] != motion[:-1])
-    motion[edges] = motion[edges + 1] = True
-    line = axes.plot(x, np.where(motion, y, np.nan), lw=2, label=label)[0]
-    lost = ~motion
-    lost[edges] = lost[edges + 1] = True
-    axes.plot(x, np.where(lost, y, np.nan), lw=1.4, ls=(0, (4, 2)), color=line.get_color(), zorder=1)
+    along = [(point, False) for point in family]
+    for event in reversed(family.events):  # motions begin and end there, not at the points beside
+        along.insert(event.after + 1, (event.point, True))
+    x, y = (np.array([getattr(point, name) for point, _ in along], dtype=float) for name in ("value", quantity))
+    motion, joint = (
+        np.array(flags) for flags in zip(*[(point.admissible, is_event) for point, is_event in along], strict=True)
+    )
+    line = axes.plot(x, np.where(motion | joint, y, np.nan), lw=2, label=label)[0]
+    axes.plot(x, np.where(~motion | joint, y, np.nan), lw=1.4, ls=(0, (4, 2)), color=line.get_color(), zorder=1)
     known = axes.get_legend_handles_labels()[1]
     for event in family.events:
         if event.kind == "asked":

@@ -30,6 +30,7 @@ class Evaluation:
     transitions : derivatives (states, states + k) of each arc's end at fixed duration, by the same
     starts : derivatives (states + k, n + k) of the same, by the unknowns and the varied parameters
     durations : derivatives (n + k,) of each arc's duration
+    holds : derivatives (rows, states) of the residuals that belong to each arc by its end
     """
 
     residual: np.ndarray
@@ -38,6 +39,7 @@ class Evaluation:
     transitions: tuple[np.ndarray, ...]
     starts: tuple[np.ndarray, ...]
     durations: tuple[np.ndarray, ...]
+    holds: tuple[np.ndarray, ...]
 
     @property
     def growth(self) -> float:
@@ -130,7 +132,7 @@ class Shooting:
             holds, slope = arrive(u, start, end, p, q)
             residuals.append(holds.ravel())
             jacobians.append(_chain(slope, du, dstart[: along.size], dend, dp, _chain(dq, dp)))
-            arcs.append((path, transition, dstart, dvalue[-1]))
+            arcs.append((path, transition, dstart, dvalue[-1], slope[:, n + along.size : n + 2 * along.size]))
             last, dlast = end, dend
         return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *zip(*arcs, strict=True))
 

@@ -90,35 +90,40 @@ class Solution:
     compiled: bool
 
 
-def interpret(
-    model: Model, method: str, equations: Shooting, u, here: Evaluation, p: Mapping, error=None, across=None
-) -> Solution:
+def interpret(model: Model, method: str, equations: Shooting, u, here: Evaluation, p: Mapping, error=None) -> Solution:
     """What the solution `u` of a method's equations, evaluated `here`, means for the flight.
 
-    error : of alpha, where it is known; else it is estimated, as `error_bound` does with `across`
+    error : of alpha, where it is known; else it is estimated, by `error_bound`
     """
     if error is None:
-        error = error_bound(equations, u, vector(p), here, across)
+        error = error_bound(equations, u, vector(p), here)
     read = _reduced if method in ("closed form", "relative") else _mirrored if model.reversor else _unmirrored
     flight, parts, slope = read(model, equations, u, here, p)
     residual = np.abs(here.residual).max()
     return Solution(equations.named(u), flight, parts, float(slope), float(residual), error, equations.compiled)
 
 
+def as_case(model: Model, solution: Solution, p: Mapping) -> Case:
+    """What is to be certified of a solution, its contact followed."""
+    flight_time = float(sum(part.times[-1] for part in solution.parts)) * (2 if len(solution.parts) == 1 else 1)
+    contact, stopped = follow_contact(model, solution.u, p, LONGEST_CONTACT * (1 + flight_time))
+    figures = solution.gap_slope, solution.residual, solution.error
+    return Case(solution.u, p, solution.parts, contact, stopped, *figures)
+
+
 def as_orbit(machine, method: str, solution: Solution, began: float) -> Orbit:
     """The certified orbit of a machine; `began` is when the search for it did, by `time.perf_counter`."""
     model, p, u = machine.model, machine.values, solution.u
-    flight_time = float(sum(part.times[-1] for part in solution.parts)) * (2 if len(solution.parts) == 1 else 1)
-    contact, stopped = follow_contact(model, u, p, LONGEST_CONTACT * (1 + flight_time))
-    figures = solution.gap_slope, solution.residual, solution.error
-    (certificate,) = certify(model, [Case(u, p, solution.parts, contact, stopped, *figures)])
+    case = as_case(model, solution, p)
+    (certificate,) = certify(model, [case])
     if isinstance(certificate, NoOrbit):
         raise certificate
+    contact = case.contact
     return Orbit(
         machine=machine.describe(),
         alpha=u["alpha"],
         liftoff_extension=u["liftoff"],
-        flight_time=flight_time,
+        flight_time=float(case.flight_time) * (2 if len(case.parts) == 1 else 1),
         contact_time=None if contact is None else float(contact.times[-1]) * (2 if model.reversor else 1),
         flight=solution.flight,
         contact=contact,
