@@ -97,9 +97,9 @@ def plot_family(family, axes=None, quantity: str = "alpha", label: str | None = 
     for event in reversed(family.events):  # motions begin and end there, not at the points beside
         along.insert(event.after + 1, (event.point, True))
     x, y = (np.array([getattr(point, name) for point, _ in along], dtype=float) for name in ("value", quantity))
-    motion, joint = (
-        np.array(flags) for flags in zip(*[(point.admissible, is_event) for point, is_event in along], strict=True)
-    )
+    motion = np.array([point.admissible for point, _ in along])
+    joint = np.array([is_event for _, is_event in along])
+    joint[1:-1] &= motion[2:] != motion[:-2]
     line = axes.plot(x, np.where(motion | joint, y, np.nan), lw=2, label=label)[0]
     axes.plot(x, np.where(~motion | joint, y, np.nan), lw=1.4, ls=(0, (4, 2)), color=line.get_color(), zorder=1)
     known = axes.get_legend_handles_labels()[1]

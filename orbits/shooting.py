@@ -110,31 +110,40 @@ class Shooting:
     def evaluate(self, u, p, vary: tuple[str, ...] = (), meshes=None) -> Evaluation:
         """Residual, Jacobian and motion at unknowns `u` (n,) and parameters `p` (np,); `meshes` as in `Flow.run`."""
         n, k = self.size, len(vary)
-        directions = np.zeros((n + len(self.parameters), n + k))
-        directions[:n, :n] = np.eye(n)
-        for j, name in enumerate(vary):
-            directions[n + self.parameters.index(name), n + j] = 1.0
-        du, dp = directions[:n], directions[n:]
+        du, dp, own, seeds = self._seeds(vary)
         last, dlast = np.zeros(0), np.zeros((0, n + k))
         residuals, jacobians, arcs = [], [], []
         meshes = meshes or [None] * len(self.flows)
-        for along, mesh, (depart, arrive) in zip(self.flows, meshes, self._ends, strict=True):
+        for along, mesh, (depart, arrive), (dx, dparameters) in zip(self.flows, meshes, self._ends, seeds, strict=True):
             value, slope = depart(u, last, p)
             dvalue = _chain(slope, du, dlast, dp)
-            start, dstart = value[:-1, 0], np.vstack([dvalue[:-1], np.eye(k, n + k, n)])
-            seeds = np.eye(along.size, along.size + k)
-            dseeds = np.hstack([np.zeros((len(self.parameters), along.size)), dp[:, n:]])
-            path, transition = along.run(start, p, value[-1, 0], seeds, dseeds, mesh=mesh)
+            start, dstart = value[:-1, 0], np.vstack([dvalue[:-1], own])
+            path, transition = along.run(start, p, value[-1, 0], dx, dparameters, mesh=mesh)
             end = path.end[: along.size]
             speed = evaluate(derivative(path.coefficients[-1, : along.size]), path.steps[-1])
             dend = transition @ dstart + np.outer(speed, dvalue[-1])
-            q, dq = along.piece_data(start, p)
+            q, slope = along.piece_data(start, p)
+            dq = _chain(slope, dp)
             holds, slope = arrive(u, start, end, p, q)
             residuals.append(holds.ravel())
-            jacobians.append(_chain(slope, du, dstart[: along.size], dend, dp, _chain(dq, dp)))
+            jacobians.append(_chain(slope, du, dstart[: along.size], dend, dp, dq))
             arcs.append((path, transition, dstart, dvalue[-1], slope[:, n + along.size : n + 2 * along.size]))
             last, dlast = end, dend
         return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *zip(*arcs, strict=True))
+
+    @lru_cache(maxsize=8)  # noqa: B019 - the equations themselves are kept as long
+    def _seeds(self, vary: tuple[str, ...]):
+        """Derivatives of the unknowns, of the parameters and of those varied by all that changes; and for each arc the
+        seeds of its start and of the parameters."""
+        n, k = self.size, len(vary)
+        dp = np.zeros((len(self.parameters), n + k))
+        for j, name in enumerate(vary):
+            dp[self.parameters.index(name), n + j] = 1.0
+        seeds = [
+            (np.eye(along.size, along.size + k), np.hstack([np.zeros((len(dp), along.size)), dp[:, n:]]))
+            for along in self.flows
+        ]
+        return np.eye(n, n + k), dp, np.eye(k, n + k, n), seeds
 
     def moved(self, here: Evaluation, u, p, step) -> Evaluation:
         """`here`, at `u` less a Newton step (n + k,) that settles it, taken along to `u`: to first order, but for the
