@@ -3,6 +3,7 @@
 from .continuation import follow, trace
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .family import End, Event, Family, Point
+from .folds import fold_statement, follow_fold
 from .model import Affine, Arc, Model, Oscillator, Phase, Pieces, Reduction, Statement, Units
 from .orbit import Certificate, Orbit
 from .search import METHODS, find
@@ -30,6 +31,8 @@ __all__ = [
     "Statement",
     "Units",
     "find",
+    "fold_statement",
     "follow",
+    "follow_fold",
     "trace",
 ]

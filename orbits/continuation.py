@@ -52,15 +52,18 @@ def follow(
     Returns the `Family`, whose `end` says how it ended: a curve that is lost on the way is "stuck", with the reason.
     Raises `NoOrbit` without a first orbit, and `InputError` for what cannot be meant.
     """
-    walk = _begin(
-        machine, along, start, stop, family, method, _options(at, watch, longest, most, stop_inadmissible), resume
-    )
-    family_of = _Record(walk, resume, output)
+    options = options_of(at, watch, longest, most, stop_inadmissible)
+    return record_of(_begin(machine, along, start, stop, family, method, options, resume), resume, output, progress)
+
+
+def record_of(walk: Walk, resume: Family | None = None, output=None, progress=None) -> Family:
+    """The family that a walk finds; the others as in `follow`."""
+    growing = _Record(walk, resume, output)
     for item in _uninterrupted(walk):
-        family_of.add(item)
+        growing.add(item)
         if progress and isinstance(item, At):
             progress(walk.share(item.value))
-    return family_of.finish()
+    return growing.finish()
 
 
 def trace(machine, along: str, stop: float, start: float | None = None, family: int = 1, **options) -> Iterator:
@@ -70,7 +73,7 @@ def trace(machine, along: str, stop: float, start: float | None = None, family: 
     method = options.pop("method", None)
     if unknown := options.keys() - known.keys():
         raise InputError(f"trace has no option '{min(unknown)}'; it knows {', '.join(known)} and method")
-    walk = _begin(machine, along, start, stop, family, method, _options(**{**known, **options}), None)
+    walk = _begin(machine, along, start, stop, family, method, options_of(**{**known, **options}), None)
     for item in _uninterrupted(walk):
         yield walk.curve.orbit(item) if isinstance(item, At) else item
 
@@ -86,7 +89,8 @@ def _uninterrupted(walk: Walk) -> Iterator:
         yield item
 
 
-def _options(at, watch, longest, most, stop_inadmissible) -> Options:
+def options_of(at, watch, longest, most, stop_inadmissible) -> Options:
+    """The options of `follow`, checked."""
     values = tuple(sorted(_number("at", value) for value in at))
     if not 0 < _number("longest", longest) <= 1:
         raise InputError(f"longest = {longest:g}; a step is a share of the way, above 0 and up to 1")
@@ -128,8 +132,14 @@ def _begin(machine, along, start, stop, family, method, options: Options, resume
             "unfolding": orbit.certificate.unfolding,
         }
         x = np.array([*(unknowns[name] for name in curve.equations.statement.unknowns), start])
-        ahead = np.eye(len(x))[-1] * np.sign(stop - start)
-        first = curve.correct(x, np.eye(len(x))[-1], start, ahead)
+    return walk_from(curve, x, start, stop, options)
+
+
+def walk_from(curve: Curve, x, start: float, stop: float, options: Options) -> Walk:
+    """A walk from near `x`, where the parameter has the value `start`, towards `stop`."""
+    with interrupts.deferred():
+        ahead = np.eye(len(x))[-1]
+        first = curve.correct(x, ahead, start, ahead * np.sign(stop - start))
         first = curve.check(replace(first, x=np.append(first.x[:-1], start)))
     return Walk(curve, first, start, stop, options)
 

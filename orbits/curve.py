@@ -78,7 +78,7 @@ class Curve:
     def __init__(self, machine, along: str, method: str, span: float):
         self.machine, self.along, self.method = machine, along, method
         self.names = tuple(machine.values)
-        self.equations = equations_of(machine.model, method, self.names)
+        self.equations = self.orbits = equations_of(machine.model, method, self.names)
         self.place = self.names.index(along)
         self.parameters = np.array(list(machine.values.values()))
         self.span = span
@@ -129,9 +129,9 @@ class Curve:
 
     def checked(self, ats: Sequence[At]) -> list[At | OrbitsError]:
         """The points certified, all together; in the place of one that cannot be, the error that says why."""
-        points = [(at.x[:-1], self.p(at.x), at.here, self._across(at)) for at in ats]
-        errors = error_bounds(self.equations, points)
-        answers: list = [self._case(at, error) for at, error in zip(ats, errors, strict=True)]
+        points = [self.solved(at) for at in ats]
+        errors = error_bounds(self.orbits, points)
+        answers: list = [self._case(*known, error) for known, error in zip(points, errors, strict=True)]
         good = [i for i, case in enumerate(answers) if isinstance(case, Case)]
         certificates = certify(self.machine.model, [answers[i] for i in good])
         for i, certificate in zip(good, certificates, strict=True):
@@ -147,22 +147,27 @@ class Curve:
             raise answer
         return answer
 
-    def _across(self, at: At) -> np.ndarray | None:
-        """The tangent as a row, at a fold: errors are measured across the curve there."""
+    def solved(self, at: At) -> tuple:
+        """Unknowns and parameters of the machine's own equations, `orbits`, at a point; the equations there; and the
+        tangent as a row where it is that of a fold, since errors are measured across the curve there."""
         across = at.tangent / self.size(at.x) ** 2
-        return across if abs(across[-1]) * self.span < AT_A_FOLD else None
+        return at.x[:-1], self.p(at.x), at.here, across if abs(across[-1]) * self.span < AT_A_FOLD else None
 
-    def _case(self, at: At, error: float | OrbitsError) -> Case | OrbitsError:
+    def values(self, p) -> dict[str, float]:
+        """What a point's parameters are by name, as far as the machine does not state them."""
+        return {self.along: float(p[self.place])}
+
+    def _case(self, u, p, here: Evaluation, across, error: float | OrbitsError) -> Case | OrbitsError:
         """What is to be certified of a point."""
         if isinstance(error, OrbitsError):
             return error
-        p = dict(zip(self.names, self.p(at.x).tolist(), strict=True))
+        named = dict(zip(self.names, p.tolist(), strict=True))
         try:
-            self.machine.with_values(**{self.along: at.value})  # refuses values that cannot be
-            solution = interpret(self.machine.model, self.method, self.equations, at.x[:-1], at.here, p, error)
+            self.machine.with_values(**self.values(p))  # refuses values that cannot be
+            solution = interpret(self.machine.model, self.method, self.orbits, u, here, named, error)
         except OrbitsError as refusal:
             return refusal
-        return as_case(self.machine.model, solution, p)
+        return as_case(self.machine.model, solution, named)
 
     def _point(self, at: At, case: Case, certificate: Certificate) -> At:
         whole = 1 if self.machine.model.reversor is None else 2
@@ -175,14 +180,16 @@ class Curve:
             flight_time=float(case.flight_time) * (2 if len(case.parts) == 1 else 1),
             contact_time=None if case.contact is None else float(case.contact.times[-1]) * whole,
             certificate=certificate,
+            also={name: case.p[name] for name in self.values(self.p(at.x)) if name != self.along},
         )
         return replace(at, point=point)
 
     def orbit(self, at: At) -> Orbit:
         """The whole orbit at a point."""
         began = time.perf_counter()
-        machine = self.machine.with_values(**{self.along: at.value})
-        known = machine.model, self.method, self.equations, at.x[:-1], at.here, machine.values
+        u, p, here, _ = self.solved(at)
+        machine = self.machine.with_values(**self.values(p))
+        known = machine.model, self.method, self.orbits, u, here, machine.values
         return as_orbit(machine, self.method, interpret(*known, error=at.point.error if at.point else None), began)
 
 

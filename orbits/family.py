@@ -41,6 +41,7 @@ class Point:
     u : the unknowns that were solved for
     tangent : direction of the curve there, in (u, value)
     flight_time, contact_time : durations; contact_time None when the contact never ends
+    also : values of further parameters that vary along the curve
     """
 
     value: float
@@ -51,6 +52,7 @@ class Point:
     flight_time: float
     contact_time: float | None
     certificate: Certificate
+    also: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def admissible(self) -> bool:
@@ -64,7 +66,8 @@ class Point:
 
     def row(self) -> dict:
         """Its columns as JSON-ready data."""
-        return {name: getattr(self, name) for name in COLUMNS} | {"violations": list(self.certificate.violations)}
+        figures = {name: getattr(self, name) for name in COLUMNS}
+        return {**self.also, **figures, "violations": list(self.certificate.violations)}
 
 
 @dataclass(frozen=True)
@@ -124,7 +127,8 @@ class Family:
     def column(self, name: str) -> np.ndarray:
         """One quantity of every point, NaN where it has none; the parameter by its own name."""
         name = "value" if name == self.name else name
-        return np.array([np.nan if (v := getattr(point, name)) is None else v for point in self.points], dtype=float)
+        values = (point.also[name] if name in point.also else getattr(point, name) for point in self.points)
+        return np.array([np.nan if value is None else value for value in values], dtype=float)
 
     def at(self, value: float) -> list[Point]:
         """The points whose parameter has exactly this value."""
@@ -228,9 +232,9 @@ class Family:
     def _write_csv(self, path: Path):
         with open(path, "w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
-            writer.writerow([self.name, *COLUMNS])
+            writer.writerow([self.name, *self.points[0].also, *COLUMNS])
             for point in self.points:
-                row = [point.value, *(getattr(point, name) for name in COLUMNS)]
+                row = [point.value, *point.also.values(), *(getattr(point, name) for name in COLUMNS)]
                 writer.writerow([f"{value:.17g}" if isinstance(value, float) else value for value in row])
 
     def _dataset(self):

@@ -1,0 +1,159 @@
+"""Curves of folds in two parameters: where a family's orbits begin to exist.
+
+At a fold the equations F(u, a) = 0 have a direction v in which nothing changes, F_u v = 0. Both together are a boundary
+value statement again, on phases of twice the states: the motion, and its first variation in the direction v. Its own
+derivatives, which shooting finds as for any statement, are the exact second derivatives of F.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from .continuation import options_of, record_of, walk_from
+from .curve import At, Curve
+from .errors import InputError, NoOrbit
+from .family import Family, Point
+from .model import Arc, Phase, Statement
+from .shooting import Shooting, shooting
+
+
+@lru_cache(maxsize=64)
+def fold_statement(statement: Statement, along: str) -> Statement:
+    """The folds of a statement with respect to a parameter: unknowns u, v but for that of "alpha", and the parameter.
+
+    v is scaled to 1 in the component of the launch speed, which a fold of a family always has. A motion in pieces has
+    no second derivatives everywhere: raises `InputError`.
+    """
+    if any(arc.phase.pieces for arc in statement.arcs):
+        raise InputError("a fold of a piecewise law cannot be followed: it has no second derivatives everywhere")
+    directions = tuple(f"d{name}" for name in statement.unknowns if name != "alpha")
+    arcs, before = [], 0
+    for arc in statement.arcs:
+        arcs.append(_doubled(arc, statement.unknowns, along, before))
+        before = len(arc.phase.states)
+    unknowns = (*statement.unknowns, *directions, along)
+    return Statement(f"fold of the {statement.name}", unknowns, tuple(arcs), statement.durations)
+
+
+def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Arc:
+    """An arc whose states are the motion, its variation, and the parameter, which stays as it is."""
+    n, phase = len(arc.phase.states), arc.phase
+
+    def field(x, p, q):
+        motion, variation = x[:n], x[n : 2 * n]
+        rates = ca.vertcat(*phase.field(motion, {**p, along: x[-1]}, q))
+        return [*ca.vertsplit(rates), *_derivative(rates, motion, variation), 0 * x[-1]]
+
+    def halves(u, last, p):
+        """Unknowns, their direction, the state before, its variation, and parameters with the followed one."""
+        main = [u[name] for name in unknowns]
+        direction = [1.0 if name == "alpha" else u[f"d{name}"] for name in unknowns]
+        p = {**p, along: u[along]}
+        return main, direction, last[:before], last[before : 2 * before], p, dict(zip(unknowns, main, strict=True))
+
+    def start(u, last, p):
+        main, direction, last, moved, p, named = halves(u, last, p)
+        values = ca.vertcat(*arc.start(named, last, p))
+        return [*ca.vertsplit(values), *_derivative(values, [*main, *last], [*direction, *moved]), u[along]]
+
+    def conditions(u, x, p):
+        main, direction, _, _, p, named = halves(u, [], p)
+        end, moved = x[:n], x[n : 2 * n]
+        longer = _derivative(ca.vertcat(arc.duration(named, p)), main, direction)[0]
+        rates = phase.field(end, p, [])
+        moved = [change + rate * longer for change, rate in zip(moved, rates, strict=True)]
+        values = ca.vertcat(*arc.conditions(named, end, p))
+        return [*ca.vertsplit(values), *_derivative(values, [*main, *end], [*direction, *moved])]
+
+    def guard(u, x, p, q):
+        main, direction, _, _, p, named = halves(u, [], p)
+        values = ca.vertcat(*arc.guard(named, x[:n], p, q))
+        return [*ca.vertsplit(values), *_derivative(values, [*main, *x[:n]], [*direction, *x[n : 2 * n]])]
+
+    states = (*phase.states, *(f"d{name}" for name in phase.states), along)
+    duration = lambda u, p: arc.duration(u, {**p, along: u[along]})  # noqa: E731
+    return Arc(Phase(phase.name, states, field), start, duration, conditions, guard)
+
+
+def _derivative(values, symbols: list, direction: list) -> list:
+    """Of expressions (m, 1), in a direction of the symbols that they are made of."""
+    if values.numel() == 0:
+        return []
+    return ca.vertsplit(ca.densify(ca.jacobian(values, ca.vertcat(*symbols)) @ ca.vertcat(*direction)))
+
+
+class _FoldCurve(Curve):
+    """The curve of folds; its points are orbits of the machine at values of two parameters."""
+
+    def __init__(self, machine, along: str, across: str, method: str, span: float):
+        super().__init__(machine, across, method, span)
+        self.folded = self.names.index(along)
+        self.equations: Shooting = shooting(fold_statement(self.orbits.statement, along), self.names)
+
+    def p(self, x) -> np.ndarray:
+        values = super().p(x)
+        values[self.folded] = x[-2]
+        return values
+
+    def values(self, p) -> dict[str, float]:
+        return {**super().values(p), self.names[self.folded]: float(p[self.folded])}
+
+    def solved(self, at: At) -> tuple:
+        """As of any curve, with the errors measured across the family that folds: along it only the orbit changes."""
+        names = self.orbits.statement.unknowns
+        changes = dict(zip(self.equations.statement.unknowns, at.x, strict=False))
+        direction = [1.0 if name == "alpha" else changes[f"d{name}"] for name in names]
+        u, p = at.x[: len(names)], self.p(at.x)
+        here = self.orbits.evaluate(u, p, (self.names[self.folded],))
+        return u, p, here, np.array([*direction, 0.0])
+
+
+def follow_fold(
+    machine,
+    fold: Point,
+    along: str,
+    across: str,
+    stop: float,
+    *,
+    at: Sequence[float] = (),
+    longest: float = 0.02,
+    most: int = 10_000,
+    method: str | None = None,
+    output=None,
+) -> Family:
+    """Follow the fold of a family in `along` as a second parameter goes on to `stop`: a curve in two parameters.
+
+    machine : as the family was followed with
+    fold : the point of a "fold" event of that family
+    along, across : names of the parameter that folds, and of the second one
+    at, longest, most, output : as in `follow`
+    method : that of the family, "relative" or "half orbit"; None for the simplest
+
+    Returns a `Family` along `across`, whose points tell the value of `along` too (`column`); its "fold"s are cusps.
+    """
+    names = [name for name in machine.values if name != machine.model.homotopy]
+    for name in (along, across):
+        if name not in names:
+            raise InputError(f"the machine has no parameter '{name}'; it has {', '.join(names)}")
+    if along == across:
+        raise InputError(f"the fold in '{along}' is followed along another parameter")
+    if method is None:
+        method = "relative" if machine.model.reduction else "half orbit"
+    machine = machine.with_values(**{along: fold.value})
+    start = machine.values[across]
+    if stop == start:
+        raise InputError(f"{across} goes from {start:g} to {stop:g}: there is no way between")
+    curve = _FoldCurve(machine, along, across, method, abs(stop - start))
+    tangent = np.array(fold.tangent[:-1])
+    names = curve.orbits.statement.unknowns
+    if len(fold.u) != len(names):
+        raise InputError("this fold was found by another method; give that method")
+    alpha = tangent[names.index("alpha")]
+    if alpha == 0:
+        raise NoOrbit("this point is no fold: the launch speed does not move along the curve")
+    changes = [d / alpha for name, d in zip(names, tangent, strict=True) if name != "alpha"]
+    x = np.array([*fold.u, *changes, fold.value, start])
+    options = options_of(at, None, longest, most, False)
+    return record_of(walk_from(curve, x, start, stop, options), output=output)
