@@ -30,6 +30,8 @@ AIM = 1e-5
 LARGEST_TURN = 0.25
 # An orbit this many times faster, longer or smaller than the first is on its way to infinity or to nothing.
 FAR = 1e2
+# ... if the parameter has no further to go than this share of its way so far; else it only scales the orbit.
+NEAR = 0.05
 # A motion that makes more of a small change, as it hangs at an unstable equilibrium, is beyond shooting in one piece.
 LARGEST_GROWTH = 3e7
 # A curve that is lost after the launch speed has grown this much was running off.
@@ -435,30 +437,37 @@ class Walk:
         if there.here.growth > LARGEST_GROWTH:
             return self.lost(f"small changes grow {there.here.growth:.0e}-fold over the flight, and rounding decides")
         if orbit.alpha > FAR * first.alpha or orbit.flight_time > FAR * first.flight_time:
-            limit = self.limit()
+            if (limit := self.limit(-1, (0, 2, 3, 4))) is None:
+                return None
             if orbit.flight_time / orbit.alpha > FAR * first.flight_time / first.alpha:
                 return End("degenerate", f"gravity no longer returns the machine near {name} = {value:.6g}", limit)
             return End("escaped", "the launch speed grows without bound", limit)
-        if orbit.alpha < first.alpha / FAR:
-            return End("degenerate", f"the flight vanishes near {name} = {value:.6g}", self.limit())
+        if orbit.alpha < first.alpha / FAR and (limit := self.limit(1, (0, 1, 2, 3))) is not None:
+            return End("degenerate", f"the hop shrinks to nothing near {name} = {value:.6g}", limit)
         if abs(orbit.liftoff_extension) > FAR * (1 + abs(first.liftoff_extension)):
-            return End("degenerate", f"the spring no longer lifts the foot near {name} = {value:.6g}", self.limit())
+            return End("degenerate", f"the spring no longer lifts the foot near {name} = {value:.6g}")
         return None
 
-    def limit(self) -> float | None:
-        """The value that the parameter tends to, extrapolated from four well spaced points: by 1/alpha**2 and higher
-        powers, since the height of a throw goes with its square."""
+    def limit(self, power: int, terms: tuple[int, ...], near: float = NEAR) -> float | None:
+        """The value that the parameter tends to as alpha grows (power -1) or vanishes (1), extrapolated from four well
+        spaced points by some powers; None where it is farther than the share `near` of the values passed.
+
+        With a throw's height go the square of alpha and higher powers, with a small hop's size alpha itself.
+        """
         alpha, value = np.array(self.seen).T
-        chosen = [int(np.abs(np.log(alpha / alpha[-1] * ratio)).argmin()) for ratio in (1.0, 1.25, 1.6, 2.0)]
+        scale = (alpha / alpha[-1]) ** power
+        chosen = [int(np.abs(np.log(scale / ratio)).argmin()) for ratio in (1.0, 1.25, 1.6, 2.0)]
         if len(set(chosen)) < 4:
             return None
-        terms = (alpha[chosen[0]] / alpha[chosen])[:, None] ** np.array([0, 2, 3, 4])
-        return float(np.linalg.solve(terms, value[chosen])[0])
+        limit = float(np.linalg.solve(scale[chosen][:, None] ** np.array(terms), value[chosen])[0])
+        return limit if abs(limit - value[-1]) < near * np.ptp(value) else None
 
     def lost(self, reason: str) -> End:
         """The end of a curve that cannot be followed further."""
         last = self.recent[-1]
         where = f"at {self.curve.along} = {last.value:.10g}, alpha = {last.point.alpha:.10g}: {reason}"
         if last.point.alpha > RUNNING * self.first.point.alpha:
-            return End("escaped", f"the launch speed grows, and the curve is lost {where}", self.limit())
+            return End(
+                "escaped", f"the launch speed grows, and the curve is lost {where}", self.limit(-1, (0, 2, 3, 4))
+            )
         return End("stuck", where)

@@ -34,6 +34,17 @@ def new_axes(width: float = 7.0, height: float = 4.0):
     return figure.add_subplot()
 
 
+def new_row(count: int, width: float = 4.2, height: float = 3.6, rows: int = 1):
+    """So many axes side by side on a figure of their own, or rows of them: an array of axes."""
+    first = new_axes(width * count, height * rows)
+    figure = first.figure
+    first.remove()
+    axes = figure.subplots(rows, count)
+    for one in np.ravel(axes):
+        one.spines[["top", "right"]].set_visible(False)
+    return axes
+
+
 def scales(orbit: Orbit) -> tuple[float, float, str, str]:
     """Factors of length and time for a plot and what to write behind their names: SI where the machine is stated so."""
     if orbit.units is None:

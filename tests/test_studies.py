@@ -2,7 +2,7 @@
 
 import pytest
 
-from studies import air_track, asteroid
+from studies import air_track, asteroid, figure_7, gravity_families, spring_families
 
 
 def test_air_track(tmp_path, capsys):
@@ -29,3 +29,35 @@ def test_asteroid(tmp_path, capsys):
     assert numbers["constant_gravity_off"] == pytest.approx(0.067, abs=1e-3)
     assert (tmp_path / "asteroid.png").stat().st_size > 10_000
     assert "nearest 10 m" in capsys.readouterr().out
+
+
+def test_figure_7(tmp_path):
+    """The inflection on the ground is the lossless hop: two ways to one launch speed."""
+    numbers = figure_7.main(tmp_path)
+    assert numbers["alpha"] == pytest.approx(numbers["expected"], rel=1e-12)
+    assert numbers["pairs"] == [0, 0, 1, 1]
+    assert (tmp_path / "figure_7.png").stat().st_size > 10_000
+
+
+def test_spring_families(tmp_path):
+    """Saturation ends a family where the force of rest balances that of n oscillations: limits in closed form."""
+    found = spring_families.main(tmp_path, quick=True)
+    for title, limit in (
+        ("saturating, $\\tanh(b r)/b$", lambda n: 1 / (2 * n + 1)),
+        ("Toda, hard in compression", lambda n: 1 / (n + 1)),
+        ("Toda, hard in tension", lambda n: -1 / n),
+        ("air spring, by 1/length", lambda n: 1.4 * (n + 1)),
+    ):
+        for n, family in enumerate(found[title], start=1):
+            assert family.end.kind == "escaped"
+            assert family.end.limit == pytest.approx(limit(n), rel=1e-4)
+    assert (tmp_path / "spring_families.png").stat().st_size > 10_000
+
+
+def test_gravity_families(tmp_path):
+    """In a gradient the hopper ends where the tide stretches the spring to lift-off, the juggler where gravity ends."""
+    found = gravity_families.main(tmp_path, quick=True)
+    length = gravity_families.REST_LENGTH
+    assert found["hopper", "1 - k*z", 1].end.limit == pytest.approx(2 / (length + 1), rel=1e-5)
+    assert found["juggler", "1 - k*z", 1].end.limit == pytest.approx(1 / length, rel=1e-5)
+    assert found["hopper", "1/(1 + z*k)**2", 1].end.kind == "reached"
