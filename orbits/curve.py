@@ -467,7 +467,6 @@ class Walk:
         last = self.recent[-1]
         where = f"at {self.curve.along} = {last.value:.10g}, alpha = {last.point.alpha:.10g}: {reason}"
         if last.point.alpha > RUNNING * self.first.point.alpha:
-            return End(
-                "escaped", f"the launch speed grows, and the curve is lost {where}", self.limit(-1, (0, 2, 3, 4))
-            )
+            limit = self.limit(-1, (0, 2, 3, 4), near=1.0)
+            return End("escaped", f"the launch speed grows, and the curve is lost {where}", limit)
         return End("stuck", where)

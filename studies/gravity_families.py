@@ -38,7 +38,9 @@ def main(folder: Path, quick: bool = False) -> dict[tuple, Family]:
                 for event in family.events:
                     print(f"      {event.kind} at {along} = {event.point.value:.8g}, alpha = {event.point.alpha:.8g}")
             axes.set(title=f"{machine.kind}, gravity {law}", xlabel=label, ylim=(0, None))
-            axes.set_xscale("symlog", linthresh=1e-3)
+            if stop > 1:
+                axes.set_xscale("symlog", linthresh=1e-3)
+            axes.set_xlim(left=0)
             axes.legend(frameon=False, fontsize="x-small")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(panels.flat[0], folder / 'gravity_families.png')}")

@@ -48,11 +48,12 @@ def main(folder: Path, quick: bool = False) -> dict[str, list[Family]]:
         found[title] = families(law, along, start, stop, others, numbers)
         print(f"\n  {title}")
         for number, family in zip(numbers, found[title], strict=True):
-            plot_family(family, axes, label=f"family {number}")
+            plot_family(family, axes, label=f"family {number}" if axes is panels.flat[0] else None)
             print(f"    family {number}: {fate(family)}; alpha {family[0].alpha:.6g} to {family[-1].alpha:.6g}")
         top = 30.0 if any(family.end.kind == "escaped" for family in found[title]) else None
         axes.set(title=title, ylim=(0, top))
-        axes.legend(frameon=False, fontsize="x-small")
+        if axes.get_legend():
+            axes.legend(frameon=False, fontsize="small")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(panels.flat[0], folder / 'spring_families.png')}")
     return found
