@@ -160,7 +160,7 @@ def _resumed(machine, along, start, stop, resume: Family, options: Options) -> W
     with interrupts.deferred():
         row = tangent / curve.size(x) ** 2
         first = curve.check(curve.correct(x, row, row @ x, tangent))
-    return Walk(curve, first, start, stop, options)
+    return Walk(curve, first, start, stop, options, resume.points[:-1])
 
 
 class _Record:

@@ -234,11 +234,13 @@ class Walk:
     are taken again from before it, shorter and one by one.
     """
 
-    def __init__(self, curve: Curve, first: At, start: float, stop: float, options: Options):
+    def __init__(self, curve: Curve, first: At, start: float, stop: float, options: Options, earlier=()):
         self.curve, self.first, self.options = curve, first, options
         self.start, self.stop, self.bounds = start, stop, (min(start, stop), max(start, stop))
         self.recent = [first]
-        self.seen = [(first.point.alpha, first.value)]  # of all points
+        every = [*earlier, first.point]
+        self.origin = every[0]
+        self.seen = [(point.alpha, point.value) for point in every]
         self.length = min(FIRST, options.longest)
         self.count = 1  # steps to take at a time
 
@@ -432,7 +434,7 @@ class Walk:
 
     def far(self, there: At) -> End | None:
         """The end of a curve that goes to infinity or to nothing."""
-        orbit, first = there.point, self.first.point
+        orbit, first = there.point, self.origin
         name, value = self.curve.along, there.value
         if there.here.growth > LARGEST_GROWTH:
             return self.lost(f"small changes grow {there.here.growth:.0e}-fold over the flight, and rounding decides")
@@ -466,7 +468,7 @@ class Walk:
         """The end of a curve that cannot be followed further."""
         last = self.recent[-1]
         where = f"at {self.curve.along} = {last.value:.10g}, alpha = {last.point.alpha:.10g}: {reason}"
-        if last.point.alpha > RUNNING * self.first.point.alpha:
+        if last.point.alpha > RUNNING * self.origin.alpha:
             limit = self.limit(-1, (0, 2, 3, 4), near=1.0)
             return End("escaped", f"the launch speed grows, and the curve is lost {where}", limit)
         return End("stuck", where)

@@ -675,3 +675,54 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_search(orbits, opti
     result = orbits(f"find --family 400 --spring cubic --json {option}")
     assert result.code == 2
     assert "cannot be written" in result.err
+
+
+class TestFollow:
+    def test_the_json_document(self, orbits):
+        result = orbits("follow --spring cubic --along beta --from 0 --to 2 --at 0.5,1 --json")
+        assert result.code == 0
+        document = result.document
+        assert set(document) >= {"points", "events", "end", "along", "machine", "settings"}
+        by_value = {point["beta"]: point for point in document["points"]}
+        assert by_value[0.5]["alpha"] == pytest.approx(2.7218099551244222, rel=1e-12)
+        assert by_value[1.0]["alpha"] == pytest.approx(2.4464033594052791, rel=1e-12)
+        assert {"flight_time", "admissible", "error", "stable_side"} <= set(by_value[2.0])
+        assert [event["kind"] for event in document["events"]] == ["asked", "asked"]
+        assert document["end"]["kind"] == "reached"
+
+    def test_the_table_the_figure_and_the_files(self, orbits, tmp_path):
+        figure, points, table = tmp_path / "fold.png", tmp_path / "fold.jsonl", tmp_path / "fold.csv"
+        line = "follow --spring cubic --along beta --from 0 --to -0.02"
+        result = orbits(line, "--plot", figure, "--output", points, "--save", table)
+        assert result.code == 0
+        assert "fold          beta = -0.01069521491640" in result.out
+        assert figure.stat().st_size > 10_000
+        assert table.read_text().count("\n") == points.read_text().count('{"point"') + 1
+        again = orbits(line, "--resume", points)
+        assert again.code == 0
+        assert "escaped" in again.out
+
+    def test_a_parameter_of_the_machine(self, orbits):
+        result = orbits("follow --along mass_ratio --from 0.5 --to 2 --json")
+        assert {round(point["alpha"], 12) for point in result.document["points"]} == {4.493409457909}
+
+    @pytest.mark.parametrize(
+        ("line", "code", "message"),
+        [
+            ("--spring cubic --along gamma --to 1", 2, "no parameter 'gamma'"),
+            ("--spring cubic --along beta --from 1 --to 1", 2, "no way between"),
+            ("--spring cubic --along beta --from 0 --to 1 --at a,b", 2, "not a list of numbers"),
+            ("--spring cubic --along beta --from 0 --to nan", 2, "not a finite number"),
+            ("--spring cubic --along beta --to 1 --longest 2", 2, "a step is a share"),
+            ("--spring cubic --along beta --to 1 --resume missing.jsonl", 2, "is not a saved family"),
+            ("--spring cubic --along beta --to 1 --plot no/fold.png", 2, "cannot be written"),
+            ("--spring cubic --along beta --from -1 --to 1", 1, "never reaches"),
+            ("--along mass_ratio --from 1 --to -1", 1, ""),
+            ("--spring cubic", 2, "--along"),
+        ],
+    )
+    def test_bad_input_is_one_message_and_a_code(self, orbits, line, code, message):
+        result = orbits("follow " + line)
+        assert result.code == code
+        assert message in result.err
+        assert "Traceback" not in result.err
