@@ -91,7 +91,7 @@ def error_bounds(equations: Shooting, points: Sequence[tuple]) -> list[float | N
     residuals = _defects(along, points) if quick else [None] * len(points)
     for (u, p, here, across), residual in zip(points, residuals, strict=True):
         try:
-            if residual is None:
+            if residual is None or not np.isfinite(residual).all():
                 answers.append(error_bound(equations, u, p, here, across))
             else:
                 answers.append(_bound(equations, u, here, across, residual))
@@ -118,7 +118,7 @@ def _defects(along: Flow, points: Sequence[tuple]) -> list[np.ndarray]:
     after[last], carried = ends, np.roll(carried, -1, axis=0)
     carried[last] = transitions
     defects = after - c[:, :, 0] - h[:, None] * np.einsum("mgi,g->mi", rates, GAUSS_WEIGHTS)
-    at_start = np.add.reduceat(np.linalg.solve(carried, defects[..., None])[..., 0], first)
+    at_start = np.add.reduceat(solve(carried, defects[..., None])[..., 0], first)
     wrong = np.einsum("pij,pj->pi", transitions, at_start)
     return [here.residual - here.holds[0] @ end for (_, _, here, _), end in zip(points, wrong, strict=True)]
 

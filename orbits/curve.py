@@ -198,7 +198,7 @@ class Curve:
 def _finer(times: np.ndarray) -> np.ndarray:
     """A motion's nodes as shares of its duration, a little closer, so that its neighbours can use them too."""
     count = len(times) - 1
-    places = np.linspace(0, count, int(np.ceil(1.15 * count)) + 2)
+    places = np.linspace(0, count, 2 * int(np.ceil((1.1 * count + 1) / 2)) + 1)
     return np.interp(places, np.arange(count + 1), times) / times[-1]
 
 

@@ -13,6 +13,7 @@ from .errors import FlowError, NoOrbit
 from .flow import Flow, Trajectory, flow
 from .model import Arc, Statement
 from .polynomial import derivative, evaluate
+from .steps import DEFECT
 
 # A relative Newton step this small is the last, if its square, grown over the motion, is below rounding: that is the
 # next one.
@@ -109,6 +110,8 @@ class Shooting:
 
     def evaluate(self, u, p, vary: tuple[str, ...] = (), meshes=None) -> Evaluation:
         """Residual, Jacobian and motion at unknowns `u` (n,) and parameters `p` (np,); `meshes` as in `Flow.run`."""
+        if meshes is not None and (found := self._on_meshes(u, p, vary, meshes)):
+            return found
         n, k = self.size, len(vary)
         du, dp, own, seeds = self._seeds(vary)
         last, dlast = np.zeros(0), np.zeros((0, n + k))
@@ -144,6 +147,60 @@ class Shooting:
             for along in self.flows
         ]
         return np.eye(n, n + k), dp, np.eye(k, n + k, n), seeds
+
+    def _on_meshes(self, u, p, vary: tuple[str, ...], meshes) -> Evaluation | None:
+        """`evaluate` in one call on given meshes; None where one is too coarse or a flow is not by Taylor's series."""
+        if any(along.method != "Taylor" or along.phase.pieces for along in self.flows):
+            return None
+        schemes = tuple(
+            along.scheme(along.size + len(vary), tuple(map(self.parameters.index, vary))) for along in self.flows
+        )
+        for scheme, mesh in zip(schemes, meshes, strict=True):
+            scheme.spend(len(mesh) - 1)
+        call = self._whole(vary, tuple(len(mesh) - 1 for mesh in meshes), tuple(scheme.one for scheme in schemes))
+        residual, jacobian, *rest = call(u, p, np.concatenate(meshes))
+        arcs = []
+        for i, (along, scheme, mesh) in enumerate(zip(self.flows, schemes, meshes, strict=True)):
+            duration, transition, dstart, longer, holds, c, dc, made, lengths = rest[9 * i : 9 * (i + 1)]
+            c, dc = scheme.unfold(c, dc, len(mesh) - 1)
+            if not ((made[0] == lengths[0]).all() and (made[1] <= DEFECT).all() and np.isfinite(c).all()):
+                return None
+            path = Trajectory(duration[0, 0] * mesh, c, along.names, dc)
+            arcs.append((path, transition, dstart, longer[0], holds))
+        if not np.isfinite(jacobian).all():
+            return None  # derivatives that nothing needs may be no numbers; the longer way leaves them out
+        return Evaluation(residual.ravel(), jacobian, *zip(*arcs, strict=True))
+
+    @lru_cache(maxsize=32)  # noqa: B019 - the equations themselves are kept as long
+    def _whole(self, vary: tuple[str, ...], counts: tuple[int, ...], steps: tuple[ca.Function, ...]) -> Call:
+        """The statement and its derivatives on meshes of so many steps, as one call (u, p, meshes)."""
+        n, k = self.size, len(vary)
+        du, dp, own, seeds = (ca.DM(x) if isinstance(x, np.ndarray) else x for x in self._seeds(vary))
+        u, p, nodes = ca.MX.sym("u", n), ca.MX.sym("p", len(self.parameters)), ca.MX.sym("t", sum(counts) + len(counts))
+        meshes = ca.vertsplit(nodes, np.cumsum([0, *(count + 1 for count in counts)]).tolist())
+        last, dlast = ca.MX(0, 1), ca.MX(0, n + k)
+        residuals, jacobians, results = [], [], []
+        for along, count, one, mesh, (depart, arrive), (dx, dq) in zip(
+            self.flows, counts, steps, meshes, self._ends, seeds, strict=True
+        ):
+            value, slope = depart.function(u, last, p)
+            dvalue = slope @ ca.vertcat(du, dlast, dp)
+            start, duration, dstart, longer = value[:-1], value[-1], ca.vertcat(dvalue[:-1, :], own), dvalue[-1, :]
+            varied = dq[[self.parameters.index(name) for name in vary]]
+            data = ca.repmat(ca.vertcat(p, ca.vec(ca.DM(varied))), 1, count)
+            lengths = duration * (mesh[1:] - mesh[:-1]).T
+            z, c, dc, made = one.mapaccum(count)(ca.vertcat(start, ca.vec(ca.DM(dx))), data, lengths)
+            size = along.size
+            end, transition = z[:size, -1], ca.reshape(z[size:, -1], size, size + k)
+            dend = transition @ dstart + along.graph.field(end, p)[0] @ longer
+            holds, slope = arrive.function(u, start, end, p, ca.MX(0, 1))
+            residuals.append(holds)
+            jacobians.append(slope @ ca.vertcat(du, dstart[:size, :], dend, dp))
+            at_end = slope[:, n + size : n + 2 * size]
+            results += [duration, transition, dstart, longer, at_end, c, dc, made, lengths]
+            last, dlast = end, dend
+        results = [ca.vertcat(*residuals), ca.vertcat(*jacobians), *results]
+        return Call(ca.Function("whole", [u, p, nodes], [ca.densify(result) for result in results]))
 
     def moved(self, here: Evaluation, u, p, step) -> Evaluation:
         """`here`, at `u` less a Newton step (n + k,) that settles it, taken along to `u`: to first order, but for the
@@ -221,12 +278,12 @@ def _chain(slope, *inner) -> np.ndarray:
     return slope[:, used] @ inner[used]
 
 
-def solve(jacobian, right) -> np.ndarray:
-    """The solution of a square system, NaN where it is singular."""
+def solve(matrix, right) -> np.ndarray:
+    """The solution of a square system, or of a stack of them, NaN where one is singular."""
     try:
-        return np.linalg.solve(jacobian, right)
+        return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:
-        return np.full(len(right), np.nan)
+        return np.full(np.shape(right), np.nan)
 
 
 def _dense(name: str, arguments: list, results: list) -> ca.Function:

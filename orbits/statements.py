@@ -12,7 +12,7 @@ from .errors import NoOrbit
 from .flow import Trajectory
 from .model import Arc, Model, Phase, Statement
 from .orbit import Orbit, Shape
-from .shooting import Evaluation, Shooting, shooting
+from .shooting import Evaluation, Shooting, shooting, solve
 
 # Energy pumped over a flight, as a share, beyond which the unfolded equations have no orbit but a forced motion.
 LARGEST_UNFOLDING = 1e-9
@@ -174,7 +174,7 @@ def _at_landing(here: Evaluation, reversor) -> np.ndarray:
     """
     first, mirror = here.transitions[0], np.array(reversor)[:, None]
     half = first @ here.starts[0]
-    return mirror * np.linalg.solve(first[:, : len(first)], mirror * half)
+    return mirror * solve(first[:, : len(first)], mirror * half)
 
 
 def _shape(model: Model, p: Mapping) -> Shape:

@@ -109,9 +109,7 @@ class Taylor:
         Returns steps (m,), coefficients (m, rows, K + 1), sensitivities (m, n, columns, K + 1).
         """
         with self.lock:
-            self.patience -= count * self.seconds
-            if self.patience < 0:
-                self._compile()
+            self.spend(count)
             if count not in self._calls:
                 self._calls[count] = Call(self.one if count == 1 else self.one.mapaccum(count))
             call = self._calls[count]
@@ -126,14 +124,24 @@ class Taylor:
             lengths[:] = np.minimum(longest, 1e9)
             call.trigger()
             _, c, dc, (steps, defects) = (result.copy(order="K") for result in call.results)
-        c = c.reshape(ORDER + 1, self.rows, count, order="F").T
+        c, dc = self.unfold(c, dc, count)
         trusted = count if (defects <= DEFECT).all() else int(np.argmin(defects <= DEFECT))
         if trusted == 0:  # halve the first step until its series solves the equation, unless it has no series
             if not (steps[0] > SHORTEST and np.isfinite(c[0]).all()):
                 return np.full(1, np.nan), c[:1], None
             return self.advance(x, p, dx, dp, 1, 0.5 * steps[0])
-        dc = dc.reshape(ORDER + 1, self.n, self.columns, count, order="F").transpose(3, 1, 2, 0)
         return steps[:trusted], c[:trusted], dc[:trusted]
+
+    def unfold(self, c, dc, count: int):
+        """Coefficients (count, rows, K + 1) and sensitivities (count, n, columns, K + 1) from a call's results."""
+        c = c.reshape(ORDER + 1, self.rows, count, order="F").T
+        return c, dc.reshape(ORDER + 1, self.n, self.columns, count, order="F").transpose(3, 1, 2, 0)
+
+    def spend(self, count: int):
+        """Count steps to be taken; once there have been enough, compile them."""
+        self.patience -= count * self.seconds
+        if self.patience < 0:
+            self._compile()
 
     def _compile(self):
         self.patience = np.inf
