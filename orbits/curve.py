@@ -35,7 +35,7 @@ NEAR = 0.05
 # A motion that makes more of a small change, as it hangs at an unstable equilibrium, is beyond shooting in one piece.
 LARGEST_GROWTH = 3e7
 # A curve that is lost after the launch speed has grown this much was running off.
-RUNNING = 4.0
+RUNNING = 2.0
 # A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
 AT_A_FOLD = 1e-3
 # Points of the curve that a prediction rests on, and points that are certified together.

@@ -66,10 +66,10 @@ class Trajectory:
         piece = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
         return evaluate(self.coefficients[piece], (t - self.times[piece])[..., None])
 
-    @property
+    @cached_property
     def steps(self) -> np.ndarray:
         """Lengths (N,) of the polynomials' intervals."""
-        return np.diff(self.times)
+        return self.times[1:] - self.times[:-1]
 
     @cached_property
     def end(self) -> np.ndarray:

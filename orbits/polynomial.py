@@ -32,13 +32,18 @@ def bernstein(coefficients, h):
 
 def evaluate(coefficients, t):
     """Values at `t`; `coefficients` (..., K + 1) broadcast with `t` (...)."""
-    powers = np.asarray(t)[..., None] ** np.arange(coefficients.shape[-1])
+    powers = np.asarray(t)[..., None] ** _orders(coefficients.shape[-1])
     return np.einsum("...k,...k", coefficients, powers)
+
+
+@cache
+def _orders(count: int) -> np.ndarray:
+    return np.arange(count)
 
 
 def derivative(coefficients):
     """Coefficients of the derivative, (..., K)."""
-    return coefficients[..., 1:] * np.arange(1, coefficients.shape[-1])
+    return coefficients[..., 1:] * _orders(coefficients.shape[-1])[1:]
 
 
 def shifted(coefficients, h):
