@@ -1,7 +1,7 @@
 """Follow a family of lossless orbits along a parameter, past folds, to its end, and keep it as it grows."""
 
 import platform
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from . import interrupts
-from .curve import MARGINS, At, Curve, Options, Walk
+from .curve import MARGINS, SIGNS, At, Curve, Options, Walk
 from .errors import InputError
-from .family import Event, Family, record
+from .family import COLUMNS, Event, Family, record
 from .orbit import Orbit
 from .search import find
 
@@ -91,18 +91,23 @@ def _uninterrupted(walk: Walk) -> Iterator:
 
 def options_of(at, watch, longest, most, stop_inadmissible) -> Options:
     """The options of `follow`, checked."""
-    values = tuple(sorted(_number("at", value) for value in at))
-    if not 0 < _number("longest", longest) <= 1:
+    if not isinstance(at, Iterable) or isinstance(at, str):
+        raise InputError(f"at = {at!r}; it is a list of values")
+    if watch is not None and not isinstance(watch, Mapping):
+        raise InputError(f"watch = {watch!r}; it is a mapping of names to functions of the orbit")
+    values = tuple(sorted(number_of("at", value) for value in at))
+    if not 0 < number_of("longest", longest) <= 1:
         raise InputError(f"longest = {longest:g}; a step is a share of the way, above 0 and up to 1")
     if isinstance(most, bool) or not isinstance(most, int | np.integer) or most < 1:
         raise InputError(f"most = {most!r}; it is a number of points, from 1")
     for name, function in (watch or {}).items():
-        if not callable(function) or name in MARGINS:
+        if not callable(function) or name in (*MARGINS, *SIGNS, "asked"):
             raise InputError(f"watch '{name}' is a function of the orbit, under a name of its own")
     return Options(float(longest), int(most), values, dict(watch or {}), bool(stop_inadmissible))
 
 
-def _number(name: str, value) -> float:
+def number_of(name: str, value) -> float:
+    """`value` as a finite float; raises `InputError` that names it."""
     if isinstance(value, bool | str) or not np.isscalar(value) or not np.isfinite(value):
         raise InputError(f"{name} = {value!r} is not a finite number")
     return float(value)
@@ -111,11 +116,13 @@ def _number(name: str, value) -> float:
 def _begin(machine, along, start, stop, family, method, options: Options, resume: Family | None) -> Walk:
     """A walk from the first orbit, or from the last of a family."""
     values = getattr(machine, "values", {})
-    if along not in values or along == machine.model.homotopy:
+    if not isinstance(along, str) or along not in values or along == machine.model.homotopy:
         known = [name for name in values if name != machine.model.homotopy] if values else []
         raise InputError(f"the machine has no parameter '{along}' to follow; it has {', '.join(known)}")
-    start = values[along] if start is None else _number("start", start)
-    stop = _number("stop", stop)
+    if along in COLUMNS:
+        raise InputError(f"a parameter called '{along}' cannot be told from the orbit's own; give it another name")
+    start = values[along] if start is None else number_of("start", start)
+    stop = number_of("stop", stop)
     if start == stop:
         raise InputError(f"{along} goes from {start:g} to {stop:g}: there is no way between")
     machine = machine.with_values(**{along: start})
@@ -146,6 +153,8 @@ def walk_from(curve: Curve, x, start: float, stop: float, options: Options) -> W
 
 def _resumed(machine, along, start, stop, resume: Family, options: Options) -> Walk:
     """A walk from the last point of a family, in the direction that it was going."""
+    if not isinstance(resume, Family) or any(point.also for point in resume.points[:1]):
+        raise InputError("what is resumed is a family of `follow`, as Family.load gives it")
     mine, theirs = machine.describe(), dict(resume.machine)
     for name in (along, "parameters"):
         mine.pop(name, None), theirs.pop(name, None)
@@ -154,7 +163,15 @@ def _resumed(machine, along, start, stop, resume: Family, options: Options) -> W
         raise InputError(
             f"the family to resume is of another machine or parameter: {resume.machine} along {resume.name}"
         )
+    if not resume.points:
+        raise InputError("the family to resume has no points: start it anew")
     last = resume.points[-1]
+    if not min(start, stop) <= last.value <= max(start, stop):
+        raise InputError(
+            f"the family to resume has got to {along} = {last.value:g}, not between {start:g} and {stop:g}"
+        )
+    if (last.value - stop) * (stop - start) >= 0 and last.tangent[-1] * (stop - start) > 0:
+        raise InputError(f"the family to resume has reached {along} = {stop:g} already")
     curve = Curve(machine, along, resume.settings["method"], abs(stop - start))
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
     with interrupts.deferred():
@@ -182,7 +199,8 @@ class _Record:
         versions["python"] = platform.python_version()
         machine = walk.curve.machine.describe() if resume is None else resume.machine
         # A resumed family has its last point from the walk, solved again.
-        points, events = (resume.points[:-1], resume.events) if resume else ((), ())
+        points = resume.points[:-1] if resume else ()
+        events = tuple(event for event in resume.events if event.after < len(points)) if resume else ()
         self.family = Family(walk.curve.along, machine, points, events, None, settings, versions)
         self.points, self.events, self.end = list(points), list(events), None
         self.offset = len(points)

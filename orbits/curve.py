@@ -74,6 +74,10 @@ MARGINS: dict[str, Callable[[Point], float | None]] = {
 }
 
 
+# What else changes sign where something happens.
+SIGNS = ("fold", "branch point", "family")
+
+
 class Curve:
     """The curve F(u, value) = 0 of a machine's orbits along one of its parameters."""
 
@@ -253,11 +257,17 @@ class Walk:
             ahead, failure = self.steps()
             good, refusal = self.certified(last, ahead)
             for there in good:
-                if index >= self.options.most:
-                    yield End("stopped", f"{self.options.most} points, the most that were asked for")
+                try:
+                    there, end = self.ended(last, there)
+                    happening = self.between(last, there)
+                except OrbitsError as error:
+                    yield self.lost(f"what happens next cannot be located ({error})")
                     return
-                there, end = self.ended(last, there)
-                for kind, at in self.between(last, there):
+                passed = [at for kind, at in happening if kind == "asked"]
+                if index + len(passed) + 1 >= self.options.most:
+                    yield End("stopped", f"after {index + 1} points: no more than {self.options.most} were asked for")
+                    return
+                for kind, at in happening:
                     if kind == "asked":
                         index += 1
                         yield at
@@ -303,13 +313,22 @@ class Walk:
             good.append(there)
         return good, None
 
+    def within(self, at: At) -> bool:
+        """Whether a point lies between the bounds."""
+        return self.bounds[0] < at.value < self.bounds[1]
+
     def ended(self, here: At, there: At) -> tuple[At, End | None]:
         """The next point, or where the curve ends before it."""
-        if not self.bounds[0] < there.value < self.bounds[1]:
-            bound = self.bounds[0] if there.value <= self.bounds[0] else self.bounds[1]
-            return self.landed(here, there, bound), End("reached", f"{self.curve.along} = {bound:g}")
         if again := self.closed(here, there):
             return again, End("closed", "the curve comes back to its first orbit")
+        if here.tangent[-1] * there.tangent[-1] < 0 and self.within(there):  # a fold between may lie beyond a bound
+            inside, ends = self.inside(here, there), (float(here.tangent[-1]), float(there.tangent[-1]))
+            fold = inside(bracketed_root(lambda share: float(inside(share).tangent[-1]), 0.0, 1.0, *ends))
+            there = there if self.within(fold) else fold
+        if not self.within(there):
+            bound = self.bounds[0] if there.value <= self.bounds[0] else self.bounds[1]
+            back = " again, on another sheet" if bound == self.start else ""
+            return self.landed(here, there, bound), End("reached", f"{self.curve.along} = {bound:g}{back}")
         if self.options.stop_inadmissible and not there.point.admissible:
             return there, End("stopped", "no motion from here: " + there.point.violations[0])
         return there, None
@@ -383,9 +402,13 @@ class Walk:
             return b
         inside = self.inside(a, b)
         share = (value - a.value) / (b.value - a.value)
-        near = inside(float(np.clip(share, 1e-9, 1 - 1e-9)))
-        guess = near.x + near.tangent * (value - near.value) / near.tangent[-1]
-        near = self.curve.correct(guess, np.eye(len(a.x))[-1], value, a.tangent)
+        try:
+            near = inside(float(np.clip(share, 1e-9, 1 - 1e-9)))
+            guess = near.x + near.tangent * (value - near.value) / near.tangent[-1]
+            near = self.curve.correct(guess, np.eye(len(a.x))[-1], value, a.tangent)
+        except NoOrbit:  # beside a fold the value does not fix the orbit, its place on the curve does
+            away = (a.value - value, b.value - value)
+            near = inside(bracketed_root(lambda share: inside(share).value - value, 0.0, 1.0, *away))
         return self.curve.check(replace(near, x=np.append(near.x[:-1], value), length=b.length))
 
     def between(self, a: At, b: At) -> list[tuple[str, At]]:
@@ -405,7 +428,7 @@ class Walk:
                 return MARGINS[name](at.point)
             return self.options.watch[name](self.curve.orbit(at))
 
-        for name in ("fold", "branch point", "family", *MARGINS, *self.options.watch):
+        for name in (*SIGNS, *MARGINS, *self.options.watch):
             first, last = quantity(name, a), quantity(name, b)
             if first is not None and last is not None and first * last < 0:
                 share = bracketed_root(lambda share, name=name: quantity(name, inside(share)) or 0.0, 0, 1, first, last)

@@ -76,7 +76,7 @@ class Event:
 
     kind : "fold", "branch point", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "family",
         "asked", or a name given by the user
-    after : index of the last point before it
+    after : index of the last point before it; of the point itself where it was "asked"
     """
 
     kind: str
@@ -89,7 +89,7 @@ class End:
     """How the curve ends.
 
     kind : "reached", "escaped", "closed", "degenerate", "stopped" or "stuck"
-    limit : the value that the parameter tends to as the orbit escapes, None otherwise
+    limit : the value that the parameter tends to as the orbit escapes or shrinks to nothing, None otherwise
     """
 
     kind: str
@@ -226,7 +226,7 @@ class Family:
                     end = End(**record["end"])
             names = {"machine": head["machine"], "settings": head["settings"], "versions": head["versions"]}
             return cls(head["along"], points=tuple(points), events=tuple(events), end=end, **names)
-        except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
             raise InputError(f"{path} is not a saved family: {error}") from None
 
     def _write_csv(self, path: Path):

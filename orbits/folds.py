@@ -11,7 +11,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from .continuation import options_of, record_of, walk_from
+from .continuation import number_of, options_of, record_of, walk_from
 from .curve import At, Curve
 from .errors import InputError, NoOrbit
 from .family import Family, Point
@@ -141,6 +141,9 @@ def follow_fold(
         raise InputError(f"the fold in '{along}' is followed along another parameter")
     if method is None:
         method = "relative" if machine.model.reduction else "half orbit"
+    if not isinstance(fold, Point):
+        raise InputError("a fold is the `point` of a family's event")
+    stop = number_of("stop", stop)
     machine = machine.with_values(**{along: fold.value})
     start = machine.values[across]
     if stop == start:

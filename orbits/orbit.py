@@ -24,7 +24,8 @@ class Certificate:
 
     family : measured, stationary points of the extension from lift-off to mid-flight, less one
     residual : largest of the equations that were solved
-    error : bound on |alpha - true alpha|, from an independent integration
+    error : bound on |alpha - true alpha|, from an independent integration; at a fold of a family across its curve,
+        along which alpha itself is known to the square root of rounding only
     energy_drift : largest change of energy over flight and contact, relative to the launch's kinetic energy
     clearance : lowest interior minimum of the contact point's height in flight, None where it has none
     smallest_separation : least distance within the machine over the cycle, None where no length is stated

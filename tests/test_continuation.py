@@ -289,3 +289,56 @@ def test_random_families_keep_to_their_curve(text, parameters, family):
 
 def test_named_springs_can_be_followed():
     assert follow(Hopper(springs.sinh()), "b", 1.0).end.kind == "reached"
+
+
+@pytest.mark.parametrize("before", [1e-3, 1e-7, 1e-9])
+@pytest.mark.parametrize("longest", [0.02, 0.011])
+def test_a_stop_beside_a_fold_is_not_passed_over(before, longest):
+    stop = FOLD + before * abs(FOLD)
+    family = follow(Hopper("cubic"), "beta", stop, 0.0, longest=longest)
+    assert family.end.kind == "reached"
+    assert family[-1].value == stop
+    assert family[-1].alpha < FOLD_ALPHA
+    assert not events(family, "fold")
+
+
+@pytest.mark.parametrize("before", [1e-6, 1e-9, 1e-12])
+def test_values_beside_a_fold_are_hit_twice(before):
+    value = FOLD + before
+    family = follow(Hopper("cubic"), "beta", -0.02, 0.0, at=[value], most=60)
+    first, second = family.at(value)
+    assert first.alpha < FOLD_ALPHA < second.alpha
+    assert family.end.kind == "stopped"
+    assert len(family) <= 60
+
+
+def test_a_resumed_family_has_each_event_once(softening, tmp_path):
+    """Wherever the file was cut."""
+    lines = softening.save(tmp_path / "whole.jsonl").read_text().splitlines(keepends=True)
+    fold = next(i for i, line in enumerate(lines) if '"fold"' in line)
+    for count in (fold, fold + 1, fold + 2):
+        path = tmp_path / "cut.jsonl"
+        path.write_text("".join(lines[:count]))
+        resumed = follow(
+            Hopper("cubic", rest_length=30.0), "beta", -0.02, 0.0, resume=Family.load(path), output=path, most=6
+        )
+        assert [event.kind for event in resumed.events].count("fold") == 1
+        assert Family.load(path) == resumed
+
+
+def test_what_cannot_be_resumed_or_watched_is_said(softening):
+    done = follow(Hopper("cubic"), "beta", 1.0, 0.0, longest=0.2)
+    for question, message in (
+        ({"stop": 1.0, "resume": done}, "has reached beta = 1 already"),
+        ({"stop": 0.5, "resume": done}, "not between 0 and 0.5"),
+        ({"stop": 1.0, "resume": "x"}, "a family of `follow`"),
+        ({"stop": 1.0, "watch": {"fold": lambda orbit: 1.0}}, "a name of its own"),
+        ({"stop": 1.0, "watch": [abs]}, "a mapping of names"),
+        ({"stop": 1.0, "at": 0.5}, "a list of values"),
+    ):
+        with pytest.raises(InputError, match=message):
+            follow(Hopper("cubic"), "beta", start=0.0, **question)
+    with pytest.raises(InputError, match="give it another name"):
+        follow(Hopper("r + alpha*r**3", parameters={"alpha": 0.1}), "alpha", 1.0)
+    with pytest.raises(InputError, match="no parameter"):
+        follow(Hopper("cubic"), ["beta"], 1.0)
