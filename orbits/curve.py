@@ -23,7 +23,7 @@ from .shooting import Evaluation, solve
 from .statements import as_case, as_orbit, equations_of, interpret
 
 # In shares of the curve's own size: the first step, the shortest, and what a corrector may move of a step's length.
-FIRST, SHORTEST, FARTHEST = 1e-3, 1e-7, 1e-2
+FIRST, SHORTEST, FARTHEST = 1e-3, 1e-5, 1e-2
 # What the step control aims at for the corrector: then its first step is its last.
 AIM = 1e-5
 # The largest angle between two tangents, in radians.
