@@ -209,8 +209,13 @@ class Case:
 
     @property
     def flight_time(self) -> float:
-        """Time of the parts together."""
-        return sum(part.times[-1] for part in self.parts)
+        """Time of the whole flight; a single part is half of it."""
+        return float(sum(part.times[-1] for part in self.parts)) * (2 if len(self.parts) == 1 else 1)
+
+    @property
+    def contact_time(self) -> float | None:
+        """Time of the whole contact, None when it does not end."""
+        return None if self.contact is None else float(self.contact.times[-1]) * (2 if len(self.parts) == 1 else 1)
 
 
 def certify(model: Model, cases: Sequence[Case]) -> list[Certificate | NoOrbit]:

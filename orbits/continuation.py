@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -23,11 +23,11 @@ def follow(
     start: float | None = None,
     family: int = 1,
     *,
-    at: Sequence[float] = (),
-    watch: Mapping[str, Callable[[Orbit], float]] | None = None,
-    longest: float = 0.02,
-    most: int = 10_000,
-    stop_inadmissible: bool = False,
+    at: Sequence[float] = Options.at,
+    watch: Mapping[str, Callable[[Orbit], float]] | None = Options.watch,
+    longest: float = Options.longest,
+    most: int = Options.most,
+    stop_inadmissible: bool = Options.stop_inadmissible,
     method: str | None = None,
     output=None,
     resume: Family | None = None,
@@ -69,7 +69,7 @@ def record_of(walk: Walk, resume: Family | None = None, output=None, progress=No
 def trace(machine, along: str, stop: float, start: float | None = None, family: int = 1, **options) -> Iterator:
     """The orbits of a family one by one, as `follow` finds them: `Orbit`s, each `Event` before the orbit that comes
     after it, and the `End` last. The options are those of `follow`, from `at` to `method`."""
-    known = {"at": (), "watch": None, "longest": 0.02, "most": 10_000, "stop_inadmissible": False}
+    known = {field.name: field.default for field in fields(Options)}
     method = options.pop("method", None)
     if unknown := options.keys() - known.keys():
         raise InputError(f"trace has no option '{min(unknown)}'; it knows {', '.join(known)} and method")
@@ -103,7 +103,7 @@ def options_of(at, watch, longest, most, stop_inadmissible) -> Options:
     for name, function in (watch or {}).items():
         if not callable(function) or name in (*MARGINS, *SIGNS, "asked"):
             raise InputError(f"watch '{name}' is a function of the orbit, under a name of its own")
-    return Options(float(longest), int(most), values, dict(watch or {}), bool(stop_inadmissible))
+    return Options(values, dict(watch or {}), float(longest), int(most), bool(stop_inadmissible))
 
 
 def number_of(name: str, value) -> float:

@@ -176,15 +176,14 @@ class Curve:
         return as_case(self.machine.model, solution, named)
 
     def _point(self, at: At, case: Case, certificate: Certificate) -> At:
-        whole = 1 if self.machine.model.reversor is None else 2
         point = Point(
             value=at.value,
             u=tuple(at.x[:-1].tolist()),
             tangent=tuple(at.tangent.tolist()),
             alpha=case.u["alpha"],
             liftoff_extension=case.u["liftoff"],
-            flight_time=float(case.flight_time) * (2 if len(case.parts) == 1 else 1),
-            contact_time=None if case.contact is None else float(case.contact.times[-1]) * whole,
+            flight_time=case.flight_time,
+            contact_time=case.contact_time,
             certificate=certificate,
             also={name: case.p[name] for name in self.values(self.p(at.x)) if name != self.along},
         )
@@ -224,11 +223,11 @@ def _hermite(nodes, values, slopes, s: float) -> np.ndarray:
 class Options:
     """What a walk is to do, as in `follow`."""
 
-    longest: float
-    most: int
-    at: tuple[float, ...]
-    watch: Mapping[str, Callable[[Orbit], float]]
-    stop_inadmissible: bool
+    at: tuple[float, ...] = ()
+    watch: Mapping[str, Callable[[Orbit], float]] | None = None
+    longest: float = 0.02
+    most: int = 10_000
+    stop_inadmissible: bool = False
 
 
 class Walk:

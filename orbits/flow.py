@@ -144,14 +144,13 @@ class Flow:
             self._schemes[columns, varied] = form(self.graph, columns, varied)
         return self._schemes[columns, varied]
 
-    def run(self, start, p, duration=np.inf, seeds=None, parameter_seeds=None, stop: Callable | None = None, mesh=None):
+    def run(self, start, p, duration=np.inf, seeds=None, parameter_seeds=None, stop: Callable | None = None):
         """Travel from `start` (n,) for `duration`, or until `stop` says so.
 
         p : parameter vector (np,)
         seeds : derivatives (n, columns) of the start with respect to whatever the caller varies
         parameter_seeds : derivatives (np, columns) of the parameters with respect to the same
         stop : (coefficients (m, rows, K + 1), steps (m,)) -> (step, time in it) to stop at, or None
-        mesh : nodes (N + 1,), shares of the duration, to try: a hint that saves choosing the steps
 
         Returns (Trajectory, derivatives (n, columns) of the end at fixed duration, or None without seeds). Raises
         `FlowError` when the motion blows up, leaves the range of a piecewise field or is not a number.
@@ -165,8 +164,6 @@ class Flow:
         columns = 0 if seeds is None else seeds.shape[1]
         track = _Track(self, p, x, columns, parameter_seeds)
         scheme = self.scheme(columns, track.varied())
-        if mesh is not None and (found := self._retrace(scheme, x, track, seeds, duration, mesh)):
-            return found
         times, pieces, slopes, h, variations = [0.0], [], [], None, seeds
         while times[-1] < duration:
             interrupts.check()
@@ -198,18 +195,6 @@ class Flow:
             scheme.usual = min(len(pieces), MOST_AT_ONCE)
         moving = np.array(slopes) if columns else None
         return Trajectory(np.array(times), np.array(pieces), self.names, moving), variations
-
-    def _retrace(self, scheme, x, track: "_Track", seeds, duration: float, mesh: np.ndarray):
-        """What `run` returns, on a given mesh; None where that is too coarse."""
-        if track.pieces or not isinstance(scheme, Taylor):
-            return None
-        times = duration * mesh
-        lengths = np.diff(times)
-        steps, c, dc = scheme.advance(x, track.data, seeds, track.seeds, len(lengths), lengths)
-        if len(steps) < len(lengths) or not (steps == lengths).all() or not np.isfinite(c).all():
-            return None
-        power = lengths[-1] ** np.arange(c.shape[2])
-        return Trajectory(times, c, self.names, dc), dc[-1] @ power
 
     def _sound(self, steps, c, t: float, taken: int):
         """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""

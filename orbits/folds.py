@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from .continuation import number_of, options_of, record_of, walk_from
-from .curve import At, Curve
+from .curve import At, Curve, Options
 from .errors import InputError, NoOrbit
 from .family import Family, Point
 from .model import Arc, Phase, Statement
@@ -117,9 +117,9 @@ def follow_fold(
     across: str,
     stop: float,
     *,
-    at: Sequence[float] = (),
-    longest: float = 0.02,
-    most: int = 10_000,
+    at: Sequence[float] = Options.at,
+    longest: float = Options.longest,
+    most: int = Options.most,
     method: str | None = None,
     output=None,
 ) -> Family:

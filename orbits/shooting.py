@@ -109,19 +109,21 @@ class Shooting:
         return start, arc.duration(unknowns, named)
 
     def evaluate(self, u, p, vary: tuple[str, ...] = (), meshes=None) -> Evaluation:
-        """Residual, Jacobian and motion at unknowns `u` (n,) and parameters `p` (np,); `meshes` as in `Flow.run`."""
+        """Residual, Jacobian and motion at unknowns `u` (n,) and parameters `p` (np,).
+
+        meshes : nodes (N + 1,) of each arc as shares of its duration, to try first: it saves choosing the steps
+        """
         if meshes is not None and (found := self._on_meshes(u, p, vary, meshes)):
             return found
         n, k = self.size, len(vary)
         du, dp, own, seeds = self._seeds(vary)
         last, dlast = np.zeros(0), np.zeros((0, n + k))
         residuals, jacobians, arcs = [], [], []
-        meshes = meshes or [None] * len(self.flows)
-        for along, mesh, (depart, arrive), (dx, dparameters) in zip(self.flows, meshes, self._ends, seeds, strict=True):
+        for along, (depart, arrive), (dx, dparameters) in zip(self.flows, self._ends, seeds, strict=True):
             value, slope = depart(u, last, p)
             dvalue = _chain(slope, du, dlast, dp)
             start, dstart = value[:-1, 0], np.vstack([dvalue[:-1], own])
-            path, transition = along.run(start, p, value[-1, 0], dx, dparameters, mesh=mesh)
+            path, transition = along.run(start, p, value[-1, 0], dx, dparameters)
             end = path.end[: along.size]
             speed = evaluate(derivative(path.coefficients[-1, : along.size]), path.steps[-1])
             dend = transition @ dstart + np.outer(speed, dvalue[-1])

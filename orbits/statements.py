@@ -105,8 +105,7 @@ def interpret(model: Model, method: str, equations: Shooting, u, here: Evaluatio
 
 def as_case(model: Model, solution: Solution, p: Mapping) -> Case:
     """What is to be certified of a solution, its contact followed."""
-    flight_time = float(sum(part.times[-1] for part in solution.parts)) * (2 if len(solution.parts) == 1 else 1)
-    contact, stopped = follow_contact(model, solution.u, p, LONGEST_CONTACT * (1 + flight_time))
+    contact, stopped = follow_contact(model, solution.u, p, LONGEST_CONTACT * (1 + solution.flight.times[-1]))
     figures = solution.gap_slope, solution.residual, solution.error
     return Case(solution.u, p, solution.parts, contact, stopped, *figures)
 
@@ -118,15 +117,14 @@ def as_orbit(machine, method: str, solution: Solution, began: float) -> Orbit:
     (certificate,) = certify(model, [case])
     if isinstance(certificate, NoOrbit):
         raise certificate
-    contact = case.contact
     return Orbit(
         machine=machine.describe(),
         alpha=u["alpha"],
         liftoff_extension=u["liftoff"],
-        flight_time=float(case.flight_time) * (2 if len(case.parts) == 1 else 1),
-        contact_time=None if contact is None else float(contact.times[-1]) * (2 if model.reversor else 1),
+        flight_time=case.flight_time,
+        contact_time=case.contact_time,
         flight=solution.flight,
-        contact=contact,
+        contact=case.contact,
         shape=_shape(model, p),
         certificate=certificate,
         method=method,
@@ -203,8 +201,8 @@ def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str
     if model.contact.closed_form:
         skipped.append("contact: closed form")
     else:
-        part = "its first half" if model.reversor else "the once"
-        skipped.append(f"contact: only {part}, for its duration and the checks, not for the search")
+        part = "only its first half" if model.reversor else "once"
+        skipped.append(f"contact: {part}, for its duration and the checks, not for the search")
     if model.separation(p) is None:
         skipped.append("separation of the masses: no rest length given")
     if not compiled:

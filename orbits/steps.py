@@ -103,8 +103,8 @@ class Taylor:
             defects.append(ca.norm_inf(rate - h * graph.field(terms @ ca.DM(scale), graph.p)[0]))
         return ca.mmax(ca.vertcat(*defects))
 
-    def advance(self, x, p, dx, dp, count: int, longest, hint=None):
-        """The trusted ones of `count` steps, none longer than `longest`, which is one for all or (count,).
+    def advance(self, x, p, dx, dp, count: int, longest: float, hint=None):
+        """The trusted ones of `count` steps, none longer than `longest`.
 
         Returns steps (m,), coefficients (m, rows, K + 1), sensitivities (m, n, columns, K + 1).
         """
@@ -121,7 +121,7 @@ class Taylor:
             if self.columns:
                 start[self.n :] = dx.T.ravel()
                 data[:, len(p) :] = dp[self.varied].T.ravel()
-            lengths[:] = np.minimum(longest, 1e9)
+            lengths[:] = min(longest, 1e9)
             call.trigger()
             _, c, dc, (steps, defects) = (result.copy(order="K") for result in call.results)
         c, dc = self.unfold(c, dc, count)
@@ -139,9 +139,10 @@ class Taylor:
 
     def spend(self, count: int):
         """Count steps to be taken; once there have been enough, compile them."""
-        self.patience -= count * self.seconds
-        if self.patience < 0:
-            self._compile()
+        with self.lock:
+            self.patience -= count * self.seconds
+            if self.patience < 0:
+                self._compile()
 
     def _compile(self):
         self.patience = np.inf
