@@ -28,12 +28,12 @@ class Call:
         shapes = [function.size_out(i) for i in range(function.n_out())]
         if any(function.nnz_out(i) != rows * columns for i, (rows, columns) in enumerate(shapes)):
             raise ValueError(f"the results of {function.name()} must be dense")
-        self._flat = [np.zeros(rows * columns) for rows, columns in shapes]
-        self.results = [flat.reshape(shape, order="F") for flat, shape in zip(self._flat, shapes, strict=True)]
+        self.flat = [np.zeros(rows * columns) for rows, columns in shapes]
+        self.results = [flat.reshape(shape, order="F") for flat, shape in zip(self.flat, shapes, strict=True)]
         self._buffer, self.trigger = function.buffer()
         for i, array in enumerate(self.arguments):
             self._buffer.set_arg(i, memoryview(array))
-        for i, array in enumerate(self._flat):
+        for i, array in enumerate(self.flat):
             self._buffer.set_res(i, memoryview(array))
 
     def __call__(self, *arguments) -> list[np.ndarray]:
@@ -43,6 +43,34 @@ class Call:
                 memory[:] = np.asarray(argument).ravel(order="F")
             self.trigger()
             return [result.copy() for result in self.results]
+
+
+class Calls:
+    """A CasADi function at several points in one `Call`: arguments (m, size) make results (m, rows, columns)."""
+
+    def __init__(self, function: ca.Function):
+        self.function = function
+        self._shapes = [function.size_out(i)[::-1] for i in range(function.n_out())]
+        self._calls: dict[int, Call] = {}
+
+    def __call__(self, *arguments) -> list[np.ndarray]:
+        """Results of each point; an argument (1, size) is that of all."""
+        count = max(len(argument) for argument in arguments)
+        unit = max(1, 1 << (count - 1).bit_length() >> 3)
+        room = -(-count // unit) * unit  # few sizes, each kept
+        if room not in self._calls:
+            self._calls[room] = Call(self.function.map(room) if room > 1 else self.function)
+        call = self._calls[room]
+        with call.lock:
+            for memory, argument in zip(call.arguments, arguments, strict=True):
+                memory = memory.reshape(room, -1)
+                memory[:count] = argument
+                memory[count:] = argument[-1]
+            call.trigger()
+            return [
+                flat.reshape(room, *shape)[:count].copy().swapaxes(1, 2)
+                for flat, shape in zip(call.flat, self._shapes, strict=True)
+            ]
 
 
 def compiler() -> str | None:

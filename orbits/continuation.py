@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from . import interrupts
-from .curve import MARGINS, SIGNS, At, Curve, Options, Walk
+from .curve import At, Curve
 from .errors import InputError
+from .events import MARGINS, SIGNS, watched
 from .family import COLUMNS, Event, Family, record
 from .orbit import Orbit
 from .search import find
+from .walk import Options, Walk
 
 
 def follow(
@@ -147,7 +149,9 @@ def walk_from(curve: Curve, x, start: float, stop: float, options: Options) -> W
     with interrupts.deferred():
         ahead = np.eye(len(x))[-1]
         first = curve.correct(x, ahead, start, ahead * np.sign(stop - start))
-        first = curve.check(replace(first, x=np.append(first.x[:-1], start)))
+        first = curve.onto(first, start)
+        for name, function in options.watch.items():
+            watched(name, function, curve.orbit(first))
     return Walk(curve, first, start, stop, options)
 
 

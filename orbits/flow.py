@@ -9,7 +9,7 @@ Three ways, the first that the phase allows:
 Steps are chosen from the error, never by the caller, and end on the breakpoints of a piecewise field.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -20,7 +20,7 @@ from . import interrupts
 from .calls import Call
 from .errors import FlowError, OutOfRange
 from .model import Affine, Phase
-from .polynomial import evaluate, piecewise_roots, roots, shifted
+from .polynomial import Pile, evaluate, piecewise_roots, roots, shifted
 from .steps import ORDER, SHORTEST, Graph, RungeKutta, Taylor
 
 MAX_STEPS = 200_000
@@ -89,6 +89,52 @@ class Trajectory:
     def row(self, name: str) -> np.ndarray:
         """Coefficients (N, K + 1) of one row."""
         return self.coefficients[:, self.names.index(name)]
+
+
+class Motions:
+    """Motions of one phase, their steps joined, to be asked all together; quantities are per step (N, ...).
+
+    counts : (m,), steps of each; `first` and `last` (m,) are where they begin and end
+    owner : (N,), the motion that a step belongs to
+    ends : (m,), times
+    """
+
+    def __init__(self, paths: Sequence[Trajectory]):
+        self.names = paths[0].names
+        self.counts = np.array([len(path.times) - 1 for path in paths])
+        self.last = np.cumsum(self.counts) - 1
+        self.first = self.last - self.counts + 1
+        self.owner = np.repeat(np.arange(len(paths)), self.counts)
+        self.coefficients = np.concatenate([path.coefficients for path in paths])
+        self.starts = np.concatenate([path.times[:-1] for path in paths])
+        self.steps = np.concatenate([path.times[1:] for path in paths]) - self.starts
+        self.ends = np.array([path.times[-1] for path in paths])
+
+    def series(self, quantity: Affine | Sequence[Affine]) -> np.ndarray:
+        """Coefficients (N, K + 1) of an affine function of the first rows, the same or one for each motion."""
+        if isinstance(quantity, Affine):
+            return quantity.series(self.coefficients[:, : len(quantity.weights)])
+        weights = np.array([each.weights for each in quantity])[self.owner]
+        along = (weights[:, None] @ self.coefficients[:, : weights.shape[1]])[:, 0]
+        along[:, 0] += np.array([each.offset for each in quantity])[self.owner]
+        return along
+
+    def pile(self, series) -> Pile:
+        """The piecewise polynomials of `series` (N, K + 1), one for each motion."""
+        return Pile(series, self.steps, self.counts)
+
+    def time(self, owner, piece, t) -> np.ndarray:
+        """The times (r,) of places in motions, as a `Pile` tells them."""
+        return self.starts[self.first[owner] + piece] + t
+
+    def largest(self, values) -> np.ndarray:
+        """Of each motion the largest absolute value (m,) of any of `values` (N, ...)."""
+        return np.maximum.reduceat(np.abs(values).reshape(len(values), -1).max(1), self.first)
+
+    @cached_property
+    def finals(self) -> np.ndarray:
+        """The rows (m, rows) at the end of each."""
+        return evaluate(self.coefficients[self.last], self.steps[self.last, None])
 
 
 @lru_cache(maxsize=64)
@@ -196,6 +242,25 @@ class Flow:
         moving = np.array(slopes) if columns else None
         return Trajectory(np.array(times), np.array(pieces), self.names, moving), variations
 
+    def until_zero(self, starts, ps, quantity: Affine, skip_start: int = 0) -> list[Trajectory | None]:
+        """Motions from states (m, n) with parameters (m, np) up to the first sign change of an affine function of their
+        rows, all in one call; None for one that takes more than a few of Taylor's steps. As `first_zero` otherwise."""
+        if self.phase.closed_form or self.phase.pieces or not self.graph.has_series:
+            return [None] * len(starts)
+        steps, c, trusted = self.scheme(0).advance_all(starts, ps, LOOK_AHEAD)
+        answers: list[Trajectory | None] = [None] * len(starts)
+        sound = np.flatnonzero(trusted.all(1))
+        if not len(sound):
+            return answers
+        series = quantity.series(c[sound, :, : len(quantity.weights)])
+        counts = np.full(len(sound), LOOK_AHEAD)
+        owner, piece, t = Pile(series.reshape(-1, c.shape[3]), steps[sound].ravel(), counts).roots(skip_start)
+        times = np.cumsum(steps, axis=1)
+        for j, i, end in list(zip(sound[owner], piece, t, strict=True))[::-1]:  # the first zero last
+            start = times[j, i - 1] if i else 0.0
+            answers[j] = Trajectory(np.array([0.0, *times[j, :i], start + end]), c[j, : i + 1], self.names)
+        return answers
+
     def _sound(self, steps, c, t: float, taken: int):
         """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""
         good = (steps > SHORTEST * max(t, 1.0)) & np.isfinite(c).all((1, 2))
@@ -270,6 +335,16 @@ class Flow:
             return columns
         breaks, table, _ = self.piece_table(p)
         return np.vstack([columns, table[self.mesh_pieces(path, breaks)].T])
+
+    def data_of(self, motions: Motions, ps) -> np.ndarray:
+        """`mesh_data` of several motions with parameters (m, np), transposed: (N, np + nq)."""
+        if self.phase.pieces is None:
+            return ps[motions.owner]
+        paths = (
+            Trajectory(np.append(motions.starts[a : b + 1], end), motions.coefficients[a : b + 1], motions.names)
+            for a, b, end in zip(motions.first, motions.last, motions.ends, strict=True)
+        )
+        return np.concatenate([self.mesh_data(path, p).T for path, p in zip(paths, ps, strict=True)])
 
     def mesh_pieces(self, path: Trajectory, breaks) -> np.ndarray:
         """Index (N,) of the piece that each step of a motion lies in."""

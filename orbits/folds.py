@@ -12,11 +12,12 @@ import casadi as ca
 import numpy as np
 
 from .continuation import number_of, options_of, record_of, walk_from
-from .curve import At, Curve, Options
+from .curve import At, Curve
 from .errors import InputError, NoOrbit
 from .family import Family, Point
 from .model import Arc, Phase, Statement
 from .shooting import Shooting, shooting
+from .walk import Options
 
 
 @lru_cache(maxsize=64)
@@ -92,22 +93,24 @@ class _FoldCurve(Curve):
         self.folded = self.names.index(along)
         self.equations: Shooting = shooting(fold_statement(self.orbits.statement, along), self.names)
 
-    def p(self, x) -> np.ndarray:
-        values = super().p(x)
-        values[self.folded] = x[-2]
+    def p(self, xs) -> np.ndarray:
+        values = super().p(xs)
+        values[:, self.folded] = xs[:, -2]
         return values
 
     def values(self, p) -> dict[str, float]:
         return {**super().values(p), self.names[self.folded]: float(p[self.folded])}
 
-    def solved(self, at: At) -> tuple:
+    def solved(self, ats: Sequence[At]) -> list[tuple]:
         """As of any curve, with the errors measured across the family that folds: along it only the orbit changes."""
-        names = self.orbits.statement.unknowns
-        changes = dict(zip(self.equations.statement.unknowns, at.x, strict=False))
-        direction = [1.0 if name == "alpha" else changes[f"d{name}"] for name in names]
-        u, p = at.x[: len(names)], self.p(at.x)
-        here = self.orbits.evaluate(u, p, (self.names[self.folded],))
-        return u, p, here, np.array([*direction, 0.0])
+        names, xs = self.orbits.statement.unknowns, np.array([at.x for at in ats])
+        us, ps = xs[:, : len(names)], self.p(xs)
+        heres = self.orbits.evaluate_all(us, ps, (self.names[self.folded],))
+        rows = []
+        for x in xs:
+            changes = dict(zip(self.equations.statement.unknowns, x, strict=False))
+            rows.append(np.array([*(1.0 if name == "alpha" else changes[f"d{name}"] for name in names), 0.0]))
+        return list(zip(us, ps, heres, rows, strict=True))
 
 
 def follow_fold(

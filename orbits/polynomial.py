@@ -24,16 +24,23 @@ def _to_bernstein(degree: int) -> np.ndarray:
     return matrix
 
 
+def powers(t, count: int) -> np.ndarray:
+    """t**0 ... t**(count - 1) (..., count) by multiplication, many times faster than by `**`."""
+    t = np.asarray(t, dtype=float)
+    values = np.empty((*t.shape, count))
+    values[..., 0], values[..., 1:] = 1.0, t[..., None]
+    return np.multiply.accumulate(values, axis=-1, out=values)
+
+
 def bernstein(coefficients, h):
     """Bernstein coefficients on [0, h]; `coefficients` (..., K + 1) and `h` (...) broadcast."""
-    degree = coefficients.shape[-1] - 1
-    return coefficients * np.asarray(h)[..., None] ** np.arange(degree + 1) @ _to_bernstein(degree)
+    count = coefficients.shape[-1]
+    return coefficients * powers(h, count) @ _to_bernstein(count - 1)
 
 
 def evaluate(coefficients, t):
     """Values at `t`; `coefficients` (..., K + 1) broadcast with `t` (...)."""
-    powers = np.asarray(t)[..., None] ** _orders(coefficients.shape[-1])
-    return np.einsum("...k,...k", coefficients, powers)
+    return np.einsum("...k,...k", coefficients, powers(t, coefficients.shape[-1]))
 
 
 @cache
@@ -49,8 +56,7 @@ def derivative(coefficients):
 def shifted(coefficients, h):
     """Coefficients about t = h instead of 0; `coefficients` (N, n, K + 1), `h` (N,)."""
     degree = coefficients.shape[-1] - 1
-    powers = np.asarray(h)[:, None, None] ** _lags(degree)
-    return np.einsum("nrj,njk->nrk", coefficients, powers * _pascal(degree))
+    return np.einsum("nrj,njk->nrk", coefficients, powers(h, degree + 1)[:, _lags(degree)] * _pascal(degree))
 
 
 @cache
@@ -76,79 +82,82 @@ def roots(coefficients, h: float) -> list[float]:
 
 def piecewise_roots(coefficients, steps, start: int = 0, rising: bool = False) -> list[tuple[int, float]]:
     """Roots (piece, time in it) of a continuous piecewise polynomial, in order; arguments as in `Pile`."""
-    return Pile([coefficients], [steps]).roots(start, rising)[0]
+    _, pieces, times = Pile(coefficients, steps, np.array([len(steps)])).roots(start, rising)
+    return list(zip(pieces.tolist(), times.tolist(), strict=True))
 
 
 def lowest(coefficients, steps) -> tuple[float, int, float]:
     """Least value of a piecewise polynomial, with the piece and the time in it; arguments as in `Pile`."""
-    return Pile([coefficients], [steps]).lowest()[0]
+    ((value,), (piece,), (t,)) = Pile(coefficients, steps, np.array([len(steps)])).lowest()
+    return float(value), int(piece), float(t)
 
 
 class Pile:
     """Several continuous piecewise polynomials, asked together: one takes hardly less time than twenty.
 
-    coefficients (N, K + 1) and steps (N,) of each; N may differ
+    coefficients (N, K + 1) and steps (N,) of all pieces, `counts` (m,) of which belong to each in turn
     """
 
-    def __init__(self, coefficients: list, steps: list):
-        counts = [len(h) for h in steps]
-        self.count = len(counts)
-        self.coefficients, self.steps = np.concatenate(coefficients), np.concatenate(steps)
-        self.first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(int)
-        self.owner = np.repeat(np.arange(self.count), counts)
+    def __init__(self, coefficients, steps, counts):
+        self.coefficients, self.steps = coefficients, steps
+        self.first = np.cumsum(counts) - counts
+        self.owner = np.repeat(np.arange(len(counts)), counts)
 
-    def roots(self, start: int = 0, rising: bool = False) -> list[list[tuple[int, float]]]:
-        """For each polynomial its roots (piece, time in it), in order.
+    def roots(self, start: int = 0, rising: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """All roots, in order: which polynomial's (r,), the piece of it (r,), the time in that (r,).
 
         start : the order of a zero known to stand at the very beginning of each, divided out exactly and not reported
         rising : report only where the sign goes from minus to plus
         """
-        series = self.coefficients.copy()
+        series = self.coefficients
         if start:
+            series = series.copy()
             series[self.first, :-start] = self.coefficients[self.first, start:]
             series[self.first, -start:] = 0.0
         values = bernstein(series, self.steps)
         # At a joint both sides must agree on the sign, or rounding would lose a root there or find it twice.
         joint = self.owner[1:] == self.owner[:-1]
         values[:-1, -1] = np.where(joint, series[1:, 0], values[:-1, -1])
-        positive = values >= 0
-        found = []
-        for i in np.flatnonzero(positive.any(1) & ~positive.all(1)):
-            brackets: list[tuple] = []
-            _isolate(values[i], 0.0, 1.0, MAX_DEPTH, brackets)
-            found += [(i, *bracket) for bracket in brackets if bracket[2] or not rising]
-        if len(found) > FEW:
-            pieces, low, high, up, about = (np.array(column) for column in zip(*found, strict=True))
-            times = _refine_together(series[pieces], self.steps[pieces], low, high, up, about)
+        changes = (values[:, 1:] >= 0) != (values[:, :-1] >= 0)
+        several = changes.sum(1)
+        single = np.flatnonzero((several == 1) & ((values[:, -1] >= 0) | (not rising)))
+        j = changes[single].argmax(1)  # where the control polygon crosses, second order close to the polynomial
+        before, after = values[single, j], values[single, j + 1]
+        about = (j + before / (before - after)) / (values.shape[1] - 1)
+        columns = [single, np.zeros(len(j)), np.ones(len(j)), after >= 0, about]
+        brackets: list[tuple] = []
+        for i in np.flatnonzero(several > 1):
+            found: list[tuple] = []
+            _isolate(values[i], 0.0, 1.0, MAX_DEPTH, found)
+            brackets += [(i, *bracket) for bracket in found if bracket[2] or not rising]
+        if brackets:
+            columns = [np.append(a, b) for a, b in zip(columns, zip(*brackets, strict=True), strict=True)]
+            order = np.lexsort((columns[1], columns[0]))
+            columns = [column[order] for column in columns]
+        pieces = columns[0].astype(int)
+        if len(pieces) > FEW:
+            times = _refine_together(series[pieces], self.steps[pieces], *columns[1:])
         else:
-            times = [_refine(series[i], self.steps[i], *bracket) for i, *bracket in found]
-        answers: list[list[tuple[int, float]]] = [[] for _ in range(self.count)]
-        for (i, *_), t in zip(found, times, strict=True):
-            owner = self.owner[i]
-            answers[owner].append((int(i - self.first[owner]), float(t)))
-        return answers
+            each = zip(pieces, *columns[1:], strict=True)
+            times = np.array([_refine(series[i], self.steps[i], *bracket) for i, *bracket in each])
+        owner = self.owner[pieces]
+        return owner, pieces - self.first[owner], times
 
-    def lowest(self) -> list[tuple[float, int, float]]:
-        """For each polynomial its least value, with the piece and the time in it."""
-        starts, ends = self.coefficients[:, 0], evaluate(self.coefficients, self.steps)
-        least = np.minimum(np.minimum.reduceat(starts, self.first), np.minimum.reduceat(ends, self.first))
+    def lowest(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of each polynomial the least value (m,), the piece (m,) and the time in it (m,)."""
+        pieces = np.arange(len(self.steps))
+        ends = evaluate(self.coefficients, self.steps)
+        least = np.minimum.reduceat(np.minimum(self.coefficients[:, 0], ends), self.first)
         where = np.flatnonzero(bernstein(self.coefficients, self.steps).min(1) < least[self.owner])
-        best: list = [None] * self.count
-        for i in np.flatnonzero((starts == least[self.owner]) | (ends == least[self.owner]))[::-1]:
-            owner = self.owner[i]
-            at_start = starts[i] == least[owner]
-            best[owner] = (float(least[owner]), int(i - self.first[owner]), 0.0 if at_start else float(self.steps[i]))
-        if len(where):
-            slopes = derivative(self.coefficients[where])
-            for i, inside in zip(
-                where, Pile(list(slopes[:, None]), list(self.steps[where, None])).roots(rising=True), strict=True
-            ):
-                for _, t in inside:
-                    owner = self.owner[i]
-                    best[owner] = min(
-                        best[owner], (float(evaluate(self.coefficients[i], t)), int(i - self.first[owner]), t)
-                    )
-        return best
+        inside = Pile(derivative(self.coefficients[where]), self.steps[where], np.ones(len(where), int))
+        owner, _, t = inside.roots(rising=True)
+        turns = where[owner]
+        pieces = np.concatenate([turns, pieces, pieces])
+        times = np.concatenate([t, self.steps, np.zeros(len(ends))])
+        values = np.concatenate([evaluate(self.coefficients[turns], t), ends, self.coefficients[:, 0]])
+        order = np.lexsort((values, self.owner[pieces]))  # the least of each first
+        best = order[np.searchsorted(self.owner[pieces][order], np.arange(len(self.first)))]
+        return values[best], pieces[best] - self.first, times[best]
 
 
 def _isolate(values, low, high, depth, found):
@@ -208,11 +217,10 @@ def _refine_together(c, h, low, high, rising, t) -> np.ndarray:
     """`_refine` of several at once; c (m, K + 1), the others (m,)."""
     low, high, t = low * h, high * h, t * h
     sign, last = np.where(rising, 1.0, -1.0), np.zeros(len(t))
-    k = np.arange(c.shape[1])
     slopes = derivative(c)
     for _ in range(200):
-        powers = t[:, None] ** k
-        value, slope = np.einsum("mk,mk->m", c, powers), np.einsum("mk,mk->m", slopes, powers[:, :-1])
+        places = powers(t, c.shape[1])
+        value, slope = np.einsum("mk,mk->m", c, places), np.einsum("mk,mk->m", slopes, places[:, :-1])
         above = sign * value >= 0
         low, high = np.where(above, low, t), np.where(above, t, high)
         with np.errstate(divide="ignore", invalid="ignore"):

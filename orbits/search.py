@@ -8,6 +8,7 @@ import numpy as np
 from . import interrupts
 from .certify import count_families
 from .errors import InputError, NoOrbit
+from .flow import Motions
 from .model import Model
 from .orbit import Orbit
 from .shooting import Shooting, solve
@@ -124,7 +125,7 @@ def _corrected(model, equations, correct, predicted, family, p):
         raise NoOrbit("the corrector ends far from the predicted orbit")
     flight = in_flight_states(model, here.trajectories[0])
     parts = flight.split(flight.times[-1] / 2) if "unfolding" in equations.statement.unknowns else (flight,)
-    if count_families(model, [parts]) != [family]:
+    if count_families(model, Motions(parts), len(parts)) != [family]:
         raise NoOrbit("the family changes")
     return new, here
 

@@ -1,14 +1,15 @@
 """A boundary value statement as equations: evaluated along its flow, solved by Newton, or by multiple shooting."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import repeat
 
 import casadi as ca
 import numpy as np
 
 from . import nlp
-from .calls import Call
+from .calls import Call, Calls
 from .errors import FlowError, NoOrbit
 from .flow import Flow, Trajectory, flow
 from .model import Arc, Statement
@@ -113,8 +114,16 @@ class Shooting:
 
         meshes : nodes (N + 1,) of each arc as shares of its duration, to try first: it saves choosing the steps
         """
-        if meshes is not None and (found := self._on_meshes(u, p, vary, meshes)):
-            return found
+        (here,) = self.evaluate_all(np.reshape(u, (1, -1)), np.reshape(p, (1, -1)), vary, meshes)
+        return here
+
+    def evaluate_all(self, us, ps, vary: tuple[str, ...] = (), meshes=None) -> list[Evaluation]:
+        """`evaluate` at several points (m, n) with their parameters (m, np), on given meshes all in one call."""
+        found = [None] * len(us) if meshes is None else self._on_meshes(us, ps, vary, meshes)
+        return [here or self._evaluate(u, p, vary) for here, u, p in zip(found, us, ps, strict=True)]
+
+    def _evaluate(self, u, p, vary: tuple[str, ...]) -> Evaluation:
+        """`evaluate`, arc by arc, each step as long as it can be."""
         n, k = self.size, len(vary)
         du, dp, own, seeds = self._seeds(vary)
         last, dlast = np.zeros(0), np.zeros((0, n + k))
@@ -150,32 +159,39 @@ class Shooting:
         ]
         return np.eye(n, n + k), dp, np.eye(k, n + k, n), seeds
 
-    def _on_meshes(self, u, p, vary: tuple[str, ...], meshes) -> Evaluation | None:
-        """`evaluate` in one call on given meshes; None where one is too coarse or a flow is not by Taylor's series."""
+    def _on_meshes(self, us, ps, vary: tuple[str, ...], meshes) -> list[Evaluation | None]:
+        """`evaluate_all` in one call; None where a mesh is too coarse or a flow is not by Taylor's series."""
+        count, sizes = len(us), tuple(len(mesh) - 1 for mesh in meshes)
         if any(along.method != "Taylor" or along.phase.pieces for along in self.flows):
-            return None
+            return [None] * count
         schemes = tuple(
             along.scheme(along.size + len(vary), tuple(map(self.parameters.index, vary))) for along in self.flows
         )
-        for scheme, mesh in zip(schemes, meshes, strict=True):
-            scheme.spend(len(mesh) - 1)
-        call = self._whole(vary, tuple(len(mesh) - 1 for mesh in meshes), tuple(scheme.one for scheme in schemes))
-        residual, jacobian, *rest = call(u, p, np.concatenate(meshes))
-        arcs = []
+        for scheme, size in zip(schemes, sizes, strict=True):
+            scheme.spend(count * size)
+        call = self._whole(vary, sizes, tuple(scheme.one for scheme in schemes))
+        residual, jacobian, *rest = call(us, ps, np.concatenate(meshes)[None])
+        # derivatives that nothing needs may be no numbers; the longer way leaves them out
+        good, arcs = np.isfinite(jacobian).all((1, 2)), []
         for i, (along, scheme, mesh) in enumerate(zip(self.flows, schemes, meshes, strict=True)):
             duration, transition, dstart, longer, holds, c, dc, made, lengths = rest[9 * i : 9 * (i + 1)]
-            c, dc = scheme.unfold(c, dc, len(mesh) - 1)
-            if not ((made[0] == lengths[0]).all() and (made[1] <= DEFECT).all() and np.isfinite(c).all()):
-                return None
-            path = Trajectory(duration[0, 0] * mesh, c, along.names, dc)
-            arcs.append((path, transition, dstart, longer[0], holds))
-        if not np.isfinite(jacobian).all():
-            return None  # derivatives that nothing needs may be no numbers; the longer way leaves them out
-        return Evaluation(residual.ravel(), jacobian, *zip(*arcs, strict=True))
+            c, dc = scheme.unfold(c, dc)
+            good &= (made[:, 0] == lengths[:, 0]).all(1) & (made[:, 1] <= DEFECT).all(1) & np.isfinite(c).all((1, 2, 3))
+            paths = (
+                Trajectory(t, *motion)
+                for t, *motion in zip(duration[:, 0] * mesh, c, repeat(along.names), dc, strict=False)
+            )
+            arcs.append(list(zip(paths, transition, dstart, longer[:, 0], holds, strict=True)))
+        return [
+            Evaluation(residual[j, :, 0], jacobian[j], *zip(*(arc[j] for arc in arcs), strict=True))
+            if good[j]
+            else None
+            for j in range(count)
+        ]
 
     @lru_cache(maxsize=32)  # noqa: B019 - the equations themselves are kept as long
-    def _whole(self, vary: tuple[str, ...], counts: tuple[int, ...], steps: tuple[ca.Function, ...]) -> Call:
-        """The statement and its derivatives on meshes of so many steps, as one call (u, p, meshes)."""
+    def _whole(self, vary: tuple[str, ...], counts: tuple[int, ...], steps: tuple[ca.Function, ...]) -> Calls:
+        """The statement and its derivatives on meshes of so many steps, (u, p, meshes)."""
         n, k = self.size, len(vary)
         du, dp, own, seeds = (ca.DM(x) if isinstance(x, np.ndarray) else x for x in self._seeds(vary))
         u, p, nodes = ca.MX.sym("u", n), ca.MX.sym("p", len(self.parameters)), ca.MX.sym("t", sum(counts) + len(counts))
@@ -202,19 +218,41 @@ class Shooting:
             results += [duration, transition, dstart, longer, at_end, c, dc, made, lengths]
             last, dlast = end, dend
         results = [ca.vertcat(*residuals), ca.vertcat(*jacobians), *results]
-        return Call(ca.Function("whole", [u, p, nodes], [ca.densify(result) for result in results]))
+        return Calls(_dense("whole", [u, p, nodes], results))
 
-    def moved(self, here: Evaluation, u, p, step) -> Evaluation:
-        """`here`, at `u` less a Newton step (n + k,) that settles it, taken along to `u`: to first order, but for the
-        residual."""
-        if any(path.variations is None for path in here.trajectories):  # closed forms cost nothing
-            return self.evaluate(u, p)
-        paths = tuple(
-            path.moved(start @ step, longer @ step)
-            for path, start, longer in zip(here.trajectories, here.starts, here.durations, strict=True)
-        )
-        residual = self.residual(u, p, paths, lambda along, start, p, path: path.end)
-        return replace(here, residual=residual, trajectories=paths)
+    def moved_all(self, heres: Sequence[Evaluation], us, ps, steps) -> list[Evaluation]:
+        """Evaluations taken along by Newton steps (m, n + k) that settle them, to the points `us` (m, n) where those
+        lead with parameters `ps` (m, np): to first order, but for the residuals."""
+        if any(path.variations is None for path in heres[0].trajectories):  # closed forms cost nothing
+            return [self.evaluate(u, p) for u, p in zip(us, ps, strict=True)]
+        moved = [
+            tuple(
+                path.moved(start @ step, longer @ step)
+                for path, start, longer in zip(here.trajectories, here.starts, here.durations, strict=True)
+            )
+            for here, step in zip(heres, steps, strict=True)
+        ]
+        if any(along.phase.pieces for along in self.flows):
+            by_end = lambda along, start, p, path: path.end  # noqa: E731
+            residuals = [self.residual(u, p, paths, by_end) for u, p, paths in zip(us, ps, moved, strict=True)]
+        else:
+            ends = (np.array([path.end for path in paths]) for paths in zip(*moved, strict=True))
+            residuals = self._arrivals(us, ps, *ends)[0][:, :, 0]
+        return [
+            replace(here, residual=residual, trajectories=paths)
+            for here, residual, paths in zip(heres, residuals, moved, strict=True)
+        ]
+
+    @cached_property
+    def _arrivals(self) -> Calls:
+        """The residual from the ends of all arcs, (u, p, end, ...), of fields without pieces."""
+        u, p = ca.SX.sym("u", self.size), ca.SX.sym("p", len(self.parameters))
+        ends = [ca.SX.sym("x", along.size) for along in self.flows]
+        before, residuals = [ca.SX(0, 1), *ends], []
+        for last, end, (depart, arrive) in zip(before, ends, self._ends, strict=False):
+            start = depart.function(u, last, p)[0][:-1]
+            residuals.append(arrive.function(u, start, end, p, ca.SX(0, 1))[0])
+        return Calls(_dense("arrivals", [u, p, *ends], [ca.vertcat(*residuals)]))
 
     def residual(self, u, p, paths: tuple[Trajectory, ...], travel: Callable) -> np.ndarray:
         """The residual (n,) with every arc's end from travel(flow, start, p, path), one of `paths` for each."""
@@ -242,7 +280,7 @@ class Shooting:
             last, size = size, np.max(np.abs(step) / np.maximum(np.abs(u), 1e-3))
             if here.settles(size, last):
                 u = u + step
-                return u, self.moved(here, u, p, step)
+                return u, self.moved_all([here], u[None], np.reshape(p, (1, -1)), step[None])[0]
             if not np.isfinite(size):
                 break
             u, here = self._damped(u, step, p, here)

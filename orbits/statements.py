@@ -1,13 +1,14 @@
 """What is solved for an orbit of a model, and what the solution means: the statements, and orbits made from them."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
-from .certify import Case, certify, error_bound, follow_contact
+from .accuracy import error_bound
+from .certify import Case, certify, follow_contacts
 from .errors import NoOrbit
 from .flow import Trajectory
 from .model import Arc, Model, Phase, Statement
@@ -97,23 +98,44 @@ def interpret(model: Model, method: str, equations: Shooting, u, here: Evaluatio
     """
     if error is None:
         error = error_bound(equations, u, vector(p), here)
+    (solution,) = interpret_all(model, method, equations, [(u, p, here, error)])
+    if isinstance(solution, NoOrbit):
+        raise solution
+    return solution
+
+
+def interpret_all(model: Model, method: str, equations: Shooting, points: Sequence[tuple]) -> list[Solution | NoOrbit]:
+    """What solutions (u, parameters by name, equations there, error of alpha) of a method's equations mean for the
+    flight; for one that means none, the reason."""
+    if not points:
+        return []
     read = _reduced if method in ("closed form", "relative") else _mirrored if model.reversor else _unmirrored
-    flight, parts, slope = read(model, equations, u, here, p)
-    residual = np.abs(here.residual).max()
-    return Solution(equations.named(u), flight, parts, float(slope), float(residual), error, equations.compiled)
+    named = [equations.named(u) for u, *_ in points]
+    ps, heres = [p for _, p, _, _ in points], [here for _, _, here, _ in points]
+    return [
+        known
+        if isinstance(known, NoOrbit)
+        else Solution(u, *known, float(np.abs(here.residual).max()), error, equations.compiled)
+        for u, known, (_, _, here, error) in zip(named, read(model, named, ps, heres), points, strict=True)
+    ]
 
 
-def as_case(model: Model, solution: Solution, p: Mapping) -> Case:
-    """What is to be certified of a solution, its contact followed."""
-    contact, stopped = follow_contact(model, solution.u, p, LONGEST_CONTACT * (1 + solution.flight.times[-1]))
-    figures = solution.gap_slope, solution.residual, solution.error
-    return Case(solution.u, p, solution.parts, contact, stopped, *figures)
+def as_cases(model: Model, solutions: Sequence[tuple[Solution, Mapping]]) -> list[Case]:
+    """What is to be certified of solutions with their parameters, the contacts followed."""
+    if not solutions:
+        return []
+    limits = [LONGEST_CONTACT * (1 + solution.flight.times[-1]) for solution, _ in solutions]
+    landings = [(solution.u, p, limit) for (solution, p), limit in zip(solutions, limits, strict=True)]
+    return [
+        Case(known.u, p, known.parts, contact, stopped, known.gap_slope, known.residual, known.error)
+        for (known, p), (contact, stopped) in zip(solutions, follow_contacts(model, landings), strict=True)
+    ]
 
 
 def as_orbit(machine, method: str, solution: Solution, began: float) -> Orbit:
     """The certified orbit of a machine; `began` is when the search for it did, by `time.perf_counter`."""
     model, p, u = machine.model, machine.values, solution.u
-    case = as_case(model, solution, p)
+    (case,) = as_cases(model, [(solution, p)])
     (certificate,) = certify(model, [case])
     if isinstance(certificate, NoOrbit):
         raise certificate
@@ -134,29 +156,39 @@ def as_orbit(machine, method: str, solution: Solution, began: float) -> Orbit:
     )
 
 
-def _reduced(model: Model, equations: Shooting, u, here: Evaluation, p: Mapping):
-    path, named = here.trajectories[0], equations.named(u)
-    coefficients = model.reduction.complete(path.times[:-1], path.coefficients, named, p)
-    half = Trajectory(path.times, coefficients, model.flight.states)
-    landing = _at_landing(here, model.reduction.reversor)
-    return half, (half,), model.reduction.gap_slope(2 * path.times[-1], landing[:, 1], p)
+# The flight, its parts and the slope of the gap at landing, of several: (model, u by name, p by name, equations there).
 
 
-def _mirrored(model: Model, equations: Shooting, u, here: Evaluation, p: Mapping):
-    half = in_flight_states(model, here.trajectories[0])
-    return half, (half,), np.array(model.gap(p).weights) @ _at_landing(here, model.reversor)[:, 1]
+def _reduced(model: Model, us, ps, heres: Sequence[Evaluation]) -> list:
+    landings = _at_landing(heres, model.reduction.reversor)
+    found = []
+    for u, p, here, landing in zip(us, ps, heres, landings, strict=True):
+        path = here.trajectories[0]
+        coefficients = model.reduction.complete(path.times[:-1], path.coefficients, u, p)
+        half = Trajectory(path.times, coefficients, model.flight.states)
+        found.append((half, (half,), float(model.reduction.gap_slope(2 * path.times[-1], landing[:, 1], p))))
+    return found
 
 
-def _unmirrored(model: Model, equations: Shooting, u, here: Evaluation, p: Mapping):
-    named = equations.named(u)
-    if abs(named["unfolding"]) * named["duration"] > LARGEST_UNFOLDING:
-        raise NoOrbit(
-            f"the landing conditions hold only with the energy pumped at the rate {named['unfolding']:.3g}: "
-            "this model has no lossless orbit here"
-        )
-    flight = in_flight_states(model, here.trajectories[0])
-    slope = np.array(model.gap(p).weights) @ (here.transitions[0] @ here.starts[0])[: len(flight.names), 1]
-    return flight, flight.split(flight.times[-1] / 2), slope
+def _mirrored(model: Model, us, ps, heres: Sequence[Evaluation]) -> list:
+    found = []
+    for p, here, landing in zip(ps, heres, _at_landing(heres, model.reversor), strict=True):
+        half = in_flight_states(model, here.trajectories[0])
+        found.append((half, (half,), float(np.array(model.gap(p).weights) @ landing[:, 1])))
+    return found
+
+
+def _unmirrored(model: Model, us, ps, heres: Sequence[Evaluation]) -> list:
+    found: list = []
+    for u, p, here in zip(us, ps, heres, strict=True):
+        flight = in_flight_states(model, here.trajectories[0])
+        slope = np.array(model.gap(p).weights) @ (here.transitions[0] @ here.starts[0])[: len(flight.names), 1]
+        if abs(u["unfolding"]) * u["duration"] > LARGEST_UNFOLDING:
+            reason = f"the landing conditions hold only with the energy pumped at the rate {u['unfolding']:.3g}"
+            found.append(NoOrbit(reason + ": this model has no lossless orbit here"))
+        else:
+            found.append((flight, flight.split(flight.times[-1] / 2), float(slope)))
+    return found
 
 
 def in_flight_states(model: Model, path: Trajectory) -> Trajectory:
@@ -165,14 +197,16 @@ def in_flight_states(model: Model, path: Trajectory) -> Trajectory:
     return Trajectory(path.times, path.coefficients[:, : len(states)], states)
 
 
-def _at_landing(here: Evaluation, reversor) -> np.ndarray:
-    """Derivatives of the state at landing, of a flight whose first half is `here`, with respect to the unknowns.
+def _at_landing(heres: Sequence[Evaluation], reversor) -> np.ndarray:
+    """Derivatives (m, states, unknowns) of the state at landing, of flights whose first halves are `heres`.
 
     The second half mirrors the first in time, and so does its transition matrix.
     """
-    first, mirror = here.transitions[0], np.array(reversor)[:, None]
-    half = first @ here.starts[0]
-    return mirror * solve(first[:, : len(first)], mirror * half)
+    first, starts = (
+        np.array([part[0] for part in parts]) for parts in zip(*((h.transitions, h.starts) for h in heres), strict=True)
+    )
+    mirror = np.array(reversor)[:, None]
+    return mirror * solve(first[:, :, : first.shape[1]], mirror * (first @ starts))
 
 
 def _shape(model: Model, p: Mapping) -> Shape:

@@ -7,7 +7,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from .calls import Call, compile_function, compile_seconds
+from .calls import Call, Calls, compile_function, compile_seconds
 from .jets import covers, jets
 
 ORDER = 28
@@ -89,6 +89,7 @@ class Taylor:
         self.compiled = False
         self.usual = 4  # steps of a motion, about
         self._calls: dict[int, Call] = {}
+        self._all: dict[int, Calls] = {}
 
     @staticmethod
     def _defect(graph: Graph, terms: ca.SX, h: ca.SX) -> ca.SX:
@@ -124,7 +125,7 @@ class Taylor:
             lengths[:] = min(longest, 1e9)
             call.trigger()
             _, c, dc, (steps, defects) = (result.copy(order="K") for result in call.results)
-        c, dc = self.unfold(c, dc, count)
+        c, dc = self.unfold(c, dc)
         trusted = count if (defects <= DEFECT).all() else int(np.argmin(defects <= DEFECT))
         if trusted == 0:  # halve the first step until its series solves the equation, unless it has no series
             if not (steps[0] > SHORTEST and np.isfinite(c[0]).all()):
@@ -132,10 +133,26 @@ class Taylor:
             return self.advance(x, p, dx, dp, 1, 0.5 * steps[0])
         return steps[:trusted], c[:trusted], dc[:trusted]
 
-    def unfold(self, c, dc, count: int):
-        """Coefficients (count, rows, K + 1) and sensitivities (count, n, columns, K + 1) from a call's results."""
-        c = c.reshape(ORDER + 1, self.rows, count, order="F").T
-        return c, dc.reshape(ORDER + 1, self.n, self.columns, count, order="F").transpose(3, 1, 2, 0)
+    def unfold(self, c, dc):
+        """Coefficients (..., count, rows, K + 1) and sensitivities (..., count, n, columns, K + 1) from the results
+        (..., K + 1, rows * count) and (..., K + 1, n * columns * count) of that many steps."""
+        c = c.swapaxes(-1, -2).reshape(*c.shape[:-2], -1, self.rows, ORDER + 1)
+        dc = dc.swapaxes(-1, -2).reshape(*c.shape[:-2], self.columns, self.n, ORDER + 1)
+        return c, dc.swapaxes(-2, -3)
+
+    def advance_all(self, x, p, count: int):
+        """`count` steps of several motions without sensitivities, from states (m, n) with parameters (m, np).
+
+        Returns steps (m, count), coefficients (m, count, rows, K + 1), and which steps can be trusted (m, count).
+        """
+        with self.lock:
+            self.spend(count * len(x))
+            if count not in self._all:
+                self._all[count] = Calls(self.one.mapaccum(count))
+            call = self._all[count]
+        _, c, dc, made = call(x, np.tile(p, count), np.full((1, count), 1e9))
+        c, _ = self.unfold(c, dc)
+        return made[:, 0], c, (made[:, 1] <= DEFECT) & np.isfinite(c).all((2, 3)) & (made[:, 0] > SHORTEST)
 
     def spend(self, count: int):
         """Count steps to be taken; once there have been enough, compile them."""
@@ -148,7 +165,7 @@ class Taylor:
         self.patience = np.inf
         faster = compile_function(self.one)
         if faster is not None:
-            self.one, self._calls, self.compiled = faster, {}, True
+            self.one, self._calls, self._all, self.compiled = faster, {}, {}, True
 
 
 def _trusted_length(c: ca.SX, size) -> ca.SX:

@@ -300,7 +300,7 @@ def test_bad_methods():
 
 
 def test_a_solve_that_lands_on_another_family_has_failed(monkeypatch):
-    monkeypatch.setattr(orbits.certify, "count_families", lambda model, flights: [2])
+    monkeypatch.setattr(orbits.certify, "count_families", lambda model, flights, parts: [2])
     with pytest.raises(NoOrbit, match="ended on an orbit of family 2"):
         find(Hopper())
 

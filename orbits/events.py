@@ -1,0 +1,123 @@
+"""What happens on a curve of orbits between two neighbouring points: located, certified, in order."""
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from .curve import At, Curve, Interpolant
+from .errors import InputError, NoOrbit
+from .family import Point
+from .orbit import Orbit
+from .roots import bracketed_root
+
+# What an orbit has to spare before something happens; the event is where it changes sign. None: it says nothing.
+MARGINS: dict[str, Callable[[Point], float | None]] = {
+    "grazing": lambda point: 1.0 if point.clearance is None else point.clearance,
+    "masses touch": lambda point: point.smallest_separation,
+    "contact pulls": lambda point: 1.0 if point.smallest_contact_force is None else point.smallest_contact_force,
+    "landing jerk": lambda point: -point.landing_jerk,
+    "collapse": lambda point: -1.0 if point.contact_time is None else 1.0,
+}
+# An event is located to this share of the way between two points, where rounding begins to show.
+WIDTH = 1e-13
+# What else changes sign where something happens.
+SIGNS = ("fold", "branch point", "family")
+
+
+class Stretch:
+    """The curve between two of its neighbouring points, both certified; a place on it is its share of the chord."""
+
+    def __init__(self, curve: Curve, a: At, b: At):
+        self.curve, self.a, self.b = curve, a, b
+        size = curve.size(a.x)
+        chord = (b.x - a.x) / size
+        self.row = chord / (chord @ chord) / size
+        self.start = self.row @ a.x
+
+    @cached_property
+    def _path(self) -> Interpolant:
+        return Interpolant((self.a, self.b), self.row)
+
+    def __call__(self, share: float) -> At:
+        """The curve at a share of the chord, not certified between the ends."""
+        if share in (0.0, 1.0):
+            return (self.a, self.b)[int(share)]
+        level = self.start + share
+        return self.curve.correct(self._path(np.array([level]))[0], self.row, level, self.a.tangent)
+
+    @cached_property
+    def fold(self) -> float | None:
+        """The share at which the parameter turns round."""
+        return self.zero(lambda at: float(at.tangent[-1]))
+
+    def zero(self, quantity: Callable[[At], float | None]) -> float | None:
+        """The share at which a quantity changes its sign, None where it does not or says nothing; 0 is positive."""
+        first, last = quantity(self.a), quantity(self.b)
+        if first is None or last is None or (first >= 0) == (last >= 0):
+            return None
+        return bracketed_root(lambda share: quantity(self(share)) or 0.0, 0.0, 1.0, first, last, width=WIDTH)
+
+    def landed(self, value: float) -> At:
+        """The point where the parameter has exactly a value, certified."""
+        a, b = self.a, self.b
+        if b.value == value:
+            return b
+        share = (value - a.value) / (b.value - a.value)
+        try:
+            near = self(float(np.clip(share, 1e-9, 1 - 1e-9)))
+            guess = near.x + near.tangent * (value - near.value) / near.tangent[-1]
+            near = self.curve.correct(guess, np.eye(len(a.x))[-1], value, a.tangent)
+        except NoOrbit:  # beside a fold the value does not fix the orbit, its place on the curve does
+            near = self(self.zero(lambda at: at.value - value))
+        return self.curve.onto(near, value)
+
+    def events(self, asked: tuple[float, ...], watch: Mapping[str, Callable[[Orbit], float]]) -> list[tuple[str, At]]:
+        """What happens, by kind, in order along the curve; `asked` are values of the parameter to stop at."""
+        found: list[tuple] = []
+        if not watch and _signs(self.a) == _signs(self.b) and not any(self._between(value) for value in asked):
+            return []
+        for name in (*SIGNS, *MARGINS, *watch):
+            share = self.fold if name == "fold" else self.zero(lambda at, name=name: self._quantity(name, at, watch))
+            if share is not None:
+                at = self(share)
+                found.append((name, share, at if at.point else self.curve.check(at)))
+        turns = [0.0, *([] if self.fold is None else [self.fold]), 1.0]
+        for low, high in pairwise(turns):
+            part = Stretch(self.curve, self(low), self(high)) if len(turns) > 2 else self
+            first, last = part.a.value, part.b.value
+            for value in filter(part._between, asked):
+                share = low + (high - low) * (value - first) / (last - first)
+                found.append(("asked", share, part.landed(value)))
+        return [(name, at) for name, _, at in sorted(found, key=lambda entry: entry[1])]
+
+    def _between(self, value: float) -> bool:
+        return min(self.a.value, self.b.value) < value < max(self.a.value, self.b.value)
+
+    def _quantity(self, name: str, at: At, watch) -> float | None:
+        if name == "branch point":
+            return at.turn
+        at = at if at.point else self.curve.check(at)
+        if name == "family":
+            return 1.0 if at.point.family == self.a.point.family else -1.0
+        if name in MARGINS:
+            return MARGINS[name](at.point)
+        return watched(name, watch[name], self.curve.orbit(at))
+
+
+def _signs(at: At) -> tuple:
+    """On which side of every event a certified point is."""
+    if at.signs is None:
+        margins = (margin(at.point) for margin in MARGINS.values())
+        sides = [margin is not None and margin >= 0 for margin in margins]
+        at.signs = (at.tangent[-1] >= 0, at.turn >= 0, at.point.family, *sides)
+    return at.signs
+
+
+def watched(name: str, function: Callable[[Orbit], float], orbit: Orbit) -> float:
+    """A watched quantity of an orbit; raises `InputError` when it is not a number."""
+    value = function(orbit)
+    if isinstance(value, str) or not np.isscalar(value) or not np.isfinite(value):
+        raise InputError(f"watch '{name}' gives {value!r} at alpha = {orbit.alpha:.6g}: it must give a finite number")
+    return float(value)

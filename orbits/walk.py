@@ -1,0 +1,289 @@
+"""A walk along a curve of orbits: long steps with control, the points in between, and how it all ends.
+
+A step of length s along the unit tangent t from X0 is the solution of F(X) = 0, t . (X - X0) = s. Its prediction is the
+Hermite interpolant of the last points and tangents; a corrector that has to go far may have found another curve, and
+the step is refused. Then the curve is solved again between the step's ends, at one place at least and as closely as
+asked: the interpolant through both ends must lead there too.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .curve import At, Curve, Interpolant
+from .errors import NoOrbit, OrbitsError
+from .events import Stretch
+from .family import End, Event
+from .orbit import Orbit
+
+# In shares of the curve's own size: the first step, the shortest, the longest where points are asked for more closely,
+# and what a corrector may move of a step's length.
+FIRST, SHORTEST, LONGEST, FARTHEST = 5e-3, 1e-5, 0.2, 1e-2
+# What the step control aims at for the corrector: then its second step is its last.
+AIM = 1e-6
+# The largest angle between two tangents, in radians.
+LARGEST_TURN = 0.25
+# An orbit this many times faster, longer or smaller than the first is on its way to infinity or to nothing.
+FAR = 1e2
+# ... if the parameter has no further to go than this share of its way so far; else it only scales the orbit.
+NEAR = 0.05
+# A motion that makes more of a small change, as it hangs at an unstable equilibrium, is beyond shooting in one piece.
+LARGEST_GROWTH = 3e7
+# A curve that is lost after the launch speed has grown this much was running off.
+RUNNING = 2.0
+# Points that differ by less are the same.
+SAME = 1e-9
+# Refusals that end the walk, where so many good points make up for one: what rounding blurs is not crawled along.
+PATIENCE, REST = 16, 20
+# Points of the curve that a prediction rests on, and points that are certified together.
+MEMORY, TOGETHER = 4, 40
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a walk is to do, as in `follow`."""
+
+    at: tuple[float, ...] = ()
+    watch: Mapping[str, Callable[[Orbit], float]] | None = None
+    longest: float = 0.02
+    most: int = 10_000
+    stop_inadmissible: bool = False
+
+
+class Walk:
+    """Steps along a curve from a point of it, with what happens in each.
+
+    Points are certified several at a time; where one cannot be, or is of another family, the steps are taken again
+    from before it, shorter and one by one.
+    """
+
+    def __init__(self, curve: Curve, first: At, start: float, stop: float, options: Options, earlier=()):
+        self.curve, self.first, self.options = curve, first, options
+        self.start, self.stop, self.bounds = start, stop, (min(start, stop), max(start, stop))
+        self.last, self.knots = first, [first]  # the last point, and the ends of the last steps
+        every = [*earlier, first.point]
+        self.origin = every[0]
+        self.seen = [(point.alpha, point.value) for point in every]
+        self.length = min(FIRST, options.longest)
+        self.count = 4  # points to certify at a time
+        self.trouble = 0.0  # refusals of late
+
+    def __iter__(self) -> Iterator[At | Event | End]:
+        """The points of the curve, first to last, each event before the point that follows it, and the end."""
+        yield self.first
+        index = 0
+        while True:
+            ahead, knots, failure = self.steps()
+            good, refusal = self.certified(ahead)
+            for there in good:
+                try:
+                    there, end = self.ended(there)
+                    happening = Stretch(self.curve, self.last, there).events(self.options.at, self.options.watch)
+                except OrbitsError as error:
+                    yield self.lost(f"what happens next cannot be located ({error})")
+                    return
+                passed = [at for kind, at in happening if kind == "asked"]
+                if index + len(passed) + 1 >= self.options.most:
+                    yield End("stopped", f"after {index + 1} points: no more than {self.options.most} were asked for")
+                    return
+                for kind, at in happening:
+                    if kind == "asked":
+                        index += 1
+                        yield at
+                    yield Event(kind, index, at.point)
+                index += 1
+                yield there
+                self.seen.append((there.point.alpha, there.value))
+                self.last = there
+                if end := end or self.far(there):
+                    yield end
+                    return
+            done = [at for at in knots if at.point] if refusal else knots
+            self.knots = [*self.knots, *done][-MEMORY:]
+            if refusal is None and failure is None:
+                self.count = min(2 * self.count, TOGETHER)
+                continue
+            self.count = 1
+            if self.knots[-1] is not self.last:
+                self.knots = [*self.knots, self.last][-MEMORY:]
+            if refusal is not None:
+                self.length = 0.5 * ahead[len(good)].length
+                self.trouble = max(self.trouble - len(good) / REST, 0.0) + 1
+            if failure is not None or self.length <= SHORTEST or self.trouble > PATIENCE:
+                yield self.lost(str(refusal or failure))
+                return
+
+    def steps(self) -> tuple[list[At], list[At], OrbitsError | None]:
+        """The next few points, not certified yet; those of them that steps end with; and the error that allows no
+        more."""
+        ahead: list[At] = []
+        knots: list[At] = []
+        while len(ahead) < self.count:
+            try:
+                points = self.step([*self.knots, *knots][-MEMORY:])
+            except OrbitsError as error:
+                return ahead, knots, error
+            knots.append(points[-1])
+            for at in points:
+                ahead.append(at)
+                if not self.within(at) or at.here.growth > LARGEST_GROWTH:
+                    return ahead, knots, None
+        return ahead, knots, None
+
+    def certified(self, ahead: list[At]) -> tuple[list[At], OrbitsError | None]:
+        """The points that are certified, up to the first that is not, and its error."""
+        good: list[At] = []
+        for there in self.curve.checked(ahead) if ahead else []:
+            if isinstance(there, OrbitsError):
+                return good, there
+            family = (good[-1] if good else self.last).point.family
+            if there.point.family != family and there.length > 10 * SHORTEST:
+                there.point = None
+                return good, NoOrbit(f"the orbit changes from family {family} to another one")
+            good.append(there)
+        return good, None
+
+    def within(self, at: At) -> bool:
+        """Whether a point lies between the bounds."""
+        return self.bounds[0] < at.value < self.bounds[1]
+
+    def ended(self, there: At) -> tuple[At, End | None]:
+        """The next point, or where the curve ends before it."""
+        here = self.last
+        if again := self.closed(here, there):
+            return again, End("closed", "the curve comes back to its first orbit")
+        stretch = Stretch(self.curve, here, there)
+        if self.within(there) and stretch.fold is not None:  # a fold between may lie beyond a bound
+            fold = stretch(stretch.fold)
+            there = there if self.within(fold) else fold
+        if not self.within(there):
+            bound = self.bounds[0] if there.value <= self.bounds[0] else self.bounds[1]
+            back = " again, on another sheet" if bound == self.start else ""
+            return Stretch(self.curve, here, there).landed(bound), End(
+                "reached", f"{self.curve.along} = {bound:g}{back}"
+            )
+        if self.options.stop_inadmissible and not there.point.admissible:
+            return there, End("stopped", "no motion from here: " + there.point.violations[0])
+        return there, None
+
+    def share(self, value: float) -> float:
+        """How much of the parameter's way lies behind a value."""
+        return (value - self.start) / (self.stop - self.start)
+
+    def step(self, knots: list[At]) -> list[At]:
+        """The points up to the end of a step, with control of its length; raises the reason when none is short
+        enough."""
+        failure, rate = NoOrbit("no step is short enough"), knots[-1].tangent[-1]
+        bound = self.bounds[int(rate > 0)]
+        while self.length > SHORTEST:
+            left = max((bound - knots[-1].value) / rate, 0.0) if rate else np.inf
+            length = min(self.length, left + self.options.longest)
+            try:
+                return self._stepped(knots, length)
+            except OrbitsError as error:
+                failure, self.length = error, 0.5 * length
+        raise failure
+
+    def _stepped(self, knots: list[At], length: float) -> list[At]:
+        """The points up to the end of a step of given length; raises `NoOrbit` when one may lie on another curve."""
+        last = knots[-1]
+        row = last.tangent / self.curve.size(last.x) ** 2
+        used = _behind(knots, row)
+        level = row @ last.x + length
+        guess = Interpolant(used, row)(np.array([level]))
+        end = self.curve.correct(guess[0], row, level, last.tangent)
+        moved = self.trusted(last, [end], guess, length)
+        row = (end.x - last.x) / self.curve.size(last.x) ** 2
+        row /= row @ (end.x - last.x)
+        count = max(2, int(np.ceil(length / self.options.longest)))
+        levels = row @ last.x + np.arange(1, count) / count
+        guesses = Interpolant([*_behind(used, row), end], row)(levels)
+        points = [*self.curve.correct_all(guesses, row, levels, last.tangent), end]
+        self.trusted(last, points, np.vstack([guesses, end.x]), length / count)
+        longer = (AIM / max(moved, 1e-300)) ** (1 / (2 * len(used)))
+        longest = max(LONGEST, self.options.longest)
+        self.length = min(max(self.length, length) * min(max(0.9 * longer, 0.3), 2.0), longest)
+        return points
+
+    def trusted(self, last: At, points: list[At], guesses, length: float) -> float:
+        """How far the corrector went from guesses to points a `length` apart; raises `NoOrbit` when one of them may lie
+        on another curve."""
+        sizes = self.curve.size(guesses)
+        moved = float(np.linalg.norm((np.array([at.x for at in points]) - guesses) / sizes, axis=1).max())
+        tangents = np.array([at.tangent for at in (last, *points)])
+        a, b = tangents[:-1] / sizes, tangents[1:] / sizes
+        cosines = np.einsum("mi,mi->m", a, b) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
+        turned = float(np.arccos(np.clip(cosines.min(), -1.0, 1.0)))
+        if moved > FARTHEST * length or turned > LARGEST_TURN:
+            raise NoOrbit(
+                f"the corrector moves {moved:.1e} in a step of {length:.1e}, the tangent turns by {turned:.2g}"
+            )
+        for at in points:
+            at.length = length
+        return moved
+
+    def closed(self, a: At, b: At) -> At | None:
+        """The first point of all, if the curve passes it again between two."""
+        if abs(self.origin.value - a.value) > 3 * b.length * self.curve.span:  # the chord's length, about
+            return None
+        size, origin = self.curve.size(a.x), np.array([*self.origin.u, self.origin.value])
+        chord, away = (b.x - a.x) / size, (origin - a.x) / size
+        share = float(away @ chord / (chord @ chord))
+        if a.point is self.origin or not 0 < share <= 1 or np.linalg.norm(away) > 2 * np.linalg.norm(chord):
+            return None
+        at = Stretch(self.curve, a, b)(share)
+        again = np.max(np.abs(at.x - origin) / size) < SAME and at.tangent @ np.array(self.origin.tangent) > 0
+        return self.curve.onto(at, self.origin.value) if again else None
+
+    def far(self, there: At) -> End | None:
+        """The end of a curve that goes to infinity or to nothing."""
+        orbit, first = there.point, self.origin
+        name, value = self.curve.along, there.value
+        if there.here.growth > LARGEST_GROWTH:
+            return self.lost(f"small changes grow {there.here.growth:.0e}-fold over the flight, and rounding decides")
+        if orbit.alpha > FAR * first.alpha or orbit.flight_time > FAR * first.flight_time:
+            if (limit := self.limit(-1)) is None:
+                return None
+            if orbit.flight_time / orbit.alpha > FAR * first.flight_time / first.alpha:
+                return End("degenerate", f"gravity no longer returns the machine near {name} = {value:.6g}", limit)
+            return End("escaped", "the launch speed grows without bound", limit)
+        if orbit.alpha < first.alpha / FAR and (limit := self.limit(1)) is not None:
+            return End("degenerate", f"the hop shrinks to nothing near {name} = {value:.6g}", limit)
+        if abs(orbit.liftoff_extension) > FAR * (1 + abs(first.liftoff_extension)):
+            return End("degenerate", f"the spring no longer lifts the foot near {name} = {value:.6g}")
+        return None
+
+    def limit(self, power: int, near: float = NEAR) -> float | None:
+        """The value that the parameter tends to as alpha grows (power -1) or vanishes (1), extrapolated by its powers
+        from well spaced points; None where it is farther than the share `near` of the values passed.
+
+        With a throw's height go the square of alpha and higher powers, with a small hop's size alpha itself.
+        """
+        terms = np.array([0, 2, 3, 4, 5, 6] if power < 0 else [0, 1, 2, 3])
+        alpha, value = np.array(self.seen).T
+        scale = (alpha / alpha[-1]) ** power
+        chosen = [int(np.abs(np.log(scale / ratio)).argmin()) for ratio in np.linspace(1.0, 2.0, len(terms))]
+        if len(set(chosen)) < len(terms):
+            return None
+        limit = float(np.linalg.solve(scale[chosen][:, None] ** terms, value[chosen])[0])
+        return limit if abs(limit - value[-1]) < near * np.ptp(value) else None
+
+    def lost(self, reason: str) -> End:
+        """The end of a curve that cannot be followed further."""
+        alpha = self.last.point.alpha
+        where = f"at {self.curve.along} = {self.last.value:.10g}, alpha = {alpha:.10g}: {reason}"
+        if alpha > RUNNING * self.origin.alpha:
+            limit = self.limit(-1, near=1.0)
+            return End("escaped", f"the launch speed grows, and the curve is lost {where}", limit)
+        return End("stuck", where)
+
+
+def _behind(knots: Sequence[At], row) -> list[At]:
+    """The last of some points as far back as the curve goes forward along a row."""
+    used = [knots[-1]]
+    for at in reversed(knots[:-1]):
+        if not row @ at.tangent > 0.3 * (row @ knots[-1].tangent) or row @ (at.x - used[0].x) >= 0:
+            break
+        used.insert(0, at)
+    return used
