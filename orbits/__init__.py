@@ -1,5 +1,6 @@
 """Lossless periodic orbits of machines with plastic contact: found, certified, followed."""
 
+from .branches import follow_branch
 from .continuation import follow, trace
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .family import End, Event, Family, Point
@@ -33,6 +34,7 @@ __all__ = [
     "find",
     "fold_statement",
     "follow",
+    "follow_branch",
     "follow_fold",
     "trace",
 ]

@@ -12,16 +12,17 @@ from . import interrupts
 from .curve import At, Curve
 from .errors import InputError
 from .events import MARGINS, SIGNS, watched
-from .family import COLUMNS, Event, Family, record
+from .family import COLUMNS, Event, Family, Point, record
 from .orbit import Orbit
 from .search import find
+from .statements import equations_of
 from .walk import Options, Walk
 
 
 def follow(
     machine,
     along: str,
-    stop: float,
+    stop: float | tuple[float, float],
     start: float | None = None,
     family: int = 1,
     *,
@@ -39,8 +40,9 @@ def follow(
 
     machine : as in `find`
     along : name of the parameter: "mass_ratio", "rest_length", or one of the spring's or gravity's
-    stop, start : its values; the curve also ends where a fold brings it back to `start`, which is the machine's own
-        value by default
+    stop : its last value; of a pair the second, and the first is another bound, behind the start
+    start : its first value, by default the machine's own; where a fold brings the curve back here it ends too, unless
+        there is another bound
     at : values to hit exactly, each time the curve passes them
     watch : functions of the orbit whose zeros are events, by name
     longest : step, as a share of the parameter's whole way and of the unknowns' size
@@ -68,7 +70,7 @@ def record_of(walk: Walk, resume: Family | None = None, output=None, progress=No
     return growing.finish()
 
 
-def trace(machine, along: str, stop: float, start: float | None = None, family: int = 1, **options) -> Iterator:
+def trace(machine, along: str, stop, start: float | None = None, family: int = 1, **options) -> Iterator:
     """The orbits of a family one by one, as `follow` finds them: `Orbit`s, each `Event` before the orbit that comes
     after it, and the `End` last. The options are those of `follow`, from `at` to `method`."""
     known = {field.name: field.default for field in fields(Options)}
@@ -115,25 +117,41 @@ def number_of(name: str, value) -> float:
     return float(value)
 
 
+def known(machine, *names: str):
+    """Raises `InputError` for a name that is none of the machine's parameters to follow."""
+    values = getattr(machine, "values", {})
+    free = [name for name in values if name != machine.model.homotopy] if values else []
+    for name in names:
+        if name not in free:
+            raise InputError(f"the machine has no parameter '{name}' to follow; it has {', '.join(free)}")
+        if name in COLUMNS:
+            raise InputError(f"a parameter called '{name}' cannot be told from the orbit's own; give it another name")
+
+
+def at_point(machine, point: Point, along: str, method: str | None):
+    """The machine at a point of its family along a parameter, and the method: the simplest when None is given."""
+    known(machine, along)
+    if not isinstance(point, Point):
+        raise InputError("where to begin is the `point` of a family's event")
+    machine = machine.with_values(**{along: point.value})
+    method = method or ("relative" if machine.model.reduction else "half orbit")
+    if len(point.u) != equations_of(machine.model, method, tuple(machine.values)).size:
+        raise InputError("this point was found by another method; give that method")
+    return machine, method
+
+
 def _begin(machine, along, start, stop, family, method, options: Options, resume: Family | None) -> Walk:
     """A walk from the first orbit, or from the last of a family."""
-    values = getattr(machine, "values", {})
-    if not isinstance(along, str) or along not in values or along == machine.model.homotopy:
-        known = [name for name in values if name != machine.model.homotopy] if values else []
-        raise InputError(f"the machine has no parameter '{along}' to follow; it has {', '.join(known)}")
-    if along in COLUMNS:
-        raise InputError(f"a parameter called '{along}' cannot be told from the orbit's own; give it another name")
-    start = values[along] if start is None else number_of("start", start)
-    stop = number_of("stop", stop)
-    if start == stop:
-        raise InputError(f"{along} goes from {start:g} to {stop:g}: there is no way between")
+    known(machine, along)
+    start = machine.values[along] if start is None else number_of("start", start)
+    behind, stop = _bounds(along, start, stop)
     machine = machine.with_values(**{along: start})
     if resume is not None:
-        return _resumed(machine, along, start, stop, resume, options)
+        return _resumed(machine, along, behind, stop, resume, options)
     with interrupts.deferred():
         orbit = find(machine, family, method=method)
         method = "relative" if orbit.method == "closed form" else orbit.method
-        curve = Curve(machine, along, method, abs(stop - start))
+        curve = Curve(machine, along, method, abs(stop - behind))
         unknowns = {
             "liftoff": orbit.liftoff_extension,
             "alpha": orbit.alpha,
@@ -141,10 +159,21 @@ def _begin(machine, along, start, stop, family, method, options: Options, resume
             "unfolding": orbit.certificate.unfolding,
         }
         x = np.array([*(unknowns[name] for name in curve.equations.statement.unknowns), start])
-    return walk_from(curve, x, start, stop, options)
+    return walk_from(curve, x, start, behind, stop, options)
 
 
-def walk_from(curve: Curve, x, start: float, stop: float, options: Options) -> Walk:
+def _bounds(along: str, start: float, stop) -> tuple[float, float]:
+    """The bounds behind the start and ahead of it, of which `stop` states one or both."""
+    behind, stop = stop if isinstance(stop, tuple | list) and len(stop) == 2 else (start, stop)
+    behind, stop = number_of("stop", behind), number_of("stop", stop)
+    if start == stop:
+        raise InputError(f"{along} goes from {start:g} to {stop:g}: there is no way between")
+    if (behind - start) * (stop - start) > 0:
+        raise InputError(f"stop = ({behind:g}, {stop:g}): {along} starts at {start:g}, which does not lie between")
+    return behind, stop
+
+
+def walk_from(curve: Curve, x, start: float, behind: float, stop: float, options: Options) -> Walk:
     """A walk from near `x`, where the parameter has the value `start`, towards `stop`."""
     with interrupts.deferred():
         ahead = np.eye(len(x))[-1]
@@ -152,10 +181,10 @@ def walk_from(curve: Curve, x, start: float, stop: float, options: Options) -> W
         first = curve.onto(first, start)
         for name, function in options.watch.items():
             watched(name, function, curve.orbit(first))
-    return Walk(curve, first, start, stop, options)
+    return Walk(curve, first, behind, stop, options)
 
 
-def _resumed(machine, along, start, stop, resume: Family, options: Options) -> Walk:
+def _resumed(machine, along, behind, stop, resume: Family, options: Options) -> Walk:
     """A walk from the last point of a family, in the direction that it was going."""
     if not isinstance(resume, Family) or any(point.also for point in resume.points[:1]):
         raise InputError("what is resumed is a family of `follow`, as Family.load gives it")
@@ -170,18 +199,18 @@ def _resumed(machine, along, start, stop, resume: Family, options: Options) -> W
     if not resume.points:
         raise InputError("the family to resume has no points: start it anew")
     last = resume.points[-1]
-    if not min(start, stop) <= last.value <= max(start, stop):
+    if not min(behind, stop) <= last.value <= max(behind, stop):
         raise InputError(
-            f"the family to resume has got to {along} = {last.value:g}, not between {start:g} and {stop:g}"
+            f"the family to resume has got to {along} = {last.value:g}, not between {behind:g} and {stop:g}"
         )
-    if (last.value - stop) * (stop - start) >= 0 and last.tangent[-1] * (stop - start) > 0:
+    if (last.value - stop) * (stop - behind) >= 0 and last.tangent[-1] * (stop - behind) > 0:
         raise InputError(f"the family to resume has reached {along} = {stop:g} already")
-    curve = Curve(machine, along, resume.settings["method"], abs(stop - start))
+    curve = Curve(machine, along, resume.settings["method"], abs(stop - behind))
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
     with interrupts.deferred():
         row = tangent / curve.size(x) ** 2
         first = curve.check(curve.correct(x, row, row @ x, tangent))
-    return Walk(curve, first, start, stop, options, resume.points[:-1])
+    return Walk(curve, first, behind, stop, options, resume.points[:-1])
 
 
 class _Record:
@@ -190,7 +219,8 @@ class _Record:
     def __init__(self, walk: Walk, resume: Family | None, output):
         options = walk.options
         settings = {
-            "start": walk.start,
+            "start": walk.origin.value,
+            "behind": walk.behind,
             "stop": walk.stop,
             "family": walk.first.point.family,
             "method": walk.curve.method,

@@ -1,6 +1,7 @@
 """What happens on a curve of orbits between two neighbouring points: located, certified, in order."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -22,6 +23,8 @@ MARGINS: dict[str, Callable[[Point], float | None]] = {
 }
 # An event is located to this share of the way between two points, where rounding begins to show.
 WIDTH = 1e-13
+# A branch point, where the equations are singular, is interpolated from points this far and twice as far away.
+BESIDE = 0.01
 # What else changes sign where something happens.
 SIGNS = ("fold", "branch point", "family")
 
@@ -52,12 +55,12 @@ class Stretch:
         """The share at which the parameter turns round."""
         return self.zero(lambda at: float(at.tangent[-1]))
 
-    def zero(self, quantity: Callable[[At], float | None]) -> float | None:
+    def zero(self, quantity: Callable[[At], float | None], width: float = WIDTH) -> float | None:
         """The share at which a quantity changes its sign, None where it does not or says nothing; 0 is positive."""
         first, last = quantity(self.a), quantity(self.b)
         if first is None or last is None or (first >= 0) == (last >= 0):
             return None
-        return bracketed_root(lambda share: quantity(self(share)) or 0.0, 0.0, 1.0, first, last, width=WIDTH)
+        return bracketed_root(lambda share: quantity(self(share)) or 0.0, 0.0, 1.0, first, last, width=width)
 
     def landed(self, value: float) -> At:
         """The point where the parameter has exactly a value, certified."""
@@ -79,9 +82,13 @@ class Stretch:
         if not watch and _signs(self.a) == _signs(self.b) and not any(self._between(value) for value in asked):
             return []
         for name in (*SIGNS, *MARGINS, *watch):
-            share = self.fold if name == "fold" else self.zero(lambda at, name=name: self._quantity(name, at, watch))
+            if name == "branch point":
+                share, at = self._crossing()
+            else:
+                quantity = lambda at, name=name: self._quantity(name, at, watch)  # noqa: E731
+                share = self.fold if name == "fold" else self.zero(quantity)
+                at = None if share is None else self(share)
             if share is not None:
-                at = self(share)
                 found.append((name, share, at if at.point else self.curve.check(at)))
         turns = [0.0, *([] if self.fold is None else [self.fold]), 1.0]
         for low, high in pairwise(turns):
@@ -92,12 +99,27 @@ class Stretch:
                 found.append(("asked", share, part.landed(value)))
         return [(name, at) for name, _, at in sorted(found, key=lambda entry: entry[1])]
 
+    def _crossing(self) -> tuple[float, At] | tuple[None, None]:
+        """The share of a branch point, and the point, its error to be measured without the direction that is singular;
+        None without one."""
+        share = self.zero(lambda at: at.turn, BESIDE)
+        if share is None:
+            return None, None
+        beside = [self(share + step * BESIDE) for step in (-2, -1, 1, 2)]
+        shares = np.array([self.row @ at.x - self.start for at in beside])
+        share = float(np.linalg.solve(np.vander([at.turn for at in beside], increasing=True), shares)[0])
+        x = Interpolant(beside, self.row)(np.array([self.start + share]))[0]
+        (here,), size = self.curve.evaluate(x[None]), self.curve.size(x)
+        u, s, v = np.linalg.svd(here.jacobian * size)
+        s[-1] = s[0]
+        tangent = beside[1].tangent + beside[2].tangent
+        here = replace(here, jacobian=(u * s) @ v[: len(s)] / size)
+        return share, At(x, tangent / np.linalg.norm(tangent / size), 0.0, here)
+
     def _between(self, value: float) -> bool:
         return min(self.a.value, self.b.value) < value < max(self.a.value, self.b.value)
 
     def _quantity(self, name: str, at: At, watch) -> float | None:
-        if name == "branch point":
-            return at.turn
         at = at if at.point else self.curve.check(at)
         if name == "family":
             return 1.0 if at.point.family == self.a.point.family else -1.0

@@ -11,7 +11,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from .continuation import number_of, options_of, record_of, walk_from
+from .continuation import at_point, known, number_of, options_of, record_of, walk_from
 from .curve import At, Curve
 from .errors import InputError, NoOrbit
 from .family import Family, Point
@@ -136,30 +136,20 @@ def follow_fold(
 
     Returns a `Family` along `across`, whose points tell the value of `along` too (`column`); its "fold"s are cusps.
     """
-    names = [name for name in machine.values if name != machine.model.homotopy]
-    for name in (along, across):
-        if name not in names:
-            raise InputError(f"the machine has no parameter '{name}'; it has {', '.join(names)}")
+    known(machine, across)
     if along == across:
         raise InputError(f"the fold in '{along}' is followed along another parameter")
-    if method is None:
-        method = "relative" if machine.model.reduction else "half orbit"
-    if not isinstance(fold, Point):
-        raise InputError("a fold is the `point` of a family's event")
-    stop = number_of("stop", stop)
-    machine = machine.with_values(**{along: fold.value})
-    start = machine.values[across]
+    machine, method = at_point(machine, fold, along, method)
+    start, stop = machine.values[across], number_of("stop", stop)
     if stop == start:
         raise InputError(f"{across} goes from {start:g} to {stop:g}: there is no way between")
     curve = _FoldCurve(machine, along, across, method, abs(stop - start))
     tangent = np.array(fold.tangent[:-1])
     names = curve.orbits.statement.unknowns
-    if len(fold.u) != len(names):
-        raise InputError("this fold was found by another method; give that method")
     alpha = tangent[names.index("alpha")]
     if alpha == 0:
         raise NoOrbit("this point is no fold: the launch speed does not move along the curve")
     changes = [d / alpha for name, d in zip(names, tangent, strict=True) if name != "alpha"]
     x = np.array([*fold.u, *changes, fold.value, start])
     options = options_of(at, None, longest, most, False)
-    return record_of(walk_from(curve, x, start, stop, options), output=output)
+    return record_of(walk_from(curve, x, start, start, stop, options), output=output)

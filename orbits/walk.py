@@ -32,6 +32,8 @@ NEAR = 0.05
 LARGEST_GROWTH = 3e7
 # A curve that is lost after the launch speed has grown this much was running off.
 RUNNING = 2.0
+# Ipopt is asked at a value of the parameter, which must move by this share of a step.
+STEEP = 0.1
 # Points that differ by less are the same.
 SAME = 1e-9
 # Refusals that end the walk, where so many good points make up for one: what rounding blurs is not crawled along.
@@ -58,9 +60,9 @@ class Walk:
     from before it, shorter and one by one.
     """
 
-    def __init__(self, curve: Curve, first: At, start: float, stop: float, options: Options, earlier=()):
+    def __init__(self, curve: Curve, first: At, behind: float, stop: float, options: Options, earlier=()):
         self.curve, self.first, self.options = curve, first, options
-        self.start, self.stop, self.bounds = start, stop, (min(start, stop), max(start, stop))
+        self.behind, self.stop, self.bounds = behind, stop, (min(behind, stop), max(behind, stop))
         self.last, self.knots = first, [first]  # the last point, and the ends of the last steps
         every = [*earlier, first.point]
         self.origin = every[0]
@@ -159,7 +161,7 @@ class Walk:
             there = there if self.within(fold) else fold
         if not self.within(there):
             bound = self.bounds[0] if there.value <= self.bounds[0] else self.bounds[1]
-            back = " again, on another sheet" if bound == self.start else ""
+            back = " again, on another sheet" if bound == self.origin.value else ""
             return Stretch(self.curve, here, there).landed(bound), End(
                 "reached", f"{self.curve.along} = {bound:g}{back}"
             )
@@ -169,7 +171,7 @@ class Walk:
 
     def share(self, value: float) -> float:
         """How much of the parameter's way lies behind a value."""
-        return (value - self.start) / (self.stop - self.start)
+        return (value - self.origin.value) / (self.stop - self.origin.value)
 
     def step(self, knots: list[At]) -> list[At]:
         """The points up to the end of a step, with control of its length; raises the reason when none is short
@@ -183,7 +185,24 @@ class Walk:
                 return self._stepped(knots, length)
             except OrbitsError as error:
                 failure, self.length = error, 0.5 * length
-        raise failure
+        try:
+            return [self._rescued(knots)]
+        except OrbitsError:
+            raise failure from None
+
+    def _rescued(self, knots: list[At]) -> At:
+        """The next point by Ipopt's multiple shooting where Newton's method finds none, a first step further in the
+        parameter; raises the reason when that fails too."""
+        last, curve = knots[-1], self.curve
+        row = last.tangent / curve.size(last.x) ** 2
+        if abs(last.tangent[-1]) < STEEP * curve.span:
+            raise NoOrbit("the parameter's value does not fix the orbit here")
+        guess = Interpolant([last], row)(np.array([row @ last.x + FIRST]))  # the others may lie too close
+        u, _ = curve.equations.multiple_shooting(guess[0, :-1], curve.p(guess)[0])
+        point = curve.correct(np.append(u, guess[0, -1]), np.eye(len(last.x))[-1], guess[0, -1], last.tangent)
+        self.trusted(last, [point], guess, FIRST)
+        self.length = FIRST
+        return point
 
     def _stepped(self, knots: list[At], length: float) -> list[At]:
         """The points up to the end of a step of given length; raises `NoOrbit` when one may lie on another curve."""

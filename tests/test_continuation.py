@@ -8,9 +8,11 @@ import time
 import numpy as np
 import pytest
 
-from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, trace
-from orbits.curve import At, Interpolant
+from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, trace
+from orbits.curve import At, Curve, Interpolant
+from orbits.shooting import Shooting
 from problems import Hopper, Juggler, hopper_in_si, springs
+from studies.random_families import differences, random_springs, twice
 
 GOLDEN = {0.5: 2.7218099551244222, 1.0: 2.4464033594052791, 2.0: 2.1928659123582987, 5.0: 1.8928045469451067}
 FOLD, FOLD_ALPHA = -0.0106952149164040, 5.83222367210583
@@ -264,33 +266,78 @@ def test_plots(softening):
     assert {text.get_text() for text in axes.get_legend().get_texts()} == {"first", "second", "collapse", "fold"}
 
 
-def random_springs(count: int):
-    """Softening springs of random shape, seeded: their families fold, escape or go on."""
-    rng = np.random.default_rng(7)
-    for _ in range(count):
-        a, b, c = rng.normal(0, 0.05), rng.uniform(0.1, 0.4), rng.uniform(0.0, 0.02)
-        text = ("r + a*r**2 - s*c*r**3", "r + s*(tanh(b*r)/b - r)", "r + a*r**2 + s*c*r**5 - s*b*r**3/9")[
-            rng.integers(3)
-        ]
-        values = {name: value for name, value in (("a", a), ("b", b), ("c", c)) if f"{name}*" in text}
-        yield text, {**values, "s": 0.0}, int(rng.integers(1, 4))
-
-
-@pytest.mark.parametrize(("text", "parameters", "family"), list(random_springs(12)))
+@pytest.mark.parametrize(("text", "parameters", "family"), list(random_springs(12, seed=7)))
 def test_random_families_keep_to_their_curve(text, parameters, family):
-    machine = Hopper(text, parameters=parameters)
-    try:
-        one, two = (follow(machine, "s", 1.0, family=family, longest=step) for step in (0.05, 0.025))
-    except NoOrbit:
-        with pytest.raises(NoOrbit):
-            find(machine, family)
-        return
-    assert one.end.kind == two.end.kind
-    assert one.end.kind in ("reached", "escaped", "stuck", "degenerate")
-    assert {point.family for point in (*one, *two)} == {family}
-    for kind in ("fold", "collapse", "branch point"):
-        values = [[point.value for point in events(curve, kind)] for curve in (one, two)]
-        assert values[0] == pytest.approx(values[1], rel=1e-9)
+    curves = twice(text, parameters, family)
+    assert curves is None or not differences(*curves, family)
+
+
+class TestBranchPoint:
+    """With b = fold + q**2 the families on both sheets cross at q = 0, transversally."""
+
+    MACHINE = Hopper("r + (b + q**2)*r**3", rest_length=30.0, parameters={"b": FOLD, "q": -0.08})
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def family(cls):
+        return follow(cls.MACHINE, "q", 0.08, at=[-0.05, 0.05])
+
+    def test_it_is_located_and_passed(self, family):
+        (point,) = events(family, "branch point")
+        assert point.value == pytest.approx(0, abs=1e-8)
+        assert point.alpha == pytest.approx(FOLD_ALPHA, abs=1e-7)
+        assert family.end.kind == "reached"
+        assert family.at(-0.05)[0].alpha < FOLD_ALPHA < family.at(0.05)[0].alpha
+
+    def test_the_other_curve_is_its_mirror_image(self, family):
+        (point,) = events(family, "branch point")
+        for upper, value in ((True, -0.05), (False, 0.05)):
+            other = follow_branch(self.MACHINE, point, "q", 1.6 * value, upper=upper, at=[value])
+            assert other.end.kind == "reached"
+            assert other.at(value)[0].alpha == pytest.approx(family.at(-value)[0].alpha, rel=1e-12)
+
+    def test_what_cannot_be_meant(self, family):
+        (point,) = events(family, "branch point")
+        with pytest.raises(InputError, match="away from stop"):
+            follow_branch(self.MACHINE, point, "q", 0.08)
+        with pytest.raises(NoOrbit, match="no other curve"):
+            follow_branch(self.MACHINE, family[3], "q", 0.08)
+        with pytest.raises(InputError, match="no parameter 'x'"):
+            follow_branch(self.MACHINE, point, "x", 0.08)
+        with pytest.raises(InputError, match="the `point` of a family's event"):
+            follow_branch(self.MACHINE, 0.0, "q", 0.08)
+
+
+def test_an_isola_closes():
+    """With b = fold + d - q**2 the two sheets are joined at both ends of q**2 = d: fold, fold, and the start again."""
+    machine = Hopper("r + (b - q**2)*r**3", rest_length=30.0, parameters={"b": FOLD + 4e-4, "q": 0.0})
+    family = follow(machine, "q", (-0.1, 0.1))
+    assert family.end.kind == "closed"
+    assert [fold.value for fold in events(family, "fold")] == pytest.approx([0.02, -0.02], abs=1e-9)
+    assert [fold.alpha for fold in events(family, "fold")] == pytest.approx([FOLD_ALPHA] * 2, abs=1e-6)
+    assert family[-1].u == pytest.approx(family[0].u, rel=1e-9)
+    assert follow(machine, "q", 0.1).end.reason == "q = 0 again, on another sheet"
+    with pytest.raises(InputError, match="does not lie between"):
+        follow(machine, "q", (0.05, 0.1))
+
+
+def test_ipopt_goes_on_where_newton_fails(monkeypatch):
+    """A corrector that fails in a window but for a given value of the parameter."""
+    correct = Curve.correct_all
+
+    def failing(self, guesses, row, levels, before):
+        if 0.2 < guesses[0, -1] < 0.6 and np.count_nonzero(row) > 1 and len(solved) < 1:
+            raise NoOrbit("the corrector does not converge")
+        return correct(self, guesses, row, levels, before)
+
+    solved = []
+    solve = Shooting.multiple_shooting
+    monkeypatch.setattr(Curve, "correct_all", failing)
+    monkeypatch.setattr(Shooting, "multiple_shooting", lambda *a: solved.append(a) or solve(*a))
+    family = follow(Hopper("cubic"), "beta", 1.0, 0.0)
+    assert len(solved) == 1
+    assert family.end.kind == "reached"
+    assert family[-1].alpha == pytest.approx(GOLDEN[1.0], rel=1e-13)
 
 
 def test_named_springs_can_be_followed():

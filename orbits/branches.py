@@ -1,0 +1,71 @@
+"""Branch points: the other curve of orbits that goes through one."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from . import interrupts
+from .continuation import at_point, number_of, options_of, record_of
+from .curve import Curve
+from .errors import InputError, NoOrbit
+from .family import Family, Point
+from .orbit import Orbit
+from .walk import FIRST, Options, Walk
+
+# The other curve may lie askew, its first point this many times as far as the step across.
+FAR = 10.0
+
+
+def follow_branch(
+    machine,
+    branch: Point,
+    along: str,
+    stop: float,
+    *,
+    upper: bool = True,
+    at: Sequence[float] = Options.at,
+    watch: Mapping[str, Callable[[Orbit], float]] | None = Options.watch,
+    longest: float = Options.longest,
+    most: int = Options.most,
+    method: str | None = None,
+    output=None,
+) -> Family:
+    """Follow the other curve through a branch point of a family, from a first step on.
+
+    machine, along : as the family was followed with
+    branch : the point of a "branch point" event
+    stop : value of the parameter to go on to; the curve also ends where it comes back to the branch point's
+    upper : whether to set out towards higher launch speeds, or towards lower ones
+    at, watch, longest, most, output : as in `follow`
+    method : that of the family, "relative" or "half orbit"; None for the simplest
+
+    The direction is the one across the curve in which the equations do not change to first order (Keller 1977). Raises
+    `NoOrbit` when no other curve goes through the point, and `InputError` when it goes away from `stop`.
+    """
+    machine, method = at_point(machine, branch, along, method)
+    options, stop = options_of(at, watch, longest, most, False), number_of("stop", stop)
+    curve = Curve(machine, along, method, abs(stop - branch.value))
+    x, tangent = np.array([*branch.u, branch.value]), np.array(branch.tangent)
+    size = curve.size(x)
+    with interrupts.deferred():
+        (here,) = curve.evaluate(x[None])
+        *_, first, second = np.linalg.svd(here.jacobian * size)[2]
+        own = tangent / size
+        across = first * (second @ own) - second * (first @ own)
+        side = across[curve.equations.statement.unknowns.index("alpha")]
+        across *= np.copysign(1.0 / np.linalg.norm(across), side if upper else -side)
+        row = across / size
+        try:
+            step = curve.correct(x + FIRST * across * size, row, row @ x + FIRST, across * size)
+            found = np.linalg.norm((step.x - x) / size) < FAR * FIRST
+        except NoOrbit:
+            found = False
+        if not found:
+            raise NoOrbit(f"no other curve goes through {along} = {branch.value:.10g}, alpha = {branch.alpha:.10g}")
+        if (step.value - branch.value) * (stop - branch.value) < 0:
+            raise InputError(
+                f"towards {'higher' if upper else 'lower'} launch speeds {along} goes to {step.value:.6g}, away from "
+                f"stop = {stop:g}: give upper = {not upper} or a stop on the other side"
+            )
+        walk = Walk(curve, curve.check(step), branch.value, stop, options)
+    return record_of(walk, output=output)
