@@ -1,8 +1,11 @@
 """CasADi functions called fast: with fixed memory, and as machine code where a C compiler is found."""
 
+import hashlib
 import os
+import platform
 import shutil
 import subprocess
+import sys
 import tempfile
 import threading
 from pathlib import Path
@@ -89,8 +92,26 @@ def compile_seconds(function: ca.Function) -> float:
     return function.n_instructions() * (1.3e-4 if function.n_instructions() < LONG else 6e-5)
 
 
+def _library(function: ca.Function, path: str) -> Path:
+    """Where the machine code of a function is kept: by what it computes, the compiler and the machine."""
+    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    what = "\n".join([function.serialize(), ca.__version__, path, _effort(function), platform.machine(), sys.platform])
+    return root / "persistent-orbits" / f"{hashlib.sha256(what.encode()).hexdigest()[:40]}.so"
+
+
+def compiled_before(function: ca.Function) -> ca.Function | None:
+    """The same function as machine code that an earlier process has kept, None when there is none."""
+    path = compiler()
+    try:
+        if path and (library := _library(function, path)).exists():
+            return ca.external(function.name(), str(library))
+    except (OSError, RuntimeError):
+        pass  # no home, or a library that cannot be loaded: it is compiled again
+    return None
+
+
 def compile_function(function: ca.Function) -> ca.Function | None:
-    """The same function compiled and loaded, None when there is no compiler or it refuses."""
+    """The same function compiled, kept for later processes and loaded; None when there is no compiler or it refuses."""
     path = compiler()
     if path is None:
         return None
@@ -98,20 +119,22 @@ def compile_function(function: ca.Function) -> ca.Function | None:
         source = ca.CodeGenerator(function.name() + ".c")
         source.add(function)
         source.generate(folder + os.sep)
-        library = Path(folder) / (function.name() + ".so")
-        command = [
-            path,
-            _effort(function),
-            "-fPIC",
-            "-shared",
-            "-w",
-            str(library.with_suffix(".c")),
-            "-o",
-            str(library),
-            "-lm",
-        ]
+        code, made = (Path(folder) / (function.name() + ending) for ending in (".c", ".so"))
+        command = [path, _effort(function), "-fPIC", "-shared", "-w", str(code), "-o", str(made), "-lm"]
         try:
             subprocess.run(command, check=True, capture_output=True, timeout=60)
-            return ca.external(function.name(), str(library))
+            return ca.external(function.name(), str(_kept(made, _library(function, path))))
         except (subprocess.SubprocessError, OSError, RuntimeError):
             return None
+
+
+def _kept(made: Path, library: Path) -> Path:
+    """A library moved to where it is kept, in one go since others may look; where it is when it cannot be."""
+    try:
+        library.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=library.parent, delete=False) as file:
+            file.write(made.read_bytes())
+        os.replace(file.name, library)
+        return library
+    except OSError:
+        return made

@@ -7,7 +7,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from .calls import Call, Calls, compile_function, compile_seconds
+from .calls import Call, Calls, compile_function, compile_seconds, compiled_before
 from .jets import covers, jets
 
 ORDER = 28
@@ -18,6 +18,8 @@ DEFECT = 1e-10
 # A step shorter than this, beside the time, is a singularity.
 SHORTEST = 1e-15
 SECONDS_PER_INSTRUCTION = 5e-9
+# Share of the time to compile after which a library compiled before is looked for.
+LOOK = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +84,9 @@ class Taylor:
         results = [moving @ powers, ca.vertcat(state, watched).T, c[n:size, :].T]
         results.append(ca.vertcat(h, self._defect(graph, terms, h) / scale))
         self.one = ca.Function("taylor", [z, data, longest], [ca.densify(result) for result in results])
-        # Once interpreting has taken as long as compiling would, compile: that is never worse than twice the best.
-        self.patience = compile_seconds(self.one)
+        # Once interpreting has taken as long as compiling would, compile: that is never worse than twice the best. A
+        # little earlier see whether it has been compiled before.
+        self.patience, self.asked = LOOK * compile_seconds(self.one), False
         self.seconds = self.one.n_instructions() * SECONDS_PER_INSTRUCTION
         self.lock = threading.RLock()  # a thread may compile while others step
         self.compiled = False
@@ -162,8 +165,11 @@ class Taylor:
                 self._compile()
 
     def _compile(self):
-        self.patience = np.inf
-        faster = compile_function(self.one)
+        if not self.asked:
+            self.asked, faster = True, compiled_before(self.one)
+            self.patience = np.inf if faster else (1 - LOOK) * compile_seconds(self.one)
+        else:
+            self.patience, faster = np.inf, compile_function(self.one)
         if faster is not None:
             self.one, self._calls, self._all, self.compiled = faster, {}, {}, True
 

@@ -11,6 +11,14 @@ DATA = Path(__file__).parent / "data"
 REFERENCES = json.loads((DATA / "orbits.json").read_text(encoding="utf-8"))
 
 
+@pytest.fixture(scope="session", autouse=True)
+def cache(tmp_path_factory):
+    """Compiled code is kept in a temporary folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 def machine_of(reference: dict) -> Hopper:
     """The hopper of a reference orbit."""
     return Hopper(

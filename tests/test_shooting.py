@@ -12,7 +12,7 @@ import pytest
 from conftest import REFERENCES, machine_of
 
 from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find, nlp
-from orbits.calls import Call, compile_function, compiler
+from orbits.calls import Call, compile_function, compiled_before, compiler
 from orbits.model import Oscillator
 from orbits.shooting import Shooting
 
@@ -165,6 +165,21 @@ class TestCalls:
         f = ca.Function("f", [x], [ca.sin(x) / (1 + x**2)])
         compiled = compile_function(f)
         assert np.array(compiled([0.1, 0.2, 0.3])) == pytest.approx(np.array(f([0.1, 0.2, 0.3])), rel=1e-15)
+
+    @pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
+    def test_machine_code_is_kept(self, monkeypatch, tmp_path):
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        x = ca.SX.sym("x")
+        f, g = (ca.Function("f", [x], [n * ca.sin(x)]) for n in (2, 3))
+        assert compiled_before(f) is None
+        compile_function(f)
+        (library,) = (tmp_path / "persistent-orbits").iterdir()
+        assert float(compiled_before(f)(0.5)) == pytest.approx(2 * np.sin(0.5))
+        assert compiled_before(g) is None
+        library.write_text("not a library")
+        assert compiled_before(ca.Function("h", [x], [x])) is None
+        monkeypatch.setenv("XDG_CACHE_HOME", str(library))  # a file: nothing can be kept, all the same it compiles
+        assert float(compile_function(g)(0.5)) == pytest.approx(3 * np.sin(0.5))
 
     def test_without_a_compiler_nothing_is_missed(self, monkeypatch):
         monkeypatch.setenv("CC", "no-such-compiler")
