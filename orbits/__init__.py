@@ -1,8 +1,9 @@
 """Lossless periodic orbits of machines with plastic contact: found, certified, followed."""
 
 from .branches import follow_branch
-from .continuation import follow, trace
+from .continuation import follow, orbit_at, trace
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
+from .existence import Existence, existence
 from .family import End, Event, Family, Point
 from .folds import fold_statement, follow_fold
 from .model import Affine, Arc, Model, Oscillator, Phase, Pieces, Reduction, Statement, Units
@@ -16,6 +17,7 @@ __all__ = [
     "Certificate",
     "End",
     "Event",
+    "Existence",
     "Family",
     "FlowError",
     "InputError",
@@ -31,10 +33,12 @@ __all__ = [
     "Reduction",
     "Statement",
     "Units",
+    "existence",
     "find",
     "fold_statement",
     "follow",
     "follow_branch",
     "follow_fold",
+    "orbit_at",
     "trace",
 ]

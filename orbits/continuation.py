@@ -73,13 +73,12 @@ def record_of(walk: Walk, resume: Family | None = None, output=None, progress=No
 def trace(machine, along: str, stop, start: float | None = None, family: int = 1, **options) -> Iterator:
     """The orbits of a family one by one, as `follow` finds them: `Orbit`s, each `Event` before the orbit that comes
     after it, and the `End` last. The options are those of `follow`, from `at` to `method`."""
-    known = {field.name: field.default for field in fields(Options)}
+    given = {field.name: field.default for field in fields(Options)}
     method = options.pop("method", None)
-    if unknown := options.keys() - known.keys():
-        raise InputError(f"trace has no option '{min(unknown)}'; it knows {', '.join(known)} and method")
-    walk = _begin(machine, along, start, stop, family, method, options_of(**{**known, **options}), None)
-    for item in _uninterrupted(walk):
-        yield walk.curve.orbit(item) if isinstance(item, At) else item
+    if unknown := options.keys() - given.keys():
+        raise InputError(f"trace has no option '{min(unknown)}'; it knows {', '.join(given)} and method")
+    walk = _begin(machine, along, start, stop, family, method, options_of(**{**given, **options}), None)
+    return (walk.curve.orbit(item) if isinstance(item, At) else item for item in _uninterrupted(walk))
 
 
 def _uninterrupted(walk: Walk) -> Iterator:
@@ -140,11 +139,25 @@ def at_point(machine, point: Point, along: str, method: str | None):
     return machine, method
 
 
+def orbit_at(machine, point: Point, along: str, method: str | None = None) -> Orbit:
+    """The whole orbit at a point of a family, with its motion.
+
+    machine, along : as the family was followed with; `method` that of the family, None for the simplest
+    """
+    machine, method = at_point(machine, point, along, method)
+    curve, x, row = Curve(machine, along, method, 1.0), np.array([*point.u, point.value]), np.array(point.tangent)
+    with interrupts.deferred():
+        return curve.orbit(curve.onto(curve.correct(x, row, row @ x, row), point.value))
+
+
 def _begin(machine, along, start, stop, family, method, options: Options, resume: Family | None) -> Walk:
     """A walk from the first orbit, or from the last of a family."""
     known(machine, along)
     start = machine.values[along] if start is None else number_of("start", start)
     behind, stop = _bounds(along, start, stop)
+    for value in options.at:
+        if not min(behind, stop) <= value <= max(behind, stop):
+            raise InputError(f"at = {value:g} is not reached: {along} lies between {behind:g} and {stop:g}")
     machine = machine.with_values(**{along: start})
     if resume is not None:
         return _resumed(machine, along, behind, stop, resume, options)

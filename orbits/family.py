@@ -12,6 +12,8 @@ from .errors import InputError
 from .orbit import Certificate, to_json
 
 FORMAT = "persistent-orbits family 1"
+# Endings of the files that a family saves to; the first two are lines of JSON.
+ENDINGS = (".jsonl", ".json", ".csv", ".nc")
 # Columns of a table of points, after the parameter's own.
 COLUMNS = (
     "alpha",
@@ -88,7 +90,7 @@ class Event:
 class End:
     """How the curve ends.
 
-    kind : "reached", "escaped", "closed", "degenerate", "stopped" or "stuck"
+    kind : "reached", "escaped", "closed", "degenerate", "stopped", "stuck"; "interrupted" of an unfinished file
     limit : the value that the parameter tends to as the orbit escapes or shrinks to nothing, None otherwise
     """
 
@@ -126,9 +128,16 @@ class Family:
 
     def column(self, name: str) -> np.ndarray:
         """One quantity of every point, NaN where it has none; the parameter by its own name."""
+        return np.array([self.quantity(point, name) for point in self.points])
+
+    def quantity(self, point: Point, name: str) -> float:
+        """A quantity of one of its points, NaN where it has none; raises `InputError` for an unknown name."""
+        numbers = [self.name, *point.also, *(column for column in COLUMNS if column != "stable_side")]
+        if name not in (*numbers, "value"):
+            raise InputError(f"a family's orbits have no quantity '{name}'; they have {', '.join(numbers)}")
         name = "value" if name == self.name else name
-        values = (point.also[name] if name in point.also else getattr(point, name) for point in self.points)
-        return np.array([np.nan if value is None else value for value in values], dtype=float)
+        value = point.also[name] if name in point.also else getattr(point, name)
+        return np.nan if value is None else float(value)
 
     def at(self, value: float) -> list[Point]:
         """The points whose parameter has exactly this value."""
@@ -154,6 +163,8 @@ class Family:
         }
 
     def __str__(self) -> str:
+        if not self.points:
+            return f"a family along {self.name} without orbits: {self.end.kind}, {self.end.reason}"
         m, c = self.machine, self.column("alpha")
         lines = [
             f"family {self.points[0].family} of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}, "
@@ -176,7 +187,7 @@ class Family:
 
     def save(self, path) -> Path:
         """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`)."""
-        path = Path(path)
+        path = check_ending(path, ENDINGS)
         try:
             if path.suffix == ".csv":
                 self._write_csv(path)
@@ -209,7 +220,7 @@ class Family:
             head = json.loads(lines[0])
             if head["format"] != FORMAT:
                 raise ValueError(f"format {head['format']!r}, expected {FORMAT!r}")
-            points, events, end = [], [], End("stuck", "interrupted: resume it")
+            points, events, end = [], [], End("interrupted", "resume it to go on")
             for number, line in enumerate(lines[1:], start=2):
                 try:
                     record = json.loads(line)
@@ -232,7 +243,7 @@ class Family:
     def _write_csv(self, path: Path):
         with open(path, "w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
-            writer.writerow([self.name, *self.points[0].also, *COLUMNS])
+            writer.writerow([self.name, *(self.points[0].also if self.points else ()), *COLUMNS])
             for point in self.points:
                 row = [point.value, *point.also.values(), *(getattr(point, name) for name in COLUMNS)]
                 writer.writerow([f"{value:.17g}" if isinstance(value, float) else value for value in row])
@@ -250,6 +261,14 @@ class Family:
             "end": to_json(asdict(self.end)),
         }
         return xarray.Dataset(data, {self.name: ("point", self.column("value"))}, attributes)
+
+
+def check_ending(path, endings: tuple[str, ...]) -> Path:
+    """The path of a file to write; raises `InputError` when its ending is none of those given."""
+    path = Path(path)
+    if endings and path.suffix.lower() not in endings:
+        raise InputError(f"'{path}' cannot be written: its name needs an ending, {' or '.join(endings)}")
+    return path
 
 
 def record(item: Point | Event | End) -> str:

@@ -18,6 +18,7 @@ REASONS = {
 
 OPTIONS = {
     "print_time": False,
+    "show_eval_warnings": False,
     "error_on_fail": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",

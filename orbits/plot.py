@@ -1,10 +1,12 @@
 """Plots of an orbit: axes in, axes out; matplotlib is imported only when something is drawn."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from .errors import InputError
+from .family import check_ending
 from .orbit import Orbit
 
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
@@ -12,6 +14,7 @@ ANIMATIONS = (".gif",)
 # One colour a role, told apart by colour-blind readers too (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
 SHADE = "#e8e4d8"
+PALE = "#cfdbe6"
 MARKERS = {
     "fold": "o",
     "branch point": "s",
@@ -107,7 +110,7 @@ def plot_family(family, axes=None, quantity: str = "alpha", label: str | None = 
     along = [(point, False) for point in family]
     for event in reversed(family.events):  # motions begin and end there, not at the points beside
         along.insert(event.after + 1, (event.point, True))
-    x, y = (np.array([getattr(point, name) for point, _ in along], dtype=float) for name in ("value", quantity))
+    x, y = (np.array([family.quantity(point, name) for point, _ in along]) for name in ("value", quantity))
     motion = np.array([point.admissible for point, _ in along])
     joint = np.array([is_event for _, is_event in along])
     joint[1:-1] &= motion[2:] != motion[:-2]
@@ -119,7 +122,7 @@ def plot_family(family, axes=None, quantity: str = "alpha", label: str | None = 
             continue
         marker = MARKERS.get(event.kind, "P")
         name = None if event.kind in known else event.kind
-        value = getattr(event.point, quantity)
+        value = family.quantity(event.point, quantity)
         axes.plot(event.point.value, value, marker, color="0.15", ms=6, mfc="white", mew=1.4, label=name, zorder=4)
         known.append(event.kind)
     axes.set_xlabel(family.name)
@@ -129,6 +132,60 @@ def plot_family(family, axes=None, quantity: str = "alpha", label: str | None = 
         axes.legend(frameon=False, fontsize="small")
     machine = family.machine
     axes.set_title(f"{machine['machine']}, spring {machine['spring']}, gravity {machine['gravity']}", fontsize="small")
+    return axes
+
+
+def thumbnails(axes, family, orbits, quantity: str = "alpha"):
+    """Draw orbits of a family small, in a row above its axes, each joined to its place on the curve; returns the axes.
+
+    orbits : (point of the family, its `Orbit`) of each
+    """
+    from matplotlib.patches import ConnectionPatch
+
+    orbits = sorted(orbits, key=lambda pair: pair[0].value)
+    width = 1.0 / max(len(orbits), 1)
+    for i, (point, orbit) in enumerate(orbits):
+        small = axes.inset_axes((i * width, 1.12, 0.88 * width, 0.24))
+        end = orbit.flight_time if orbit.contact_time is None else orbit.period
+        t = np.linspace(0, end, 401)
+        states = orbit(t)
+        for (name, height), colour in zip(orbit.shape.heights.items(), COLOURS, strict=False):
+            if name != "centre of mass":
+                small.plot(t, height(states) - height(states).min(), color=colour, lw=1)
+        if orbit.contact_time is not None:
+            small.axvspan(orbit.flight_time, end, fc=SHADE, zorder=0)
+        small.set(xticks=[], yticks=[])
+        small.spines[:].set_color("0.7")
+        place = point.value, family.quantity(point, quantity)
+        axes.add_artist(ConnectionPatch((0.5, 0), place, small.transAxes, axes.transData, color="0.7", lw=0.7))
+        axes.plot(*place, ".", color="0.4", ms=5, zorder=3)
+    axes.set_title(axes.get_title(), fontsize="small", y=1.4)
+    return axes
+
+
+def plot_existence(diagram, axes=None):
+    """Where a family has orbits in two parameters, light, and where they are motions, dark; returns the axes."""
+    axes = axes or new_axes(6.0, 4.5)
+    values = np.array(diagram.values)
+    edges = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]])
+    for row, (low, high) in enumerate(pairwise(edges)):
+        for admissible, colour in ((False, PALE), (True, COLOURS[0])):
+            bars = [(a, b - a) for a, b, motion in diagram.stretches(row) if motion == admissible]
+            axes.broken_barh(bars, (low, high - low), fc=colour, lw=0, zorder=1 + admissible)
+    folds = [
+        (event.point.value, value)
+        for value, row in zip(values, diagram.rows, strict=True)
+        for family in row
+        for event in family.events
+        if event.kind == "fold"
+    ]
+    if folds:
+        axes.plot(*zip(*folds, strict=True), "o", color="0.15", mfc="white", ms=3.5, label="fold", zorder=4)
+    for label, colour in (("motions", COLOURS[0]), ("no motions", PALE)):
+        axes.fill_between([], [], color=colour, label=label)
+    axes.set(xlabel=diagram.along, ylabel=diagram.across)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3)
     return axes
 
 
@@ -152,9 +209,7 @@ def _vertical(orbit: Orbit) -> str:
 def check_path(path, endings: tuple[str, ...]) -> Path:
     """The path of a file to write, with one of the endings if any are given; raises `InputError` where its ending or
     its folder rules that out."""
-    path = Path(path)
-    if endings and path.suffix.lower() not in endings:
-        raise InputError(f"'{path}' cannot be written: its name needs an ending, {' or '.join(endings)}")
+    path = check_ending(path, endings)
     if not path.parent.is_dir():
         raise InputError(f"'{path}' cannot be written: there is no folder '{path.parent}'")
     return path

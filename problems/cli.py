@@ -106,6 +106,10 @@ def find(family, method, allow_inadmissible, as_json, explain, plot, animate, sa
         raise click.exceptions.Exit(1)
 
 
+# Orbits drawn small above the figure of a family.
+THUMBNAILS = 6
+
+
 @orbits.command(epilog="\b\nExit code: 0 followed to its end, 1 no such orbit or the curve was lost, 2 bad input.")
 @machine_options
 @click.option("--family", type=click.IntRange(1), default=1, show_default=True, metavar="N", help="As in find.")
@@ -125,13 +129,16 @@ def follow(
     family, along, start, stop, at, longest, method, stop_inadmissible, as_json, plot, output, save, resume, **machine
 ):
     """Follow a family of orbits along a parameter, past folds, to its end."""
-    from orbits.continuation import follow as follow_family
-    from orbits.errors import InputError
-    from orbits.family import Family
-    from orbits.orbit import to_json
-    from orbits.plot import FIGURES, check_path, plot_family, save_figure
+    import numpy as np
 
-    for path, endings in ((plot, FIGURES), (output, ()), (save, ())):
+    from orbits.continuation import follow as follow_family
+    from orbits.continuation import orbit_at
+    from orbits.errors import InputError
+    from orbits.family import ENDINGS, Family
+    from orbits.orbit import to_json
+    from orbits.plot import FIGURES, check_path, plot_family, save_figure, thumbnails
+
+    for path, endings in ((plot, FIGURES), (output, ENDINGS[:2]), (save, ENDINGS)):
         if path is not None:
             check_path(path, endings)
     try:
@@ -144,13 +151,17 @@ def follow(
     elif start is not None:
         machine[along] = start
     before = None if resume is None else Family.load(resume)
+    machine = machine_of(**machine, settings=settings)
     with progress() as report:
         followed = follow_family(
-            machine_of(**machine, settings=settings), along, stop, start, family, at=values, longest=longest,
+            machine, along, stop, start, family, at=values, longest=longest,
             method=method, stop_inadmissible=stop_inadmissible, output=output, resume=before, progress=report,
         )  # fmt: skip
     if plot is not None:
-        save_figure(plot_family(followed), plot)
+        chosen = {int(i): followed[int(i)] for i in np.linspace(0, len(followed) - 1, THUMBNAILS)}.values()
+        method = followed.settings["method"]
+        small = [(point, orbit_at(machine, point, along, method)) for point in chosen]
+        save_figure(thumbnails(plot_family(followed), followed, small), plot)
     if save is not None:
         followed.save(save)
     click.echo(to_json(followed.document()) if as_json else str(followed))

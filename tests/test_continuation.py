@@ -1,15 +1,18 @@
 """Families against golden values, known folds and limits, other routes along them, and themselves at half the step."""
 
 import json
+import resource
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, trace
+from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
 from orbits.curve import At, Curve, Interpolant
+from orbits.plot import thumbnails
 from orbits.shooting import Shooting
 from problems import Hopper, Juggler, hopper_in_si, springs
 from studies.random_families import differences, random_springs, twice
@@ -197,7 +200,7 @@ class TestOnDisk:
         process.wait()
         broken = Family.load(path)
         assert 15 < len(broken) < 500
-        assert broken.end.kind == "stuck"
+        assert broken.end.kind == "interrupted"
         rest = follow(Hopper("cubic"), "beta", 5.0, 0.0, at=[2.0], resume=broken, output=path)
         assert rest.points[: len(broken) - 1] == broken.points[:-1]
         assert rest.at(2.0)[0].alpha == pytest.approx(GOLDEN[2.0], rel=1e-12)
@@ -319,6 +322,43 @@ def test_an_isola_closes():
     assert follow(machine, "q", 0.1).end.reason == "q = 0 again, on another sheet"
     with pytest.raises(InputError, match="does not lie between"):
         follow(machine, "q", (0.05, 0.1))
+
+
+def test_questions_about_quantities_and_values_that_are_not_there(softening, tmp_path):
+    with pytest.raises(InputError, match="no quantity 'height'; they have beta, alpha"):
+        softening.plot(quantity="height")
+    with pytest.raises(InputError, match=r"at = 0\.1 is not reached: beta lies between 0 and -0.02"):
+        follow(Hopper("cubic"), "beta", -0.02, 0.0, at=[0.1])
+    with pytest.raises(InputError, match=r"ending, \.jsonl or \.json or \.csv or \.nc"):
+        softening.save(tmp_path / "family.txt")
+    with pytest.raises(InputError, match="watch 'x' gives nan"):
+        follow(Hopper("cubic"), "beta", 1.0, 0.0, watch={"x": lambda orbit: np.nan})
+    empty = replace(softening, points=(), events=())
+    assert "without orbits" in str(empty)
+    assert Family.load(empty.save(tmp_path / "empty.jsonl")) == empty
+    assert empty.save(tmp_path / "empty.csv").read_text().startswith("beta,alpha")
+
+
+def test_an_orbit_at_a_point_is_the_one_that_was_followed(softening):
+    """On the second sheet too, where `find` finds another one."""
+    (point,) = [point for point in softening.at(-0.005) if point.alpha > FOLD_ALPHA]
+    orbit = orbit_at(Hopper("cubic", rest_length=30.0), point, "beta")
+    assert orbit.alpha == pytest.approx(point.alpha, rel=1e-13)
+    assert orbit.machine["parameters"]["beta"] == -0.005
+    axes = thumbnails(softening.plot(), softening, [(point, orbit)])
+    (small,) = axes.child_axes
+    assert len(small.lines) == 2
+
+
+def test_memory_stays_flat_over_many_orbits():
+    def grown() -> float:
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        for _ in range(4):
+            assert len(follow(Hopper("cubic"), "beta", 5.0, 0.0, longest=0.004)) > 300
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+
+    grown()
+    assert grown() < 2000  # kilobytes; the most that a process has had never falls
 
 
 def test_ipopt_goes_on_where_newton_fails(monkeypatch):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from studies import air_track, asteroid, figure_7, gravity_families, spring_families
+from studies import air_track, asteroid, existence, figure_7, gravity_families, spring_families
 
 
 def test_air_track(tmp_path, capsys):
@@ -29,6 +29,17 @@ def test_asteroid(tmp_path, capsys):
     assert numbers["constant_gravity_off"] == pytest.approx(0.067, abs=1e-3)
     assert (tmp_path / "asteroid.png").stat().st_size > 10_000
     assert "nearest 10 m" in capsys.readouterr().out
+
+
+def test_existence(tmp_path):
+    """The saturating spring alone: the first family exists up to b = 1/3 (the limit of the tanh families)."""
+    found = existence.main(tmp_path, quick=True)
+    assert found["cusp"] == pytest.approx((-0.013710955, 7.1324381e-05), rel=1e-7)
+    diagram = found["saturating"]
+    for row, b in enumerate(diagram.values):
+        alone = any(low <= 1e-6 <= high for low, high, _ in diagram.stretches(row))
+        assert alone == (b < 1 / 3)
+    assert (tmp_path / "existence.png").stat().st_size > 10_000
 
 
 def test_figure_7(tmp_path):
