@@ -50,6 +50,17 @@ class Stretch:
         level = self.start + share
         return self.curve.correct(self._path(np.array([level]))[0], self.row, level, self.a.tangent)
 
+    def sheets(self) -> list["Stretch"]:
+        """The stretch up to its fold and the one from there on; itself where it has none."""
+        if self.fold is None:
+            return [self]
+        fold = self(self.fold)
+        return [Stretch(self.curve, self.a, fold), Stretch(self.curve, fold, self.b)]
+
+    def reaches(self, value: float) -> bool:
+        """Whether the parameter has a value somewhere from end to end."""
+        return min(self.a.value, self.b.value) <= value <= max(self.a.value, self.b.value)
+
     @cached_property
     def fold(self) -> float | None:
         """The share at which the parameter turns round."""

@@ -91,12 +91,14 @@ class End:
     """How the curve ends.
 
     kind : "reached", "escaped", "closed", "degenerate", "stopped", "stuck"; "interrupted" of an unfinished file
-    limit : the value that the parameter tends to as the orbit escapes or shrinks to nothing, None otherwise
+    limit, limit_error : the value that the parameter tends to as the orbit escapes or shrinks to nothing, extrapolated,
+        and about its error; None otherwise
     """
 
     kind: str
     reason: str
     limit: float | None = None
+    limit_error: float | None = None
 
 
 @dataclass(frozen=True)
@@ -176,7 +178,9 @@ class Family:
         ]
         for event in self.events:
             lines.append(f"  {event.kind:<14}{self.name} = {event.point.value:.15g}, alpha = {event.point.alpha:.15g}")
-        limit = f", {self.name} tends to {self.end.limit:.8g}" if self.end.limit is not None else ""
+        limit = ""
+        if self.end.limit is not None:
+            limit = f", {self.name} tends to {self.end.limit:.8g} (about {self.end.limit_error:.0e} off)"
         return "\n".join([*lines, f"  end: {self.end.kind}, {self.end.reason}{limit}"])
 
     def plot(self, axes=None, quantity: str = "alpha", label: str | None = None):

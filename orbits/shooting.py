@@ -45,8 +45,8 @@ class Evaluation:
 
     @property
     def growth(self) -> float:
-        """Of a small change over the motion, the largest."""
-        return max(float(np.abs(transition).max()) for transition in self.transitions)
+        """Of a small change of the state over the motion, the largest."""
+        return max(float(np.abs(transition[:, : len(transition)]).max()) for transition in self.transitions)
 
     def settles(self, size: float, last: float) -> bool:
         """Whether a relative Newton step is the last one worth taking; `last` is the one before."""

@@ -24,10 +24,11 @@ FIRST, SHORTEST, LONGEST, FARTHEST = 5e-3, 1e-5, 0.2, 1e-2
 AIM = 1e-6
 # The largest angle between two tangents, in radians.
 LARGEST_TURN = 0.25
-# An orbit this many times faster, longer or smaller than the first is on its way to infinity or to nothing.
-FAR = 1e2
-# ... if the parameter has no further to go than this share of its way so far; else it only scales the orbit.
-NEAR = 0.05
+# An orbit this many times faster, longer or smaller than the first is on its way to infinity or to nothing, if the
+# parameter's limit, extrapolated over this factor of alpha, is clear: its error a small share of the way to it.
+FAR, WIDEST, CLEAR = 1e2, 2.0, 0.2
+# A curve that is lost within this share of the parameter's way has not begun.
+DECADES = 1e-3
 # A motion that makes more of a small change, as it hangs at an unstable equilibrium, is beyond shooting in one piece.
 LARGEST_GROWTH = 3e7
 # A curve that is lost after the launch speed has grown this much was running off.
@@ -75,18 +76,23 @@ class Walk:
         """The points of the curve, first to last, each event before the point that follows it, and the end."""
         yield self.first
         index = 0
+        if self.options.stop_inadmissible and not self.first.point.admissible:
+            yield End("stopped", "no motion to begin with: " + self.first.point.violations[0])
+            return
         while True:
             ahead, knots, failure = self.steps()
             good, refusal = self.certified(ahead)
+            refused = ahead[len(good)] if refusal else None
             for there in good:
                 try:
-                    there, end = self.ended(there)
-                    happening = Stretch(self.curve, self.last, there).events(self.options.at, self.options.watch)
+                    end_point, end = self.ended(there)
+                    happening = Stretch(self.curve, self.last, end_point).events(self.options.at, self.options.watch)
                 except OrbitsError as error:
-                    yield self.lost(f"what happens next cannot be located ({error})")
-                    return
-                passed = [at for kind, at in happening if kind == "asked"]
-                if index + len(passed) + 1 >= self.options.most:
+                    refusal, refused = NoOrbit(f"what happens next cannot be located ({error})"), there
+                    break
+                there = end_point
+                passed = sum(kind == "asked" for kind, _ in happening)
+                if index + passed + 1 >= self.options.most:
                     yield End("stopped", f"after {index + 1} points: no more than {self.options.most} were asked for")
                     return
                 for kind, at in happening:
@@ -101,16 +107,17 @@ class Walk:
                 if end := end or self.far(there):
                     yield end
                     return
-            done = [at for at in knots if at.point] if refusal else knots
-            self.knots = [*self.knots, *done][-MEMORY:]
             if refusal is None and failure is None:
+                self.knots = [*self.knots, *knots][-MEMORY:]
                 self.count = min(2 * self.count, TOGETHER)
                 continue
-            self.count = 1
+            done = [at for at in knots if at in good[: good.index(refused)]] if refused in good else knots
+            self.knots = [*self.knots, *(at for at in done if at.point)]
             if self.knots[-1] is not self.last:
-                self.knots = [*self.knots, self.last][-MEMORY:]
-            if refusal is not None:
-                self.length = 0.5 * ahead[len(good)].length
+                self.knots.append(self.last)
+            self.knots, self.count = self.knots[-MEMORY:], 1
+            if refused is not None:
+                self.length = 0.5 * refused.length
                 self.trouble = max(self.trouble - len(good) / REST, 0.0) + 1
             if failure is not None or self.length <= SHORTEST or self.trouble > PATIENCE:
                 yield self.lost(str(refusal or failure))
@@ -162,9 +169,9 @@ class Walk:
         if not self.within(there):
             bound = self.bounds[0] if there.value <= self.bounds[0] else self.bounds[1]
             back = " again, on another sheet" if bound == self.origin.value else ""
-            return Stretch(self.curve, here, there).landed(bound), End(
-                "reached", f"{self.curve.along} = {bound:g}{back}"
-            )
+            sheets = stretch.sheets()[-1 if here.value == bound else 0 :]  # not the sheet that starts there
+            sheet = next((part for part in sheets if part.reaches(bound)), sheets[-1])
+            return sheet.landed(bound), End("reached", f"{self.curve.along} = {bound:g}{back}")
         if self.options.stop_inadmissible and not there.point.admissible:
             return there, End("stopped", "no motion from here: " + there.point.violations[0])
         return there, None
@@ -179,12 +186,16 @@ class Walk:
         failure, rate = NoOrbit("no step is short enough"), knots[-1].tangent[-1]
         bound = self.bounds[int(rate > 0)]
         while self.length > SHORTEST:
-            left = max((bound - knots[-1].value) / rate, 0.0) if rate else np.inf
-            length = min(self.length, left + self.options.longest)
+            left = (bound - knots[-1].value) / rate if rate else np.inf
             try:
-                return self._stepped(knots, length)
+                if 0 < left <= self.length:
+                    try:
+                        return self._stepped(knots, left, bound)
+                    except OrbitsError:  # it turns before the bound, or passes it elsewhere
+                        return self._stepped(knots, min(self.length, left + self.options.longest))
+                return self._stepped(knots, self.length)
             except OrbitsError as error:
-                failure, self.length = error, 0.5 * length
+                failure, self.length = error, 0.5 * self.length
         try:
             return [self._rescued(knots)]
         except OrbitsError:
@@ -204,14 +215,20 @@ class Walk:
         self.length = FIRST
         return point
 
-    def _stepped(self, knots: list[At], length: float) -> list[At]:
-        """The points up to the end of a step of given length; raises `NoOrbit` when one may lie on another curve."""
+    def _stepped(self, knots: list[At], length: float, value: float | None = None) -> list[At]:
+        """The points up to the end of a step of given length, or of about that where the parameter has a value; raises
+        `NoOrbit` when one may lie on another curve."""
         last = knots[-1]
         row = last.tangent / self.curve.size(last.x) ** 2
         used = _behind(knots, row)
         level = row @ last.x + length
         guess = Interpolant(used, row)(np.array([level]))
-        end = self.curve.correct(guess[0], row, level, last.tangent)
+        if value is None:
+            end = self.curve.correct(guess[0], row, level, last.tangent)
+        else:
+            guess[0] += last.tangent * (value - guess[0, -1]) / last.tangent[-1]
+            end = self.curve.correct(guess[0], np.eye(len(guess[0]))[-1], value, last.tangent)
+            end.x[-1] = value
         moved = self.trusted(last, [end], guess, length)
         row = (end.x - last.x) / self.curve.size(last.x) ** 2
         row /= row @ (end.x - last.x)
@@ -256,45 +273,55 @@ class Walk:
         return self.curve.onto(at, self.origin.value) if again else None
 
     def far(self, there: At) -> End | None:
-        """The end of a curve that goes to infinity or to nothing."""
+        """The end of a curve that goes to infinity or to nothing before the parameter gets to a bound."""
         orbit, first = there.point, self.origin
         name, value = self.curve.along, there.value
         if there.here.growth > LARGEST_GROWTH:
             return self.lost(f"small changes grow {there.here.growth:.0e}-fold over the flight, and rounding decides")
         if orbit.alpha > FAR * first.alpha or orbit.flight_time > FAR * first.flight_time:
-            if (limit := self.limit(-1)) is None:
+            if (found := self.limit(-1)) is None:
                 return None
             if orbit.flight_time / orbit.alpha > FAR * first.flight_time / first.alpha:
-                return End("degenerate", f"gravity no longer returns the machine near {name} = {value:.6g}", limit)
-            return End("escaped", "the launch speed grows without bound", limit)
-        if orbit.alpha < first.alpha / FAR and (limit := self.limit(1)) is not None:
-            return End("degenerate", f"the hop shrinks to nothing near {name} = {value:.6g}", limit)
-        if abs(orbit.liftoff_extension) > FAR * (1 + abs(first.liftoff_extension)):
-            return End("degenerate", f"the spring no longer lifts the foot near {name} = {value:.6g}")
+                return End("degenerate", f"gravity no longer returns the machine near {name} = {value:.6g}", *found)
+            if abs(orbit.liftoff_extension) > FAR * (1 + abs(first.liftoff_extension)):
+                return End("degenerate", f"the spring no longer lifts the foot near {name} = {value:.6g}", *found)
+            return End("escaped", "the launch speed grows without bound", *found)
+        if orbit.alpha < first.alpha / FAR and (found := self.limit(1)) is not None:
+            return End("degenerate", f"the hop shrinks to nothing near {name} = {value:.6g}", *found)
         return None
 
-    def limit(self, power: int, near: float = NEAR) -> float | None:
-        """The value that the parameter tends to as alpha grows (power -1) or vanishes (1), extrapolated by its powers
-        from well spaced points; None where it is farther than the share `near` of the values passed.
+    def limit(self, power: int) -> tuple[float, float] | None:
+        """The value that the parameter tends to as alpha grows (power -1) or vanishes (1), with its error: extrapolated
+        by powers from well spaced points, None where that is not clear or leads behind or beyond a bound.
 
-        With a throw's height go the square of alpha and higher powers, with a small hop's size alpha itself.
+        Some curves have a first power of 1/alpha and some have none, which no number says: the series whose last term
+        matters less is taken.
         """
-        terms = np.array([0, 2, 3, 4, 5, 6] if power < 0 else [0, 1, 2, 3])
         alpha, value = np.array(self.seen).T
         scale = (alpha / alpha[-1]) ** power
-        chosen = [int(np.abs(np.log(scale / ratio)).argmin()) for ratio in np.linspace(1.0, 2.0, len(terms))]
-        if len(set(chosen)) < len(terms):
-            return None
-        limit = float(np.linalg.solve(scale[chosen][:, None] ** terms, value[chosen])[0])
-        return limit if abs(limit - value[-1]) < near * np.ptp(value) else None
+        found = []
+        for terms in ([0, 1, 2, 3, 4, 5], [0, 2, 3, 4, 5, 6]):
+            ends = []
+            for count in (len(terms), len(terms) - 1):
+                chosen = [int(np.abs(np.log(scale / ratio)).argmin()) for ratio in np.linspace(1.0, WIDEST, count)]
+                if len(set(chosen)) < count:
+                    return None
+                ends.append(np.linalg.solve(scale[chosen][:, None] ** np.array(terms[:count]), value[chosen])[0])
+            found.append((abs(ends[0] - ends[1]), ends[0]))
+        error, limit = min(found)
+        ahead, behind = limit - value[-1], value[-1] - value[int(np.abs(np.log(scale / WIDEST)).argmin())]
+        clear = error < CLEAR * abs(ahead) or abs(ahead) + error < 1e-6 * np.ptp(value)
+        inside = self.bounds[0] - error <= limit <= self.bounds[1] + error
+        return (float(limit), float(error)) if clear and inside and ahead * behind >= 0 else None
 
     def lost(self, reason: str) -> End:
         """The end of a curve that cannot be followed further."""
-        alpha = self.last.point.alpha
-        where = f"at {self.curve.along} = {self.last.value:.10g}, alpha = {alpha:.10g}: {reason}"
-        if alpha > RUNNING * self.origin.alpha:
-            limit = self.limit(-1, near=1.0)
-            return End("escaped", f"the launch speed grows, and the curve is lost {where}", limit)
+        alpha, value = self.last.point.alpha, self.last.value
+        where = f"{reason}, at {self.curve.along} = {value:.10g}, alpha = {alpha:.10g}"
+        if alpha > RUNNING * self.origin.alpha and (found := self.limit(-1)) is not None:
+            return End("escaped", f"the launch speed grows, and the curve is lost: {where}", *found)
+        if abs(value - self.origin.value) < DECADES * self.curve.span:
+            where += "; a parameter over decades is followed by its inverse or its logarithm"
         return End("stuck", where)
 
 

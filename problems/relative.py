@@ -26,6 +26,8 @@ STIFFNESSES = (1e-12, 1e12)
 FLATTEST = 1e-14
 # The guess of a launch speed is for Newton's method to finish: off by this share of half an oscillation.
 GUESS = 1e-3
+# ... and, where there is another root close above, by this share of how far the equation goes beyond zero in between.
+DEPTH = 0.01
 # Where lift-off is looked for, from rest: densely where a spring in its own units lifts off.
 DISTANCES = np.concatenate(
     [[0.0], np.geomspace(1e-9, 1e-3, 50)[:-1], np.geomspace(1e-3, 1e3, 200), np.geomspace(1e3, 1e9, 50)[1:]]
@@ -236,7 +238,8 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
             alpha, reason = slowest, ""
             continue
         if gap <= 0:
-            return bracketed_root(excess, samples[-1][0], alpha, samples[-1][1], gap, GUESS * halves[alpha])
+            enough = min(GUESS * halves[alpha], DEPTH * abs(gap))
+            return bracketed_root(excess, samples[-1][0], alpha, samples[-1][1], gap, enough)
         if np.isfinite(gap):
             samples.append((alpha, gap))
         elif alpha > slowest:
@@ -246,7 +249,8 @@ def launch_speed(phase: Phase, p: dict[str, float], liftoff: float, family: int,
         if len(samples) > 3 and samples[-2][1] < samples[-3][1] and samples[-2][1] <= samples[-1][1]:
             dip = _lowest(excess, samples[-3][0], samples[-1][0])  # a pair of roots between samples, near a fold
             if (bottom := excess(dip)) <= 0:
-                return bracketed_root(excess, samples[-3][0], dip, samples[-3][1], bottom, GUESS * halves[dip])
+                enough = min(GUESS * halves[dip], DEPTH * abs(bottom))
+                return bracketed_root(excess, samples[-3][0], dip, samples[-3][1], bottom, enough)
         last, before = samples[-1], samples[-2] if len(samples) > 1 else samples[-1]
         slope = (last[1] - before[1]) / (last[0] - before[0]) if len(samples) > 2 else 0.0
         # Just past where the last two samples point, so that the next one brackets the root.
