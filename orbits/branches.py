@@ -5,15 +5,29 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from . import interrupts
-from .continuation import at_point, number_of, options_of, record_of
-from .curve import Curve
+from .continuation import record_of
+from .curve import At, Curve
 from .errors import InputError, NoOrbit
 from .family import Family, Point
 from .orbit import Orbit
+from .question import at_point, number_of, options_of
 from .walk import FIRST, Options, Walk
 
 # The other curve may lie askew, its first point this many times as far as the step across.
 FAR = 10.0
+
+
+def _across(curve: Curve, x, direction, row) -> At:
+    """The first point of the other curve, a step across from `x`, shorter ones where that leads elsewhere."""
+    size = curve.size(x)
+    for length in FIRST * np.logspace(0, -3, 4):
+        try:
+            step = curve.correct(x + length * direction, row, row @ x + length, direction)
+        except NoOrbit:
+            continue
+        if np.linalg.norm((step.x - x) / size) < FAR * length:
+            return step
+    raise NoOrbit(f"no other curve is found beside {curve.along} = {x[-1]:.10g}")
 
 
 def follow_branch(
@@ -44,6 +58,8 @@ def follow_branch(
     """
     machine, method = at_point(machine, branch, along, method)
     options, stop = options_of(at, watch, longest, most, False), number_of("stop", stop)
+    if stop == branch.value:
+        raise InputError(f"stop = {stop:g} is where the branch point lies: there is no way between")
     curve = Curve(machine, along, method, abs(stop - branch.value))
     x, tangent = np.array([*branch.u, branch.value]), np.array(branch.tangent)
     size = curve.size(x)
@@ -54,14 +70,7 @@ def follow_branch(
         across = first * (second @ own) - second * (first @ own)
         side = across[curve.equations.statement.unknowns.index("alpha")]
         across *= np.copysign(1.0 / np.linalg.norm(across), side if upper else -side)
-        row = across / size
-        try:
-            step = curve.correct(x + FIRST * across * size, row, row @ x + FIRST, across * size)
-            found = np.linalg.norm((step.x - x) / size) < FAR * FIRST
-        except NoOrbit:
-            found = False
-        if not found:
-            raise NoOrbit(f"no other curve goes through {along} = {branch.value:.10g}, alpha = {branch.alpha:.10g}")
+        step = _across(curve, x, across * size, across / size)
         if (step.value - branch.value) * (stop - branch.value) < 0:
             raise InputError(
                 f"towards {'higher' if upper else 'lower'} launch speeds {along} goes to {step.value:.6g}, away from "

@@ -22,6 +22,8 @@ from .statements import as_cases, as_orbit, equations_of, interpret, interpret_a
 
 # A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
 AT_A_FOLD = 1e-3
+# Motions of more steps are not evaluated in one call: building that would take longer than it saves.
+MOST_STEPS = 300
 
 
 @dataclass(eq=False)
@@ -76,7 +78,9 @@ class Curve:
     def evaluate(self, xs) -> list[Evaluation]:
         heres = self.equations.evaluate_all(xs[:, :-1], self.p(xs), (self.along,), self.meshes)
         paths = heres[-1].trajectories
-        if self.meshes is None or [len(path.times) for path in paths] != [len(mesh) for mesh in self.meshes]:
+        if any(len(path.steps) > MOST_STEPS for path in paths):
+            self.meshes = None
+        elif self.meshes is None or [len(path.times) for path in paths] != [len(mesh) for mesh in self.meshes]:
             self.meshes = [_finer(path.times) for path in paths]
         return heres
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from .curve import At, Curve, Interpolant
-from .errors import InputError, NoOrbit
+from .errors import InputError, NoOrbit, OrbitsError
 from .family import Point
 from .orbit import Orbit
 from .roots import bracketed_root
@@ -71,7 +71,9 @@ class Stretch:
         first, last = quantity(self.a), quantity(self.b)
         if first is None or last is None or (first >= 0) == (last >= 0):
             return None
-        return bracketed_root(lambda share: quantity(self(share)) or 0.0, 0.0, 1.0, first, last, width=width)
+        share = bracketed_root(lambda share: quantity(self(share)) or 0.0, 0.0, 1.0, first, last, width=width)
+        pole = abs(quantity(self(share)) or 0.0) > abs(first) + abs(last)
+        return None if pole else share
 
     def landed(self, value: float) -> At:
         """The point where the parameter has exactly a value, certified."""
@@ -148,9 +150,17 @@ def _signs(at: At) -> tuple:
     return at.signs
 
 
-def watched(name: str, function: Callable[[Orbit], float], orbit: Orbit) -> float:
-    """A watched quantity of an orbit; raises `InputError` when it is not a number."""
-    value = function(orbit)
-    if isinstance(value, str) or not np.isscalar(value) or not np.isfinite(value):
+def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:
+    """A watched quantity of an orbit, None where the function gives None or the orbit has not what it asks for; a truth
+    counts as 1 or -1. Raises `InputError` when it is not a number."""
+    try:
+        value = function(orbit)
+    except OrbitsError:
+        return None
+    if value is None:
+        return None
+    if isinstance(value, bool | np.bool_):
+        return 1.0 if value else -1.0
+    if isinstance(value, complex) or not np.isscalar(value) or isinstance(value, str) or not np.isfinite(value):
         raise InputError(f"watch '{name}' gives {value!r} at alpha = {orbit.alpha:.6g}: it must give a finite number")
     return float(value)

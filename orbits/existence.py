@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .continuation import at_point, follow, known, number_of, options_of, record_of, walk_from
+from .continuation import follow, record_of, walk_from
 from .curve import Curve
-from .errors import InputError, OrbitsError
+from .errors import InputError
 from .family import Family, Point
+from .question import at_point, known, number_of, options_of
 from .walk import Options
 
 
@@ -32,6 +33,11 @@ class Existence:
         """Where a row has orbits: (from, to, whether they are motions), to rounding; sheets may overlap."""
         for family in self.rows[row]:
             yield from stretches(family)
+
+    def unknown(self, row: int) -> bool:
+        """Whether a row is not all told: a family of it was cut short or lost, or the spine was before it got there."""
+        families = self.rows[row] or self.spine
+        return any(family.end.kind in ("stopped", "stuck") for family in families)
 
     def motions(self, row: int) -> list[tuple[float, float]]:
         """The intervals on which a row has an orbit that is a motion, ascending and apart."""
@@ -91,11 +97,14 @@ def existence(
     known(machine, along, across)
     if along == across:
         raise InputError(f"a diagram in '{along}' needs another parameter besides")
-    low, high = (number_of("between", value) for value in between)
+    try:
+        low, high = (number_of("between", value) for value in between)
+        values = tuple(sorted({number_of("values", value) for value in values}))
+    except (TypeError, ValueError):
+        raise InputError(f"between = {between!r} are two values, values = {values!r} a list of them") from None
     own, first = machine.values[along], machine.values[across]
     if not low < own < high:
         raise InputError(f"between = ({low:g}, {high:g}): the machine's own {along} = {own:g} must lie between")
-    values = tuple(sorted(number_of("values", value) for value in values))
     options = {"longest": longest, "most": most, "method": method}
     ways = [[value for value in values if (value - first) * side >= 0] for side in (-1, 1)]
     ways = [way for way in ways if set(way) - {first}]
@@ -107,8 +116,12 @@ def existence(
     )
     rows = []
     for value in values:
-        found = [(point, part.settings["method"]) for part in spine for point in part.at(value)]
-        rows.append(_row(machine, along, (low, high), across, *found[0], longest, most) if found else ())
+        found = {point.alpha: (point, part.settings["method"]) for part in spine for point in part.at(value)}
+        families: tuple[Family, ...] = ()
+        for point, way in found.values():  # a spine that folds passes a row more than once
+            if not any(other.alpha == point.alpha for family in families for other in family.at(own)):
+                families += _row(machine, along, (low, high), across, point, way, longest, most)
+        rows.append(families)
     return Existence(along, across, values, tuple(rows), spine)
 
 
@@ -119,11 +132,7 @@ def _row(machine, along, bounds, across, point: Point, method: str, longest, mos
     families = []
     for behind, stop in (bounds[::-1], bounds):
         curve = Curve(machine, along, method, bounds[1] - bounds[0])
-        try:
-            walk = walk_from(curve, np.array([*point.u, own]), own, behind, stop, options)
-        except OrbitsError:
-            return ()
-        families.append(record_of(walk))
+        families.append(record_of(walk_from(curve, np.array([*point.u, own]), own, behind, stop, options)))
         if families[-1].end.kind == "closed":
             break
     return tuple(families)

@@ -35,6 +35,10 @@ COLUMNS = (
 )
 
 
+# What no parameter can be called, since it stands beside these in a table or a document.
+RESERVED = (*COLUMNS, "value", "kind", "after", "violations", "point")
+
+
 @dataclass(frozen=True)
 class Point:
     """One orbit of a family, without its motion.
@@ -193,9 +197,9 @@ class Family:
         """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`)."""
         path = check_ending(path, ENDINGS)
         try:
-            if path.suffix == ".csv":
+            if path.suffix.lower() == ".csv":
                 self._write_csv(path)
-            elif path.suffix == ".nc":
+            elif path.suffix.lower() == ".nc":
                 self._dataset().to_netcdf(path)
             else:
                 with open(path, "w", encoding="utf-8") as file:
@@ -220,7 +224,7 @@ class Family:
     def load(cls, path) -> "Family":
         """Read a family that `save` or an interrupted `follow` wrote; a last line cut short is left out."""
         try:
-            lines = Path(path).read_text(encoding="utf-8").splitlines()
+            lines = Path(path).read_bytes().decode(errors="replace").splitlines()  # a cut may fall within a letter
             head = json.loads(lines[0])
             if head["format"] != FORMAT:
                 raise ValueError(f"format {head['format']!r}, expected {FORMAT!r}")
@@ -228,13 +232,14 @@ class Family:
             for number, line in enumerate(lines[1:], start=2):
                 try:
                     record = json.loads(line)
-                except ValueError:
+                    kind, *_ = record
+                except (ValueError, TypeError):
                     if number < len(lines):
                         raise
                     break
-                if "point" in record:
+                if kind == "point":
                     points.append(_point(record["point"]))
-                elif "event" in record:
+                elif kind == "event":
                     event = record["event"]
                     events.append(Event(event["kind"], event["after"], _point(event["point"])))
                 else:
@@ -258,10 +263,13 @@ class Family:
         except ImportError:
             raise InputError("NetCDF needs xarray: install persistent-orbits[data], or save as .json or .csv") from None
         numbers = [name for name in COLUMNS if name != "stable_side"]
-        data = {name: ("point", self.column(name)) for name in numbers}
+        also = self.points[0].also if self.points else ()
+        data = {name: ("point", self.column(name)) for name in (*also, *numbers)}
         attributes = {
             "machine": to_json(self.machine),
             "settings": to_json(self.settings),
+            "versions": to_json(self.versions),
+            "events": to_json([asdict(event) for event in self.events]),
             "end": to_json(asdict(self.end)),
         }
         return xarray.Dataset(data, {self.name: ("point", self.column("value"))}, attributes)

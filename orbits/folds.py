@@ -11,11 +11,12 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from .continuation import at_point, known, number_of, options_of, record_of, walk_from
+from .continuation import record_of, walk_from
 from .curve import At, Curve
 from .errors import InputError, NoOrbit
 from .family import Family, Point
 from .model import Arc, Phase, Statement
+from .question import at_point, known, number_of, options_of
 from .shooting import Shooting, shooting
 from .walk import Options
 
@@ -85,18 +86,34 @@ def _derivative(values, symbols: list, direction: list) -> list:
     return ca.vertsplit(ca.densify(ca.jacobian(values, ca.vertcat(*symbols)) @ ca.vertcat(*direction)))
 
 
+# At a fold the parameter changes by less than this share when the launch speed doubles.
+STEEPEST = 1e-3
+
+
 class _FoldCurve(Curve):
     """The curve of folds; its points are orbits of the machine at values of two parameters."""
 
     def __init__(self, machine, along: str, across: str, method: str, span: float):
         super().__init__(machine, across, method, span)
         self.folded = self.names.index(along)
+        # A parameter that passes zero is measured by its first value, or by 1 when that is zero itself.
+        self.least = 0.1 * abs(self.parameters[self.folded]) or 1.0
         self.equations: Shooting = shooting(fold_statement(self.orbits.statement, along), self.names)
 
     def p(self, xs) -> np.ndarray:
         values = super().p(xs)
         values[:, self.folded] = xs[:, -2]
         return values
+
+    def size(self, x) -> np.ndarray:
+        """The unknowns as on any curve, their changes as those for a change of alpha by its size, and the parameter
+        that folds by itself: it has units of its own."""
+        n = len(self.orbits.statement.unknowns)
+        index = self.orbits.statement.unknowns.index("alpha")
+        size = super().size(np.concatenate([x[..., :n], x[..., -1:]], axis=-1))
+        changes = np.delete(size[..., :-1], index, axis=-1) / size[..., [index]]
+        folded = np.maximum(np.abs(x[..., -2:-1]), self.least)
+        return np.concatenate([size[..., :-1], changes, folded, size[..., -1:]], axis=-1)
 
     def values(self, p) -> dict[str, float]:
         return {**super().values(p), self.names[self.folded]: float(p[self.folded])}
@@ -147,8 +164,8 @@ def follow_fold(
     tangent = np.array(fold.tangent[:-1])
     names = curve.orbits.statement.unknowns
     alpha = tangent[names.index("alpha")]
-    if alpha == 0:
-        raise NoOrbit("this point is no fold: the launch speed does not move along the curve")
+    if not abs(fold.tangent[-1]) * fold.alpha < STEEPEST * abs(alpha) * max(abs(fold.value), 1e-3):
+        raise NoOrbit(f"this point is no fold: {along} changes along its family")
     changes = [d / alpha for name, d in zip(names, tangent, strict=True) if name != "alpha"]
     x = np.array([*fold.u, *changes, fold.value, start])
     options = options_of(at, None, longest, most, False)

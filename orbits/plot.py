@@ -1,4 +1,4 @@
-"""Plots of an orbit: axes in, axes out; matplotlib is imported only when something is drawn."""
+"""Plots of orbits, families and diagrams: axes in, axes out; matplotlib is imported only when something is drawn."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -172,6 +172,8 @@ def plot_existence(diagram, axes=None):
         for admissible, colour in ((False, PALE), (True, COLOURS[0])):
             bars = [(a, b - a) for a, b, motion in diagram.stretches(row) if motion == admissible]
             axes.broken_barh(bars, (low, high - low), fc=colour, lw=0, zorder=1 + admissible)
+        if diagram.unknown(row):
+            axes.axhspan(low, high, fc="none", ec="0.8", hatch="///", lw=0, zorder=0)
     folds = [
         (event.point.value, value)
         for value, row in zip(values, diagram.rows, strict=True)

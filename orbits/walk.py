@@ -25,8 +25,9 @@ AIM = 1e-6
 # The largest angle between two tangents, in radians.
 LARGEST_TURN = 0.25
 # An orbit this many times faster, longer or smaller than the first is on its way to infinity or to nothing, if the
-# parameter's limit, extrapolated over this factor of alpha, is clear: its error a small share of the way to it.
-FAR, WIDEST, CLEAR = 1e2, 2.0, 0.2
+# parameter's limit, extrapolated from the last points over the first of these factors of alpha that holds enough of
+# them, is clear: its error a small share of the way to it.
+FAR, WIDTHS, CLEAR = 1e2, (2.0, 4.0, 16.0), 0.1
 # A curve that is lost within this share of the parameter's way has not begun.
 DECADES = 1e-3
 # A motion that makes more of a small change, as it hangs at an unstable equilibrium, is beyond shooting in one piece.
@@ -299,20 +300,32 @@ class Walk:
         """
         alpha, value = np.array(self.seen).T
         scale = (alpha / alpha[-1]) ** power
-        found = []
-        for terms in ([0, 1, 2, 3, 4, 5], [0, 2, 3, 4, 5, 6]):
-            ends = []
-            for count in (len(terms), len(terms) - 1):
-                chosen = [int(np.abs(np.log(scale / ratio)).argmin()) for ratio in np.linspace(1.0, WIDEST, count)]
-                if len(set(chosen)) < count:
-                    return None
-                ends.append(np.linalg.solve(scale[chosen][:, None] ** np.array(terms[:count]), value[chosen])[0])
-            found.append((abs(ends[0] - ends[1]), ends[0]))
-        error, limit = min(found)
-        ahead, behind = limit - value[-1], value[-1] - value[int(np.abs(np.log(scale / WIDEST)).argmin())]
-        clear = error < CLEAR * abs(ahead) or abs(ahead) + error < 1e-6 * np.ptp(value)
-        inside = self.bounds[0] - error <= limit <= self.bounds[1] + error
-        return (float(limit), float(error)) if clear and inside and ahead * behind >= 0 else None
+        for widest in WIDTHS:
+            found = [
+                self._extrapolated(scale, value, terms, widest) for terms in ([0, 1, 2, 3, 4, 5], [0, 2, 3, 4, 5, 6])
+            ]
+            if None in found:
+                continue
+            error, limit = min(found)
+            ahead = limit - value[-1]
+            behind = value[-1] - value[int(np.abs(np.log(scale / widest)).argmin())]
+            clear = error < CLEAR * abs(ahead) or abs(ahead) + error < 1e-6 * np.ptp(value)
+            inside = self.bounds[0] - error <= limit <= self.bounds[1] + error
+            return (limit, error) if clear and inside and ahead * behind >= 0 else None
+        return None
+
+    @staticmethod
+    def _extrapolated(scale, value, terms, widest: float) -> tuple[float, float] | None:
+        """What the last of these terms changes in the limit of `value` as `scale` vanishes, and the limit; None where
+        there are too few points between the last and where the scale is `widest`."""
+        limits = []
+        for count in (len(terms), len(terms) - 1):
+            chosen = [int(np.abs(np.log(scale / ratio)).argmin()) for ratio in np.geomspace(1.0, widest, count)]
+            if len(set(chosen)) < count:
+                return None
+            powers = scale[chosen][:, None] ** np.array(terms[:count])
+            limits.append(float(np.linalg.solve(powers, value[chosen])[0]))
+        return 3 * abs(limits[0] - limits[1]), limits[0]
 
     def lost(self, reason: str) -> End:
         """The end of a curve that cannot be followed further."""

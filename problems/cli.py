@@ -145,7 +145,7 @@ def follow(
         values = [float(value) for value in at.split(",")] if at else []
     except ValueError:
         raise InputError(f"--at {at!r} is not a list of numbers, as 0.5,1,2") from None
-    settings = [text for text in machine.pop("settings") if text.partition("=")[0].strip() != along or start is None]
+    settings = [text for text in machine.pop("settings") if not (start is not None and _sets(text, along))]
     if start is not None and along not in ("mass_ratio", "rest_length"):
         settings.append(f"{along}={start!r}")
     elif start is not None:
@@ -167,6 +167,15 @@ def follow(
     click.echo(to_json(followed.document()) if as_json else str(followed))
     if followed.end.kind == "stuck":
         raise click.exceptions.Exit(1)
+
+
+def _sets(setting: str, name: str) -> bool:
+    """Whether a --set gives this name a value, which another option then replaces."""
+    try:
+        float(setting.partition("=")[2])
+    except ValueError:
+        return False
+    return setting.partition("=")[0].strip() == name
 
 
 def machine_of(machine, mass_ratio, rest_length, spring, gravity, settings):

@@ -1,7 +1,7 @@
 """What a machine states, whatever moves in it: spring, gravity, masses, lengths, units."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 
 from orbits.errors import InputError
@@ -127,6 +127,7 @@ class Machine:
             "restitution": float(self.restitution),
             "parameters": {name: float(value) for name, value in self.parameters.items()},
             "laws_in": "SI" if self.units else "units of the machine",
+            **({f"unit_{name}": value for name, value in asdict(self.units).items()} if self.units else {}),
         }
 
 

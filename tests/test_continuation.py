@@ -405,6 +405,67 @@ def test_values_beside_a_fold_are_hit_twice(before):
     assert len(family) <= 60
 
 
+def test_a_family_does_not_depend_on_the_unit_of_its_parameter():
+    plain, scaled = (
+        follow(Hopper(f"r + {factor}*b*r**3", rest_length=30.0, parameters={"b": 0.0}), "b", -0.02 / factor)
+        for factor in (1.0, 1e6)
+    )
+    assert plain.end.kind == scaled.end.kind
+    assert [event.kind for event in plain.events] == [event.kind for event in scaled.events]
+    for a, b in zip(plain.events, scaled.events, strict=True):
+        assert 1e6 * b.point.value == pytest.approx(a.point.value, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("machine", "along", "stop", "limit"),
+    [  # the tide's frequencies as 3 to 1; the barrier of r + c r^2 at -1/c; the softening cubic's family ends at 0
+        (Hopper("r", "1 + a*z", rest_length=2.0, parameters={"a": 0.0}), "a", 3.0, 0.25),
+        (Hopper("r + c*r**2", parameters={"c": 0.0}), "c", 1.0, 0.0),
+        (Hopper("cubic", rest_length=30.0, parameters={"beta": 0.0}), "beta", -0.02, 0.0),
+        (Hopper("toda", parameters={"b": 0.01}), "b", 0.9, 0.5),
+    ],
+)
+def test_a_limit_is_as_good_as_it_says(machine, along, stop, limit):
+    end = follow(machine, along, stop).end
+    assert end.kind == "escaped"
+    assert abs(end.limit - limit) <= 2 * end.limit_error
+    assert end.limit_error < 2e-3
+
+
+def test_what_only_scales_the_orbit_is_followed_to_the_end():
+    family = follow(Hopper("k*r", parameters={"k": 1.0}), "k", 1e-3)
+    assert family.end.kind == "reached"
+    assert family[-1].alpha == pytest.approx(4.493409457909064 / np.sqrt(1e-3), rel=1e-12)
+
+
+@pytest.mark.parametrize("beside", [1e-4, 1e-6, 1e-8, 1e-9])
+def test_a_start_beside_a_fold_comes_back_on_the_other_sheet(beside):
+    family = follow(Hopper("cubic", rest_length=30.0), "beta", -0.02, FOLD + beside)
+    assert family[0].alpha < FOLD_ALPHA < family[-1].alpha
+    assert family[-1].value == FOLD + beside
+    assert [event.kind for event in family.events] == ["fold"]
+    assert family.end.reason.endswith("on another sheet")
+
+
+def test_a_stop_at_the_edge_of_a_law_is_reached():
+    family = follow(Hopper("r + c**1.5*r**3", parameters={"c": 1.0}), "c", 0.0)
+    assert family.end.kind == "reached"
+    assert family[-1].alpha == pytest.approx(4.493409457909064, rel=1e-13)
+
+
+def test_watched_truths_poles_and_orbits_without_what_is_asked(softening):
+    watch = {
+        "fast": lambda orbit: orbit.alpha > 3.0,
+        "pole": lambda orbit: 1.0 / (orbit.alpha - 3.5),
+        "period": lambda orbit: orbit.period - 1000.0,  # none beyond the collapse
+    }
+    family = follow(Hopper("cubic"), "beta", 2.0, 0.0, watch=watch)
+    assert [event.kind for event in family.events] == ["fast"]
+    assert family.events[0].point.alpha == pytest.approx(3.0, rel=1e-11)
+    beyond = follow(Hopper("cubic", rest_length=30.0), "beta", -0.02, 0.0, watch={"period": watch["period"]})
+    assert [event.kind for event in beyond.events if event.kind != "period"] == ["collapse", "fold"]
+
+
 def test_a_resumed_family_has_each_event_once(softening, tmp_path):
     """Wherever the file was cut."""
     lines = softening.save(tmp_path / "whole.jsonl").read_text().splitlines(keepends=True)
@@ -420,6 +481,10 @@ def test_a_resumed_family_has_each_event_once(softening, tmp_path):
 
 
 def test_what_cannot_be_resumed_or_watched_is_said(softening):
+    half = follow(Hopper("cubic"), "beta", 1.0, 0.0, most=5)
+    with pytest.raises(InputError, match="number 1, by the method 'relative'"):
+        follow(Hopper("cubic"), "beta", 1.0, 0.0, family=2, resume=half)
+    assert follow(Hopper("cubic"), "beta", 1.0, resume=half)[-1].value == 1.0  # from where it began
     done = follow(Hopper("cubic"), "beta", 1.0, 0.0, longest=0.2)
     for question, message in (
         ({"stop": 1.0, "resume": done}, "has reached beta = 1 already"),
