@@ -1,8 +1,8 @@
 """Families of springs of random shape, each followed twice, the second time with half the step: is it the same curve?
 
 The springs soften, so that most families fold, run off or lose their contact somewhere. The two curves must end in the
-same way, have the same events at the same places and the same orbits at the same values of the parameter, and every
-orbit must be of the family that was asked for.
+same way unless rounding ended one of them, have the same events at the same places and the same orbits at the same values
+of the parameter, and every orbit must be of the family that was asked for.
 Run: python studies/random_families.py [--count 200] [--seed 7]
 """
 
@@ -17,6 +17,8 @@ from problems import Hopper
 
 LAWS = ("r + a*r**2 - s*c*r**3", "r + s*(tanh(b*r)/b - r)", "r + a*r**2 + s*c*r**5 - s*b*r**3/9")
 ENDS = ("reached", "escaped", "degenerate", "stuck")
+# Where rounding ends a curve, half the step may bring it further.
+LOST = "stuck"
 # Values of s at which the two curves are compared.
 PLACES = (0.1, 0.3, 0.5, 0.7, 0.9)
 
@@ -47,13 +49,14 @@ def twice(text: str, parameters: dict[str, float], family: int) -> tuple[Family,
 def differences(one: Family, two: Family, family: int) -> list[str]:
     """What is wrong with two curves that should be one, in words."""
     found = []
-    if one.end.kind != two.end.kind or one.end.kind not in ENDS:
+    ends = {one.end.kind, two.end.kind}
+    if not ends <= set(ENDS) or (len(ends) > 1 and LOST not in ends):
         found.append(f"ends: {one.end} and {two.end}")
     if {point.family for point in (*one, *two)} != {family}:
         found.append("an orbit of another family")
     kinds = [[event.kind for event in curve.events] for curve in (one, two)]
     shared = min(map(len, kinds))  # where a curve that runs off is lost is a matter of rounding
-    if kinds[0][:shared] != kinds[1][:shared] or (len(kinds[0]) != len(kinds[1]) and one.end.kind in ENDS[:1]):
+    if kinds[0][:shared] != kinds[1][:shared] or (len(kinds[0]) != len(kinds[1]) and ends == {"reached"}):
         found.append(f"events: {kinds[0]} and {kinds[1]}")
         return found
     for a, b in zip(one.events, two.events, strict=False):
