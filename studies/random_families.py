@@ -1,8 +1,8 @@
 """Families of springs of random shape, each followed twice, the second time with half the step: is it the same curve?
 
 The springs soften, so that most families fold, run off or lose their contact somewhere. The two curves must end in the
-same way unless rounding ended one of them, have the same events at the same places and the same orbits at the same values
-of the parameter, and every orbit must be of the family that was asked for.
+same way unless rounding ended one of them, have the same events at the same places and the same orbits at the same
+values of the parameter, and every orbit must be of the family that was asked for.
 Run: python studies/random_families.py [--count 200] [--seed 7]
 """
 
