@@ -16,6 +16,7 @@ from .accuracy import error_bounds
 from .certify import Case, certify
 from .errors import NoOrbit, OrbitsError
 from .family import Point
+from .flow import Trajectory
 from .orbit import Certificate, Orbit
 from .shooting import Evaluation, solve
 from .statements import as_cases, as_orbit, equations_of, interpret, interpret_all
@@ -80,7 +81,7 @@ class Curve:
         paths = heres[-1].trajectories
         if any(len(path.steps) > MOST_STEPS for path in paths):
             self.meshes = None
-        elif self.meshes is None or [len(path.times) for path in paths] != [len(mesh) for mesh in self.meshes]:
+        elif self.meshes is None or not all(map(_on, paths, self.meshes)):
             self.meshes = [_finer(path.times) for path in paths]
         return heres
 
@@ -208,6 +209,11 @@ class Curve:
     def onto(self, at: At, value: float) -> At:
         """A point where the parameter is `value` but for rounding, with just that; certified."""
         return self.check(replace(at, x=np.append(at.x[:-1], value), point=None))
+
+
+def _on(path: Trajectory, mesh: np.ndarray) -> bool:
+    """Whether a motion has been found on a mesh."""
+    return len(path.times) == len(mesh) and np.allclose(path.times, mesh * path.times[-1], rtol=1e-12)
 
 
 def _finer(times: np.ndarray) -> np.ndarray:
