@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from . import interrupts
-from .calls import Call
+from .calls import Call, Calls
 from .errors import FlowError, OutOfRange
 from .model import Affine, Phase
 from .polynomial import Pile, evaluate, piecewise_roots, roots, shifted
@@ -29,6 +29,9 @@ RUNAWAY = 1e20
 # Steps taken in one call of the interpreter's: two such calls are most of an oscillation.
 LOOK_AHEAD = 6
 MOST_AT_ONCE = 64
+# A motion in closed form is asked for zeros by steps in units of its time, whose series of this order has converged, so
+# many at a time.
+CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 4
 # How near to a break the field is asked for its limits there, which are extrapolated to second order.
 NEARBY = 1e-6
 
@@ -261,6 +264,84 @@ class Flow:
             answers[j] = Trajectory(np.array([0.0, *times[j, :i], start + end]), c[j, : i + 1], self.names)
         return answers
 
+    def first_zeros(self, starts, p, quantity: Affine, skip, limit: float) -> tuple[np.ndarray, np.ndarray]:
+        """When an affine function of the states first changes its sign on motions from states (m, n), and where.
+
+        p : parameters (np,) of all
+        skip : orders (m,) of the zeros that it starts from, which are divided out exactly
+        limit : time by which that must happen
+
+        Returns times (m,), NaN where it does not happen or the motion breaks down, and rows (m, rows) there.
+        """
+        starts, skip = np.asarray(starts, dtype=float), np.asarray(skip)
+        times = np.full(len(starts), np.nan)
+        rows = np.full((len(starts), len(self.names)), np.nan)
+        if self.phase.closed_form:
+            self._closed_zeros(starts, p, quantity, skip, limit, times, rows)
+        elif self.phase.pieces or not self.graph.has_series:
+            self._zeros_one_by_one(np.arange(len(starts)), starts, p, quantity, skip, limit, 0.0, times, rows)
+        else:
+            self._taylor_zeros(starts, p, quantity, skip, limit, times, rows)
+        return times, rows
+
+    def _closed_zeros(self, starts, p, quantity, skip, limit, times, rows):
+        """`first_zeros` of motions in closed form, into the arrays."""
+        form = self.phase.closed_form(dict(zip(self.parameters, p, strict=True)))
+        length, going, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(starts)), 0.0
+        while len(going) and began < limit:
+            interrupts.check()
+            states = form.state(starts[going].T[:, :, None], began + length * np.arange(CLOSED_BLOCK))
+            c = form.along(quantity.weights, states.reshape(len(states), -1), CLOSED_ORDER)
+            c[:, 0] += quantity.offset
+            counts = np.full(len(going), CLOSED_BLOCK)
+            owner, piece, t = Pile(c, np.full(len(c), length), counts).roots(skip[going] if began == 0 else 0)
+            owner, first = np.unique(owner, return_index=True)
+            found = began + length * piece[first] + t[first]
+            hits = going[owner]
+            times[hits] = np.where(found <= limit, found, np.nan)
+            rows[hits, : self.size] = form.state(starts[hits].T, found).T
+            going, began = np.delete(going, owner), began + CLOSED_BLOCK * length
+        for i, (slope, value) in enumerate(form.watch.values(), start=self.size):
+            rows[:, i] = slope * rows[:, 0] + value
+
+    def _taylor_zeros(self, starts, p, quantity, skip, limit, times, rows):
+        """`first_zeros` of motions by Taylor steps, into the arrays."""
+        going, x, began = np.arange(len(starts)), starts, np.zeros(len(starts))
+        while len(going):
+            interrupts.check()
+            steps, c, trusted = self.scheme(0).advance_all(x, np.tile(p, (len(x), 1)), LOOK_AHEAD)
+            slow = ~trusted.all(1)
+            if slow.any():
+                skipped = np.where(began[slow] == 0, skip[going[slow]], 0)
+                self._zeros_one_by_one(going[slow], x[slow], p, quantity, skipped, limit, began[slow], times, rows)
+                going, x, began, steps, c = (part[~slow] for part in (going, x, began, steps, c))
+                if not len(going):
+                    break
+            series = quantity.series(c[:, :, : len(quantity.weights)]).reshape(-1, c.shape[3])
+            pile = Pile(series, steps.ravel(), np.full(len(going), steps.shape[1]))
+            owner, piece, t = pile.roots(np.where(began == 0, skip[going], 0))
+            owner, first = np.unique(owner, return_index=True)
+            piece, t = piece[first], t[first]
+            ends = np.cumsum(steps, axis=1)
+            found = began[owner] + np.where(piece > 0, ends[owner, piece - 1], 0.0) + t
+            times[going[owner]] = np.where(found <= limit, found, np.nan)
+            rows[going[owner]] = evaluate(c[owner, piece], t[:, None])
+            x = evaluate(c[:, -1, : self.size], steps[:, -1:])
+            began = began + ends[:, -1]
+            left = (began < limit) & (np.abs(x).max(1) < RUNAWAY)
+            left[owner] = False
+            going, x, began = going[left], x[left], began[left]
+
+    def _zeros_one_by_one(self, indices, x, p, quantity, skip, limit, began, times, rows):
+        """`first_zeros` of some motions, which have lasted for the times `began`, step by step, into the arrays."""
+        for index, start, order, before in zip(indices, x, skip, np.broadcast_to(began, len(x)), strict=True):
+            try:
+                path, _ = self.run(start, p, limit - before, stop=first_zero(quantity, int(order)))
+            except FlowError:
+                continue
+            if path.times[-1] < limit - before:
+                times[index], rows[index] = before + path.times[-1], path.end
+
     def _sound(self, steps, c, t: float, taken: int):
         """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""
         good = (steps > SHORTEST * max(t, 1.0)) & np.isfinite(c).all((1, 2))
@@ -319,6 +400,17 @@ class Flow:
     def _rates(self) -> Call:
         x, p = self.graph.x, self.graph.p
         return Call(ca.Function("rates", [x, p], [ca.densify(self.graph.field(x, p)[0])]))
+
+    def field(self, xs, p) -> tuple[np.ndarray, np.ndarray]:
+        """Rates (m, n) and watched quantities (m, k) at states (m, n), with parameters (np,) of all."""
+        data = np.array([[*p, *self.piece_data(x, p)[0]] for x in xs]) if self.phase.pieces else np.reshape(p, (1, -1))
+        rates, watched = self._fields(xs, data)
+        return rates[:, :, 0], watched[:, :, 0]
+
+    @cached_property
+    def _fields(self) -> Calls:
+        x, p = self.graph.x, self.graph.p
+        return Calls(ca.Function("field", [x, p], [ca.densify(result) for result in self.graph.field(x, p)]))
 
     def piece_data(self, x, p) -> tuple[np.ndarray, np.ndarray]:
         """Data (nq,) of the piece at state `x` and its derivatives (nq, np)."""

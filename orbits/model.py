@@ -69,6 +69,20 @@ class Oscillator:
         c, s = np.cos(omega * t), np.sin(omega * t)
         return np.array([[c, s / omega], [-omega * s, c]])
 
+    def along(self, weights, states, order: int):
+        """Taylor coefficients (N, order + 1) of weights . (x, v, watched ...), the motions through `states` (2, N)."""
+        at_x, at_v, *others = (*weights, *[0.0] * (2 + len(self.watch) - len(weights)))
+        slopes, values = zip(*self.watch.values(), strict=True) if self.watch else ((), ())
+        at_x += sum(a * slope for a, slope in zip(others, slopes, strict=True))
+        # x - centre and v exchange roles with every derivative
+        x, v = states[0] - self.centre, states[1]
+        even, odd = at_x * x + at_v * v, at_x * v - at_v * self.square * x
+        k = np.arange(order + 1)
+        factors = (-self.square) ** (k // 2) / np.cumprod(np.maximum(k, 1.0))
+        c = np.where(k % 2, odd[:, None], even[:, None]) * factors
+        c[:, 0] += at_x * self.centre + sum(a * value for a, value in zip(others, values, strict=True))
+        return c
+
     def series(self, states, order: int):
         """Taylor coefficients (N, 2 + watched, order + 1) of the motions through `states` (2, N)."""
         k = np.arange(order + 2)
@@ -82,6 +96,57 @@ class Oscillator:
             rows.append(slope * x)
             rows[-1][:, 0] += value
         return np.stack(rows, axis=1)
+
+
+@dataclass(frozen=True)
+class Thrown:
+    """Closed form of an oscillator (x, v) beside a coordinate w thrown up under unit gravity, w'' = -1, both mixed into
+    the states: state = mix @ (x, v, w, w').
+
+    mix : (4, 4)
+    """
+
+    oscillator: Oscillator
+    mix: np.ndarray
+    watch: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    square = property(lambda self: self.oscillator.square)
+
+    def _apart(self, states):
+        return np.tensordot(np.linalg.inv(self.mix), states, 1)
+
+    def state(self, start, t):
+        """States (4, ...) at times `t` (...) after `start` (4, ...)."""
+        x, v, w, rate = self._apart(np.asarray(start, dtype=float))
+        swung = self.oscillator.state((x, v), t)
+        thrown = np.stack(np.broadcast_arrays(w + t * (rate - 0.5 * t), rate - t))
+        return np.tensordot(self.mix, np.concatenate([swung, thrown]), 1)
+
+    def transition(self, t):
+        """Derivative (4, 4) of the state at `t` with respect to the start."""
+        apart = np.eye(4)
+        apart[:2, :2], apart[2, 3] = self.oscillator.transition(t), t
+        return self.mix @ apart @ np.linalg.inv(self.mix)
+
+    def along(self, weights, states, order: int):
+        """Taylor coefficients (N, order + 1) of weights . state on the motions through `states` (4, N)."""
+        x, v, w, rate = self._apart(states)
+        at_x, at_v, at_w, at_rate = np.asarray(weights) @ self.mix
+        form = self.oscillator
+        c = form.along((at_x, at_v), np.array([x, v]), order)
+        c[:, 0] += at_w * w + at_rate * rate
+        c[:, 1] += at_w * rate - at_rate
+        c[:, 2] -= 0.5 * at_w
+        return c
+
+    def series(self, states, order: int):
+        """Taylor coefficients (N, 4, order + 1) of the motions through `states` (4, N)."""
+        apart = self._apart(states)
+        rows = np.zeros((apart.shape[1], 4, order + 1))
+        rows[:, :2] = self.oscillator.series(apart[:2], order)[:, :2]
+        rows[:, 2, 0], rows[:, 2, 1], rows[:, 2, 2] = apart[2], apart[3], -0.5
+        rows[:, 3, 0], rows[:, 3, 1] = apart[3], -1.0
+        return self.mix @ rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +166,7 @@ class Phase:
     field: Callable
     watch: Mapping[str, Callable] = field(default_factory=dict)
     pieces: Pieces | None = None
-    closed_form: Callable[[Mapping[str, float]], Oscillator] | None = None
+    closed_form: Callable[[Mapping[str, float]], Oscillator | Thrown] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,6 +240,7 @@ class Model:
     liftoff : (u, p, q) -> zero where sustained contact ends
     landing : (u, x, p) -> three expressions that vanish at a lossless landing
     reversor : sign of each flight state under time reversal, None when the model has none
+    release : p -> extension at lift-off
     touchdown : (u, p) -> contact state after a lossless landing
     embed : matrix (n, m) that makes flight states from contact states
     flight_gradient, contact_gradient : (x, p, q) -> gradient of the energy in that phase
@@ -186,6 +252,7 @@ class Model:
         the contact does not "end"
     spring_ends : names of the heights between which the spring is drawn, None for the ground
     impact_mass : p -> twice the energy lost in a plastic impact over the square of the gap's speed
+    impact : p -> direction (n,) in which an impact moves the flight state, along which the gap's speed changes by 1
     contact_speed : contact coordinate that vanishes at mid-contact
     guess : (family, p) -> {"liftoff", "alpha", "duration"} of the half flight in the scene with `homotopy` at 0
     homotopy : the parameter that leads from the scene of the guess (0) to this one (1), None where they are one
@@ -199,6 +266,7 @@ class Model:
     liftoff: Callable
     landing: Callable
     reversor: tuple[int, ...] | None
+    release: Callable
     touchdown: Callable
     embed: np.ndarray
     flight_gradient: Callable
@@ -208,6 +276,7 @@ class Model:
     separation: Callable
     heights: Callable
     impact_mass: Callable
+    impact: Callable
     contact_speed: Affine
     violations: Mapping[str, str]
     spring_ends: tuple[str | None, str]

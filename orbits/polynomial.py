@@ -103,17 +103,21 @@ class Pile:
         self.first = np.cumsum(counts) - counts
         self.owner = np.repeat(np.arange(len(counts)), counts)
 
-    def roots(self, start: int = 0, rising: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def roots(self, start=0, rising: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """All roots, in order: which polynomial's (r,), the piece of it (r,), the time in that (r,).
 
-        start : the order of a zero known to stand at the very beginning of each, divided out exactly and not reported
+        start : the order of a zero known to stand at the very beginning of each, divided out exactly and not reported;
+            one for all or (m,)
         rising : report only where the sign goes from minus to plus
         """
         series = self.coefficients
-        if start:
+        if np.any(start):
             series = series.copy()
-            series[self.first, :-start] = self.coefficients[self.first, start:]
-            series[self.first, -start:] = 0.0
+            orders = np.broadcast_to(start, self.first.shape)
+            for order in np.unique(orders[orders > 0]):
+                first = self.first[orders == order]
+                series[first, :-order] = self.coefficients[first, order:]
+                series[first, -order:] = 0.0
         values = bernstein(series, self.steps)
         # At a joint both sides must agree on the sign, or rounding would lose a root there or find it twice.
         joint = self.owner[1:] == self.owner[:-1]

@@ -15,9 +15,9 @@ import numpy as np
 
 from orbits.model import Affine, Model, Oscillator, Phase
 
-from .laws import Key
+from .laws import Key, from_key
 from .machine import Machine, gravity_at
-from .relative import guess, relative_reduction, spring_pieces, straight_line, thrown
+from .relative import guess, liftoff_extension, relative_reduction, spring_pieces, straight_line, thrown, thrown_flight
 
 STATES = ("y1", "y1'", "y2", "y2'")
 WEIGHT = "the foot's weight"
@@ -72,10 +72,12 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         k, zero = straight_line(spring, p)
         return Oscillator(M * k / (1 + M), zero - 1 / (M * k), {"contact force": (-k, 1 + k * zero)})
 
-    def complete(times, coefficients, u, p):
+    def mix(p):
         M = p["mass_ratio"]  # y1, y1', y2, y2' from r, r', w, w' with w = y1 + M y2
-        rows = np.array([[M, 0, 1, 0], [0, M, 0, 1], [-1, 0, 1, 0], [0, -1, 0, 1]]) / (1 + M)
-        return rows @ thrown(times, coefficients, u)
+        return np.array([[M, 0, 1, 0], [0, M, 0, 1], [-1, 0, 1, 0], [0, -1, 0, 1]]) / (1 + M)
+
+    def complete(times, coefficients, u, p):
+        return mix(p) @ thrown(times, coefficients, u)
 
     def heights(p):
         M, length = p["mass_ratio"], p.get("rest_length", 0.0)
@@ -92,7 +94,13 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         )
     return Model(
         name="hopper",
-        flight=Phase("flight", STATES, flight, pieces=spring_pieces(spring, (1.0, 0.0, -1.0, 0.0))),
+        flight=Phase(
+            "flight",
+            STATES,
+            flight,
+            pieces=spring_pieces(spring, (1.0, 0.0, -1.0, 0.0)),
+            closed_form=thrown_flight(reduction, mix),
+        ),
         contact=Phase(
             "contact",
             ("y1", "y1'"),
@@ -105,6 +113,7 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         liftoff=lambda u, p, q: force(u["liftoff"], p, q) - 1,
         landing=lambda u, x, p: [x[2], x[3], x[0] - u["liftoff"]],
         reversor=(1, -1, 1, -1),
+        release=lambda p: liftoff_extension(from_key(spring, p), 0.0, WEIGHT),
         touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
         embed=np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]),
         flight_gradient=flight_gradient,
@@ -114,6 +123,7 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         separation=lambda p: Affine((1.0, 0.0, -1.0, 0.0), p["rest_length"]) if "rest_length" in p else None,
         heights=heights,
         impact_mass=lambda p: p["mass_ratio"] * (1 + p["mass_ratio"]),
+        impact=lambda p: np.array([0.0, 0.0, 0.0, 1.0]),
         contact_speed=Affine((0.0, 1.0)),
         violations={
             "gap": "foot below ground",

@@ -15,9 +15,9 @@ import numpy as np
 
 from orbits.model import Affine, Model, Oscillator, Phase
 
-from .laws import Key
+from .laws import Key, from_key
 from .machine import Machine, gravity_at
-from .relative import guess, relative_reduction, spring_pieces, straight_line, thrown
+from .relative import guess, liftoff_extension, relative_reduction, spring_pieces, straight_line, thrown, thrown_flight
 
 STATES = ("w1", "w1'", "w2", "w2'")
 FREE = "zero force"
@@ -66,8 +66,11 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         force = {"contact force": (-k / (1 + M), k * zero / (1 + M))}
         return Oscillator(M * k / (1 + M), zero - (1 + M) / (M * k), force)
 
+    def mix(p):
+        return np.eye(4)[[2, 3, 0, 1]]  # the hand swings, the ball is thrown
+
     def complete(times, coefficients, u, p):
-        return thrown(times, coefficients, u)[:, [2, 3, 0, 1]]
+        return mix(p) @ thrown(times, coefficients, u)
 
     def heights(p):
         length = p.get("rest_length", 0.0)
@@ -78,7 +81,13 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         reduction = relative_reduction(spring, 1.0, complete, lambda t, dz, p: t - dz[0], FREE)
     return Model(
         name="juggler",
-        flight=Phase("flight", STATES, flight, pieces=spring_pieces(spring, (0.0, 0.0, 1.0, 0.0))),
+        flight=Phase(
+            "flight",
+            STATES,
+            flight,
+            pieces=spring_pieces(spring, (0.0, 0.0, 1.0, 0.0)),
+            closed_form=thrown_flight(reduction, mix),
+        ),
         contact=Phase(
             "contact",
             ("w", "w'"),
@@ -91,6 +100,7 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         liftoff=lambda u, p, q: force(u["liftoff"], p, q),
         landing=lambda u, x, p: [x[0] - x[2], x[1] - x[3], x[2] - u["liftoff"]],
         reversor=(1, -1, 1, -1),
+        release=lambda p: liftoff_extension(from_key(spring, p), 1.0, FREE),
         touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
         embed=np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
         flight_gradient=flight_gradient,
@@ -100,6 +110,7 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         separation=lambda p: Affine((0.0, 0.0, 1.0, 0.0), p["rest_length"]) if "rest_length" in p else None,
         heights=heights,
         impact_mass=lambda p: p["mass_ratio"] / (1 + p["mass_ratio"]),
+        impact=lambda p: np.array([0.0, p["mass_ratio"], 0.0, -1.0]) / (1 + p["mass_ratio"]),
         contact_speed=Affine((0.0, 1.0)),
         violations={
             "gap": "ball below the hand",

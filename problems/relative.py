@@ -12,7 +12,7 @@ import numpy as np
 
 from orbits.errors import FlowError, InputError, NoOrbit, OutOfRange
 from orbits.flow import flow
-from orbits.model import Arc, Oscillator, Phase, Pieces, Reduction, Statement
+from orbits.model import Arc, Oscillator, Phase, Pieces, Reduction, Statement, Thrown
 from orbits.polynomial import piecewise_roots
 from orbits.roots import bracketed_root
 
@@ -124,6 +124,12 @@ def thrown(times, coefficients, u):
     rows[:, 0, 1] = rows[:, 1, 0] = u["alpha"] - times
     rows[:, 0, 2], rows[:, 1, 1] = -0.5, -1.0
     return np.concatenate([coefficients[:, :2], rows], axis=1)
+
+
+def thrown_flight(reduction: Reduction | None, mix: Callable) -> Callable | None:
+    """The closed form of the whole flight where its relative motion has one; mix : p -> matrix as in `Thrown`."""
+    phase = reduction and reduction.statement.arcs[0].phase
+    return phase and phase.closed_form and (lambda p: Thrown(phase.closed_form(p), mix(p)))
 
 
 def liftoff_extension(law: Law, load: float, what: str) -> float:
