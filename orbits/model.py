@@ -104,20 +104,19 @@ class Thrown:
     the states: state = mix @ (x, v, w, w').
 
     mix : (4, 4)
+    apart : its inverse, both stated since inverting would round
     """
 
     oscillator: Oscillator
     mix: np.ndarray
+    apart: np.ndarray
     watch: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     square = property(lambda self: self.oscillator.square)
 
-    def _apart(self, states):
-        return np.tensordot(np.linalg.inv(self.mix), states, 1)
-
     def state(self, start, t):
         """States (4, ...) at times `t` (...) after `start` (4, ...)."""
-        x, v, w, rate = self._apart(np.asarray(start, dtype=float))
+        x, v, w, rate = np.tensordot(self.apart, start, 1)
         swung = self.oscillator.state((x, v), t)
         thrown = np.stack(np.broadcast_arrays(w + t * (rate - 0.5 * t), rate - t))
         return np.tensordot(self.mix, np.concatenate([swung, thrown]), 1)
@@ -126,11 +125,11 @@ class Thrown:
         """Derivative (4, 4) of the state at `t` with respect to the start."""
         apart = np.eye(4)
         apart[:2, :2], apart[2, 3] = self.oscillator.transition(t), t
-        return self.mix @ apart @ np.linalg.inv(self.mix)
+        return self.mix @ apart @ self.apart
 
     def along(self, weights, states, order: int):
         """Taylor coefficients (N, order + 1) of weights . state on the motions through `states` (4, N)."""
-        x, v, w, rate = self._apart(states)
+        x, v, w, rate = np.tensordot(self.apart, states, 1)
         at_x, at_v, at_w, at_rate = np.asarray(weights) @ self.mix
         form = self.oscillator
         c = form.along((at_x, at_v), np.array([x, v]), order)
@@ -141,7 +140,7 @@ class Thrown:
 
     def series(self, states, order: int):
         """Taylor coefficients (N, 4, order + 1) of the motions through `states` (4, N)."""
-        apart = self._apart(states)
+        apart = np.tensordot(self.apart, states, 1)
         rows = np.zeros((apart.shape[1], 4, order + 1))
         rows[:, :2] = self.oscillator.series(apart[:2], order)[:, :2]
         rows[:, 2, 0], rows[:, 2, 1], rows[:, 2, 2] = apart[2], apart[3], -0.5

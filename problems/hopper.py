@@ -76,6 +76,9 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         M = p["mass_ratio"]  # y1, y1', y2, y2' from r, r', w, w' with w = y1 + M y2
         return np.array([[M, 0, 1, 0], [0, M, 0, 1], [-1, 0, 1, 0], [0, -1, 0, 1]]) / (1 + M)
 
+    def apart(p):
+        return np.array([[1, 0, -1, 0], [0, 1, 0, -1], [1, 0, p["mass_ratio"], 0], [0, 1, 0, p["mass_ratio"]]])
+
     def complete(times, coefficients, u, p):
         return mix(p) @ thrown(times, coefficients, u)
 
@@ -99,7 +102,7 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
             STATES,
             flight,
             pieces=spring_pieces(spring, (1.0, 0.0, -1.0, 0.0)),
-            closed_form=thrown_flight(reduction, mix),
+            closed_form=thrown_flight(reduction, mix, apart),
         ),
         contact=Phase(
             "contact",

@@ -67,7 +67,7 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         return Oscillator(M * k / (1 + M), zero - (1 + M) / (M * k), force)
 
     def mix(p):
-        return np.eye(4)[[2, 3, 0, 1]]  # the hand swings, the ball is thrown
+        return np.eye(4)[[2, 3, 0, 1]]  # the hand swings, the ball is thrown; its own inverse
 
     def complete(times, coefficients, u, p):
         return mix(p) @ thrown(times, coefficients, u)
@@ -86,7 +86,7 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
             STATES,
             flight,
             pieces=spring_pieces(spring, (0.0, 0.0, 1.0, 0.0)),
-            closed_form=thrown_flight(reduction, mix),
+            closed_form=thrown_flight(reduction, mix, mix),
         ),
         contact=Phase(
             "contact",

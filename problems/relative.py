@@ -126,10 +126,10 @@ def thrown(times, coefficients, u):
     return np.concatenate([coefficients[:, :2], rows], axis=1)
 
 
-def thrown_flight(reduction: Reduction | None, mix: Callable) -> Callable | None:
-    """The closed form of the whole flight where its relative motion has one; mix : p -> matrix as in `Thrown`."""
+def thrown_flight(reduction: Reduction | None, mix: Callable, apart: Callable) -> Callable | None:
+    """The closed form of the whole flight where its relative motion has one; p -> matrices as in `Thrown`."""
     phase = reduction and reduction.statement.arcs[0].phase
-    return phase and phase.closed_form and (lambda p: Thrown(phase.closed_form(p), mix(p)))
+    return phase and phase.closed_form and (lambda p: Thrown(phase.closed_form(p), mix(p), apart(p)))
 
 
 def liftoff_extension(law: Law, load: float, what: str) -> float:
