@@ -241,7 +241,7 @@ def _contact_forces(model: Model, cases: Sequence[Case], contacts: Motions | Non
 
 
 @lru_cache(maxsize=64)
-def _gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> Calls:
+def gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> Calls:
     """An energy gradient of a model at several points, (x, parameters with the data of a piece)."""
     along = flow(phase, parameters)
     x = ca.SX.sym("x", along.size)
@@ -281,7 +281,7 @@ def _work(phase: Phase, gradient: Callable, motions: Motions, cases: Sequence[Ca
     moves = after - nodes
     data = along.data_of(motions, np.array([list(case.p.values()) for case in cases]))
     points = nodes[:, None] + GAUSS_PLACES[:, None] * moves[:, None]
-    call = _gradients(phase, gradient, names)
+    call = gradients(phase, gradient, names)
     rates = call(points.reshape(-1, n), np.repeat(data, GAUSS, axis=0))[0].reshape(-1, GAUSS, n)
     changes = np.cumsum(((GAUSS_WEIGHTS @ rates) * moves).sum(1))
     before = np.where(motions.first > 0, changes[motions.first - 1], 0.0)

@@ -403,9 +403,14 @@ class Flow:
 
     def field(self, xs, p) -> tuple[np.ndarray, np.ndarray]:
         """Rates (m, n) and watched quantities (m, k) at states (m, n), with parameters (np,) of all."""
-        data = np.array([[*p, *self.piece_data(x, p)[0]] for x in xs]) if self.phase.pieces else np.reshape(p, (1, -1))
-        rates, watched = self._fields(xs, data)
+        rates, watched = self._fields(xs, self.data(xs, p))
         return rates[:, :, 0], watched[:, :, 0]
+
+    def data(self, xs, p) -> np.ndarray:
+        """Parameters with the data of the piece of each state (m, n): (m, np + nq), or (1, np) where there are none."""
+        if self.phase.pieces is None:
+            return np.reshape(p, (1, -1))
+        return np.array([[*p, *self.piece_data(x, p)[0]] for x in xs])
 
     @cached_property
     def _fields(self) -> Calls:
