@@ -264,47 +264,51 @@ class Flow:
             answers[j] = Trajectory(np.array([0.0, *times[j, :i], start + end]), c[j, : i + 1], self.names)
         return answers
 
-    def first_zeros(self, starts, p, quantity: Affine, skip, limit: float) -> tuple[np.ndarray, np.ndarray]:
-        """When an affine function of the states first changes its sign on motions from states (m, n), and where.
+    def first_zeros(self, starts, p, quantity: Affine, limit, skip=0, rising: bool = False):
+        """When an affine function of the rows first changes its sign on motions from states (m, n), and where.
 
         p : parameters (np,) of all
+        limit : times (m,) by which that must happen
         skip : orders (m,) of the zeros that it starts from, which are divided out exactly
-        limit : time by which that must happen
+        rising : count only changes from minus to plus
 
         Returns times (m,), NaN where it does not happen or the motion breaks down, and rows (m, rows) there.
         """
-        starts, skip = np.asarray(starts, dtype=float), np.asarray(skip)
+        starts = np.asarray(starts, dtype=float)
+        skip, limit = (np.broadcast_to(values, len(starts)) for values in (skip, limit))
         times = np.full(len(starts), np.nan)
         rows = np.full((len(starts), len(self.names)), np.nan)
         if self.phase.closed_form:
-            self._closed_zeros(starts, p, quantity, skip, limit, times, rows)
+            self._closed_zeros(starts, p, quantity, limit, skip, rising, times, rows)
         elif self.phase.pieces or not self.graph.has_series:
-            self._zeros_one_by_one(np.arange(len(starts)), starts, p, quantity, skip, limit, 0.0, times, rows)
+            began = np.zeros(len(starts))
+            self._zeros_one_by_one(np.arange(len(starts)), starts, p, quantity, limit, skip, rising, began, times, rows)
         else:
-            self._taylor_zeros(starts, p, quantity, skip, limit, times, rows)
+            self._taylor_zeros(starts, p, quantity, limit, skip, rising, times, rows)
         return times, rows
 
-    def _closed_zeros(self, starts, p, quantity, skip, limit, times, rows):
+    def _closed_zeros(self, starts, p, quantity, limit, skip, rising, times, rows):
         """`first_zeros` of motions in closed form, into the arrays."""
         form = self.phase.closed_form(dict(zip(self.parameters, p, strict=True)))
         length, going, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(starts)), 0.0
-        while len(going) and began < limit:
+        while len(going):
             interrupts.check()
             states = form.state(starts[going].T[:, :, None], began + length * np.arange(CLOSED_BLOCK))
             c = form.along(quantity.weights, states.reshape(len(states), -1), CLOSED_ORDER)
             c[:, 0] += quantity.offset
             counts = np.full(len(going), CLOSED_BLOCK)
-            owner, piece, t = Pile(c, np.full(len(c), length), counts).roots(skip[going] if began == 0 else 0)
+            owner, piece, t = Pile(c, np.full(len(c), length), counts).roots(skip[going] if began == 0 else 0, rising)
             owner, first = np.unique(owner, return_index=True)
             found = began + length * piece[first] + t[first]
             hits = going[owner]
-            times[hits] = np.where(found <= limit, found, np.nan)
+            times[hits] = np.where(found <= limit[hits], found, np.nan)
             rows[hits, : self.size] = form.state(starts[hits].T, found).T
             going, began = np.delete(going, owner), began + CLOSED_BLOCK * length
+            going = going[began < limit[going]]
         for i, (slope, value) in enumerate(form.watch.values(), start=self.size):
             rows[:, i] = slope * rows[:, 0] + value
 
-    def _taylor_zeros(self, starts, p, quantity, skip, limit, times, rows):
+    def _taylor_zeros(self, starts, p, quantity, limit, skip, rising, times, rows):
         """`first_zeros` of motions by Taylor steps, into the arrays."""
         going, x, began = np.arange(len(starts)), starts, np.zeros(len(starts))
         while len(going):
@@ -313,33 +317,34 @@ class Flow:
             slow = ~trusted.all(1)
             if slow.any():
                 skipped = np.where(began[slow] == 0, skip[going[slow]], 0)
-                self._zeros_one_by_one(going[slow], x[slow], p, quantity, skipped, limit, began[slow], times, rows)
+                known = limit[going[slow]], skipped, rising, began[slow]
+                self._zeros_one_by_one(going[slow], x[slow], p, quantity, *known, times, rows)
                 going, x, began, steps, c = (part[~slow] for part in (going, x, began, steps, c))
                 if not len(going):
                     break
             series = quantity.series(c[:, :, : len(quantity.weights)]).reshape(-1, c.shape[3])
             pile = Pile(series, steps.ravel(), np.full(len(going), steps.shape[1]))
-            owner, piece, t = pile.roots(np.where(began == 0, skip[going], 0))
+            owner, piece, t = pile.roots(np.where(began == 0, skip[going], 0), rising)
             owner, first = np.unique(owner, return_index=True)
             piece, t = piece[first], t[first]
             ends = np.cumsum(steps, axis=1)
             found = began[owner] + np.where(piece > 0, ends[owner, piece - 1], 0.0) + t
-            times[going[owner]] = np.where(found <= limit, found, np.nan)
+            times[going[owner]] = np.where(found <= limit[going[owner]], found, np.nan)
             rows[going[owner]] = evaluate(c[owner, piece], t[:, None])
             x = evaluate(c[:, -1, : self.size], steps[:, -1:])
             began = began + ends[:, -1]
-            left = (began < limit) & (np.abs(x).max(1) < RUNAWAY)
+            left = (began < limit[going]) & (np.abs(x).max(1) < RUNAWAY)
             left[owner] = False
             going, x, began = going[left], x[left], began[left]
 
-    def _zeros_one_by_one(self, indices, x, p, quantity, skip, limit, began, times, rows):
+    def _zeros_one_by_one(self, indices, x, p, quantity, limit, skip, rising, began, times, rows):
         """`first_zeros` of some motions, which have lasted for the times `began`, step by step, into the arrays."""
-        for index, start, order, before in zip(indices, x, skip, np.broadcast_to(began, len(x)), strict=True):
+        for index, start, end, order, before in zip(indices, x, limit, skip, began, strict=True):
             try:
-                path, _ = self.run(start, p, limit - before, stop=first_zero(quantity, int(order)))
+                path, _ = self.run(start, p, end - before, stop=first_zero(quantity, int(order), rising))
             except FlowError:
                 continue
-            if path.times[-1] < limit - before:
+            if path.times[-1] < end - before:
                 times[index], rows[index] = before + path.times[-1], path.end
 
     def _sound(self, steps, c, t: float, taken: int):
@@ -467,8 +472,8 @@ class Flow:
         return Call(ca.Function("pieces", [p], [ca.densify(result) for result in results]))
 
 
-def first_zero(quantity: Affine, skip_start: int = 0) -> Callable:
-    """A `stop` at the first sign change of an affine function of the state.
+def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> Callable:
+    """A `stop` at the first sign change of an affine function of the rows, or the first from minus to plus.
 
     `skip_start` is the order of a zero known to stand at the very start; it is divided out exactly there.
     """
@@ -477,7 +482,7 @@ def first_zero(quantity: Affine, skip_start: int = 0) -> Callable:
     def stop(coefficients, steps):
         nonlocal skip
         series = quantity.series(coefficients[:, : len(quantity.weights)])
-        found = piecewise_roots(series, steps, start=skip)
+        found = piecewise_roots(series, steps, skip, rising)
         skip = 0
         return found[0] if found else None
 

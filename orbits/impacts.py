@@ -68,7 +68,7 @@ class Impacts:
 
     def launch(self, alpha) -> np.ndarray:
         """Flight states (m, n) at lift-off with launch speeds (m,)."""
-        liftoff = self.model.release(self.values)
+        liftoff = self.model.release(alpha, self.values)
         rows = self.model.launch({"liftoff": liftoff, "alpha": alpha}, self.values)
         return np.stack(np.broadcast_arrays(*rows, alpha)[:-1], axis=1).astype(float)
 

@@ -239,7 +239,7 @@ class Model:
     liftoff : (u, p, q) -> zero where sustained contact ends
     landing : (u, x, p) -> three expressions that vanish at a lossless landing
     reversor : sign of each flight state under time reversal, None when the model has none
-    release : p -> extension at lift-off
+    release : (alpha (m,), p) -> extension (m,) at lift-off with these launch speeds
     touchdown : (u, p) -> contact state after a lossless landing
     embed : matrix (n, m) that makes flight states from contact states
     flight_gradient, contact_gradient : (x, p, q) -> gradient of the energy in that phase
@@ -254,6 +254,7 @@ class Model:
     impact : p -> direction (n,) in which an impact moves the flight state, along which the gap's speed changes by 1
     contact_speed : contact coordinate that vanishes at mid-contact
     guess : (family, p) -> {"liftoff", "alpha", "duration"} of the half flight in the scene with `homotopy` at 0
+    conservative : whether flight and contact keep the energy
     homotopy : the parameter that leads from the scene of the guess (0) to this one (1), None where they are one
     reduction : the short cut that this scene allows, None where there is none
     """
@@ -281,4 +282,5 @@ class Model:
     spring_ends: tuple[str | None, str]
     guess: Callable
     homotopy: str | None = None
+    conservative: bool = True
     reduction: Reduction | None = None

@@ -75,7 +75,7 @@ class ReturnMap:
         flying, skip = np.arange(m), np.full(m, 3)
         limit = LONGEST * (1 + alpha.max(initial=0.0))
         for _ in range(self.cap):
-            times, rows = rules.flight.first_zeros(state[flying], rules.p, rules.gap, skip[flying], limit)
+            times, rows = rules.flight.first_zeros(state[flying], rules.p, rules.gap, limit, skip[flying])
             gone = np.isnan(times)
             status[flying[gone]] = "carried off"
             flying = flying[~gone]
@@ -95,15 +95,25 @@ class ReturnMap:
 
     def _released(self, alpha, loss, impacts, status, standing):
         """The end of hops whose contact begins at the contact states `standing` (m, ...)."""
-        left = alpha**2 - loss
-        ends = np.full(len(alpha), np.nan)
-        status[(status == "lifts off") & (left < 0)] = "rests"
+        rules, contact = self.impacts, self.impacts.contact
+        left, ends = alpha**2 - loss, np.full(len(alpha), np.nan)
+        if rules.model.conservative:
+            status[(status == "lifts off") & (left < 0)] = "rests"
         lifting = np.flatnonzero(status == "lifts off")
-        if len(lifting) and not self.impacts.contact.phase.closed_form:
-            contact, p = self.impacts.contact, self.impacts.p
+        if not contact.phase.closed_form and len(lifting):
+            # Where its speed turns down before the force ends it, the contact never ends.
+            speed = rules.model.contact_speed
+            falling = Affine(tuple(-weight for weight in speed.weights), -speed.offset)
+            tops, _ = contact.first_zeros(standing[lifting], rules.p, falling, LONGEST, rising=True)
             force = Affine((0.0,) * contact.size + (1.0,))
-            times, _ = contact.first_zeros(standing[lifting], p, force, np.zeros(len(lifting), int), LONGEST)
-            status[lifting[np.isnan(times)]] = "collapses"
-            lifting = lifting[~np.isnan(times)]
+            times, rows = contact.first_zeros(
+                standing[lifting], rules.p, force, np.where(np.isnan(tops), LONGEST, tops)
+            )
+            lifts = ~np.isnan(times)
+            status[lifting[~lifts]] = np.where(np.isnan(tops), "collapses", "rests")[~lifts]
+            lifting = lifting[lifts]
+            if not rules.model.conservative:
+                left[lifting] = speed(rows[lifts, : contact.size]) ** 2
+                loss[lifting] = alpha[lifting] ** 2 - left[lifting]
         ends[lifting] = np.sqrt(left[lifting]) + self.inject
         return ends, loss, impacts, status

@@ -16,8 +16,8 @@ import numpy as np
 from orbits.model import Affine, Model, Oscillator, Phase
 
 from .laws import Key, from_key
-from .machine import Machine, gravity_at
-from .relative import guess, liftoff_extension, relative_reduction, spring_pieces, straight_line, thrown, thrown_flight
+from .machine import Machine, damper, gravity_at
+from .relative import guess, no_orbit, relative_reduction, released, spring_pieces, straight_line, thrown, thrown_flight
 
 STATES = ("y1", "y1'", "y2", "y2'")
 WEIGHT = "the foot's weight"
@@ -29,30 +29,31 @@ class Hopper(Machine):
 
     kind = "hopper"
 
-    def build(self, spring: Key, gravity: Key | None, has_length: bool) -> Model:
-        return _model(spring, gravity, has_length)
+    def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+        return _model(spring, gravity, has_length, damped)
 
 
 @lru_cache(maxsize=64)
-def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
+def _model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
     force = spring.expression
-    pull = gravity_at(gravity)
+    pull, dampers = gravity_at(gravity), damper(damped)
 
     def body_weight(y1, p):
         return pull(p["rest_length"] + y1, p) if gravity else 1.0
 
     def flight(x, p, q):
-        M, tension = p["mass_ratio"], force(x[0] - x[2], p, q)
+        M, (c, d) = p["mass_ratio"], dampers(p)
+        tension = force(x[0] - x[2], p, q) + c * (x[1] - x[3])
         return [
             x[1],
-            -(M * tension + body_weight(x[0], p)) / (1 + M),
+            -(M * (tension + d * x[1]) + body_weight(x[0], p)) / (1 + M),
             x[3],
-            (tension - pull(x[2], p)) / (1 + M),
+            (tension - pull(x[2], p) - d * x[3]) / (1 + M),
         ]
 
     def contact(x, p, q):
-        M = p["mass_ratio"]
-        return [x[1], -(M * force(x[0], p, q) + body_weight(x[0], p)) / (1 + M)]
+        M, (c, d) = p["mass_ratio"], dampers(p)
+        return [x[1], -(M * (force(x[0], p, q) + (c + d) * x[1]) + body_weight(x[0], p)) / (1 + M)]
 
     def flight_gradient(x, p, q):
         M, tension = p["mass_ratio"], force(x[0] - x[2], p, q)
@@ -91,7 +92,7 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         }
 
     reduction = None
-    if gravity is None:
+    if gravity is None and not damped:
         reduction = relative_reduction(
             spring, 0.0, complete, lambda t, dz, p: (t - dz[0]) / (1 + p["mass_ratio"]), WEIGHT
         )
@@ -108,15 +109,15 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
             "contact",
             ("y1", "y1'"),
             contact,
-            {"contact force": lambda x, p, q: 1 - force(x[0], p, q)},
+            {"contact force": lambda x, p, q: 1 - force(x[0], p, q) - dampers(p)[0] * x[1]},
             spring_pieces(spring, (1.0, 0.0)),
-            contact_oscillator if spring.degree() == 1 and gravity is None else None,
+            contact_oscillator if spring.degree() == 1 and gravity is None and not damped else None,
         ),
         launch=lambda u, p: [u["liftoff"], u["alpha"], 0.0, 0.0],
-        liftoff=lambda u, p, q: force(u["liftoff"], p, q) - 1,
+        liftoff=lambda u, p, q: force(u["liftoff"], p, q) + dampers(p)[0] * u["alpha"] - 1,
         landing=lambda u, x, p: [x[2], x[3], x[0] - u["liftoff"]],
-        reversor=(1, -1, 1, -1),
-        release=lambda p: liftoff_extension(from_key(spring, p), 0.0, WEIGHT),
+        reversor=None if damped else (1, -1, 1, -1),
+        release=lambda alpha, p: released(from_key(spring, p), 0.0, WEIGHT, dampers(p)[0], alpha),
         touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
         embed=np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]),
         flight_gradient=flight_gradient,
@@ -135,7 +136,8 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
             "end": "contact: the spring collapses, the body never lifts off again",
         },
         spring_ends=("foot", "body"),
-        guess=guess(spring, 0.0, WEIGHT),
+        guess=no_orbit if damped else guess(spring, 0.0, WEIGHT),
         homotopy="gravity_share" if gravity else None,
+        conservative=not damped,
         reduction=reduction,
     )

@@ -16,8 +16,8 @@ import numpy as np
 from orbits.model import Affine, Model, Oscillator, Phase
 
 from .laws import Key, from_key
-from .machine import Machine, gravity_at
-from .relative import guess, liftoff_extension, relative_reduction, spring_pieces, straight_line, thrown, thrown_flight
+from .machine import Machine, damper, gravity_at
+from .relative import guess, no_orbit, relative_reduction, released, spring_pieces, straight_line, thrown, thrown_flight
 
 STATES = ("w1", "w1'", "w2", "w2'")
 FREE = "zero force"
@@ -33,24 +33,31 @@ class Juggler(Machine):
 
     kind = "juggler"
 
-    def build(self, spring: Key, gravity: Key | None, has_length: bool) -> Model:
-        return _model(spring, gravity, has_length)
+    def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+        return _model(spring, gravity, has_length, damped)
 
 
 @lru_cache(maxsize=64)
-def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
+def _model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
     force = spring.expression
-    pull = gravity_at(gravity)
+    pull, dampers = gravity_at(gravity), damper(damped)
 
     def weight(w, p):
         return pull(p.get("rest_length", 0.0) + w, p)
 
     def flight(x, p, q):
-        return [x[1], -weight(x[0], p), x[3], -force(x[2], p, q) - weight(x[2], p)]
+        M, (c, d) = p["mass_ratio"], dampers(p)
+        held = force(x[2], p, q) + (c + d) * x[3]
+        return [x[1], -M * d * x[1] - weight(x[0], p), x[3], -held - weight(x[2], p)]
 
     def contact(x, p, q):
-        M = p["mass_ratio"]
-        return [x[1], -M / (1 + M) * force(x[0], p, q) - weight(x[0], p)]
+        M, (c, d) = p["mass_ratio"], dampers(p)
+        return [x[1], -M / (1 + M) * (force(x[0], p, q) + (c + 2 * d) * x[1]) - weight(x[0], p)]
+
+    def excess(p):
+        """Of the force over that of the spring alone at lift-off, per speed: the hand's dampers less the ball's."""
+        (c, d), M = dampers(p), p["mass_ratio"]
+        return c + (1 - M) * d
 
     def flight_gradient(x, p, q):
         M = p["mass_ratio"]
@@ -77,7 +84,7 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         return {"ball": Affine((1.0, 0.0, 0.0, 0.0), length), "hand": Affine((0.0, 0.0, 1.0, 0.0), length)}
 
     reduction = None
-    if gravity is None:
+    if gravity is None and not damped:
         reduction = relative_reduction(spring, 1.0, complete, lambda t, dz, p: t - dz[0], FREE)
     return Model(
         name="juggler",
@@ -92,15 +99,15 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
             "contact",
             ("w", "w'"),
             contact,
-            {"contact force": lambda x, p, q: -force(x[0], p, q) / (1 + p["mass_ratio"])},
+            {"contact force": lambda x, p, q: -(force(x[0], p, q) + excess(p) * x[1]) / (1 + p["mass_ratio"])},
             spring_pieces(spring, (1.0, 0.0)),
-            contact_oscillator if spring.degree() == 1 and gravity is None else None,
+            contact_oscillator if spring.degree() == 1 and gravity is None and not damped else None,
         ),
         launch=lambda u, p: [u["liftoff"], u["alpha"], u["liftoff"], u["alpha"]],
-        liftoff=lambda u, p, q: force(u["liftoff"], p, q),
+        liftoff=lambda u, p, q: force(u["liftoff"], p, q) + excess(p) * u["alpha"],
         landing=lambda u, x, p: [x[0] - x[2], x[1] - x[3], x[2] - u["liftoff"]],
-        reversor=(1, -1, 1, -1),
-        release=lambda p: liftoff_extension(from_key(spring, p), 1.0, FREE),
+        reversor=None if damped else (1, -1, 1, -1),
+        release=lambda alpha, p: released(from_key(spring, p), 1.0, FREE, excess(p), alpha),
         touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
         embed=np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
         flight_gradient=flight_gradient,
@@ -119,7 +126,8 @@ def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
             "end": "contact: the spring collapses, the ball is never thrown again",
         },
         spring_ends=(None, "hand"),
-        guess=guess(spring, 1.0, FREE),
+        guess=no_orbit if damped else guess(spring, 1.0, FREE),
         homotopy="gravity_share" if gravity else None,
+        conservative=not damped,
         reduction=reduction,
     )

@@ -16,7 +16,8 @@ from .springs import as_spring
 
 # Beyond this one of the two masses is lost in rounding.
 MASS_RATIOS = (1e-12, 1e12)
-RESERVED = ("mass_ratio", "rest_length", "gravity_share")
+DAMPERS = ("damping", "drag")
+RESERVED = ("mass_ratio", "rest_length", "gravity_share", *DAMPERS)
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class Machine:
     mass_ratio : M = m2/m1, above 0
     rest_length : of the spring; None for long enough that the masses never meet, which constant gravity allows
     restitution : of the impacts, 0 <= e <= 1; a lossless orbit is the same for every value
+    damping : of the damper beside the spring, force over speed, from 0
+    drag : force over speed on each mass, against its motion, from 0
     parameters : values of the formulas' other names
     units : what the numbers stand for in SI, see `units.machine_in_si`; the laws' parameters are then in SI themselves
     """
@@ -38,6 +41,8 @@ class Machine:
     mass_ratio: float = 1.0
     rest_length: float | None = None
     restitution: float = 0.0
+    damping: float = 0.0
+    drag: float = 0.0
     parameters: Mapping[str, float] = field(default_factory=dict)
     units: Units | None = field(default=None, kw_only=True)
 
@@ -49,6 +54,9 @@ class Machine:
             raise InputError(f"restitution = {self.restitution:g} is out of bounds; it lies between 0 and 1")
         if self.rest_length is not None:
             number("rest_length", self.rest_length, low=0)
+        for name in DAMPERS:
+            if not number(name, getattr(self, name)) >= 0:
+                raise InputError(f"{name} = {getattr(self, name):g} is below 0: it would drive the machine")
         spring, gravity = self._laws()
         object.__setattr__(self, "spring", spring)
         object.__setattr__(self, "gravity", gravity)
@@ -87,10 +95,16 @@ class Machine:
     def model(self) -> Model:
         """The engine's view of the machine; machines that differ only in numbers share it."""
         gravity = self.gravity.key if self.gravity.key.degree() > 0 else None
-        return self.build(self.spring.key, gravity, self.rest_length is not None)
+        return self.build(self.spring.key, gravity, self.rest_length is not None, self.damped)
 
-    def build(self, spring: Key, gravity: Key | None, has_length: bool) -> Model:
-        """The model from the keys of the laws (None for constant gravity) and whether there is a rest length."""
+    @property
+    def damped(self) -> bool:
+        """Whether it loses energy by other ways than impacts."""
+        return self.damping > 0 or self.drag > 0
+
+    def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+        """The model from the keys of the laws (None for constant gravity), whether there is a rest length, and whether
+        there is damping."""
         raise NotImplementedError
 
     @property
@@ -100,19 +114,21 @@ class Machine:
         if self.rest_length is not None:
             values["rest_length"] = float(self.rest_length)
         values |= {name: float(value) for name, value in self.parameters.items()}
+        if self.damped:
+            values |= {name: float(getattr(self, name)) for name in DAMPERS}
         if self.model.homotopy:
             values[self.model.homotopy] = 1.0
         return values
 
     def with_values(self, **values: float) -> "Machine":
-        """The same machine with other values of mass_ratio, rest_length or the formulas' parameters.
+        """The same machine with other values of mass_ratio, rest_length, damping, drag or the formulas' parameters.
 
         Raises `InputError` for a name that it does not have, and for masses and lengths of a machine stated in SI:
         there they set the units.
         """
         if self.units and (fixed := values.keys() & {"mass_ratio", "rest_length"}):
             raise InputError(f"'{min(fixed)}' of a machine in SI follows from its masses and lengths: state it anew")
-        own = {name: value for name, value in values.items() if name in ("mass_ratio", "rest_length")}
+        own = {name: value for name, value in values.items() if name in ("mass_ratio", "rest_length", *DAMPERS)}
         rest = {name: value for name, value in values.items() if name not in own}
         return replace(self, parameters={**self.parameters, **rest}, **own)
 
@@ -125,10 +141,16 @@ class Machine:
             "mass_ratio": float(self.mass_ratio),
             "rest_length": None if self.rest_length is None else float(self.rest_length),
             "restitution": float(self.restitution),
+            **({name: float(getattr(self, name)) for name in DAMPERS} if self.damped else {}),
             "parameters": {name: float(value) for name, value in self.parameters.items()},
             "laws_in": "SI" if self.units else "units of the machine",
             **({f"unit_{name}": value for name, value in asdict(self.units).items()} if self.units else {}),
         }
+
+
+def damper(damped: bool) -> Callable:
+    """p -> the coefficients of the damper beside the spring and of the drag on each mass."""
+    return (lambda p: (p["damping"], p["drag"])) if damped else (lambda p: (0.0, 0.0))
 
 
 def gravity_at(key: Key | None) -> Callable:

@@ -132,6 +132,27 @@ def thrown_flight(reduction: Reduction | None, mix: Callable, apart: Callable) -
     return phase and phase.closed_form and (lambda p: Thrown(phase.closed_form(p), mix(p), apart(p)))
 
 
+def no_orbit(family, p):
+    """The guess of a damped machine."""
+    raise NoOrbit("a damped machine loses energy on every hop: it has no lossless orbit, but a return map")
+
+
+def released(law: Law, load: float, what: str, damping: float, alpha) -> np.ndarray:
+    """The extension at lift-off with speeds `alpha` (m,), where force + load + damping * speed = 1."""
+    rest = liftoff_extension(law, load, what)
+    extension = np.full(np.shape(alpha), rest)
+    if damping == 0.0:
+        return extension
+    level = 1.0 - load - damping * np.asarray(alpha)
+    for _ in range(60):
+        value, slope = law.with_slope(extension)
+        step = (value - level) / slope
+        extension = extension - step
+        if (np.abs(step) <= 1e-15 * (1 + np.abs(extension))).all():
+            return extension
+    raise NoOrbit(f"spring '{law.text}' never balances the damper at lift-off with speed {np.max(alpha):g}")
+
+
 def liftoff_extension(law: Law, load: float, what: str) -> float:
     """The extension at which force + load = 1 is first reached from rest, the force rising; `NoOrbit` when never."""
     if law.key.degree() == 0:
