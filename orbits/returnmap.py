@@ -9,14 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .errors import InputError
+from .errors import InputError, NoOrbit
 from .impacts import Impacts
 from .model import Affine
+from .roots import bracketed_root
+from .search import find
 
 # Launch speeds that are computed together: few enough to stay in a processor's cache.
 TOGETHER = 1000
 # A flight longer than so many of its ballistic times has been carried off.
 LONGEST = 1e6
+# Families that are looked through for lossless fixed points.
+FAMILIES = 1000
 STATUSES = ("lifts off", "rests", "collapses", "carried off", "cap")
 
 
@@ -36,6 +40,14 @@ class Hops:
     loss: np.ndarray
     impacts: np.ndarray
     status: np.ndarray
+
+
+@dataclass(frozen=True)
+class FixedPoint:
+    """A launch speed that comes back; kind "lossless" or "crossing", where the map crosses the identity line."""
+
+    alpha: float
+    kind: str
 
 
 class ReturnMap:
@@ -117,3 +129,72 @@ class ReturnMap:
                 loss[lifting] = alpha[lifting] ** 2 - left[lifting]
         ends[lifting] = np.sqrt(left[lifting]) + self.inject
         return ends, loss, impacts, status
+
+    def fixed_points(self, low: float, high: float, samples: int = 2000) -> tuple["FixedPoint", ...]:
+        """The fixed points of the map between two launch speeds, ascending.
+
+        Lossless ones are those of `find`; the others lie where next - alpha changes its sign between neighbouring
+        launches that come to the same number of impacts, `samples` of them, closer beside lossless ones, where an
+        injection makes two.
+        """
+        if not 0 < low < high < np.inf:
+            raise InputError(f"low = {low:g}, high = {high:g}: 0 < low < high is needed")
+        lossless = self._lossless(low, high)
+        if self.inject == 0 and self.impacts.model.conservative:
+            return tuple(FixedPoint(alpha, "lossless") for alpha in lossless)
+        near = np.geomspace(1e-12, high - low, 200)
+        grid = np.unique(
+            np.concatenate([np.linspace(low, high, samples), *(a + s * near for a in lossless for s in (-1, 1))])
+        )
+        grid = grid[(grid >= low) & (grid <= high)]
+        hops = self(grid)
+        gain = hops.next - grid
+        same = (hops.impacts[1:] == hops.impacts[:-1]) & ((gain[1:] >= 0) != (gain[:-1] >= 0))
+        found = []
+        for i in np.flatnonzero(same & np.isfinite(gain[1:]) & np.isfinite(gain[:-1])):
+            ends = grid[i], grid[i + 1], gain[i], gain[i + 1]
+            found.append(
+                FixedPoint(bracketed_root(lambda alpha: float(self(alpha).next) - alpha, *map(float, ends)), "crossing")
+            )
+        return tuple(found)
+
+    def _lossless(self, low: float, high: float) -> list[float]:
+        """Launch speeds of the lossless orbits that are motions."""
+        if not self.impacts.model.conservative:
+            return []
+        found = []
+        for family in range(1, FAMILIES):
+            try:
+                orbit = find(self.machine, family)
+            except NoOrbit:
+                break
+            if orbit.alpha > high:
+                break
+            if orbit.alpha >= low and orbit.admissible:
+                found.append(orbit.alpha)
+        return found
+
+    def preimages(self, edges, low: float, high: float, samples: int = 2000) -> list[tuple[float, float]]:
+        """The intervals of launch speeds between `low` and `high` whose next launch speed lies in one of the intervals
+        `edges`, ends located by bisection on the map's continuous pieces."""
+        grid = np.linspace(low, high, samples)
+        inside = _within(self(grid).next, edges)
+        ends = []
+        for i in np.flatnonzero(inside[1:] != inside[:-1]):
+            a, b = grid[i], grid[i + 1]
+            for _ in range(60):
+                middle = 0.5 * (a + b)
+                if bool(_within(self(middle).next, edges)) == inside[i]:
+                    a = middle
+                else:
+                    b = middle
+            ends.append(0.5 * (a + b))
+        ends = [*([low] if inside[0] else []), *ends, *([high] if inside[-1] else [])]
+        return list(zip(ends[::2], ends[1::2], strict=True))
+
+
+def _within(values, edges) -> np.ndarray:
+    """Whether values lie in one of some intervals."""
+    return (
+        np.any([(values >= low) & (values <= high) for low, high in edges], axis=0) if len(edges) else values != values
+    )
