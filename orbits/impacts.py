@@ -15,6 +15,7 @@ from .certify import gradients
 from .errors import InputError
 from .flow import Flow, flow
 from .model import Affine
+from .polynomial import piecewise_roots
 from .statements import vector
 
 # Straight pieces of the way to a state on which its energy is integrated.
@@ -128,3 +129,21 @@ class Impacts:
         direction = np.imag(self.model.launch({"liftoff": x[0], "alpha": 1.0 + 1e-30j}, self.values)) * 1e30
         q = [0.0] * (self.model.flight.pieces.size if self.model.flight.pieces else 0)
         return float(np.array([float(g) for g in self.model.flight_gradient(x, self.values, q)]) @ direction)
+
+
+class ContactEnd:
+    """A `stop` of the contact: where its force vanishes, or, given the speed, where that turns down without it: then it
+    never will."""
+
+    def __init__(self, size: int, speed: Affine | None):
+        self.force, self.speed = Affine((0.0,) * size + (1.0,)), speed
+        self.lifts = False
+
+    def __call__(self, c, steps):
+        force = piecewise_roots(self.force.series(c), steps)
+        turns = []
+        if self.speed:
+            turns = piecewise_roots(-self.speed.series(c[:, : len(self.speed.weights)]), steps, rising=True)
+        first = min([*force[:1], *turns[:1]], default=None)
+        self.lifts = bool(force) and first == force[0]
+        return first

@@ -11,9 +11,7 @@ import numpy as np
 from . import interrupts
 from .errors import FlowError, InputError
 from .flow import Trajectory, first_zero
-from .impacts import Impacts
-from .model import Affine
-from .polynomial import piecewise_roots
+from .impacts import ContactEnd, Impacts
 
 # A leg longer than this, beside the launch speed, does not end.
 LONGEST = 1e6
@@ -172,7 +170,7 @@ class _Run:
         """Stay in contact until the force ends it, and leave; why the simulation ends instead, if it does."""
         contact, y = self.rules.contact, self.rules.onto_contact @ x
         limit = min(self.time - self.now, LONGEST)
-        ended = _Ends(contact.size, self.rules.model.contact_speed if self.time == np.inf else None)
+        ended = ContactEnd(contact.size, self.rules.model.contact_speed if self.time == np.inf else None)
         try:
             path, _ = contact.run(y, self.rules.p, limit, stop=ended)
         except FlowError:
@@ -195,21 +193,3 @@ class _Run:
 
     def happened(self, kind: str, before, after, loss: float):
         self.events.append(Event(kind, self.now, before, after, self.rules.energy(before), loss))
-
-
-class _Ends:
-    """A `stop` of the contact: where its force vanishes, or, given the speed, where that turns down without it: then it
-    never will."""
-
-    def __init__(self, size: int, speed: Affine | None):
-        self.force, self.speed = Affine((0.0,) * size + (1.0,)), speed
-        self.lifts = False
-
-    def __call__(self, c, steps):
-        force = piecewise_roots(self.force.series(c), steps)
-        turns = []
-        if self.speed:
-            turns = piecewise_roots(-self.speed.series(c[:, : len(self.speed.weights)]), steps, rising=True)
-        first = min([*force[:1], *turns[:1]], default=None)
-        self.lifts = bool(force) and first == force[0]
-        return first

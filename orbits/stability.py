@@ -10,8 +10,7 @@ import numpy as np
 
 from .errors import FlowError, NoOrbit
 from .flow import first_zero
-from .impacts import Impacts
-from .model import Affine
+from .impacts import ContactEnd, Impacts
 
 # An impact slower than this, beside the launch speed, is tangential.
 TANGENTIAL = 1e-7
@@ -64,12 +63,12 @@ def _flown(rules: Impacts, alpha: float, x, change, skip: int):
 def _stood(rules: Impacts, y, change) -> float:
     """The change of the speed at which the contact ends."""
     contact = rules.contact
-    force = Affine((0.0,) * contact.size + (1.0,))
+    ended = ContactEnd(contact.size, rules.model.contact_speed)
     try:
-        path, moved = contact.run(y, rules.p, LONGEST, seeds=change[:, None], stop=first_zero(force))
+        path, moved = contact.run(y, rules.p, LONGEST, seeds=change[:, None], stop=ended)
     except FlowError as error:
         raise NoOrbit(f"the contact does not end: {error}") from None
-    if not path.times[-1] < LONGEST:
+    if not ended.lifts:
         raise NoOrbit("the machine rests: it does not lift off again")
     y, change = path.end[: contact.size], moved[:, 0]
     data = contact.data(y[None], rules.p)[0]
