@@ -8,7 +8,10 @@ from .family import End, Event, Family, Point
 from .folds import fold_statement, follow_fold
 from .model import Affine, Arc, Model, Oscillator, Phase, Pieces, Reduction, Statement, Units
 from .orbit import Certificate, Orbit
+from .returnmap import FixedPoint, Hops, ReturnMap
 from .search import METHODS, find
+from .simulate import Simulation, simulate
+from .stability import multiplier
 
 __all__ = [
     "METHODS",
@@ -19,7 +22,9 @@ __all__ = [
     "Event",
     "Existence",
     "Family",
+    "FixedPoint",
     "FlowError",
+    "Hops",
     "InputError",
     "Model",
     "NoOrbit",
@@ -31,6 +36,8 @@ __all__ = [
     "Pieces",
     "Point",
     "Reduction",
+    "ReturnMap",
+    "Simulation",
     "Statement",
     "Units",
     "existence",
@@ -39,6 +46,8 @@ __all__ = [
     "follow",
     "follow_branch",
     "follow_fold",
+    "multiplier",
     "orbit_at",
+    "simulate",
     "trace",
 ]

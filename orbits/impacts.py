@@ -76,11 +76,16 @@ class Impacts:
     def energy(self, x) -> float:
         """The energy of a flight state (n,), relative to rest at its origin: the spring unloaded, the gap closed."""
         x = np.asarray(x, dtype=float)
-        places = ((np.arange(PANELS)[:, None] + GAUSS_PLACES) / PANELS).ravel()
-        points = places[:, None] * x
+        edges = np.linspace(0.0, 1.0, PANELS + 1)
+        if self.flight.phase.pieces:  # a panel ends where the law does
+            reach = float(np.array(self.flight.phase.pieces.coordinate) @ x)
+            breaks = self.flight.piece_table(self.p)[0]
+            edges = np.unique([*edges, *(b / reach for b in breaks if reach and 0 < b / reach < 1)])
+        widths = np.diff(edges)
+        points = (edges[:-1, None] + widths[:, None] * GAUSS_PLACES).reshape(-1, 1) * x
         call = gradients(self.model.flight, self.model.flight_gradient, tuple(self.values))
         rates = call(points, self.flight.data(points, self.p))[0][:, :, 0]
-        return float(np.tile(GAUSS_WEIGHTS, PANELS) @ (rates @ x)) / PANELS
+        return float((widths[:, None] * GAUSS_WEIGHTS).ravel() @ (rates @ x))
 
     @cached_property
     def flight(self) -> Flow:

@@ -1,0 +1,236 @@
+"""The return map against stored values, 45-digit arithmetic, its local law, the simulator and differences."""
+
+import json
+from itertools import pairwise
+
+import mpmath as mp
+import numpy as np
+import pytest
+from conftest import DATA
+
+from orbits import InputError, NoOrbit, ReturnMap, find, multiplier, simulate
+from problems import Hopper, Juggler
+
+STORED = json.loads((DATA / "return_map.json").read_text(encoding="utf-8"))
+ALPHA = 4.493409457909064
+
+
+@pytest.mark.parametrize("stored", STORED, ids=lambda s: f"M={s['mass_ratio']},alpha={s['alpha']}")
+def test_stored_values(stored):
+    hops = ReturnMap(Hopper(mass_ratio=float(stored["mass_ratio"])))(float(stored["alpha"]))
+    assert hops.loss == pytest.approx(float(stored["loss"]), rel=1e-13)
+    assert hops.impacts == stored["impacts"]
+    assert hops.status == stored["status"].replace("_", " ")
+    if stored["next"]:
+        assert hops.next == pytest.approx(float(stored["next"]), abs=1e-13)
+    else:
+        assert np.isnan(hops.next)
+
+
+def exactly(alpha: float, mass_ratio: float) -> tuple[float, int]:
+    """Loss and impacts of the linear hopper in 45 digits: the gap is a parabola less a cosine, convex and concave in
+    turn between known times."""
+    with mp.workdps(45):
+        M, loss, impacts = mp.mpf(mass_ratio), mp.mpf(0), 0
+        r, v, w, u = mp.mpf(1), mp.mpf(alpha), mp.mpf(1), mp.mpf(alpha)
+        while True:
+            size, phase = mp.hypot(r, v), mp.atan2(v, r)
+            gap = lambda t: w + u * t - t * t / 2 - size * mp.cos(t - phase)  # noqa: B023, E731
+            rate = lambda t: u - t + size * mp.sin(t - phase)  # noqa: B023, E731
+            t = _first_zero(gap, rate, size, phase)
+            impacts += 1
+            height = (w + u * t - t * t / 2 + M * size * mp.cos(t - phase)) / (1 + M)
+            speed = (u - t - M * size * mp.sin(t - phase)) / (1 + M)
+            loss += M * (rate(t) / (1 + M)) ** 2
+            r, v, w, u = height, speed, height, speed
+            if height <= 1:
+                return float(loss), impacts
+
+
+def _first_zero(gap, rate, size, phase):
+    turn = mp.acos(1 / size) if size > 1 else 0
+    bends = sorted(phase + side * turn + 2 * mp.pi * j for side in (-1, 1) for j in range(-2, 40))
+    places = [mp.mpf(0), *(t for t in bends if t > mp.mpf(10) ** -25)]
+    for low, high in pairwise(places):
+        if gap(high) < 0:
+            start = low or _halved(lambda t: gap(t) > 0, high)
+            return _bisected(gap, start, high)
+        if low and rate(low) < 0 < rate(high):  # convex, down and up again: it may dip
+            bottom = _bisected(lambda t: -rate(t), low, high)
+            if gap(bottom) < 0:
+                return _bisected(gap, low, bottom)
+    raise AssertionError("no zero")
+
+
+def _halved(true, t):
+    while not true(t):
+        t /= 2
+    return t
+
+
+def _bisected(positive, a, b):
+    for _ in range(150):
+        middle = (a + b) / 2
+        a, b = (middle, b) if positive(middle) > 0 else (a, middle)
+    return (a + b) / 2
+
+
+@pytest.mark.parametrize("mass_ratio", [1e-3, 0.1, 1.0, 10.0, 1e3])
+def test_the_loss_beside_a_lossless_orbit(mass_ratio):
+    """Relative accuracy falls with the distance only as rounding of the launch speed makes it."""
+    distances = np.array([side * 10.0**-k for side in (1, -1) for k in range(1, 13)])
+    alphas = ALPHA + distances
+    hops = ReturnMap(Hopper(mass_ratio=mass_ratio))(alphas)
+    for alpha, distance, loss, impacts in zip(alphas, distances, hops.loss, hops.impacts, strict=True):
+        expected, count = exactly(alpha, mass_ratio)
+        assert loss == pytest.approx(expected, rel=1e-13 + 1e-15 / abs(distance))
+        assert impacts == count
+
+
+@pytest.mark.parametrize(
+    "machine",
+    [
+        Hopper(), Hopper(mass_ratio=0.05), Hopper(mass_ratio=20.0), Juggler(mass_ratio=3.0),
+        Hopper("r + 0.05*r**3"), Hopper("sinh(0.3*r)/0.3"), Hopper("tanh(0.1*r)/0.1"), Hopper("r + 0.02*r**2"),
+        Hopper("bilinear", parameters={"ratio": 2.0}), Juggler("r + 0.05*r**3"),
+        Hopper("r", "1/(1 + z/R)**2", rest_length=12.0, parameters={"R": 200.0}),
+        Hopper("r + 0.05*r**3", "1 - k*z", rest_length=12.0, parameters={"k": 0.002}),
+    ],
+    ids=lambda m: f"{m.kind} {m.spring.text} {m.gravity.text} {m.mass_ratio:g}".replace(" ", "_"),
+)  # fmt: skip
+def test_the_local_law(machine):
+    """alpha* + d goes to alpha* + d - C d**(4/3), ten times as much is lost on the other side, with one bounce more."""
+    orbit = find(machine)
+    c, side = orbit.certificate.loss_coefficient, 1 if orbit.certificate.stable_side == "above" else -1
+    d = np.array([1e-5, 1e-6])
+    for sign, factor, impacts in ((side, 1.0, 1), (-side, 10.0, 2)):
+        hops = ReturnMap(machine)(orbit.alpha + sign * d)
+        lost = hops.loss / (orbit.alpha + hops.next)  # alpha - next
+        assert hops.impacts.tolist() == [impacts] * 2
+        exponent = np.log(lost[0] / lost[1]) / np.log(10)
+        assert exponent == pytest.approx(4 / 3, abs=0.02)
+        measured = 2 * lost / (factor * c * d ** (4 / 3))  # extrapolated in the next power, d**(1/3)
+        limit = (10 ** (1 / 3) * measured[1] - measured[0]) / (10 ** (1 / 3) - 1) / 2
+        assert limit == pytest.approx(1.0, rel=0.02)
+
+
+def test_it_comes_to_a_lossless_orbit_like_the_third_power():
+    """d -> d - C d**(4/3) falls like (3/(C n))**3."""
+    machine = Hopper()
+    c = find(machine).certificate.loss_coefficient
+    step, alpha = ReturnMap(machine), ALPHA + 0.01
+    for _ in range(400):
+        alpha = float(step(alpha).next)
+    n = 3 / (c * (alpha - ALPHA) ** (1 / 3))  # hops that the law would have taken from far away
+    for _ in range(400):
+        alpha = float(step(alpha).next)
+    assert 3 / (c * (alpha - ALPHA) ** (1 / 3)) - n == pytest.approx(400, rel=0.01)
+
+
+class TestInjection:
+    EPS = 0.071587384137
+
+    def test_the_pair_and_where_its_upper_one_loses_stability(self):
+        low, high = ReturnMap(Hopper(), inject=self.EPS).fixed_points(4, 6)
+        assert low.alpha == pytest.approx(4.481341946645, abs=1e-11)
+        assert high.alpha == pytest.approx(4.541763272853, abs=1e-11)
+        assert multiplier(Hopper(), high.alpha) == pytest.approx(-1, abs=1e-9)
+
+    def test_small_injections_make_the_pair_of_the_local_law(self):
+        eps, c = 1e-7, find(Hopper()).certificate.loss_coefficient
+        low, high = ReturnMap(Hopper(), inject=eps).fixed_points(4, 6)
+        assert high.alpha - ALPHA == pytest.approx((eps / c) ** 0.75, rel=0.02)
+        assert ALPHA - low.alpha == pytest.approx((eps / (10 * c)) ** 0.75, rel=0.02)
+
+    def test_none_without_a_pair(self):
+        assert ReturnMap(Hopper(), inject=2.0).fixed_points(4.4, 4.6) == ()
+
+
+def test_lossless_fixed_points_are_those_of_find():
+    found = ReturnMap(Hopper()).fixed_points(1, 12)
+    assert [point.alpha for point in found] == [find(Hopper(), n).alpha for n in (1, 2, 3)]
+    assert {point.kind for point in found} == {"lossless"}
+
+
+@pytest.mark.parametrize(
+    ("machine", "alpha"),
+    [
+        (Hopper(), 4.6), (Hopper(), 4.0), (Hopper(restitution=0.3), 4.7), (Hopper(damping=0.05), 5.0),
+        (Juggler(mass_ratio=2.0), 4.8), (Hopper("r + 0.1*r**3"), 4.6), (Juggler(damping=0.05, drag=0.02), 5.0),
+        (Hopper("r", "1 - k*z", rest_length=9.0, parameters={"k": 0.01}), 4.0),
+    ],
+)  # fmt: skip
+def test_multipliers_are_the_slope_of_the_map(machine, alpha):
+    h = 2e-5
+    x = ReturnMap(machine)(alpha + h * np.array([-2.0, -1.0, 1.0, 2.0])).next
+    assert multiplier(machine, alpha) == pytest.approx((x[0] - 8 * x[1] + 8 * x[2] - x[3]) / (12 * h), rel=1e-8)
+
+
+def test_a_lossless_landing_has_no_multiplier():
+    with pytest.raises(NoOrbit, match="tangential"):
+        multiplier(Hopper(), ALPHA)
+    with pytest.raises(NoOrbit, match="rests"):
+        multiplier(Hopper(), 2.0)
+
+
+@pytest.mark.parametrize(
+    "machine",
+    [
+        Hopper(), Hopper(mass_ratio=10.0), Hopper("r + 0.1*r**3", rest_length=20.0), Juggler(), Hopper("bilinear"),
+        Hopper(restitution=0.5), Hopper(damping=0.03, drag=0.02), Juggler("r + 0.1*r**3", damping=0.02),
+        Hopper("r", "1/(1 + z/R)**2", rest_length=20.0, parameters={"R": 80.0}),
+    ],
+)  # fmt: skip
+def test_map_and_simulation_agree(machine):
+    for alpha in (2.0, 4.0, 4.6, 7.0):
+        hops, run = ReturnMap(machine)(alpha), simulate(machine, alpha, hops=1)
+        impacts = [event for event in run.events if event.kind != "lift-off"]
+        assert len(impacts) == hops.impacts
+        assert run.status == ("done" if hops.status == "lifts off" else hops.status)
+        if run.status == "done":
+            assert run.launches[-1] == pytest.approx(float(hops.next), rel=1e-11)
+
+
+def test_hopper_and_juggler_have_one_map():
+    """Eq. (6), with one clock."""
+    alphas = np.linspace(0.5, 12, 300)
+    hopper, juggler = (ReturnMap(kind(mass_ratio=2.0))(alphas) for kind in (Hopper, Juggler))
+    assert hopper.loss == pytest.approx(juggler.loss, rel=1e-9)
+    assert (hopper.impacts == juggler.impacts).all()
+
+
+def test_heavy_hands_bounce_ever_more():
+    """Between pi and sqrt(pi^2 + 3) throws fall into long bouncing as the mass ratio grows."""
+    counts = [int(ReturnMap(Hopper(mass_ratio=M))(3.4).impacts) for M in (10.0, 100.0, 1000.0)]
+    assert counts[2] == 44
+    assert counts == sorted(counts)
+
+
+def test_bounces_that_accumulate_end_in_contact():
+    """With restitution a rigid pair of masses bounces like a ball; its time and loss are geometric sums."""
+    hops = ReturnMap(Hopper(restitution=0.7))(np.array([2.0, 4.6]))
+    assert hops.status.tolist() == ["rests", "lifts off"]
+    assert (hops.impacts < 100).all()
+    plastic = ReturnMap(Hopper())(4.6)
+    assert float(ReturnMap(Hopper(restitution=1e-6))(4.6).next) == pytest.approx(float(plastic.next), abs=1e-5)
+
+
+def test_preimages_map_onto_their_interval():
+    step = ReturnMap(Hopper())
+    for low, high in step.preimages([(4.4, 4.45)], 3.0, 12.0):
+        inside = step(np.linspace(low, high, 7)[1:-1]).next
+        assert ((inside >= 4.4) & (inside <= 4.45)).all()
+
+
+def test_what_cannot_be_meant():
+    with pytest.raises(InputError, match="alpha = -1; launch speeds are above 0"):
+        ReturnMap(Hopper())([1.0, -1.0])
+    with pytest.raises(InputError, match="no machine"):
+        ReturnMap(3)
+    with pytest.raises(InputError, match="cap = 0"):
+        ReturnMap(Hopper(), cap=0)
+    with pytest.raises(InputError, match="damping = -1 is below 0"):
+        Hopper(damping=-1.0)
+    with pytest.raises(NoOrbit, match="damped machine loses energy"):
+        find(Hopper(damping=0.1))
+    assert ReturnMap(Hopper(mass_ratio=1e3), cap=10)(3.4).status == "cap"

@@ -1,0 +1,130 @@
+"""Simulations: events that graze, energy, rest, accumulating bounces, and what cannot be asked."""
+
+import numpy as np
+import pytest
+
+from orbits import InputError, find, simulate
+from orbits.impacts import Impacts
+from problems import Hopper, Juggler
+
+
+def test_no_grazing_pair_is_missed_and_none_is_invented():
+    """10,000 flights whose gap has a lowest interior point 1e-8 to 1e-1 above the ground or below it."""
+    rng = np.random.default_rng(11)
+    count = 12_000
+    size = rng.uniform(1.5, 6.0, count)
+    depth = 10.0 ** rng.uniform(-8, -1, count) * rng.choice([-1, 1], count)
+    # gap (1 + M) = w + u t - t^2/2 - size cos t bends up while cos t > 1/size; it is lowest at some time in between, and
+    # the flight starts before that on the same arc, so that the gap falls all the way
+    half = np.arccos(1 / size)
+    lowest = rng.uniform(-0.5, 0.9, count) * half
+    start = lowest - rng.uniform(0.3, 1.0, count) * (lowest + half)
+    u = lowest - size * np.sin(lowest)
+    w = 2 * depth - (u * lowest - lowest**2 / 2 - size * np.cos(lowest))
+    r, v = size * np.cos(start), -size * np.sin(start)
+    w, u = w + u * start - start**2 / 2, u - start
+    states = np.column_stack([(w + r) / 2, (u + v) / 2, (w - r) / 2, (u - v) / 2])
+    above = np.flatnonzero(states[:, 2] > 0)[:10_000]
+    assert len(above) == 10_000
+    rules = Impacts(Hopper())
+    times, rows = rules.flight.first_zeros(states[above], rules.p, rules.gap, 1e3)
+    assert np.isfinite(times).all()
+    assert ((times < (lowest - start)[above]) == (depth[above] < 0)).all()
+    assert np.abs(rows[:, 2]).max() < 1e-13
+
+
+@pytest.mark.parametrize(
+    "machine",
+    [
+        Hopper(), Hopper("r + 0.1*r**3", rest_length=20.0), Juggler("sinh(0.2*r)/0.2"), Hopper("bilinear"),
+        Hopper("r", "1/(1 + z/R)**2", rest_length=20.0, parameters={"R": 80.0}), Hopper(restitution=0.5),
+    ],
+)  # fmt: skip
+def test_energy_is_kept_in_every_leg_and_lost_in_every_impact(machine):
+    run, rules = simulate(machine, 7.0, hops=2), Impacts(machine)
+    assert len(run.legs) > 3
+    for leg in run.legs:
+        times = np.linspace(0, leg.path.times[-1], 40)
+        rows = leg.path(times)
+        states = rows[:, :4] if leg.phase == "flight" else rows[:, :2] @ rules.model.embed.T
+        energies = np.array([rules.energy(x) for x in states])
+        assert np.ptp(energies) < 1e-12 * np.abs(energies).max()
+    for event in run.events:
+        after = rules.energy(event.after)
+        assert event.energy - after == pytest.approx(event.loss, abs=1e-11)
+        assert event.kind == "lift-off" or event.loss > 0
+
+
+def test_damping_loses_energy_all_the_time():
+    machine = Hopper(damping=0.1, drag=0.05)
+    run, rules = simulate(machine, 7.0, time=40.0), Impacts(machine)
+    energies = [rules.energy(x) for x in run(np.linspace(0, run.end, 300))]
+    assert (np.diff(energies) < 1e-12).all()
+
+
+def test_a_lossless_orbit_goes_on():
+    orbit = find(Hopper())
+    run = simulate(Hopper(), orbit.alpha, hops=30)
+    assert run.status == "done"
+    assert run.launches == pytest.approx(orbit.alpha, abs=1e-13)
+    assert run.end == pytest.approx(30 * orbit.period, rel=1e-5)
+    states = run(orbit.period * 0.3)
+    assert states == pytest.approx(orbit(orbit.period * 0.3), abs=1e-4)
+
+
+def test_rest_is_a_result():
+    run = simulate(Hopper(), 2.0, hops=5)
+    assert run.status == "rests"
+    assert [event.kind for event in run.events] == ["landing"]
+    longer = simulate(Hopper(), 2.0, time=50.0)
+    assert longer.status == "done"
+    assert longer.end == 50.0
+    assert (longer(np.linspace(20, 50, 50))[:, 2] == 0).all()
+
+
+def test_a_ball_on_a_rigid_hand_bounces_for_the_geometric_sum():
+    """A hand a million times as heavy that stands still under the ball: flights of 2 v e^k."""
+    e, height = 0.5, 1.0
+    machine = Juggler(mass_ratio=1e6, restitution=e)
+    at_rest = -1.0
+    run = simulate(machine, state=[at_rest + height, 0.0, at_rest, 0.0], time=20.0)
+    speed = np.sqrt(2 * height)
+    landing = next(event for event in run.events if event.kind == "landing")
+    assert landing.time == pytest.approx(speed + 2 * speed * e / (1 - e), rel=1e-4)
+
+
+def test_injection_keeps_a_damped_hopper_going():
+    assert simulate(Hopper(damping=1e-4), 4.5, hops=50).status == "rests"
+    run = simulate(Hopper(damping=1e-4), 4.5, hops=50, inject=0.02)
+    assert run.status == "done"
+    assert np.ptp(run.launches[-10:]) < 1e-3
+
+
+def test_a_cap_ends_with_a_status():
+    assert simulate(Hopper(mass_ratio=1e3), 3.4, hops=1, cap=10).status == "cap"
+    assert simulate(Hopper("r", "1/(1 + z/R)**2", rest_length=5.0, parameters={"R": 5.0}), 9.0, hops=1).status == (
+        "carried off"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"alpha": 2.0}, "needs hops or a time"),
+        ({"alpha": -2.0, "hops": 1}, "above 0"),
+        ({"hops": 1}, "give one of them"),
+        ({"alpha": 2.0, "state": [1, 2, 3, 4], "hops": 1}, "give one of them"),
+        ({"state": [1, 2, 3], "hops": 1}, "is 4 numbers, y1, y1', y2, y2'"),
+        ({"state": [1, 2, -3, 4], "hops": 1}, "must be open"),
+        ({"alpha": 2.0, "hops": 0}, "both are above 0"),
+        ({"alpha": 2.0, "time": -1.0}, "both are above 0"),
+    ],
+)
+def test_what_cannot_be_meant(arguments, words):
+    with pytest.raises(InputError, match=words):
+        simulate(Hopper(), **arguments)
+
+
+def test_times_outside_are_refused():
+    with pytest.raises(InputError, match="times lie between 0 and"):
+        simulate(Hopper(), 4.0, hops=1)(1e3)
