@@ -191,6 +191,54 @@ def plot_existence(diagram, axes=None):
     return axes
 
 
+def plot_map(step, low: float, high: float, axes=None, samples: int = 4000, start: float | None = None, hops: int = 60):
+    """The return map between two launch speeds, with the identity line; returns the axes.
+
+    step : a `ReturnMap`
+    start : launch speed from which a cobweb of so many `hops` is drawn, None for no cobweb
+    """
+    axes = axes or new_axes(5.2, 5.0)
+    alpha = np.linspace(low, high, samples)
+    found = step(alpha)
+    # the map jumps where an impact more or less comes in between
+    broken = np.flatnonzero(found.impacts[1:] != found.impacts[:-1]) + 1
+    x, y = (np.insert(values, broken, np.nan) for values in (alpha, found.next))
+    axes.plot([low, high], [low, high], color="0.6", lw=0.8, label="identity")
+    axes.plot(x, y, color=COLOURS[0], lw=1.6, label="map")
+    if start is not None:
+        web, here = [(start, start)], float(start)
+        for _ in range(hops):
+            there = float(step(here).next)
+            if not np.isfinite(there):
+                break
+            web += [(here, there), (there, there)]
+            here = there
+        axes.plot(*np.transpose(web), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
+    axes.set(xlim=(low, high), ylim=(0, high), xlabel="launch speed", ylabel="next launch speed")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize="small", loc="upper left")
+    return axes
+
+
+def plot_simulation(run, machine, axes=None):
+    """Heights of a simulated machine's masses against time, contacts shaded, impacts marked; returns the axes."""
+    axes = axes or new_axes()
+    t = np.linspace(0, run.end, 4001)
+    states = run(t)
+    for (name, height), colour in zip(machine.model.heights(machine.values).items(), COLOURS, strict=False):
+        axes.plot(t, height(states), color=colour, lw=1 if name == "centre of mass" else 1.8, label=name)
+    for leg in run.legs:
+        if leg.phase == "contact":
+            axes.axvspan(leg.start, leg.start + leg.path.times[-1], fc=SHADE, zorder=0)
+    impacts = [event.time for event in run.events if event.kind == "impact"]
+    axes.plot(impacts, np.zeros(len(impacts)), "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
+    axes.axhline(0, color="0.4", lw=0.8)
+    axes.set(xlim=(0, run.end), xlabel="time", ylabel="height")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4)
+    return axes
+
+
 def title(orbit: Orbit) -> str:
     """What says which orbit it is, in two lines."""
     laws = [f"spring {orbit.machine['spring']}"]

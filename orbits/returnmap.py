@@ -21,7 +21,6 @@ TOGETHER = 1000
 LONGEST = 1e6
 # Families that are looked through for lossless fixed points.
 FAMILIES = 1000
-STATUSES = ("lifts off", "rests", "collapses", "carried off", "cap")
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,8 @@ class Hops:
     next : launch speed at the next lift-off, NaN where there is none
     loss : alpha**2 - next**2, or what the impacts take off alpha**2 where there is no next one
     impacts : number of impacts in between
-    status : one of `STATUSES`
+    status : "lifts_off"; "rests" where the contact never ends; "collapses" where the spring does in it; "carried_off"
+        where the flight does not end; "cap" after too many impacts
     """
 
     alpha: np.ndarray
@@ -40,6 +40,13 @@ class Hops:
     loss: np.ndarray
     impacts: np.ndarray
     status: np.ndarray
+
+    def document(self) -> dict:
+        """The hops as the JSON document of the command line."""
+        columns = {
+            name: np.ravel(getattr(self, name)).tolist() for name in ("alpha", "next", "loss", "impacts", "status")
+        }
+        return {**columns, "next": [None if np.isnan(value) else value for value in columns["next"]]}
 
 
 @dataclass(frozen=True)
@@ -57,8 +64,7 @@ class ReturnMap:
     inject : added to the launch speed at every lift-off
     cap : impacts of one hop after which it is given up, with the status "cap"
 
-    Called with launch speeds (...), all above 0, it gives `Hops`. A hop "rests" when the contact that it comes to never
-    ends, "collapses" when the spring does in that, and is "carried off" when the flight does not end.
+    Called with launch speeds (...), all above 0, it gives `Hops`.
     """
 
     def __init__(self, machine, inject: float = 0.0, cap: int = 10_000):
@@ -89,7 +95,7 @@ class ReturnMap:
         for _ in range(self.cap):
             times, rows = rules.flight.first_zeros(state[flying], rules.p, rules.gap, limit, skip[flying])
             gone = np.isnan(times)
-            status[flying[gone]] = "carried off"
+            status[flying[gone]] = "carried_off"
             flying = flying[~gone]
             if not len(flying):
                 break
@@ -97,7 +103,7 @@ class ReturnMap:
             impacts[flying] += 1
             loss[flying] += 2 * landing.loss / rules.power
             held = flying[landing.held]
-            standing[held], status[held] = landing.state[landing.held] @ rules.onto_contact.T, "lifts off"
+            standing[held], status[held] = landing.state[landing.held] @ rules.onto_contact.T, "lifts_off"
             state[flying] = landing.state
             flying = flying[~landing.held]
             skip[flying] = 1 if rules.restitution > 0 else 2
@@ -110,8 +116,8 @@ class ReturnMap:
         rules, contact = self.impacts, self.impacts.contact
         left, ends = alpha**2 - loss, np.full(len(alpha), np.nan)
         if rules.model.conservative:
-            status[(status == "lifts off") & (left < 0)] = "rests"
-        lifting = np.flatnonzero(status == "lifts off")
+            status[(status == "lifts_off") & (left < 0)] = "rests"
+        lifting = np.flatnonzero(status == "lifts_off")
         if not contact.phase.closed_form and len(lifting):
             # Where its speed turns down before the force ends it, the contact never ends.
             speed = rules.model.contact_speed

@@ -50,7 +50,7 @@ class Simulation:
     """A motion from a state on; called with times (...), it gives flight states (..., n).
 
     legs, events : in order
-    status : "done", or why it ended early: "rests" in contact for good, "collapses", is "carried off", or "cap" impacts
+    status : "done", or why it ended early: "rests" in contact for good, "collapses", is "carried_off", or "cap" impacts
     launches : (hops,), launch speeds at the lift-offs, the first that of the start if it was one
     end : time
     """
@@ -61,6 +61,30 @@ class Simulation:
     launches: np.ndarray
     end: float
     embed: np.ndarray
+
+    def document(self) -> dict:
+        """The simulation as the JSON document of the command line."""
+        events = [
+            {
+                "kind": event.kind, "time": event.time, "before": event.before.tolist(), "after": event.after.tolist(),
+                "energy": event.energy, "loss": event.loss,
+            }
+            for event in self.events
+        ]  # fmt: skip
+        return {"launches": self.launches.tolist(), "status": self.status, "end": self.end, "events": events}
+
+    def __str__(self) -> str:
+        lines = [f"{'time':>14}  {'event':<10}{'energy':>16}{'loss':>14}"]
+        for event in self.events:
+            lines.append(f"{event.time:14.9g}  {event.kind:<10}{event.energy:16.9g}{event.loss:14.6g}")
+        speeds = ", ".join(f"{speed:.10g}" for speed in self.launches)
+        return "\n".join([*lines, f"  launch speeds {speeds}", f"  {self.status} at time {self.end:.9g}"])
+
+    def plot(self, machine, axes=None):
+        """Plot heights against time; returns the axes. See `orbits.plot.plot_simulation`."""
+        from .plot import plot_simulation
+
+        return plot_simulation(self, machine, axes)
 
     def __call__(self, t) -> np.ndarray:
         t = np.asarray(t, dtype=float)
@@ -160,11 +184,11 @@ class _Run:
         try:
             path, _ = self.rules.flight.run(x, self.rules.p, limit, stop=first_zero(self.rules.gap, skip))
         except FlowError:
-            return "carried off"
+            return "carried_off"
         self.add("flight", path)
         if path.times[-1] < limit:
             return None
-        return "done" if self.now >= self.time else "carried off"
+        return "done" if self.now >= self.time else "carried_off"
 
     def stand(self, x) -> tuple[str | None, np.ndarray]:
         """Stay in contact until the force ends it, and leave; why the simulation ends instead, if it does."""
@@ -183,7 +207,8 @@ class _Run:
             return "rests", x
         before = self.rules.model.embed @ path.end[: contact.size]
         launched = self.rules.launch(np.array([speed + self.inject]))[0]
-        self.happened("lift-off", before, launched, self.rules.energy(before) - self.rules.energy(launched))
+        gained = self.rules.energy(launched) - self.rules.energy(before) if self.inject else 0.0
+        self.happened("lift-off", before, launched, -gained)
         self.launches.append(speed + self.inject)
         return None, launched
 

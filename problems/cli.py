@@ -19,6 +19,8 @@ Examples:
   orbits follow --spring cubic --along beta --from 0 --to 5 --at 0.5,1,2
   orbits follow --spring cubic --along beta --from 0 --to -0.02 --plot fold.png
   orbits follow --spring tanh --along b --from 0.1 --to 1 --family 2 --output tanh.jsonl
+  orbits map --alpha 3:12:10000 --plot map.png         from launch speed to launch speed
+  orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact on the way
 """
 
 
@@ -55,6 +57,21 @@ def machine_options(command):
         ),
         click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
         click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter; repeatable."),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def loss_options(command):
+    """The options that say what a machine loses, beside those that describe it."""
+    options = [
+        click.option(
+            "--restitution", type=click.FloatRange(0, 1), metavar="e", help="Of the impacts; default 0, plastic."
+        ),
+        click.option("--damping", type=click.FloatRange(0), metavar="c", help="Of the damper beside the spring."),
+        click.option("--drag", type=click.FloatRange(0), metavar="d", help="On each mass, against its motion."),
+        click.option("--inject", type=float, default=0.0, metavar="EPS", help="Added to every launch speed."),
     ]
     for option in reversed(options):
         command = option(command)
@@ -178,7 +195,79 @@ def _sets(setting: str, name: str) -> bool:
     return setting.partition("=")[0].strip() == name
 
 
-def machine_of(machine, mass_ratio, rest_length, spring, gravity, settings):
+@orbits.command("map", epilog="\b\nExit code: 0 done, also for hops that come to rest; 2 bad input.")
+@machine_options
+@loss_options
+@click.option("--alpha", required=True, metavar="A|A:B:N", help="A launch speed, or N of them from A to B.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@click.option("--plot", metavar="FILE", help="Write a figure of the map from A to B (.png, .pdf, .svg).")
+def return_map(alpha, inject, as_json, plot, **machine):
+    """Map launch speeds to the next ones, with the losses and impacts in between."""
+    from orbits.errors import InputError
+    from orbits.orbit import to_json
+    from orbits.plot import FIGURES, check_path, plot_map, save_figure
+    from orbits.returnmap import ReturnMap
+
+    speeds = launch_speeds(alpha)
+    if plot is not None:
+        check_path(plot, FIGURES)
+        if len(speeds) < 2:
+            raise InputError(f"--plot needs a range, --alpha A:B:N, not --alpha {alpha}")
+    step = ReturnMap(machine_of(**machine), inject)
+    hops = step(speeds)
+    if plot is not None:
+        save_figure(plot_map(step, speeds[0], speeds[-1]), plot)
+    if as_json:
+        click.echo(to_json(hops.document()))
+        return
+    click.echo(f"{'launch speed':>16}{'next':>20}{'loss':>16}{'impacts':>9}  status")
+    for row in zip(*hops.document().values(), strict=True):
+        following = "-" if row[1] is None else f"{row[1]:.12g}"
+        click.echo(f"{row[0]:16.12g}{following:>20}{row[2]:16.9g}{row[3]:9d}  {row[4]}")
+
+
+@orbits.command(epilog="\b\nExit code: 0 done, also when it comes to rest; 2 bad input.")
+@machine_options
+@loss_options
+@click.option("--alpha", type=float, required=True, metavar="A", help="Launch speed at the first lift-off.")
+@click.option("--hops", type=click.IntRange(1), metavar="N", help="End after so many lift-offs.")
+@click.option("--time", "end", type=click.FloatRange(0, min_open=True), metavar="T", help="End at this time.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@click.option("--plot", metavar="FILE", help="Write a figure (.png, .pdf, .svg).")
+def simulate(alpha, hops, end, inject, as_json, plot, **machine):
+    """Follow the machine's motion from a launch, through every impact and contact."""
+    from orbits.orbit import to_json
+    from orbits.plot import FIGURES, check_path, save_figure
+    from orbits.simulate import simulate as run_machine
+
+    if plot is not None:
+        check_path(plot, FIGURES)
+    machine = machine_of(**machine)
+    run = run_machine(machine, alpha, hops=hops, time=float("inf") if end is None else end, inject=inject)
+    if plot is not None:
+        save_figure(run.plot(machine), plot)
+    click.echo(to_json(run.document()) if as_json else str(run))
+
+
+def launch_speeds(text: str):
+    """The launch speeds that A or A:B:N stands for."""
+    import numpy as np
+
+    from orbits.errors import InputError
+
+    parts = text.split(":")
+    try:
+        if len(parts) == 1:
+            return np.array([float(text)])
+        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+        if len(parts) == 3 and count >= 2 and np.isfinite([low, high]).all():
+            return np.linspace(low, high, count)
+    except (ValueError, IndexError):
+        pass
+    raise InputError(f"--alpha {text!r} is neither a number nor a range A:B:N of N launch speeds, from 2")
+
+
+def machine_of(machine, mass_ratio, rest_length, spring, gravity, settings, **losses):
     """The machine that the options describe, over what its file says."""
     from orbits.errors import InputError
 
@@ -191,7 +280,7 @@ def machine_of(machine, mass_ratio, rest_length, spring, gravity, settings):
         if not machine.endswith(".toml"):
             raise InputError(f"--machine {machine!r} is neither {' nor '.join(KINDS)} nor a .toml file")
         statement, where = read(machine), machine
-    given = {"mass_ratio": mass_ratio, "rest_length": rest_length, "spring": spring, "gravity": gravity}
+    given = {"mass_ratio": mass_ratio, "rest_length": rest_length, "spring": spring, "gravity": gravity, **losses}
     statement |= {name: value for name, value in given.items() if value is not None}
     values = {}
     for setting in settings:

@@ -23,7 +23,18 @@ from .units import hopper_in_si, juggler_in_si
 KINDS = {"hopper": Hopper, "juggler": Juggler}
 IN_SI = {"hopper": hopper_in_si, "juggler": juggler_in_si}
 MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
-KEYS = ("machine", "mass_ratio", "rest_length", "restitution", "spring", "gravity", "parameters", "si")
+KEYS = (
+    "machine",
+    "mass_ratio",
+    "rest_length",
+    "restitution",
+    "damping",
+    "drag",
+    "spring",
+    "gravity",
+    "parameters",
+    "si",
+)
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
 
 
@@ -57,7 +68,11 @@ def _build(statement: dict) -> Machine:
     kind = statement.get("machine", "hopper")
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"unknown machine {kind!r}{suggest(str(kind), KINDS)}")
-    common = {name: statement[name] for name in ("gravity", "restitution", "parameters") if name in statement}
+    common = {
+        name: statement[name]
+        for name in ("gravity", "restitution", "damping", "drag", "parameters")
+        if name in statement
+    }
     if "si" not in statement:
         own = {name: statement[name] for name in ("spring", "mass_ratio", "rest_length") if name in statement}
         return KINDS[kind](**own, **common)

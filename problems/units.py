@@ -36,6 +36,8 @@ def machine_in_si(
     body_radius: float | None = None,
     gravity=None,
     restitution: float = 0.0,
+    damping: float = 0.0,
+    drag: float = 0.0,
     parameters: Mapping[str, float] | None = None,
 ) -> Machine:
     """A dimensionless machine, with the units that bring its results back to SI.
@@ -47,6 +49,7 @@ def machine_in_si(
     surface_gravity : m/s^2, where gravity's ratio is 1
     rest_length : of the spring, m
     body_radius : m, of the sphere whose gravity falls off with height
+    damping, drag : of the damper beside the spring and on each mass, N s/m
     gravity : instead of body_radius, a ratio as a law of the height in m
     parameters : values of the formulas' other names, in SI
 
@@ -78,6 +81,8 @@ def machine_in_si(
         mass_ratio=ratio,
         rest_length=None if rest_length is None else number("rest_length", rest_length, low=0) / length,
         restitution=restitution,
+        damping=number("damping", damping) * length / time / weight,
+        drag=number("drag", drag) * length / time / weight,
         units=Units(length, time, weight),
     )
 

@@ -14,8 +14,8 @@ def test_no_grazing_pair_is_missed_and_none_is_invented():
     count = 12_000
     size = rng.uniform(1.5, 6.0, count)
     depth = 10.0 ** rng.uniform(-8, -1, count) * rng.choice([-1, 1], count)
-    # gap (1 + M) = w + u t - t^2/2 - size cos t bends up while cos t > 1/size; it is lowest at some time in between, and
-    # the flight starts before that on the same arc, so that the gap falls all the way
+    # gap (1 + M) = w + u t - t^2/2 - size cos t bends up while cos t > 1/size; it is lowest at some time in between,
+    # and the flight starts before that on the same arc, so that the gap falls all the way
     half = np.arccos(1 / size)
     lowest = rng.uniform(-0.5, 0.9, count) * half
     start = lowest - rng.uniform(0.3, 1.0, count) * (lowest + half)
@@ -103,7 +103,7 @@ def test_injection_keeps_a_damped_hopper_going():
 def test_a_cap_ends_with_a_status():
     assert simulate(Hopper(mass_ratio=1e3), 3.4, hops=1, cap=10).status == "cap"
     assert simulate(Hopper("r", "1/(1 + z/R)**2", rest_length=5.0, parameters={"R": 5.0}), 9.0, hops=1).status == (
-        "carried off"
+        "carried_off"
     )
 
 
