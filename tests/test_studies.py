@@ -2,7 +2,18 @@
 
 import pytest
 
-from studies import air_track, asteroid, existence, figure_7, gravity_families, spring_families
+from studies import (
+    air_track,
+    asteroid,
+    attraction,
+    existence,
+    figure_5,
+    figure_6,
+    figure_7,
+    figure_8,
+    gravity_families,
+    spring_families,
+)
 
 
 def test_air_track(tmp_path, capsys):
@@ -72,3 +83,39 @@ def test_gravity_families(tmp_path):
     assert found["hopper", "1 - k*z", 1].end.limit == pytest.approx(2 / (length + 1), rel=1e-5)
     assert found["juggler", "1 - k*z", 1].end.limit == pytest.approx(1 / length, rel=1e-5)
     assert found["hopper", "1/(1 + z*k)**2", 1].end.kind == "reached"
+
+
+def test_figure_5(tmp_path):
+    """Where long bouncing ends was counted in 45 digits too: 100 impacts at 3.71, 2 at 3.73."""
+    numbers = figure_5.main(tmp_path)
+    assert numbers["next at 4"] == pytest.approx(2.07360256000564579, rel=1e-14)
+    assert numbers["impacts at 3.4"] == 44
+    assert numbers["edge 1000"] == pytest.approx(3.72074, abs=1e-5)
+    assert (tmp_path / "figure_5.png").stat().st_size > 10_000
+
+
+def test_figure_6(tmp_path):
+    numbers = figure_6.main(tmp_path)
+    assert numbers["typical speed"] > 1
+    assert numbers["typical asymmetry"] > 0.1
+    assert numbers["lossless speed"] < 1e-8
+    assert numbers["lossless asymmetry"] < 1e-4
+
+
+def test_figure_8(tmp_path):
+    """Curve (d), and the period doubling beyond it."""
+    numbers = figure_8.main(tmp_path, quick=True)
+    assert numbers["eps"] == pytest.approx(0.071587384137, abs=1e-11)
+    assert numbers["stable"] == pytest.approx(4.541763272853, abs=1e-11)
+    assert numbers["unstable"] == pytest.approx(4.481341946645, abs=1e-11)
+    assert numbers["eps"] < numbers["period 4"] < numbers["last"] < 0.15
+    assert (tmp_path / "figure_8.png").stat().st_size > 10_000
+
+
+def test_attraction(tmp_path):
+    """Little is attracted at M = 1, all at extreme mass ratios, and C is the same for M and 1/M."""
+    numbers = attraction.main(tmp_path, quick=True)
+    shares = dict(zip(numbers["ratios"], numbers["shares"], strict=True))
+    assert shares[1.0] < 0.1
+    assert shares[1e-3] == shares[1e3] == 1.0
+    assert all(error > 0.005 for error in numbers["errors"])

@@ -1,0 +1,113 @@
+"""Which launches come to a lossless hop by themselves, for mass ratios from 1e-3 to 1e3; and how good a hand must be.
+
+A launch is attracted when one of its hops starts in an interval [alpha*, beta] above a lossless launch speed in which
+every launch maps closer to alpha* from above: beta is where the map comes back to alpha*. At M = 1 these intervals are
+narrow and most launches come to rest; for very light and very heavy feet nearly all launches beyond the first lossless
+one end in one. The second question is that of the table-top experiment: with energy given by hand at every hop, to
+within an error, how large may that error be for eight smooth catches in a row?
+Run: python studies/attraction.py [--output FOLDER] [--quick]
+"""
+
+import argparse
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from orbits import ReturnMap
+from orbits.plot import COLOURS, new_row, save_figure
+from orbits.roots import bracketed_root
+from problems import Hopper
+
+LAUNCHES = (4.5, 20.0)
+HOPS = 4000
+# Of the experiment: foot over body; the injection per hop, in launch speed; a smooth catch loses less of alpha^2.
+MASS_RATIO, CATCHES, SMOOTH = 0.909, 8, 0.05
+
+
+def catching(step: ReturnMap) -> list[tuple[float, float]]:
+    """The intervals [alpha*, beta] of the lossless fixed points up to the highest launch, none beyond the next one."""
+    stars, found = [point.alpha for point in step.fixed_points(1.0, 1.3 * LAUNCHES[1])], []
+    for star, next_star in pairwise(stars):
+        alpha = np.linspace(star, next_star, 400)[1:-1]
+        below = np.flatnonzero(~(step(alpha).next >= star))
+        if not len(below):
+            found.append((star, next_star))
+            continue
+        low, high = (star + 1e-9 if below[0] == 0 else alpha[below[0] - 1]), alpha[below[0]]
+        excess = lambda alpha, star=star: _next(step, alpha) - star  # noqa: E731
+        found.append((star, bracketed_root(excess, low, high, excess(low), excess(high), width=1e-10)))
+    return found
+
+
+def _next(step: ReturnMap, alpha: float) -> float:
+    following = float(step(alpha).next)
+    return following if np.isfinite(following) else 0.0
+
+
+def attracted(mass_ratio: float, count: int) -> float:
+    """The share of launches, evenly spread, that come to a lossless hop."""
+    step = ReturnMap(Hopper(mass_ratio=mass_ratio))
+    intervals = catching(step)
+    alpha, caught = np.linspace(*LAUNCHES, count), np.zeros(count, bool)
+    going = np.arange(count)
+    for _ in range(HOPS):
+        inside = np.zeros(len(going), bool)
+        for low, high in intervals:
+            inside |= (alpha[going] >= low) & (alpha[going] <= high)
+        caught[going[inside]] = True
+        going = going[~inside]
+        if not len(going):
+            break
+        alpha[going] = step(alpha[going]).next
+        going = going[np.isfinite(alpha[going]) & (alpha[going] > 1.0)]
+    return float(caught.mean())
+
+
+def tolerance(inject: float, trials: int, seed: int = 3) -> float:
+    """The largest error of the injection, uniform to either side, with which eight catches in a row are smooth in nine
+    of ten trials."""
+    step = ReturnMap(Hopper(mass_ratio=MASS_RATIO))
+    start = ReturnMap(Hopper(mass_ratio=MASS_RATIO), inject=inject).fixed_points(4.3, 5.0)[-1].alpha
+    errors = np.random.default_rng(seed).uniform(-1, 1, (CATCHES, trials))
+
+    def share(size: float) -> float:
+        alpha, smooth = np.full(trials, start), np.ones(trials, bool)
+        for error in errors:
+            hops = step(alpha)
+            smooth &= (hops.loss < SMOOTH * alpha**2) & np.isfinite(hops.next)
+            alpha = np.where(smooth, hops.next + inject + size * error, start)
+        return float(smooth.mean())
+
+    low, high = 0.0, 1.0
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if share(middle) >= 0.9 else (low, middle)
+    return low
+
+
+def main(folder: Path, quick: bool = False) -> dict[str, list]:
+    ratios = np.logspace(-3, 3, 7 if quick else 25)
+    shares = [attracted(M, 60 if quick else 300) for M in ratios]
+    injections = np.array([0.01, 0.03]) if quick else np.geomspace(0.002, 0.07, 12)
+    errors = [tolerance(eps, 200 if quick else 1000) for eps in injections]
+    for M, share in zip(ratios, shares, strict=True):
+        print(f"  M = {M:8.3g}: {100 * share:5.1f}% of the launches from {LAUNCHES[0]} to {LAUNCHES[1]} are attracted")
+    for eps, error in zip(injections, errors, strict=True):
+        print(f"  injection {eps:.4f} of launch speed at every hop: eight smooth catches need it to +-{error:.4f}")
+    left, right = new_row(2, 4.8, 3.8)
+    left.semilogx(ratios, shares, "o-", color=COLOURS[0], ms=4)
+    left.set(xlabel="mass ratio M", ylabel="share of launches attracted", ylim=(0, 1.05))
+    right.plot(injections, errors, "o-", color=COLOURS[1], ms=4)
+    right.set(xlabel="injection at every hop", ylabel="error allowed", title=f"eight catches, M = {MASS_RATIO:g}")
+    folder.mkdir(parents=True, exist_ok=True)
+    print(f"\n  figure: {save_figure(left, folder / 'attraction.png')}")
+    return {"ratios": list(ratios), "shares": shares, "injections": list(injections), "errors": errors}
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
+    parser.add_argument("--quick", action="store_true", help="fewer mass ratios and launches")
+    arguments = parser.parse_args()
+    main(arguments.output, arguments.quick)

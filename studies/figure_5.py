@@ -1,0 +1,68 @@
+"""Fig. 5 of the paper: the return map of the linear hopper for mass ratios from light to heavy feet.
+
+(a) M = 1; (b) its first fixed point, enlarged: attracting from above only, with ten times the loss below; (c) a light
+foot, whose map is close to the identity; (d) a heavy one, close to it too but for throws from pi on, which end in long
+bouncing: there the number of impacts grows without bound. On a hand of infinite mass bouncing with one period is stable
+up to throws of sqrt(pi^2 + 3) = 3.587; the long bouncing goes on past it, up to 3.7245 as the hand grows heavy.
+Run: python studies/figure_5.py [--output FOLDER]
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from orbits import ReturnMap, find
+from orbits.plot import COLOURS, new_row, plot_map, save_figure
+from problems import Hopper
+
+LIGHT, HEAVY = 0.02, 1e3
+# Where linear theory ends stable bouncing on a hand of infinite mass (Schaal and Atkeson 1993, as cited in the paper).
+EDGE = np.sqrt(np.pi**2 + 3)
+
+
+def right_edge(mass_ratio: float) -> float:
+    """The throw between 3.6 and 3.8 beyond which there is no long bouncing any more."""
+    step, low, high = ReturnMap(Hopper(mass_ratio=mass_ratio)), 3.6, 3.8
+    while high - low > 1e-10:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if int(step(middle).impacts) > 10 else (low, middle)
+    return low
+
+
+def main(folder: Path) -> dict[str, float]:
+    panels = new_row(2, 5.0, 4.6, rows=2)
+    orbit = find(Hopper())
+    plot_map(ReturnMap(Hopper()), 1.0, 12.0, panels[0, 0])
+    near = 0.02
+    plot_map(ReturnMap(Hopper()), orbit.alpha - near, orbit.alpha + near, panels[0, 1])
+    panels[0, 1].set_ylim(orbit.alpha - 6 * near, orbit.alpha + near)
+    plot_map(ReturnMap(Hopper(mass_ratio=LIGHT)), 1.0, 12.0, panels[1, 0])
+    heavy = ReturnMap(Hopper(mass_ratio=HEAVY))
+    plot_map(heavy, 2.9, 3.8, panels[1, 1], samples=1200)
+    panels[1, 1].set_ylim(2.4, 3.8)
+    other = panels[1, 1].twinx()
+    alpha = np.linspace(2.9, 3.8, 1200)
+    other.plot(alpha, heavy(alpha).impacts, color=COLOURS[1], lw=0.8)
+    other.set_ylabel("impacts", color=COLOURS[1])
+    for axes, words in zip(panels.flat, ("M = 1", "M = 1, enlarged", f"M = {LIGHT:g}", f"M = {HEAVY:g}"), strict=True):
+        axes.set_title(words, fontsize="medium")
+    numbers = {
+        "next at 4": float(ReturnMap(Hopper())(4.0).next),
+        "impacts at 3.4": int(heavy(3.4).impacts),
+        **{f"edge {M:g}": right_edge(M) for M in (1e3, 1e4)},
+    }
+    print(
+        f"\n  M = 1: 4 goes to {numbers['next at 4']:.12g}; M = {HEAVY:g}: 3.4 has {numbers['impacts at 3.4']} impacts"
+    )
+    for M in (1e3, 1e4):
+        print(f"  M = {M:g}: bouncing up to {numbers[f'edge {M:g}']:.5f}; sqrt(pi^2 + 3) = {EDGE:.5f}")
+    folder.mkdir(parents=True, exist_ok=True)
+    print(f"\n  figure: {save_figure(panels.flat[0], folder / 'figure_5.png')}")
+    return numbers
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
+    main(parser.parse_args().output)

@@ -1,0 +1,50 @@
+"""Fig. 6 of the paper: the foot's path with a blow at landing, and the symmetric one without.
+
+Played backwards, the first would need a blow at lift-off, which the ground does not give; the second is its own mirror
+image, in flight and in contact.
+Run: python studies/figure_6.py [--output FOLDER]
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from orbits import find, simulate
+from orbits.plot import COLOURS, SHADE, new_row, save_figure
+from problems import Hopper
+
+TYPICAL = 4.0
+
+
+def asymmetry(run, first: float, end: float) -> float:
+    """How far the foot's path from a time to another is from its mirror image, beside its height."""
+    t = np.linspace(0, end - first, 400)
+    path = run(first + t)[:, 2]
+    return float(np.abs(path - path[::-1]).max() / path.max())
+
+
+def main(folder: Path) -> dict[str, float]:
+    machine, panels, numbers = Hopper(), new_row(2, 5.0, 3.4), {}
+    for axes, (name, alpha) in zip(panels, (("typical", TYPICAL), ("lossless", find(machine).alpha)), strict=True):
+        run = simulate(machine, alpha, hops=2)
+        flight = run.events[0]
+        t = np.linspace(0, run.end, 3000)
+        axes.plot(t, run(t)[:, 2], color=COLOURS[1], lw=2)
+        for leg in run.legs:
+            if leg.phase == "contact":
+                axes.axvspan(leg.start, leg.start + leg.path.times[-1], fc=SHADE, zorder=0)
+        axes.set(title=f"{name}: launch speed {alpha:.4g}", xlabel="time", ylabel="foot $y_2$")
+        numbers[f"{name} speed"] = float(abs(flight.before[3]))
+        numbers[f"{name} asymmetry"] = asymmetry(run, 0.0, flight.time)
+        speed, other = (numbers[f"{name} {what}"] for what in ("speed", "asymmetry"))
+        print(f"\n  {name}: the foot lands at speed {speed:.3g}; its path and the mirror image differ by {other:.1e}")
+    folder.mkdir(parents=True, exist_ok=True)
+    print(f"\n  figure: {save_figure(panels[0], folder / 'figure_6.png')}")
+    return numbers
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
+    main(parser.parse_args().output)
