@@ -726,3 +726,73 @@ class TestFollow:
         assert result.code == code
         assert message in result.err
         assert "Traceback" not in result.err
+
+
+class TestMap:
+    def test_the_json_document(self, orbits):
+        document = orbits("map --alpha 2:4.5:6 --json").document
+        assert set(document) == {"alpha", "next", "loss", "impacts", "status"}
+        assert document["alpha"] == pytest.approx([2.0, 2.5, 3.0, 3.5, 4.0, 4.5])
+        assert document["status"][0] == "rests"
+        assert document["next"][0] is None
+        assert document["next"][4] == pytest.approx(2.07360256000564579, rel=1e-14)
+        assert document["impacts"][4] == 2
+        assert document["loss"][5] == pytest.approx(0.043397976103492665, rel=1e-12)
+
+    def test_losses_and_injection(self, orbits):
+        plain, lifted = (orbits(f"map --alpha 4.6 --json {more}").document["next"][0] for more in ("", "--inject 0.05"))
+        assert lifted - plain == pytest.approx(0.05, rel=1e-12)
+        for more in ("--restitution 0.3", "--damping 0.02", "--drag 0.02"):
+            assert orbits(f"map --alpha 4.6 --json {more}").document["next"][0] != pytest.approx(plain, rel=1e-3)
+
+    def test_the_table_and_the_figure(self, orbits, tmp_path):
+        figure = tmp_path / "map.png"
+        result = orbits("map --alpha 4:5:3", "--plot", figure)
+        assert result.code == 0
+        assert result.out.splitlines()[1].split()[-1] == "lifts_off"
+        assert figure.stat().st_size > 10_000
+
+    @pytest.mark.parametrize(
+        ("line", "words"),
+        [
+            ("--alpha x", "neither a number nor a range"),
+            ("--alpha 1:2", "neither a number nor a range"),
+            ("--alpha 1:2:1", "neither a number nor a range"),
+            ("--alpha -1", "launch speeds are above 0"),
+            ("--alpha 1 --restitution 2", "restitution"),
+            ("--alpha 1 --damping -1", "damping"),
+            ("--alpha 1 --plot x.png", "needs a range"),
+        ],
+    )
+    def test_bad_input(self, orbits, line, words):
+        result = orbits("map " + line)
+        assert result.code == 2
+        assert words in result.err
+
+
+class TestSimulate:
+    def test_the_json_document(self, orbits):
+        document = orbits("simulate --alpha 4.6 --hops 2 --json").document
+        assert document["status"] == "done"
+        assert document["launches"][1] == pytest.approx(4.3923267672622012726, rel=1e-14)
+        assert [event["kind"] for event in document["events"]] == [
+            "landing",
+            "lift-off",
+            "impact",
+            "landing",
+            "lift-off",
+        ]
+        assert document["events"][0]["loss"] == pytest.approx(1.8674655695919803751, rel=1e-12)
+
+    def test_the_table_and_the_figure(self, orbits, tmp_path):
+        figure = tmp_path / "run.png"
+        result = orbits("simulate --alpha 2 --time 30 --machine juggler", "--plot", figure)
+        assert result.code == 0
+        assert "done at time 30" in result.out
+        assert figure.stat().st_size > 10_000
+
+    def test_bad_input(self, orbits):
+        for line, words in (("--alpha 4", "needs hops or a time"), ("--alpha 0 --hops 1", "above 0")):
+            result = orbits("simulate " + line)
+            assert result.code == 2
+            assert words in result.err

@@ -127,6 +127,15 @@ def test_it_comes_to_a_lossless_orbit_like_the_third_power():
     assert 3 / (c * (alpha - ALPHA) ** (1 / 3)) - n == pytest.approx(400, rel=0.01)
 
 
+def test_a_million_lossless_hops_do_not_drift():
+    """Losses below half a unit in the last place vanish, and the root of a rounded square is the number itself."""
+    alpha = start = find(Hopper()).alpha + 4.4e-16 * np.arange(-500, 500)
+    step = ReturnMap(Hopper())
+    for _ in range(1000):
+        alpha = step(alpha).next
+    assert (alpha == start).all()
+
+
 class TestInjection:
     EPS = 0.071587384137
 

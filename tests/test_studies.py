@@ -7,6 +7,7 @@ from studies import (
     asteroid,
     attraction,
     existence,
+    figure_3,
     figure_5,
     figure_6,
     figure_7,
@@ -83,6 +84,13 @@ def test_gravity_families(tmp_path):
     assert found["hopper", "1 - k*z", 1].end.limit == pytest.approx(2 / (length + 1), rel=1e-5)
     assert found["juggler", "1 - k*z", 1].end.limit == pytest.approx(1 / length, rel=1e-5)
     assert found["hopper", "1/(1 + z*k)**2", 1].end.kind == "reached"
+
+
+def test_figure_3(tmp_path):
+    numbers = figure_3.main(tmp_path)
+    assert numbers["ratio"] == pytest.approx(2.0, rel=1e-13)
+    assert numbers["difference"] < 1e-13
+    assert numbers["periods"][0] == pytest.approx(numbers["periods"][1], rel=1e-14)
 
 
 def test_figure_5(tmp_path):
