@@ -127,13 +127,13 @@ def test_it_comes_to_a_lossless_orbit_like_the_third_power():
     assert 3 / (c * (alpha - ALPHA) ** (1 / 3)) - n == pytest.approx(400, rel=0.01)
 
 
-def test_a_million_lossless_hops_do_not_drift():
-    """Losses below half a unit in the last place vanish, and the root of a rounded square is the number itself."""
-    alpha = start = find(Hopper()).alpha + 4.4e-16 * np.arange(-500, 500)
-    step = ReturnMap(Hopper())
-    for _ in range(1000):
-        alpha = step(alpha).next
-    assert (alpha == start).all()
+def test_lossless_hops_do_not_drift_however_many():
+    """Losses below half a unit in the last place vanish, and the root of a rounded square is the number itself.
+
+    So beside a lossless orbit a hop gives back every launch speed to the last bit, and so does a million of them.
+    """
+    alpha = find(Hopper()).alpha + 8.9e-16 * np.arange(-50, 50)
+    assert (ReturnMap(Hopper())(alpha).next == alpha).all()
 
 
 class TestInjection:
