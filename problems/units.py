@@ -59,10 +59,10 @@ def machine_in_si(
     g = number("surface_gravity", surface_gravity, low=0)
     given = {name: number(name, value) for name, value in (parameters or {}).items()}
     spring, k = _spring(force, stiffness, given)
-    ratio = lower / upper
-    weight = lower * g
-    length = weight / k
-    time = (lower / k / (1 + ratio if kind is Hopper else 1)) ** 0.5
+    ratio = number("mass_ratio", lower / upper, low=0)
+    weight = number("the weight of the lower mass", lower * g, low=0)
+    length = number("the unit of length", weight / k, low=0)
+    time = number("the unit of time", (lower / k / (1 + ratio if kind is Hopper else 1)) ** 0.5, low=0)
     if body_radius is not None:
         if gravity is not None:
             raise InputError("give body_radius or gravity, not both")
