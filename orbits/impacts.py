@@ -49,6 +49,7 @@ class Impacts:
     def __init__(self, machine):
         if not all(hasattr(machine, name) for name in ("model", "values", "restitution")):
             raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper()")
+        self.machine = machine
         self.model, self.values, self.restitution = machine.model, machine.values, float(machine.restitution)
         self.p = vector(self.values)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from .errors import InputError
 from .family import check_ending
+from .model import Units
 from .orbit import Orbit
 
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
@@ -48,11 +49,9 @@ def new_row(count: int, width: float = 4.2, height: float = 3.6, rows: int = 1):
     return axes
 
 
-def scales(orbit: Orbit) -> tuple[float, float, str, str]:
+def scales(units: Units | None) -> tuple[float, float, str, str]:
     """Factors of length and time for a plot and what to write behind their names: SI where the machine is stated so."""
-    if orbit.units is None:
-        return 1.0, 1.0, "", ""
-    return orbit.units.length, orbit.units.time, " (m)", " (s)"
+    return (1.0, 1.0, "", "") if units is None else (units.length, units.time, " (m)", " (s)")
 
 
 def plot_orbit(orbit: Orbit, axes=None):
@@ -60,7 +59,7 @@ def plot_orbit(orbit: Orbit, axes=None):
 
     In metres and seconds for a machine that is stated in SI.
     """
-    length, time, metres, seconds = scales(orbit)
+    length, time, metres, seconds = scales(orbit.units)
     axes = axes or new_axes()
     end = orbit.flight_time if orbit.contact_time is None else orbit.period
     t = np.linspace(0, end, 2001)
@@ -85,7 +84,7 @@ def plot_orbit(orbit: Orbit, axes=None):
 
 def plot_phase_portrait(orbit: Orbit, axes=None):
     """Speed against height of every mass over a cycle; returns the axes."""
-    length, time, metres, _ = scales(orbit)
+    length, time, metres, _ = scales(orbit.units)
     axes = axes or new_axes(4.5, 4.0)
     end = orbit.flight_time if orbit.contact_time is None else orbit.period
     states = orbit(np.linspace(0, end, 2001))
@@ -220,23 +219,45 @@ def plot_map(step, low: float, high: float, axes=None, samples: int = 4000, star
     return axes
 
 
-def plot_simulation(run, machine, axes=None):
-    """Heights of a simulated machine's masses against time, contacts shaded, impacts marked; returns the axes."""
-    axes = axes or new_axes()
+def plot_simulation(run, axes=None):
+    """Heights of a simulated machine's masses against time, contacts shaded, impacts marked; returns the axes.
+
+    In metres and seconds for a machine that is stated in SI.
+    """
+    axes, machine = axes or new_axes(), run.machine
+    length, time, metres, seconds = scales(machine.units)
     t = np.linspace(0, run.end, 4001)
     states = run(t)
     for (name, height), colour in zip(machine.model.heights(machine.values).items(), COLOURS, strict=False):
-        axes.plot(t, height(states), color=colour, lw=1 if name == "centre of mass" else 1.8, label=name)
-    for leg in run.legs:
-        if leg.phase == "contact":
-            axes.axvspan(leg.start, leg.start + leg.path.times[-1], fc=SHADE, zorder=0)
-    impacts = [event.time for event in run.events if event.kind == "impact"]
+        lw = 1 if name == "centre of mass" else 1.8
+        axes.plot(time * t, length * height(states), color=colour, lw=lw, label=name)
+    _shade_contacts(run, axes, time)
+    impacts = [time * event.time for event in run.events if event.kind == "impact"]
     axes.plot(impacts, np.zeros(len(impacts)), "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
     axes.axhline(0, color="0.4", lw=0.8)
-    axes.set(xlim=(0, run.end), xlabel="time", ylabel="height")
+    axes.set(xlim=(0, time * run.end), xlabel="time" + seconds)
+    axes.set_ylabel(("height" if machine.rest_length is not None else "displacement") + metres)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4)
     return axes
+
+
+def plot_gap(run, axes=None, label: str | None = None):
+    """The gap of a simulated machine against time, a hopper's foot path as in Fig. 6 of the paper; returns the axes."""
+    axes, machine = axes or new_axes(), run.machine
+    length, time, metres, seconds = scales(machine.units)
+    t = np.linspace(0, run.end, 4001)
+    axes.plot(time * t, length * machine.model.gap(machine.values)(run(t)), color=COLOURS[1], lw=2, label=label)
+    _shade_contacts(run, axes, time)
+    axes.set(xlim=(0, time * run.end), xlabel="time" + seconds, ylabel="gap" + metres)
+    axes.spines[["top", "right"]].set_visible(False)
+    return axes
+
+
+def _shade_contacts(run, axes, time: float):
+    for leg in run.legs:
+        if leg.phase == "contact":
+            axes.axvspan(time * leg.start, time * (leg.start + leg.path.times[-1]), fc=SHADE, zorder=0)
 
 
 def title(orbit: Orbit) -> str:
@@ -277,27 +298,46 @@ def save_figure(axes, path) -> Path:
 
 def animate_orbit(orbit: Orbit, path, frames: int = 80) -> Path:
     """Write one cycle as an animated GIF of masses, spring and ground; returns the path."""
+    closed = orbit.contact_time is not None
+    t = np.linspace(0, orbit.period if closed else orbit.flight_time, _frames(frames), endpoint=not closed)
+    words = np.where(t <= orbit.flight_time, "flight", "contact")
+    length = scales(orbit.units)[0]
+    heights = {name: length * height(orbit(t)) for name, height in orbit.shape.heights.items()}
+    return _animate(path, words, heights, orbit.shape.spring_ends, orbit.machine["rest_length"] is None, orbit.units)
+
+
+def animate_simulation(run, path, frames: int = 200) -> Path:
+    """Write a simulated motion as an animated GIF of masses, spring and ground; returns the path."""
+    t, machine = np.linspace(0, run.end, _frames(frames)), run.machine
+    words = np.where(run.in_contact(t), "contact", "flight")
+    states, length = run(t), scales(machine.units)[0]
+    heights = {name: length * height(states) for name, height in machine.model.heights(machine.values).items()}
+    return _animate(path, words, heights, machine.model.spring_ends, machine.rest_length is None, machine.units)
+
+
+def _frames(frames) -> int:
+    if isinstance(frames, bool) or not isinstance(frames, int | np.integer) or frames < 2:
+        raise InputError(f"frames = {frames!r}; an animation has at least 2")
+    return int(frames)
+
+
+def _animate(path, words, heights, spring_ends, floating: bool, units: Units | None) -> Path:
+    """Animate two masses at heights (frames,), by name, under `words` for every frame; `floating` where nothing says
+    how far the upper one is from the lower."""
     from matplotlib.animation import FuncAnimation, PillowWriter
 
     path = check_path(path, ANIMATIONS)
-    if isinstance(frames, bool) or not isinstance(frames, int | np.integer) or frames < 2:
-        raise InputError(f"frames = {frames!r}; an animation has at least 2")
-    end = orbit.flight_time if orbit.contact_time is None else orbit.period
-    t = np.linspace(0, end, frames, endpoint=orbit.contact_time is None)
-    states = orbit(t)
-    names = list(orbit.shape.heights)[:2]
-    below, above = orbit.shape.spring_ends
-    length, _, metres, _ = scales(orbit)
-    heights = {name: length * orbit.shape.heights[name](states) for name in names} | {None: np.zeros(frames)}
-    if orbit.machine["rest_length"] is None:  # nothing says how long the spring is: long enough
+    names, (below, above) = list(heights)[:2], spring_ends
+    heights = {name: heights[name] for name in names} | {None: np.zeros(len(words))}
+    if floating:  # long enough
         room = 1.2 * max(np.ptp(height) for height in heights.values())
         heights = {name: height + room * (name not in (below, None)) for name, height in heights.items()}
 
     axes = new_axes(3.2, 5.2)
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
     margin = 0.08 * (high - low)
-    axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height" + metres)
-    if orbit.machine["rest_length"] is None:
+    axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height" + scales(units)[2])
+    if floating:
         axes.set_yticks([])
     axes.spines[["top", "right", "bottom"]].set_visible(False)
     axes.axhspan(low - 2 * margin, 0, color=SHADE, zorder=0)
@@ -317,11 +357,11 @@ def animate_orbit(orbit: Orbit, path, frames: int = 80) -> Path:
         coil.set_data(zigzag, np.linspace(heights[below][i], heights[above][i], len(zigzag)))
         for mass, name in zip(masses, names, strict=True):
             mass.set_data([0], [heights[name][i]])
-        label.set_text("flight" if t[i] <= orbit.flight_time else "contact")
+        label.set_text(words[i])
         return coil, *masses, label
 
     try:
-        FuncAnimation(axes.figure, draw, frames=frames, blit=False).save(path, PillowWriter(fps=30), dpi=80)
+        FuncAnimation(axes.figure, draw, frames=len(words), blit=False).save(path, PillowWriter(fps=30), dpi=80)
     except OSError as error:
         raise InputError(f"the animation cannot be written to {path}: {error}") from None
     return path

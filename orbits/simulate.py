@@ -5,6 +5,7 @@ is not skipped. Each leg is kept as its polynomials, so the whole motion can be 
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -53,6 +54,7 @@ class Simulation:
     status : "done", or why it ended early: "rests" in contact for good, "collapses", is "carried_off", or "cap" impacts
     launches : (hops,), launch speeds at the lift-offs, the first that of the start if it was one
     end : time
+    machine : that moved
     """
 
     legs: tuple[Leg, ...]
@@ -60,7 +62,7 @@ class Simulation:
     status: str
     launches: np.ndarray
     end: float
-    embed: np.ndarray
+    machine: object
 
     def document(self) -> dict:
         """The simulation as the JSON document of the command line."""
@@ -80,23 +82,37 @@ class Simulation:
         speeds = ", ".join(f"{speed:.10g}" for speed in self.launches)
         return "\n".join([*lines, f"  launch speeds {speeds}", f"  {self.status} at time {self.end:.9g}"])
 
-    def plot(self, machine, axes=None):
+    def plot(self, axes=None):
         """Plot heights against time; returns the axes. See `orbits.plot.plot_simulation`."""
         from .plot import plot_simulation
 
-        return plot_simulation(self, machine, axes)
+        return plot_simulation(self, axes)
+
+    def animate(self, path, frames: int = 200) -> Path:
+        """Write an animation of the whole motion (GIF); returns its path."""
+        from .plot import animate_simulation
+
+        return animate_simulation(self, path, frames)
+
+    def in_contact(self, t) -> np.ndarray:
+        """Whether the machine is in contact at times (...)."""
+        return np.array([leg.phase == "contact" for leg in self.legs])[self._leg(np.asarray(t, dtype=float))]
+
+    def _leg(self, t) -> np.ndarray:
+        """The index of the leg at times (...)."""
+        return np.clip(np.searchsorted([leg.start for leg in self.legs], t, side="right") - 1, 0, None)
 
     def __call__(self, t) -> np.ndarray:
         t = np.asarray(t, dtype=float)
         if not ((t >= 0) & (t <= self.end * (1 + 1e-12))).all():
             raise InputError(f"times lie between 0 and {self.end:.6g}")
-        states = np.empty((*t.shape, len(self.embed)))
-        index = np.clip(np.searchsorted([leg.start for leg in self.legs], t, side="right") - 1, 0, None)
+        embed = self.machine.model.embed
+        states, index = np.empty((*t.shape, len(embed))), self._leg(t)
         for i in np.unique(index):
             leg, here = self.legs[i], index == i
             rows = leg.path(np.minimum(t[here] - leg.start, leg.path.times[-1]))
             flying = leg.phase == "flight"
-            states[here] = rows[..., : len(self.embed)] if flying else rows[..., : self.embed.shape[1]] @ self.embed.T
+            states[here] = rows[..., : len(embed)] if flying else rows[..., : embed.shape[1]] @ embed.T
         return states
 
 
@@ -175,8 +191,8 @@ class _Run:
             if self.hops is not None and lifted >= self.hops:
                 status = "done"
                 break
-        embed = self.rules.model.embed
-        return Simulation(tuple(self.legs), tuple(self.events), status, np.array(self.launches), self.now, embed)
+        launches, machine = np.array(self.launches), self.rules.machine
+        return Simulation(tuple(self.legs), tuple(self.events), status, launches, self.now, machine)
 
     def fly(self, x, skip: int) -> str | None:
         """Fly until the gap closes; why the simulation ends instead, if it does."""

@@ -234,18 +234,22 @@ def return_map(alpha, inject, as_json, plot, **machine):
 @click.option("--time", "end", type=click.FloatRange(0, min_open=True), metavar="T", help="End at this time.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @click.option("--plot", metavar="FILE", help="Write a figure (.png, .pdf, .svg).")
-def simulate(alpha, hops, end, inject, as_json, plot, **machine):
+@click.option("--animate", metavar="FILE", help="Write an animation (.gif).")
+def simulate(alpha, hops, end, inject, as_json, plot, animate, **machine):
     """Follow the machine's motion from a launch, through every impact and contact."""
     from orbits.orbit import to_json
-    from orbits.plot import FIGURES, check_path, save_figure
+    from orbits.plot import ANIMATIONS, FIGURES, check_path, save_figure
     from orbits.simulate import simulate as run_machine
 
-    if plot is not None:
-        check_path(plot, FIGURES)
+    for path, endings in ((plot, FIGURES), (animate, ANIMATIONS)):
+        if path is not None:
+            check_path(path, endings)
     machine = machine_of(**machine)
     run = run_machine(machine, alpha, hops=hops, time=float("inf") if end is None else end, inject=inject)
     if plot is not None:
-        save_figure(run.plot(machine), plot)
+        save_figure(run.plot(), plot)
+    if animate is not None:
+        run.animate(animate)
     click.echo(to_json(run.document()) if as_json else str(run))
 
 

@@ -34,11 +34,12 @@ class Juggler(Machine):
     kind = "juggler"
 
     def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-        return _model(spring, gravity, has_length, damped)
+        return juggler_model(spring, gravity, has_length, damped)
 
 
 @lru_cache(maxsize=64)
-def _model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+def juggler_model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+    """The model of the keys of the laws, see `Machine.build`."""
     force = spring.expression
     pull, dampers = gravity_at(gravity), damper(damped)
 

@@ -3,7 +3,8 @@
 (a) M = 1; (b) its first fixed point, enlarged: attracting from above only, with ten times the loss below; (c) a light
 foot, whose map is close to the identity; (d) a heavy one, close to it too but for throws from pi on, which end in long
 bouncing: there the number of impacts grows without bound. On a hand of infinite mass bouncing with one period is stable
-up to throws of sqrt(pi^2 + 3) = 3.587; the long bouncing goes on past it, up to 3.7245 as the hand grows heavy.
+up to throws of sqrt(pi^2 + 3) = 3.587; then every other bounce is higher, up to throws of 3.72496, where the lower one
+comes at the hand's downward acceleration g and the ball is caught.
 Run: python studies/figure_5.py [--output FOLDER]
 """
 
@@ -14,20 +15,26 @@ import numpy as np
 
 from orbits import ReturnMap, find
 from orbits.plot import COLOURS, new_row, plot_map, save_figure
-from problems import Hopper
+from problems import HeavyHand, Hopper
 
 LIGHT, HEAVY = 0.02, 1e3
 # Where linear theory ends stable bouncing on a hand of infinite mass (Schaal and Atkeson 1993, as cited in the paper).
 EDGE = np.sqrt(np.pi**2 + 3)
 
 
-def right_edge(mass_ratio: float) -> float:
+def right_edge(machine) -> float:
     """The throw between 3.6 and 3.8 beyond which there is no long bouncing any more."""
-    step, low, high = ReturnMap(Hopper(mass_ratio=mass_ratio)), 3.6, 3.8
+    step, low, high = ReturnMap(machine, cap=20), 3.6, 3.8
     while high - low > 1e-10:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if int(step(middle).impacts) > 10 else (low, middle)
+        low, high = (middle, high) if step(middle).status == "cap" else (low, middle)
     return low
+
+
+def worst_loss(mass_ratio: float) -> float:
+    """The largest share of the launch energy that one hop from 4.5 to 20 loses."""
+    hops = ReturnMap(Hopper(mass_ratio=mass_ratio))(np.linspace(4.5, 20, 5000))
+    return float((hops.loss / hops.alpha**2).max())
 
 
 def main(folder: Path) -> dict[str, float]:
@@ -50,13 +57,17 @@ def main(folder: Path) -> dict[str, float]:
     numbers = {
         "next at 4": float(ReturnMap(Hopper())(4.0).next),
         "impacts at 3.4": int(heavy(3.4).impacts),
-        **{f"edge {M:g}": right_edge(M) for M in (1e3, 1e4)},
+        **{f"edge {M:g}": right_edge(Hopper(mass_ratio=M)) for M in (1e3, 1e4)},
+        "edge inf": right_edge(HeavyHand()),
+        "light loss": worst_loss(LIGHT) / LIGHT,
+        "lighter loss": worst_loss(1e-4) / 1e-4,
     }
     print(
         f"\n  M = 1: 4 goes to {numbers['next at 4']:.12g}; M = {HEAVY:g}: 3.4 has {numbers['impacts at 3.4']} impacts"
     )
-    for M in (1e3, 1e4):
-        print(f"  M = {M:g}: bouncing up to {numbers[f'edge {M:g}']:.5f}; sqrt(pi^2 + 3) = {EDGE:.5f}")
+    for M in ("1000", "10000", "inf"):
+        print(f"  M = {M}: bouncing up to {numbers[f'edge {M}']:.8f}; sqrt(pi^2 + 3) = {EDGE:.8f}")
+    print(f"  light feet: a hop loses at most {numbers['lighter loss']:.4f} M of its energy, M = 1e-4")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(panels.flat[0], folder / 'figure_5.png')}")
     return numbers

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find, simulate
-from orbits.plot import COLOURS, SHADE, new_row, save_figure
+from orbits.plot import new_row, plot_gap, save_figure
 from problems import Hopper
 
 TYPICAL = 4.0
@@ -29,12 +29,7 @@ def main(folder: Path) -> dict[str, float]:
     for axes, (name, alpha) in zip(panels, (("typical", TYPICAL), ("lossless", find(machine).alpha)), strict=True):
         run = simulate(machine, alpha, hops=2)
         flight = run.events[0]
-        t = np.linspace(0, run.end, 3000)
-        axes.plot(t, run(t)[:, 2], color=COLOURS[1], lw=2)
-        for leg in run.legs:
-            if leg.phase == "contact":
-                axes.axvspan(leg.start, leg.start + leg.path.times[-1], fc=SHADE, zorder=0)
-        axes.set(title=f"{name}: launch speed {alpha:.4g}", xlabel="time", ylabel="foot $y_2$")
+        plot_gap(run, axes).set(title=f"{name}: launch speed {alpha:.4g}", ylabel="foot $y_2$")
         numbers[f"{name} speed"] = float(abs(flight.before[3]))
         numbers[f"{name} asymmetry"] = asymmetry(run, 0.0, flight.time)
         speed, other = (numbers[f"{name} {what}"] for what in ("speed", "asymmetry"))

@@ -3,7 +3,10 @@
 An injection eps lifts the map through the identity line: a stable fixed point above the lossless launch speed, an
 unstable one below. The upper one loses its stability where the map's slope is -1, curve (d); its basin, from the
 unstable fixed point to the launch that maps onto it, is largest there. The paper leaves open what follows. On the
-right: the period doubles, again and again, up to chaos, until the hops fall out of the basin and come to rest.
+right: hops that repeat every second time, stable up to eps = 0.113429. They do not go on doubling as smooth maps have
+it: the map's tip at the lossless launch has no bounded curvature, and from eps = 0.1119 on hops of period four stand
+beside them, double in turn, become chaotic and vanish at 0.11295. From 0.113429 on the hops are chaotic, with windows,
+up to eps = 0.138812, where the highest launch falls onto the unstable fixed point: beyond it they all come to rest.
 Run: python studies/figure_8.py [--output FOLDER] [--quick]
 """
 
@@ -12,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orbits import ReturnMap, find, multiplier
+from orbits import NoOrbit, ReturnMap, find, multiplier
 from orbits.plot import COLOURS, new_row, save_figure
 from orbits.roots import bracketed_root
 from problems import Hopper
@@ -49,9 +52,10 @@ def basin(eps: float) -> tuple[float, float]:
     return low, bracketed_root(far, high, HIGH, far(high), far(HIGH))
 
 
-def visited(injections, settle: int, keep: int) -> np.ndarray:
-    """The launch speeds (keep, m) that are visited in the long run with injections (m,), NaN where it comes to rest."""
-    step, alpha = ReturnMap(MACHINE), np.full(len(injections), 4.52)
+def visited(injections, start: float, settle: int, keep: int = 64) -> np.ndarray:
+    """The launch speeds (keep, m) that are visited in the long run from `start` with injections (m,), NaN where it
+    comes to rest."""
+    step, alpha = ReturnMap(MACHINE), np.full(len(injections), start)
     found = []
     for hop in range(settle + keep):
         alive = np.isfinite(alpha) & (alpha > 0)
@@ -62,27 +66,50 @@ def visited(injections, settle: int, keep: int) -> np.ndarray:
     return np.array(found)
 
 
-def period(values, tolerance: float = 1e-6) -> int:
-    """The period of a sequence of visits, 0 when it has none up to 32."""
-    return next((n for n in (1, 2, 4, 8, 16, 32) if np.abs(values[n:] - values[:-n]).max() < tolerance), 0)
+def cycle(eps: float, alpha: float) -> tuple[float, float]:
+    """The launch near `alpha` that comes back after two hops, and the multiplier of the two, by Newton's method."""
+    step = ReturnMap(MACHINE, inject=eps)
+    for _ in range(30):
+        middle = float(step(alpha).next)
+        slope = multiplier(MACHINE, alpha) * multiplier(MACHINE, middle)
+        change = (float(step(middle).next) - alpha) / (slope - 1)
+        alpha -= change
+        if abs(change) < 1e-13:
+            return alpha, slope
+    raise NoOrbit(f"no hops of period two near {alpha:.6g} at eps = {eps:.6g}")
+
+
+def last_cycle(low: float = 0.1, high: float = 0.1135) -> float:
+    """The injection between two at which the hops of period two lose their stability, their multiplier -1."""
+    alpha, excess = 4.5, {}
+    for eps in np.linspace(low, high, 10):
+        alpha, slope = cycle(eps, alpha)
+        excess[eps] = slope + 1
+    return bracketed_root(lambda eps: cycle(eps, alpha)[1] + 1, low, high, excess[low], excess[high], width=1e-13)
+
+
+def crisis(low: float = 0.12, high: float = 0.15) -> float:
+    """The injection at which the highest launch that is reached comes to the unstable fixed point in one hop."""
+    plain = ReturnMap(MACHINE)
+    alpha = np.linspace(4.495, 4.505, 2001)  # the map's maximum is smooth, and its value forgives the grid
+    highest = float(plain(alpha).next.max())
+    excess = lambda eps: float(plain(highest + eps).next) + eps - pair(eps)[0]  # noqa: E731
+    return bracketed_root(excess, low, high, excess(low), excess(high), width=1e-13)
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
     eps = marginal()
     unstable, stable = pair(eps)
     low, high = basin(eps)
-    injections = np.linspace(0.02, 0.16, 141 if quick else 1401)
-    visits = visited(injections, 1500 if quick else 3000, 64)
-    stays = np.isfinite(visits).all(0) & (np.where(np.isfinite(visits), visits, 0).min(0) > LOW)
-    periods = np.array([period(column) if stay else -1 for column, stay in zip(visits.T, stays, strict=True)])
     numbers = {"eps": eps, "stable": stable, "unstable": unstable, "basin": high - low}
-    numbers["last"] = float(injections[stays][-1])
+    numbers |= {"last cycle": last_cycle(), "crisis": crisis()}
     print(f"\n  (d): eps = {eps:.12g}, fixed points {unstable:.12f} and {stable:.12f}, basin {low:.6f} to {high:.6f}")
-    for n in (4, 8):
-        if (beyond := injections[(periods == n) & (injections > eps)]).size:
-            numbers[f"period {n}"] = float(beyond[0])
-            print(f"  period {n} from eps = {beyond[0]:.4f}")
-    print(f"  the last hops that go on have eps = {numbers['last']:.4f}")
+    print(f"  hops of period two are stable up to eps = {numbers['last cycle']:.12g}")
+    print(f"  no hops go on beyond eps = {numbers['crisis']:.12g}")
+    injections = np.linspace(0.02, 0.15, 66 if quick else 1301)
+    starts = {4.52: COLOURS[0], 4.494: COLOURS[1]}
+    visits = {start: visited(injections, start, 300 if quick else 1000) for start in starts}
+    numbers["stays"] = float(injections[np.isfinite(visits[4.52]).all(0) & (visits[4.52] > LOW).all(0)][-1])
     left, right = new_row(2, 5.2, 4.4)
     alpha = np.linspace(LOW, 5.0, 2000)
     plain = ReturnMap(MACHINE)(alpha).next
@@ -94,10 +121,15 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     left.plot(marks, marks, "o", color="0.2", ms=4)
     left.set(xlabel="launch speed", ylabel="next launch speed", ylim=(4.0, 4.75), title="injections at M = 1")
     left.legend(frameon=False, fontsize="small")
-    right.plot(np.tile(injections, (len(visits), 1)), visits, ",", color=COLOURS[0])
-    right.axvline(eps, color="0.5", lw=0.8, ls="--")
+    for start, colour in starts.items():
+        label = f"from {start:g}"
+        right.plot(np.tile(injections, (64, 1)).ravel(), visits[start].ravel(), ",", color=colour)
+        right.plot([], [], "o", ms=3, color=colour, label=label)
+    for line in (eps, numbers["last cycle"], numbers["crisis"]):
+        right.axvline(line, color="0.6", lw=0.8, ls="--", zorder=0)
+    right.legend(frameon=False, fontsize="small", loc="upper left")
     right.set_ylim(4.44, 4.68)
-    right.set(xlabel="injection eps", ylabel="launch speeds in the long run", title="beyond (d) the period doubles")
+    right.set(xlabel="injection eps", ylabel="launch speeds in the long run", title="beyond (d)")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(left, folder / 'figure_8.png')}")
     return numbers

@@ -1,5 +1,6 @@
 """Every study runs in its quick mode, draws its figure, and gives the number it is for."""
 
+import mpmath as mp
 import pytest
 
 from studies import (
@@ -93,12 +94,26 @@ def test_figure_3(tmp_path):
     assert numbers["periods"][0] == pytest.approx(numbers["periods"][1], rel=1e-14)
 
 
+def last_bouncing() -> float:
+    """The throw from the hand's acceleration g that bounces once and is back there after two periods."""
+    hand = lambda t, a: mp.cos(t) - 1 + a * mp.sin(t)  # noqa: E731
+    speed = lambda t, a: a * mp.cos(t) - mp.sin(t)  # noqa: E731
+
+    def missed(a, t):
+        rest = 4 * mp.pi - t
+        return [a * t - t**2 / 2 - hand(t, a), hand(t, a) + speed(t, a) * rest - rest**2 / 2]
+
+    return float(mp.findroot(missed, (3.7, 6.9))[0])
+
+
 def test_figure_5(tmp_path):
     """Where long bouncing ends was counted in 45 digits too: 100 impacts at 3.71, 2 at 3.73."""
     numbers = figure_5.main(tmp_path)
     assert numbers["next at 4"] == pytest.approx(2.07360256000564579, rel=1e-14)
     assert numbers["impacts at 3.4"] == 44
     assert numbers["edge 1000"] == pytest.approx(3.72074, abs=1e-5)
+    assert numbers["edge inf"] == pytest.approx(last_bouncing(), abs=1e-9)
+    assert numbers["light loss"] == pytest.approx(numbers["lighter loss"], rel=0.1)  # in proportion to M
     assert (tmp_path / "figure_5.png").stat().st_size > 10_000
 
 
@@ -111,12 +126,13 @@ def test_figure_6(tmp_path):
 
 
 def test_figure_8(tmp_path):
-    """Curve (d), and the period doubling beyond it."""
+    """Curve (d), and what comes beyond it."""
     numbers = figure_8.main(tmp_path, quick=True)
     assert numbers["eps"] == pytest.approx(0.071587384137, abs=1e-11)
     assert numbers["stable"] == pytest.approx(4.541763272853, abs=1e-11)
     assert numbers["unstable"] == pytest.approx(4.481341946645, abs=1e-11)
-    assert numbers["eps"] < numbers["period 4"] < numbers["last"] < 0.15
+    assert numbers["last cycle"] == pytest.approx(0.113429246523, abs=1e-10)
+    assert numbers["stays"] < numbers["crisis"] < numbers["stays"] + 0.002  # the grid's width
     assert (tmp_path / "figure_8.png").stat().st_size > 10_000
 
 
