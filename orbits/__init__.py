@@ -9,7 +9,7 @@ from .folds import fold_statement, follow_fold
 from .model import Affine, Arc, Model, Oscillator, Phase, Pieces, Reduction, Statement, Units
 from .orbit import Certificate, Orbit
 from .returnmap import FixedPoint, Hops, ReturnMap
-from .search import METHODS, find
+from .search import METHODS, find, find_all
 from .simulate import Simulation, simulate
 from .stability import multiplier
 
@@ -42,6 +42,7 @@ __all__ = [
     "Units",
     "existence",
     "find",
+    "find_all",
     "fold_statement",
     "follow",
     "follow_branch",

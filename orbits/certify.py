@@ -30,9 +30,11 @@ def follow_contacts(model: Model, orbits: Sequence[tuple]) -> list[tuple[Traject
     """The contacts after the lossless landings of orbits (u, p, limit), unknowns and parameters by name.
 
     Each up to its middle or, where nothing mirrors it, up to lift-off; None with the reason when it has not come there
-    within the time `limit`.
+    within the time `limit`. Where no speed tells the middle, it is at that time.
     """
     along = flow(model.contact, tuple(orbits[0][1]))
+    if not model.one_speed:
+        return [_half_contact(model, along, *orbit) for orbit in orbits]
     starts = np.array([model.touchdown(u, p) for u, p, _ in orbits], dtype=float)
     ps = np.array([list(p.values()) for _, p, _ in orbits])
     # Without a mirror image the force ends the contact, the first watched row; its zero at landing is left out.
@@ -44,6 +46,14 @@ def follow_contacts(model: Model, orbits: Sequence[tuple]) -> list[tuple[Traject
         else _slow_contact(model, along, start, p, limit, first_zero(*end))
         for path, start, p, (_, _, limit) in zip(found, starts, ps, orbits, strict=True)
     ]
+
+
+def _half_contact(model: Model, along: Flow, u, p, duration: float) -> tuple[Trajectory | None, str]:
+    """One of `follow_contacts`, for a known time."""
+    try:
+        return along.run(model.touchdown(u, p), list(p.values()), duration)[0], ""
+    except FlowError:
+        return None, model.violations["end"]
 
 
 def _slow_contact(model: Model, along: Flow, start, p, limit: float, stop: Callable) -> tuple[Trajectory | None, str]:

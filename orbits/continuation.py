@@ -13,7 +13,7 @@ from .family import Family, Point
 from .orbit import Orbit
 from .question import at_point, bounds_of, known, number_of, options_of
 from .record import Record
-from .search import find
+from .search import find, unknowns_of
 from .walk import Options, Walk
 
 
@@ -24,6 +24,7 @@ def follow(
     start: float | None = None,
     family: int = 1,
     *,
+    orbit: Orbit | None = None,
     at: Sequence[float] = Options.at,
     watch: Mapping[str, Callable[[Orbit], float]] | None = Options.watch,
     longest: float = Options.longest,
@@ -41,6 +42,7 @@ def follow(
     stop : its last value; of a pair the second, and the first is another bound, behind the start
     start : its first value, by default the machine's own; where a fold brings the curve back here it ends too, unless
         there is another bound
+    orbit : the first one, or one near it, instead of the lowest of `family`
     at : values to hit exactly, each time the curve passes them
     watch : functions of the orbit whose zeros are events, by name
     longest : step, as a share of the parameter's whole way and of the unknowns' size
@@ -55,7 +57,8 @@ def follow(
     Raises `NoOrbit` without a first orbit, and `InputError` for what cannot be meant.
     """
     options = options_of(at, watch, longest, most, stop_inadmissible)
-    return record_of(_begin(machine, along, start, stop, family, method, options, resume), resume, output, progress)
+    walk = _begin(machine, along, start, stop, family, orbit, method, options, resume)
+    return record_of(walk, resume, output, progress)
 
 
 def record_of(walk: Walk, resume: Family | None = None, output=None, progress=None) -> Family:
@@ -70,12 +73,12 @@ def record_of(walk: Walk, resume: Family | None = None, output=None, progress=No
 
 def trace(machine, along: str, stop, start: float | None = None, family: int = 1, **options) -> Iterator:
     """The orbits of a family one by one, as `follow` finds them: `Orbit`s, each `Event` before the orbit that comes
-    after it, and the `End` last. The options are those of `follow`, from `at` to `method`."""
+    after it, and the `End` last. The options are those of `follow`, from `orbit` to `method`."""
     given = {field.name: field.default for field in fields(Options)}
-    method = options.pop("method", None)
+    method, orbit = options.pop("method", None), options.pop("orbit", None)
     if unknown := options.keys() - given.keys():
-        raise InputError(f"trace has no option '{min(unknown)}'; it knows {', '.join(given)} and method")
-    walk = _begin(machine, along, start, stop, family, method, options_of(**{**given, **options}), None)
+        raise InputError(f"trace has no option '{min(unknown)}'; it knows orbit, {', '.join(given)} and method")
+    walk = _begin(machine, along, start, stop, family, orbit, method, options_of(**{**given, **options}), None)
     return (walk.curve.orbit(item) if isinstance(item, At) else item for item in _uninterrupted(walk))
 
 
@@ -101,7 +104,7 @@ def orbit_at(machine, point: Point, along: str, method: str | None = None) -> Or
         return curve.orbit(curve.onto(curve.correct(x, row, row @ x, row), point.value))
 
 
-def _begin(machine, along, start, stop, family, method, options: Options, resume: Family | None) -> Walk:
+def _begin(machine, along, start, stop, family, orbit, method, options: Options, resume: Family | None) -> Walk:
     """A walk from the first orbit, or from the last of a family."""
     known(machine, along)
     if resume is not None and (not isinstance(resume, Family) or any(point.also for point in resume.points[:1])):
@@ -122,15 +125,10 @@ def _begin(machine, along, start, stop, family, method, options: Options, resume
             )
         return _resumed(machine, along, behind, stop, resume, options)
     with interrupts.deferred():
-        orbit = find(machine, family, method=method)
+        orbit = find(machine, family, start=orbit, method=method)
         method = "relative" if orbit.method == "closed form" else orbit.method
         curve = Curve(machine, along, method, abs(stop - behind))
-        unknowns = {
-            "liftoff": orbit.liftoff_extension,
-            "alpha": orbit.alpha,
-            "duration": orbit.flight_time / (2 if machine.model.reversor else 1),
-            "unfolding": orbit.certificate.unfolding,
-        }
+        unknowns = unknowns_of(orbit)
         x = np.array([*(unknowns[name] for name in curve.equations.statement.unknowns), start])
     return walk_from(curve, x, start, behind, stop, options)
 

@@ -232,9 +232,11 @@ class Model:
 
     A lossless cycle is a flight from the launch set to its image under the reversor, then a contact back to it. Energy
     is conserved in each phase; only its gradient is asked for, so no potential is needed in closed form. Unknowns `u`
-    are mappings too, with "liftoff", the extension at lift-off, and "alpha", the launch speed.
+    are mappings too, with "liftoff", the extension at lift-off, and "alpha", the launch speed; what else a launch needs
+    has the names of the flight states.
 
     flight, contact : the phases
+    launch_unknowns : names of the unknowns of a launch
     launch : (u, p) -> flight state at lift-off
     liftoff : (u, p, q) -> zero where sustained contact ends
     landing : (u, x, p) -> three expressions that vanish at a lossless landing
@@ -249,11 +251,11 @@ class Model:
     heights : p -> names and functions of the flight state, for plots; the masses first, the upper one before the lower
     violations : what to say when the "gap" closes in flight, the contact has to "pull", the "separation" vanishes or
         the contact does not "end"
-    spring_ends : names of the heights between which the spring is drawn, None for the ground
+    springs : names of the heights, lower and upper, between which springs are drawn, None for the ground
     impact_mass : p -> twice the energy lost in a plastic impact over the square of the gap's speed
     impact : p -> direction (n,) in which an impact moves the flight state, along which the gap's speed changes by 1
-    contact_speed : contact coordinate that vanishes at mid-contact
-    guess : (family, p) -> {"liftoff", "alpha", "duration"} of the half flight in the scene with `homotopy` at 0
+    contact_speed : contact coordinate that becomes the launch speed
+    guess : (family, p) -> a launch and "duration", of the half flight, in the scene with `homotopy` at 0
     conservative : whether flight and contact keep the energy
     homotopy : the parameter that leads from the scene of the guess (0) to this one (1), None where they are one
     reduction : the short cut that this scene allows, None where there is none
@@ -279,8 +281,14 @@ class Model:
     impact: Callable
     contact_speed: Affine
     violations: Mapping[str, str]
-    spring_ends: tuple[str | None, str]
+    springs: tuple[tuple[str | None, str], ...]
     guess: Callable
+    launch_unknowns: tuple[str, ...] = ("liftoff", "alpha")
     homotopy: str | None = None
     conservative: bool = True
     reduction: Reduction | None = None
+
+    @property
+    def one_speed(self) -> bool:
+        """Whether a launch is told by its speed alone; then that speed first vanishes again in mid-contact."""
+        return len(self.launch_unknowns) == 2

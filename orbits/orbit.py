@@ -61,14 +61,14 @@ class Shape:
     reversor, contact_reversor : signs of the states under time reversal, None where whole motions are stored
     embed : (n, m) matrix from contact to flight states
     heights : names and functions of the flight state, the masses first
-    spring_ends : names of the heights that the spring joins, None for the ground
+    springs : names of the heights, lower and upper, that springs join, None for the ground
     """
 
     reversor: tuple[int, ...] | None
     contact_reversor: tuple[int, ...] | None
     embed: np.ndarray
     heights: Mapping[str, Affine]
-    spring_ends: tuple[str | None, str]
+    springs: tuple[tuple[str | None, str], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,7 +276,7 @@ class Orbit:
             "contact_reversor": self.shape.contact_reversor,
             "embed": self.shape.embed.tolist(),
             "heights": {name: [h.weights, h.offset] for name, h in self.shape.heights.items()},
-            "spring_ends": self.shape.spring_ends,
+            "springs": self.shape.springs,
         }
         motion = {
             "shape": shape,
@@ -312,7 +312,7 @@ class Orbit:
                     shape["contact_reversor"] and tuple(shape["contact_reversor"]),
                     np.array(shape["embed"]),
                     {name: Affine(tuple(weights), offset) for name, (weights, offset) in shape["heights"].items()},
-                    tuple(shape["spring_ends"]),
+                    tuple(map(tuple, shape["springs"])),
                 ),
                 certificate=Certificate(**names, violations=tuple(data["violations"])),
                 method=data["method"],

@@ -1,6 +1,6 @@
 """Plots of orbits, families and diagrams: axes in, axes out; matplotlib is imported only when something is drawn."""
 
-from itertools import pairwise
+from itertools import cycle, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from .orbit import Orbit
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 ANIMATIONS = (".gif",)
 # One colour a role, told apart by colour-blind readers too (Okabe and Ito 2008).
-COLOURS = ("#0072B2", "#D55E00", "#009E73")
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
 MARKERS = {
@@ -303,7 +303,7 @@ def animate_orbit(orbit: Orbit, path, frames: int = 80) -> Path:
     words = np.where(t <= orbit.flight_time, "flight", "contact")
     length = scales(orbit.units)[0]
     heights = {name: length * height(orbit(t)) for name, height in orbit.shape.heights.items()}
-    return _animate(path, words, heights, orbit.shape.spring_ends, orbit.machine["rest_length"] is None, orbit.units)
+    return _animate(path, words, heights, orbit.shape.springs, orbit.machine["rest_length"] is None, orbit.units)
 
 
 def animate_simulation(run, path, frames: int = 200) -> Path:
@@ -312,7 +312,7 @@ def animate_simulation(run, path, frames: int = 200) -> Path:
     words = np.where(run.in_contact(t), "contact", "flight")
     states, length = run(t), scales(machine.units)[0]
     heights = {name: length * height(states) for name, height in machine.model.heights(machine.values).items()}
-    return _animate(path, words, heights, machine.model.spring_ends, machine.rest_length is None, machine.units)
+    return _animate(path, words, heights, machine.model.springs, machine.rest_length is None, machine.units)
 
 
 def _frames(frames) -> int:
@@ -321,17 +321,20 @@ def _frames(frames) -> int:
     return int(frames)
 
 
-def _animate(path, words, heights, spring_ends, floating: bool, units: Units | None) -> Path:
-    """Animate two masses at heights (frames,), by name, under `words` for every frame; `floating` where nothing says
-    how far the upper one is from the lower."""
+def _animate(path, words, heights, springs, floating: bool, units: Units | None) -> Path:
+    """Animate masses at heights (frames,), by name, under `words` for every frame; `floating` where nothing says how
+    far they are from each other."""
     from matplotlib.animation import FuncAnimation, PillowWriter
 
     path = check_path(path, ANIMATIONS)
-    names, (below, above) = list(heights)[:2], spring_ends
+    names = [name for name in heights if name != "centre of mass"]
     heights = {name: heights[name] for name in names} | {None: np.zeros(len(words))}
-    if floating:  # long enough
+    if floating:  # springs long enough, from the lowest up
         room = 1.2 * max(np.ptp(height) for height in heights.values())
-        heights = {name: height + room * (name not in (below, None)) for name, height in heights.items()}
+        lifts = {None: 0, springs[-1][0]: 0}
+        for below, above in reversed(springs):
+            lifts[above] = lifts[below] + 1
+        heights = {name: height + room * lifts.get(name, 1) for name, height in heights.items()}
 
     axes = new_axes(3.2, 5.2)
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
@@ -342,10 +345,12 @@ def _animate(path, words, heights, spring_ends, floating: bool, units: Units | N
     axes.spines[["top", "right", "bottom"]].set_visible(False)
     axes.axhspan(low - 2 * margin, 0, color=SHADE, zorder=0)
     axes.axhline(0, color="0.3", lw=1.5)
-    coil = axes.plot([], [], color="0.35", lw=1.4, zorder=2)[0]
-    upper = axes.plot([], [], "o", ms=18, color=COLOURS[0], label=names[0], zorder=3)[0]
-    lower = axes.plot([], [], "_", ms=34, mew=6, color=COLOURS[1], label=names[1], zorder=3)[0]
-    masses = (upper, lower)
+    coils = [axes.plot([], [], color="0.35", lw=1.4, zorder=2)[0] for _ in springs]
+    look = [{"marker": "o", "ms": 18}] * (len(names) - 1) + [{"marker": "_", "ms": 34, "mew": 6}]
+    masses = [
+        axes.plot([], [], ls="", color=colour, label=name, zorder=3, **kind)[0]
+        for name, colour, kind in zip(names, cycle(COLOURS), look, strict=False)
+    ]
     label = axes.set_title("contact", fontsize="small")
     zigzag = np.concatenate([[0, 0], np.tile([0.12, -0.12], 7), [0, 0]])
     axes.legend(frameon=False, fontsize="small", loc="upper right", markerscale=0.4)
@@ -354,11 +359,12 @@ def _animate(path, words, heights, spring_ends, floating: bool, units: Units | N
     axes.figure.set_layout_engine("none")  # laid out once, not again for every frame
 
     def draw(i):
-        coil.set_data(zigzag, np.linspace(heights[below][i], heights[above][i], len(zigzag)))
+        for coil, (below, above) in zip(coils, springs, strict=True):
+            coil.set_data(zigzag, np.linspace(heights[below][i], heights[above][i], len(zigzag)))
         for mass, name in zip(masses, names, strict=True):
             mass.set_data([0], [heights[name][i]])
         label.set_text(words[i])
-        return coil, *masses, label
+        return *coils, *masses, label
 
     try:
         FuncAnimation(axes.figure, draw, frames=len(words), blit=False).save(path, PillowWriter(fps=30), dpi=80)

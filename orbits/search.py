@@ -1,7 +1,7 @@
 """Find one lossless orbit: the simplest statement that the machine allows, solved, measured and certified."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
@@ -18,17 +18,26 @@ from .statements import Solution, as_orbit, equations_of, in_flight_states, inte
 MIN_STEP = 1e-4
 # A corrector that moves launch speed or time by a larger share may have jumped to another orbit.
 MAX_CORRECTION = 0.1
+# Orbits that agree to this share are the same.
+SAME = 1e-9
 METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 10_000
 
 
 def find(
-    machine, family: int = 1, *, method: str | None = None, progress: Callable[[float], None] | None = None
+    machine,
+    family: int = 1,
+    *,
+    start: Orbit | Mapping[str, float] | None = None,
+    method: str | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Orbit:
     """Find the lossless orbit of a family, with its certificate.
 
     machine : a `problems.Hopper`, a `problems.Juggler`, or anything with their `model`, `values`, `describe`, `units`
     family : from 1; family n has n + 1 stationary points of the extension from lift-off to mid-flight
+    start : an orbit nearby, or the unknowns of a half orbit by name, to start from instead of the model's guess; the
+        family is then whatever it is
     method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is the general way, multiple
         shooting by Ipopt
     progress : called with the share of the way done, for what takes long
@@ -41,7 +50,52 @@ def find(
     if not all(hasattr(machine, name) for name in ("model", "values", "describe", "units")):
         raise InputError(f"find takes a machine such as problems.Hopper(), not {type(machine).__name__}")
     with interrupts.deferred():
-        return _find(machine, family, method, progress)
+        return _find(machine, family, method, progress) if start is None else _find_near(machine, start, method)
+
+
+def find_all(machine, starts: Iterable[Orbit | Mapping[str, float]], *, method: str | None = None) -> tuple[Orbit, ...]:
+    """The different orbits that `find` comes to from several starts, by their launch speeds ascending; starts that lead
+    to none are left out."""
+    found: list[Orbit] = []
+    for start in starts:
+        try:
+            orbit = find(machine, start=start, method=method)
+        except NoOrbit:
+            continue
+        if not any(_same(orbit, other) for other in found):
+            found.append(orbit)
+    return tuple(sorted(found, key=lambda orbit: orbit.alpha))
+
+
+def _same(a: Orbit, b: Orbit) -> bool:
+    x, y = ([orbit.alpha, orbit.flight_time, *orbit.flight(0.0)] for orbit in (a, b))
+    return np.allclose(x, y, rtol=SAME, atol=SAME * max(map(abs, x)))
+
+
+def _find_near(machine, start, method) -> Orbit:
+    began = time.perf_counter()
+    model, p = machine.model, machine.values
+    method = _allowed(model, method)
+    method = "relative" if method == "closed form" else method
+    equations = equations_of(model, method, tuple(p))
+    known = unknowns_of(start) if isinstance(start, Orbit) else dict(start)
+    names = equations.statement.unknowns
+    if missing := [name for name in names if name not in {**known, "unfolding": 0.0}]:
+        raise InputError(f"start has no '{missing[0]}'; the unknowns are {', '.join(names)}")
+    u = np.array([float({"unfolding": 0.0, **known}[name]) for name in names])
+    solve_from = equations.multiple_shooting if method == "shooting" else equations.newton
+    u, here = solve_from(u, vector(p))
+    return as_orbit(machine, method, interpret(model, method, equations, u, here, p), began)
+
+
+def unknowns_of(orbit: Orbit) -> dict[str, float]:
+    """The unknowns of every statement whose solution an orbit is, by name."""
+    states = orbit.flight.coefficients[0, :, 0].tolist()
+    known = {**dict(zip(orbit.flight.names, states, strict=False)), "liftoff": orbit.liftoff_extension}
+    known |= {"alpha": orbit.alpha, "duration": orbit.flight_time / (2 if orbit.shape.reversor else 1)}
+    if orbit.contact_time is not None:
+        known["contact_duration"] = orbit.contact_time / 2
+    return known | {"unfolding": orbit.certificate.unfolding or 0.0}
 
 
 def _find(machine, family, method, progress) -> Orbit:
@@ -88,7 +142,8 @@ def _along(model: Model, equations: Shooting, correct: Callable, family: int, p:
     """
     start = model.guess(family, {**p, model.homotopy: 0.0} if model.homotopy else p)
     whole = "unfolding" in equations.statement.unknowns
-    u = np.array([start["liftoff"], start["alpha"], start["duration"] * (2 if whole else 1)] + [0.0] * whole)
+    start = {**start, "duration": start["duration"] * (2 if whole else 1), "unfolding": 0.0}
+    u = np.array([start[name] for name in equations.statement.unknowns])
     if model.homotopy is None:
         return correct(u, vector(p))
     share, step = 0.0, 1.0

@@ -1,7 +1,7 @@
 """What is solved for an orbit of a model, and what the solution means: the statements, and orbits made from them."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -26,24 +26,44 @@ def equations_of(model: Model, method: str, parameters: tuple[str, ...]) -> Shoo
     if method in ("closed form", "relative"):
         return shooting(model.reduction.statement, parameters)
     if model.reversor:
-        return shooting(half_orbit(model.flight, model.launch, model.liftoff, model.reversor), parameters)
+        return shooting(half_orbit(model), parameters)
     return shooting(whole_flight(model), parameters)
 
 
 @lru_cache(maxsize=64)
-def half_orbit(flight: Phase, launch: Callable, liftoff: Callable, reversor: tuple[int, ...]) -> Statement:
+def half_orbit(model: Model) -> Statement:
     """From the launch set to a state that the reversor leaves alone: half of an orbit that is its own mirror image.
 
-    Unknowns: the extension at lift-off, the launch speed, half the flight time.
+    Unknowns: those of the launch, half the flight time. Where a launch has more of them than extension and speed, what
+    follows the mirrored landing has to come to such a state too: half the contact, its time a further unknown.
     """
-    arc = Arc(
-        flight,
-        start=lambda u, before, p: launch(u, p),
+
+    def rest(signs):
+        return lambda u, x, p: [value for value, sign in zip(x, signs, strict=True) if sign < 0]
+
+    flight = Arc(
+        model.flight,
+        start=lambda u, before, p: model.launch(u, p),
         duration=lambda u, p: u["duration"],
-        conditions=lambda u, x, p: [value for value, sign in zip(x, reversor, strict=True) if sign < 0],
-        guard=lambda u, x, p, q: [liftoff(u, p, q)],
+        conditions=rest(model.reversor),
+        guard=lambda u, x, p, q: [model.liftoff(u, p, q)],
     )
-    return Statement("half orbit", ("liftoff", "alpha", "duration"), (arc,), ("alpha", "duration"))
+    if model.one_speed:
+        unknowns = (*model.launch_unknowns, "duration")
+        return Statement("half orbit", unknowns, (flight,), ("alpha", "duration"))
+    contact = Arc(
+        model.contact,
+        start=lambda u, before, p: model.touchdown(u, p),
+        duration=lambda u, p: u["contact_duration"],
+        conditions=rest(contact_reversor(model)),
+    )
+    unknowns = (*model.launch_unknowns, "duration", "contact_duration")
+    return Statement("half orbit", unknowns, (flight, contact), ("duration", "contact_duration"))
+
+
+def contact_reversor(model: Model) -> tuple[int, ...]:
+    """Sign of each contact state under time reversal."""
+    return tuple(int(model.reversor[i]) for i in np.abs(model.embed).argmax(0))
 
 
 @lru_cache(maxsize=64)
@@ -124,7 +144,10 @@ def as_cases(model: Model, solutions: Sequence[tuple[Solution, Mapping]]) -> lis
     """What is to be certified of solutions with their parameters, the contacts followed."""
     if not solutions:
         return []
-    limits = [LONGEST_CONTACT * (1 + solution.flight.times[-1]) for solution, _ in solutions]
+    limits = [
+        solution.u.get("contact_duration", LONGEST_CONTACT * (1 + solution.flight.times[-1]))
+        for solution, _ in solutions
+    ]
     landings = [(solution.u, p, limit) for (solution, p), limit in zip(solutions, limits, strict=True)]
     return [
         Case(known.u, p, known.parts, contact, stopped, known.gap_slope, known.residual, known.error)
@@ -210,8 +233,8 @@ def _at_landing(heres: Sequence[Evaluation], reversor) -> np.ndarray:
 
 
 def _shape(model: Model, p: Mapping) -> Shape:
-    contact = model.reversor and tuple(int(model.reversor[i]) for i in np.abs(model.embed).argmax(0))
-    return Shape(model.reversor, contact, model.embed, model.heights(p), model.spring_ends)
+    contact = model.reversor and contact_reversor(model)
+    return Shape(model.reversor, contact, model.embed, model.heights(p), model.springs)
 
 
 def vector(p: Mapping) -> np.ndarray:

@@ -3,6 +3,7 @@
 from importlib import import_module
 
 _HOMES = {
+    "Chain": ".chain",
     "HeavyHand": ".heavy_hand",
     "Hopper": ".hopper",
     "Juggler": ".juggler",
@@ -12,7 +13,7 @@ _HOMES = {
     "springs": ".springs",
 }
 
-__all__ = ["HeavyHand", "Hopper", "Juggler", "gravity", "hopper_in_si", "juggler_in_si", "springs"]
+__all__ = ["Chain", "HeavyHand", "Hopper", "Juggler", "gravity", "hopper_in_si", "juggler_in_si", "springs"]
 
 
 def __getattr__(name: str):

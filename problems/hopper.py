@@ -135,7 +135,7 @@ def _model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> 
             "separation": "the masses pass through each other",
             "end": "contact: the spring collapses, the body never lifts off again",
         },
-        spring_ends=("foot", "body"),
+        springs=(("foot", "body"),),
         guess=no_orbit if damped else guess(spring, 0.0, WEIGHT),
         homotopy="gravity_share" if gravity else None,
         conservative=not damped,

@@ -126,7 +126,7 @@ def juggler_model(spring: Key, gravity: Key | None, has_length: bool, damped: bo
             "separation": "the hand passes through the ground",
             "end": "contact: the spring collapses, the ball is never thrown again",
         },
-        spring_ends=(None, "hand"),
+        springs=((None, "hand"),),
         guess=no_orbit if damped else guess(spring, 1.0, FREE),
         homotopy="gravity_share" if gravity else None,
         conservative=not damped,

@@ -1,0 +1,166 @@
+"""Chains of masses against the hopper, matrix exponentials in 30 digits, and another integrator."""
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from orbits import InputError, NoOrbit, find, find_all, follow
+from problems import Chain, Hopper
+
+# Rest in mid-contact y1, y2, half the contact and half the flight of two hops of three equal masses.
+KNOWN = [(-11.153174, -3.015920, 3.221828, 2.459699), (-17.324636, -11.004614, 3.104718, 4.488346)]
+
+
+def rest_and_times(orbit) -> list[float]:
+    """Positions of all masses but the lowest at rest in mid-contact, and half the times of contact and flight."""
+    middle = orbit(orbit.flight_time + orbit.contact_time / 2)
+    return [*middle[:-2:2], orbit.contact_time / 2, orbit.flight_time / 2]
+
+
+def exactly(masses, stiffnesses, guess) -> list[float]:
+    """The hop near a guess, as by `rest_and_times`, from matrix exponentials of linear springs in 30 digits."""
+    n = len(masses)
+    with mp.workdps(30):
+        m, k = [mp.mpf(x) for x in masses], [mp.mpf(x) for x in stiffnesses]
+
+        def generator(count):
+            """x' = A x of (positions, speeds, 1) of so many masses, those below at 0."""
+            a = mp.zeros(2 * count + 1)
+            for i in range(count):
+                a[i, count + i] = 1
+                a[count + i, 2 * count] = -1
+                for j, other in ((i - 1, i - 1), (i, i + 1)):  # spring j joins i and other
+                    if 0 <= j < n - 1:
+                        a[count + i, i] -= k[j] / m[i]
+                        if other < count:
+                            a[count + i, other] += k[j] / m[i]
+            return a
+
+        standing, flying = generator(n - 1), generator(n)
+
+        def lacking(*v):
+            up = mp.expm(standing * v[n - 1]) * mp.matrix([*v[: n - 1], *[0] * (n - 1), 1])
+            launch = mp.matrix([*up[: n - 1], 0, *up[n - 1 : 2 * n - 2], 0, 1])
+            middle = mp.expm(flying * v[n]) * launch
+            return [k[-1] * up[n - 2] - m[-1], *middle[n : 2 * n]]
+
+        return [float(x) for x in mp.findroot(lacking, [mp.mpf(x) for x in guess])]
+
+
+@pytest.fixture(scope="module")
+def three():
+    chain = Chain((1.0, 1.0, 1.0))
+    return find_all(chain, chain.starts(8.0, 8.0))
+
+
+class TestThreeMasses:
+    @pytest.mark.parametrize("known", KNOWN)
+    def test_known_hops(self, three, known):
+        chain = Chain()
+        orbit = find(chain, start=chain.start(known[:2], known[2], known[3]))
+        assert rest_and_times(orbit) == pytest.approx(known, abs=6e-7)
+        assert orbit.admissible
+        assert rest_and_times(orbit) == pytest.approx(exactly((1, 1, 1), (1, 1), known), abs=1e-12)
+        assert any(abs(orbit.alpha - other.alpha) < 1e-12 for other in three)
+
+    def test_every_hop_that_is_found_is_one(self, three):
+        assert len(three) == len({round(orbit.alpha, 9) for orbit in three}) >= 10
+        for orbit in three:
+            mine = rest_and_times(orbit)
+            assert mine == pytest.approx(exactly((1, 1, 1), (1, 1), mine), rel=1e-11)
+            assert orbit.error < 1e-11
+
+    def test_multiple_shooting_comes_to_the_same(self, three):
+        chain = Chain()
+        orbit = find(chain, start=chain.start(KNOWN[0][:2], *KNOWN[0][2:]), method="shooting")
+        assert min(abs(orbit.alpha - other.alpha) for other in three) < 1e-12
+
+    def test_a_cycle_by_another_integrator(self):
+        chain = Chain((2.0, 1.0, 0.5), ["sinh(0.3*r)/0.3", "r + b*r**3"], parameters={"b": 0.02})
+        orbit = next(o for o in find_all(chain, chain.starts(6.0, 6.0)) if o.admissible)
+        m, forces = chain.masses, (lambda r: np.sinh(0.3 * r) / 0.3, lambda r: r + 0.02 * r**3)
+
+        def flight(t, x):
+            top, low = forces[0](x[0] - x[2]), forces[1](x[2] - x[4])
+            return [x[1], -1 - top / m[0], x[3], -1 + (top - low) / m[1], x[5], -1 + low / m[2]]
+
+        def contact(t, x):
+            return [*flight(t, [*x, 0, 0])[:4]]
+
+        tight = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
+        landed = solve_ivp(flight, (0, orbit.flight_time), orbit(0.0), **tight).y[:, -1]
+        np.testing.assert_allclose(landed, orbit(0.0) * [1, -1, 1, -1, 1, -1], atol=1e-9)
+        back = solve_ivp(contact, (0, orbit.contact_time), landed[:4], **tight).y[:, -1]
+        np.testing.assert_allclose(back, orbit(0.0)[:4], atol=1e-9)
+
+
+@pytest.mark.parametrize("mass_ratio", [0.2, 1.0, 5.0])
+@pytest.mark.parametrize("spring", ["r", "r + 0.3*r**3"])
+def test_two_masses_are_the_hopper(mass_ratio, spring):
+    hop = find(Hopper(spring, mass_ratio=mass_ratio))
+    scale = np.sqrt(1 + mass_ratio)  # of time: the hopper's clock runs with the vibration in flight
+    chain = Chain((1 / mass_ratio, 1.0), spring)
+    near = {"liftoff": hop.liftoff_extension, "alpha": 1.001 * hop.alpha * scale}
+    times = {"duration": hop.flight_time / 2 / scale, "contact_duration": hop.contact_time / 2 / scale}
+    orbit = find(chain, start=near | times)
+    assert orbit.alpha / scale == pytest.approx(hop.alpha, abs=1e-13)
+    assert orbit.flight_time * scale == pytest.approx(hop.flight_time, rel=1e-13)
+    assert orbit.contact_time * scale == pytest.approx(hop.contact_time, rel=1e-13)
+    assert orbit.family == hop.family
+    loss = hop.certificate.loss_coefficient * scale ** (-1 / 3)
+    assert orbit.certificate.loss_coefficient == pytest.approx(loss, rel=1e-11)
+
+
+class TestMany:
+    @pytest.mark.parametrize("count", [4, 6])
+    def test_hops_of_long_chains(self, count):
+        chain = Chain([1.0] * count)
+        orbits = find_all(chain, chain.starts(10.0, 10.0, count=200))
+        assert len(orbits) >= 10
+        assert any(orbit.admissible for orbit in orbits)
+        for orbit in orbits[:2]:
+            mine = rest_and_times(orbit)
+            assert mine == pytest.approx(exactly([1] * count, [1] * (count - 1), mine), rel=1e-9)
+
+    def test_followed_in_a_mass_against_the_linear_closed_form(self, three):
+        orbit = next(o for o in three if abs(o.alpha - 6.3478627438) < 1e-9)
+        family = follow(Chain(), "m1", 1.5, orbit=orbit, at=[1.2])
+        assert family.end.kind == "reached"
+        for point in (p for p in family if p.value in (1.2, 1.5)):
+            there = Chain((point.value, 1.0, 1.0))
+            assert min(abs(point.alpha - o.alpha) for o in find_all(there, there.starts(8.0, 8.0))) < 1e-11
+
+    def test_followed_in_the_springs_nonlinearity(self, three):
+        chain = Chain(springs="r + b*r**3", parameters={"b": 0.0})
+        orbit = next(o for o in three if abs(o.alpha - 6.3478627438) < 1e-9)
+        family = follow(chain, "b", 0.2, orbit=orbit)
+        assert family.end.kind == "reached"
+        half = follow(chain, "b", 0.2, orbit=orbit, longest=0.01)
+        assert family[-1].alpha == pytest.approx(half[-1].alpha, rel=1e-12)
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("arguments", "telling"),
+        [
+            ({"masses": (1.0,)}, "from 2 to 12"),
+            ({"masses": (1.0, -1.0)}, "m2 = -1"),
+            ({"springs": ["r", "r", "r"]}, "joined by 2 springs, not 3"),
+            ({"springs": "bilinear"}, "smooth"),
+            ({"parameters": {"b": 1.0}}, "no spring has a parameter 'b'"),
+            ({"springs": "m1*r", "parameters": {"m1": 1.0}}, "'m1' is a mass"),
+            ({"restitution": 2.0}, "restitution"),
+        ],
+    )
+    def test_statements(self, arguments, telling):
+        with pytest.raises(InputError, match=telling):
+            Chain(**arguments)
+
+    def test_a_hop_needs_a_start(self):
+        with pytest.raises(NoOrbit, match="give `find` a start"):
+            find(Chain())
+        with pytest.raises(InputError, match="start has no 'y1'"):
+            find(Chain(), start={"alpha": 1.0, "liftoff": 1.0})
+        with pytest.raises(InputError, match="2 numbers"):
+            Chain().start([1.0], 1.0, 1.0)
