@@ -9,11 +9,13 @@ from studies import (
     attraction,
     existence,
     figure_3,
+    figure_4,
     figure_5,
     figure_6,
     figure_7,
     figure_8,
     gravity_families,
+    paper,
     spring_families,
 )
 
@@ -104,6 +106,17 @@ def last_bouncing() -> float:
         return [a * t - t**2 / 2 - hand(t, a), hand(t, a) + speed(t, a) * rest - rest**2 / 2]
 
     return float(mp.findroot(missed, (3.7, 6.9))[0])
+
+
+def test_figure_4(tmp_path):
+    numbers = figure_4.main(tmp_path)
+    assert [numbers[name] < -1e-9 for name in figure_4.LANDINGS] == [False, False, True, True, False]
+    assert numbers["launch speed"] == figure_4.ALPHA
+
+
+def test_the_papers_claims():
+    wrong = [row for row in paper.claims() if not row.ok]
+    assert not wrong
 
 
 def test_figure_5(tmp_path):

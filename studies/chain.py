@@ -1,0 +1,78 @@
+"""Lossless hops of chains: N masses in a column joined by springs, the lowest landing plastically.
+
+How many hops there are of chains of equal masses and linear springs, and how many of them are motions; two hops of
+three masses; what becomes of hops of three masses as the springs harden or soften; and the loss beside a hop, which
+goes with the power 4/3 of the distance, as for two masses, and nine times more on one side at the first of two impacts.
+Run: python studies/chain.py [--output FOLDER] [--quick]
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from orbits import find, find_all, follow, simulate
+from orbits.plot import COLOURS, new_row, plot_orbit, save_figure
+from problems import Chain
+
+LONGEST = 10.0
+HARDENING = "r + b*r**3"
+
+
+def counted(count: int, tries: int) -> tuple[int, int]:
+    """Hops of a chain of equal masses with half times up to `LONGEST`, and how many of them are motions."""
+    chain = Chain([1.0] * count)
+    orbits = find_all(chain, chain.starts(LONGEST, LONGEST, count=tries))
+    return len(orbits), sum(orbit.admissible for orbit in orbits)
+
+
+def losses(orbit, distances) -> np.ndarray:
+    """The energy lost in the next landing of launches this far from a hop in the speed of the mass above the lowest,
+    beside the local law C dE/dalpha d**(4/3)."""
+    chain, known = Chain(), dict(zip(("y1", "y1'", "liftoff", "alpha"), orbit(0.0)[:4], strict=True))
+    lost = [
+        sum(event.loss for event in simulate(chain, {**known, "alpha": orbit.alpha + d}, hops=1).events)
+        for d in distances
+    ]
+    law = orbit.certificate.loss_coefficient * chain.masses[1] * orbit.alpha * np.abs(distances) ** (4 / 3)
+    return np.array(lost) / law
+
+
+def main(folder: Path, quick: bool = False) -> dict[str, float]:
+    numbers = {}
+    for count in (2, 3, 4) if quick else (2, 3, 4, 5, 6):
+        numbers[f"hops {count}"], numbers[f"motions {count}"] = counted(count, 128 if quick else 1024)
+        print(f"  {count} masses: {numbers[f'hops {count}']} hops, of them {numbers[f'motions {count}']} motions")
+    chain = Chain()
+    first = find(chain, start=chain.start([-11.15, -3.02], 3.222, 2.460))
+    second = find(chain, start=chain.start([-17.32, -11.0], 3.105, 4.488))
+    numbers["alpha"] = first.alpha
+    distances = np.geomspace(1e-6, 1e-3, 4)
+    for side, d in (("above", distances), ("below", -distances)):
+        ratios = losses(first, d)
+        numbers[f"law {side}"] = float(ratios[0])
+        print(f"  losses {side} the hop beside C d^(4/3): " + ", ".join(f"{ratio:.4f}" for ratio in ratios))
+    one, two, three = new_row(3, 4.6, 4.0)
+    for axes, orbit in ((one, first), (two, second)):
+        plot_orbit(orbit, axes).set_title(f"three masses, launch speed {orbit.alpha:.5g}")
+    hardening = Chain(springs=HARDENING, parameters={"b": 0.0})
+    for orbit, colour in ((first, COLOURS[0]), (second, COLOURS[1])):
+        for stop in (0.2, -0.05):
+            family = follow(hardening, "b", stop, orbit=orbit, longest=0.05)
+            values, speeds = np.array([(point.value, point.alpha) for point in family]).T
+            good = np.array([point.admissible for point in family])
+            three.plot(values, np.where(good, speeds, np.nan), color=colour, lw=2)
+            three.plot(values, np.where(good, np.nan, speeds), color=colour, lw=1.2, ls="--")
+            print(f"  from {orbit.alpha:.6g} towards b = {stop:g}: {family.end.kind}, {family.end.reason}")
+    three.set(xlabel="nonlinearity b of r + b r^3", ylabel="launch speed", title="two families")
+    folder.mkdir(parents=True, exist_ok=True)
+    print(f"\n  figure: {save_figure(one, folder / 'chain.png')}")
+    return numbers
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
+    parser.add_argument("--quick", action="store_true", help="fewer masses and starts")
+    arguments = parser.parse_args()
+    main(arguments.output, arguments.quick)

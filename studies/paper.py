@@ -1,0 +1,287 @@
+"""The paper claim by claim: every number and figure of Chatterjee, Pratap, Reddy and Ruina beside ours, on one page.
+
+Each claim is one row: what the paper says, in which section, its number, ours, and how near they must be (half a unit
+of the last digit that is printed, or rounding where the claim is exact). Then the errata, and what the paper could not
+show. The page is one HTML file that needs no network.
+Run: python studies/paper.py [--output FOLDER] [--quick]
+"""
+
+import argparse
+import base64
+import html
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
+
+from orbits import ReturnMap, find, find_all, follow, multiplier, simulate  # noqa: E402
+from problems import Chain, HeavyHand, Hopper, Juggler, hopper_in_si  # noqa: E402
+from studies import (  # noqa: E402
+    air_track,
+    attraction,
+    chain,
+    existence,
+    figure_3,
+    figure_4,
+    figure_5,
+    figure_6,
+    figure_7,
+    figure_8,
+    gravity_families,
+    spring_families,
+)
+
+FIRST = 4.493409457909064
+# Figures by the studies that draw them, those of the paper first; whether a study has a quick mode.
+FIGURES = (
+    ("Fig. 3: lossless hop and juggle", figure_3, False),
+    ("Fig. 4: ways to land", figure_4, False),
+    ("Fig. 5: the return map", figure_5, False),
+    ("Fig. 6: the foot's path", figure_6, False),
+    ("Fig. 7: why lossless hops exist", figure_7, False),
+    ("Fig. 8: injections", figure_8, True),
+    ("Section 10: the air track", air_track, False),
+    ("Section 11: attraction", attraction, True),
+    ("Beyond: families of nonlinear springs", spring_families, True),
+    ("Beyond: families in varying gravity", gravity_families, True),
+    ("Beyond: existence in two parameters", existence, True),
+    ("Beyond: chains of masses", chain, True),
+)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One row: `ours` is to be within `error` of `expected`."""
+
+    section: str
+    statement: str
+    expected: float
+    ours: float
+    error: float
+
+    @property
+    def ok(self) -> bool:
+        return bool(abs(self.ours - self.expected) <= self.error)
+
+
+def claims() -> list[Claim]:
+    """All rows, in the paper's order, then the errata and what goes beyond."""
+    parts = (_lossless, _maps, _limits, _stability, _air_track, _errata, _beyond)
+    rows = [row for part in parts for row in part()]
+    return [
+        Claim(section, words, float(expected), float(ours), error) for section, words, expected, ours, error in rows
+    ]
+
+
+def _lossless() -> Iterator[tuple]:
+    for n, printed in enumerate((4.493409, 7.725251, 10.90412), start=1):
+        digits = 5e-6 if n == 3 else 1e-6
+        yield "8", f"alpha* of family {n}, a root of alpha = tan alpha", printed, find(Hopper(), n).alpha, digits
+    hop, juggle = find(Hopper()), find(Juggler())
+    yield "8", "flight time over alpha (eq. 11)", 2.0, hop.flight_time / hop.alpha, 1e-14
+    yield "8", "extension at landing", 1.0, hop(hop.flight_time)[0], 1e-13
+    yield "9", "the body's speed at landing over that at lift-off", -1.0, hop(hop.flight_time)[1] / hop.alpha, 1e-13
+    si = hopper_in_si(3.0, 2.0, stiffness=500.0)
+    speed = FIRST * 9.80665 * np.sqrt(2 / 3 * 5.0 / 500.0)
+    yield "8", "launch speed in m/s of 3 kg on 2 kg and 500 N/m (eq. 13)", speed, _metres_per_second(si), 1e-13
+    yield "8", "the juggler's alpha*, from that of the hopper", 0.0, juggle.alpha - hop.alpha, 1e-15
+    t = np.linspace(0, hop.period, 400)
+    mirror = np.array([1, -1, 1, -1])
+    off = np.abs(hop(np.mod(hop.flight_time - t, hop.period)) - mirror * hop(t)).max()
+    yield "9", "a lossless motion played backwards, from itself", 0.0, off, 1e-12
+    bent = Hopper("r + 0.1*r**3", "1/(1 + z/60)**2", rest_length=12)
+    numbers = find(bent)
+    yield "9", "violations of a hop with nonlinear spring and varying gravity", 0, len(numbers.violations), 0
+    yield "11", "loss at alpha* for e = 0.5, and so for every e", 0.0, _loss(Hopper(restitution=0.5), hop.alpha), 1e-12
+
+
+def _maps() -> Iterator[tuple]:
+    step = ReturnMap(Hopper())
+    gains = step(np.linspace(0.5, 12, 3000))
+    yield "9", "largest gain of launch speed in a hop, M = 1", 0.0, max(0.0, np.nanmax(gains.next - gains.alpha)), 0.0
+    near = step(FIRST + np.array([-1e-3, 1e-3]))
+    yield "9", "impacts just right of alpha*", 1, near.impacts[1], 0
+    yield "9", "impacts just left of alpha*: one bounce more", 2, near.impacts[0], 0
+    damped = ReturnMap(Hopper(damping=0.01))(np.linspace(4.0, 12, 2000))
+    yield "9", "launches that damping lets come back", 0, np.sum(damped.next >= damped.alpha), 0
+
+
+def _limits() -> Iterator[tuple]:
+    losses = [figure_5.worst_loss(M) for M in (1e-4, 1e-5)]
+    yield (
+        "9",
+        "M to 0: how the map's distance from the identity goes with M",
+        1.0,
+        np.log10(losses[0] / losses[1]),
+        1e-2,
+    )
+    hand = ReturnMap(HeavyHand(), cap=300)
+    edges = hand(np.array([np.pi - 1e-6, np.pi + 1e-6]))
+    yield "9", "M to infinity: throws below pi that bounce on", 0, edges.status[0] == "cap", 0
+    yield "9", "M to infinity: throws above pi that bounce on", 1, edges.status[1] == "cap", 0
+    edge = np.sqrt(np.pi**2 + 3)
+    yield "9", "the end of stable period-one bouncing, about", 3.59, edge, 5e-3
+    for side, periods in ((-1e-2, 1), (1e-2, 2)):
+        yield "9", f"its period {abs(side):g} {'below' if side < 0 else 'above'}", periods, _bouncing(edge + side), 0
+    beyond = figure_5.right_edge(HeavyHand()) - edge
+    yield "9", "bouncing goes slightly past it", 1, 0 < beyond < 0.2, 0
+    impacts = [int(ReturnMap(Hopper(mass_ratio=M))(3.4).impacts) for M in (1e3, 1e4)]
+    yield "9", "impacts of a throw at 3.4 grow with M: ten times M, so many more", 10.0, impacts[1] / impacts[0], 1.0
+
+
+def _stability() -> Iterator[tuple]:
+    step, alpha = ReturnMap(Hopper()), np.array([FIRST + 1e-3, FIRST - 1e-3])
+    for _ in range(2000):
+        alpha = step(alpha).next
+    yield "9", "distance from alpha* after 2000 hops from 1e-3 above", 0.0, alpha[0] - FIRST, 1e-8
+    yield "9", "launches from 1e-3 below that are still near alpha*", 0, abs(alpha[1] - FIRST) < 0.1, 0
+    points = ReturnMap(Hopper(), inject=0.03).fixed_points(4.3, 5.0)
+    yield "9", "fixed points with a small injection", 2, len(points), 0
+    low, high = points[0], points[-1]
+    yield "9", "the upper one is stable", 1, abs(multiplier(Hopper(), high.alpha)) < 1, 0
+    yield "9", "the lower one is not", 0, abs(multiplier(Hopper(), low.alpha)) < 1, 0
+    eps = figure_8.marginal()
+    yield "9", "slope at the upper fixed point of curve (d)", -1.0, multiplier(Hopper(), figure_8.pair(eps)[1]), 1e-9
+    shares = [attraction.attracted(M, 60) for M in (1e-3, 1.0, 1e3)]
+    yield "11", "share of launches attracted, M = 1/1000", 1.0, shares[0], 0.0
+    yield "11", "the same, M = 1: few", 0.0, shares[1], 0.1
+    yield "11", "the same, M = 1000", 1.0, shares[2], 0.0
+
+
+def _air_track() -> Iterator[tuple]:
+    orbit, first, second = air_track.amplitudes()
+    h, h1 = orbit.rises["ball"], orbit.rises["hand"]
+    rows = (
+        ("h", 10.095, h, 5e-4),
+        ("h1", 3.603, h1, 5e-4),
+        ("h2", 8.942, first - h, 5e-4),
+        ("A1", 19.037, first, 1e-3),
+        ("A2", 12.545, second, 1e-3),
+        ("A1/A2", 1.517, first / second, 1e-3),
+        ("slope of the track", 1.83e-2, float(air_track.SLOPE), 5e-5),
+        ("unit of length (m)", 5.431e-3, orbit.units.length, 1e-5),
+        ("the ball's amplitude (m)", 0.103, first * orbit.units.length, 5e-4),
+        ("A1/A2 as measured, within 6%", 1.523, first / second, 0.06 * 1.523),
+        ("the ball's amplitude as measured (m), within 10%", 0.099, first * orbit.units.length, 0.1 * 0.099),
+    )
+    for name, expected, ours, error in rows:
+        yield "10", name, expected, ours, error
+
+
+def _errata() -> Iterator[tuple]:
+    hop, juggle = simulate(Hopper(), 5.0, hops=2), simulate(Juggler(), 5.0, hops=2)
+    t = np.linspace(0, min(hop.end, juggle.end), 500)
+    y = hop(t)
+    ball = y[:, 0] - 1 + y[:, 2]  # eq. 6 for M = 1
+    scaled = juggle(np.sqrt(0.5) * t)[:, 0]
+    yield "7", "eq. 6 with one clock, ball against ball", 0.0, np.abs(ball - juggle(t)[:, 0]).max(), 1e-9
+    yield "7", "with the printed clock scaling they agree", 0, np.abs(ball - scaled).max() < 0.1, 0
+    run = simulate(HeavyHand(), 3.58, hops=1, cap=600)
+    acceleration = -1 - run.events[-1].after[2]
+    yield "9", "stable bouncing has a hand's acceleration, not speed, above -2", 1, -2 < acceleration < -1, 0
+    d = np.array([1e-9, 1e-12])
+    step = ReturnMap(Hopper())
+    left = (FIRST - step(FIRST - d).next) / d
+    yield "9", "slope at alpha* from the left, as the distance vanishes", 1.0, left[1], 5e-3
+    ratio = step(FIRST - 1e-9).loss / step(FIRST + 1e-9).loss
+    yield "9", "loss left over loss right of alpha*", 10.0, float(ratio), 0.05
+
+
+def _beyond() -> Iterator[tuple]:
+    coefficient = find(Hopper()).certificate.loss_coefficient
+    yield "beyond", "C of the local law C d^(4/3), M = 1", 3.61694, coefficient, 1e-5
+    power = np.log10(ReturnMap(Hopper())(FIRST + 1e-7).loss / ReturnMap(Hopper())(FIRST + 1e-10).loss) / 3
+    yield "beyond", "its exponent", 4 / 3, float(power), 1e-3
+    eps = figure_8.marginal()
+    low, high = figure_8.pair(eps)
+    yield "beyond", "injection of curve (d)", 0.071587384137, eps, 1e-12
+    yield "beyond", "its stable fixed point", 4.541763272853, high, 1e-11
+    yield "beyond", "its unstable fixed point", 4.481341946645, low, 1e-11
+    yield "beyond", "where hops of period two lose stability", 0.113429246523, figure_8.last_cycle(), 1e-11
+    family = follow(Hopper("tanh"), "b", 0.4, start=0.1)
+    yield "beyond", "where the first family of a saturating spring escapes", 1 / 3, family.end.limit, 1e-4
+    softening = follow(Hopper("cubic", parameters={"beta": 0.0}), "beta", -0.02)
+    fold = next(event.point for event in softening.events if event.kind == "fold")
+    yield "beyond", "fold of the cubic family: beta", -0.0106952149164040, fold.value, 1e-13
+    yield "beyond", "and alpha", 5.83222367210583, fold.alpha, 1e-8
+    three = Chain()
+    hop = find(three, start=three.start([-11.15, -3.02], 3.222, 2.460))
+    yield "beyond", "three masses: rest of the top one in mid-contact", -11.153174, _rest(hop), 6e-7
+    yield "beyond", "hops of three masses found, at least", 5, min(5, len(find_all(three, three.starts(6, 6)))), 0
+
+
+def _metres_per_second(machine) -> float:
+    return find(machine).si()["launch_speed_m_per_s"]
+
+
+def _loss(machine, alpha: float) -> float:
+    return float(ReturnMap(machine)(alpha).loss)
+
+
+def _rest(orbit) -> float:
+    return float(orbit(orbit.flight_time + orbit.contact_time / 2)[0])
+
+
+def _bouncing(alpha: float) -> int:
+    """The period of the bouncing that a throw on the heavy hand comes to."""
+    run = simulate(HeavyHand(), alpha, hops=1, cap=3000)
+    speeds = np.array([event.after[3] for event in run.events[-4:]])
+    return 1 if np.ptp(speeds) < 1e-3 else 2 if abs(speeds[-1] - speeds[-3]) < 1e-3 else 0
+
+
+STYLE = """body{font:16px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#222}
+table{border-collapse:collapse;width:100%;font-size:.9rem}td,th{padding:.25rem .6rem;border-bottom:1px solid #ddd;
+text-align:left}td.n{text-align:right;font-variant-numeric:tabular-nums}.no{background:#fbd9d0}img{max-width:100%}"""
+
+
+def page(rows: list[Claim], pictures: list[tuple[str, str, Path]]) -> str:
+    """The page: a table of the claims, and the figures with what their studies are for."""
+    good = sum(row.ok for row in rows)
+    lines = [
+        "<!doctype html><html lang='en'><meta charset='utf-8'><title>The paper, claim by claim</title>",
+        f"<style>{STYLE}</style>",
+        "<h1>Persistent orbits: the paper, claim by claim</h1>",
+        "<p>A. Chatterjee, R. Pratap, C. K. Reddy and A. Ruina, <i>Persistent passive hopping and juggling is possible "
+        "even with plastic collisions</i>, Int. J. Robotics Research 21 (2002) 621-634.</p>",
+        f"<p>{good} of {len(rows)} claims hold.</p><table><tr><th>section<th>claim<th>paper<th>ours<th>within<th>holds",
+    ]
+    for row in rows:
+        numbers = "".join(f"<td class='n'>{value:.12g}" for value in (row.expected, row.ours))
+        mark = "<tr>" if row.ok else "<tr class='no'>"
+        lines.append(
+            f"{mark}<td>{row.section}<td>{html.escape(row.statement)}{numbers}<td class='n'>{row.error:.0e}"
+            f"<td>{'yes' if row.ok else 'NO'}"
+        )
+    lines.append("</table>")
+    for title, words, path in pictures:
+        data = base64.b64encode(path.read_bytes()).decode()
+        lines.append(f"<h2>{html.escape(title)}</h2><p>{html.escape(words)}</p>")
+        lines.append(f"<img alt='{html.escape(title)}' src='data:image/png;base64,{data}'>")
+    return "\n".join(lines)
+
+
+def main(folder: Path, quick: bool = False) -> list[Claim]:
+    rows, pictures = claims(), []
+    for row in rows:
+        word = "ok" if row.ok else "NO"
+        print(f"  {word:<4}{row.section:<8}{row.statement:<66}{row.expected:>18.12g}{row.ours:>18.12g}")
+    for title, study, has_quick in FIGURES:
+        study.main(folder, **({"quick": True} if has_quick and quick else {}))
+        words = " ".join(study.__doc__.split("Run:")[0].split())
+        pictures.append((title, words, folder / f"{study.__name__.split('.')[-1]}.png"))
+    path = folder / "paper.html"
+    path.write_text(page(rows, pictures), encoding="utf-8")
+    print(f"\n  {sum(row.ok for row in rows)} of {len(rows)} claims hold; page: {path}")
+    return rows
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the page and its figures")
+    parser.add_argument("--quick", action="store_true", help="the figures in their quick modes")
+    arguments = parser.parse_args()
+    main(arguments.output, arguments.quick)
