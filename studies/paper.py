@@ -18,9 +18,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
-from orbits import ReturnMap, find, find_all, follow, multiplier, simulate  # noqa: E402
-from problems import Chain, HeavyHand, Hopper, Juggler, hopper_in_si  # noqa: E402
-from studies import (  # noqa: E402
+from orbits import ReturnMap, find, find_all, follow, multiplier, simulate
+from problems import Chain, HeavyHand, Hopper, Juggler, hopper_in_si
+from studies import (
     air_track,
     attraction,
     chain,
