@@ -17,6 +17,7 @@ from studies import (
     gravity_families,
     paper,
     spring_families,
+    stress,
 )
 
 
@@ -156,3 +157,13 @@ def test_attraction(tmp_path):
     assert shares[1.0] < 0.1
     assert shares[1e-3] == shares[1e3] == 1.0
     assert all(error > 0.005 for error in numbers["errors"])
+
+
+@pytest.mark.parametrize(
+    "fill", [row for row in stress.ROWS if row not in (stress.escaping, stress.tables, stress.laws)]
+)
+def test_stress(fill):
+    """Rows that take a second or two; the others have tests of their own in smaller numbers."""
+    (row,) = stress.main(rows=[fill])
+    assert not row.wrong
+    assert row.certified >= 5
