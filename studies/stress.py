@@ -296,7 +296,7 @@ def methods(row: Row, full: bool, seed: int):
                     continue
                 except NoOrbit as error:
                     row.attempt(f"{machine.kind} {method}", lambda e=error: (_ for _ in ()).throw(e))
-            first = next(iter(alphas.values()))
+            first = next(iter(alphas.values()), None)  # none where there is no such family
             for method, alpha in alphas.items():
                 off = abs(alpha / first - 1)
                 row.attempt(
