@@ -213,7 +213,8 @@ class Curve:
 
 def _on(path: Trajectory, mesh: np.ndarray) -> bool:
     """Whether a motion has been found on a mesh."""
-    return len(path.times) == len(mesh) and np.allclose(path.times, mesh * path.times[-1], rtol=1e-12)
+    end = path.times[-1]
+    return len(path.times) == len(mesh) and bool((np.abs(path.times - mesh * end) <= 1e-12 * end).all())
 
 
 def _finer(times: np.ndarray) -> np.ndarray:

@@ -169,7 +169,7 @@ class Shooting:
         )
         for scheme, size in zip(schemes, sizes, strict=True):
             scheme.spend(count * size)
-        call = self._whole(vary, sizes, tuple(scheme.one for scheme in schemes))
+        call = self._whole(vary, sizes, schemes, tuple(scheme.compiled for scheme in schemes))
         residual, jacobian, *rest = call(us, ps, np.concatenate(meshes)[None])
         # derivatives that nothing needs may be no numbers; the longer way leaves them out
         good, arcs = np.isfinite(jacobian).all((1, 2)), []
@@ -190,16 +190,19 @@ class Shooting:
         ]
 
     @lru_cache(maxsize=32)  # noqa: B019 - the equations themselves are kept as long
-    def _whole(self, vary: tuple[str, ...], counts: tuple[int, ...], steps: tuple[ca.Function, ...]) -> Calls:
-        """The statement and its derivatives on meshes of so many steps, (u, p, meshes)."""
+    def _whole(
+        self, vary: tuple[str, ...], counts: tuple[int, ...], schemes: tuple, compiled: tuple[bool, ...]
+    ) -> Calls:
+        """The statement and its derivatives on meshes of so many steps, (u, p, meshes); another one when a scheme has
+        been compiled."""
         n, k = self.size, len(vary)
         du, dp, own, seeds = (ca.DM(x) if isinstance(x, np.ndarray) else x for x in self._seeds(vary))
         u, p, nodes = ca.MX.sym("u", n), ca.MX.sym("p", len(self.parameters)), ca.MX.sym("t", sum(counts) + len(counts))
         meshes = ca.vertsplit(nodes, np.cumsum([0, *(count + 1 for count in counts)]).tolist())
         last, dlast = ca.MX(0, 1), ca.MX(0, n + k)
         residuals, jacobians, results = [], [], []
-        for along, count, one, mesh, (depart, arrive), (dx, dq) in zip(
-            self.flows, counts, steps, meshes, self._ends, seeds, strict=True
+        for along, count, scheme, mesh, (depart, arrive), (dx, dq) in zip(
+            self.flows, counts, schemes, meshes, self._ends, seeds, strict=True
         ):
             value, slope = depart.function(u, last, p)
             dvalue = slope @ ca.vertcat(du, dlast, dp)
@@ -207,7 +210,7 @@ class Shooting:
             varied = dq[[self.parameters.index(name) for name in vary]]
             data = ca.repmat(ca.vertcat(p, ca.vec(ca.DM(varied))), 1, count)
             lengths = duration * (mesh[1:] - mesh[:-1]).T
-            z, c, dc, made = one.mapaccum(count)(ca.vertcat(start, ca.vec(ca.DM(dx))), data, lengths)
+            z, c, dc, made = scheme.one.mapaccum(count)(ca.vertcat(start, ca.vec(ca.DM(dx))), data, lengths)
             size = along.size
             end, transition = z[:size, -1], ca.reshape(z[size:, -1], size, size + k)
             dend = transition @ dstart + along.graph.field(end, p)[0] @ longer
