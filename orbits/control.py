@@ -1,0 +1,434 @@
+"""Optimal control of motions through several phases with free durations, by direct multiple shooting and Ipopt.
+
+A stage is a phase travelled once. Its inputs, further names in the mapping `p` of the field, are polynomials on each of
+its equal intervals. Unknown are the durations, the states at all interval ends, the inputs' coefficients, and parameters
+left free; equations join the intervals by Taylor steps, with exact first and second derivatives. The answer is
+integrated again from each stage's start by the accurate flow. Steps are halved until both agree, and what has to stay
+positive is asked of the dense polynomials: where it does not between the interval ends, it is asked for at that place
+too and the problem is solved again (an exchange method, Hettich and Kortanek, SIAM Review 35, 1993).
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from math import comb
+
+import numpy as np
+
+from .errors import InputError, NoOrbit
+from .flow import Flow, Trajectory, flow
+from .model import Phase
+from .nlp import Minimum
+from .polynomial import Pile, powers
+from .simulate import Leg
+from .transcription import LENGTH, Transcription, clocked, coefficient_names, transcription
+
+# Rounds of asking again between interval ends, and of halving steps, after which it is given up.
+ROUNDS = 30
+# A duration this near to its lower bound, as a share, is at it.
+AT_BOUND = 1e-6
+
+
+@dataclass(frozen=True)
+class Input:
+    """What may be done: a polynomial of this degree on each interval of a stage, jumping in between.
+
+    low, high : bounds, numbers or p -> expression; of the polynomial's Bernstein coefficients, so that they hold
+        everywhere, and up to degree 1 no more than that is asked
+    """
+
+    low: float | Callable = -np.inf
+    high: float | Callable = np.inf
+    degree: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A phase travelled once; functions are as in `Phase`, with the inputs by name in `p`, and q empty.
+
+    intervals : number of them, all equally long
+    duration : its bounds, the lower one above 0
+    inputs : by name
+    start : (x, before, p) -> zeros at its start, `before` being the end of the stage before, the last one's for the first
+    end : (x, p) -> zeros at its end
+    path : named (x, p, q) -> what stays at or above zero
+    running : (x, p, q) -> the cost's rate
+    final : (x, p) -> cost at its end
+
+    Stages compare by identity: what is built from them is kept for the next call.
+    """
+
+    phase: Phase
+    intervals: int
+    duration: tuple[float, float]
+    inputs: Mapping[str, Input] = field(default_factory=dict)
+    start: Callable = lambda x, before, p: []
+    end: Callable = lambda x, p: []
+    path: Mapping[str, Callable] = field(default_factory=dict)
+    running: Callable = lambda x, p, q: 0.0
+    final: Callable = lambda x, p: 0.0
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Where to start a stage: its duration, its states as a function of the time in it, its inputs by name, each a
+    number or a function of that time."""
+
+    duration: float
+    states: Callable
+    inputs: Mapping[str, float | Callable] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Driven(Leg):
+    """A stage as it is travelled: its phase's name, its start, its motion from there, and its inputs, polynomials of
+    the time since then as well. Rows of the motion are the states, then what stays positive."""
+
+    inputs: Trajectory
+
+    @property
+    def duration(self) -> float:
+        """Of the stage."""
+        return float(self.path.times[-1])
+
+
+@dataclass(frozen=True)
+class Control:
+    """A motion of least cost.
+
+    legs : the stages in order
+    cost : on the accurate motion
+    parameters : all of them, those left free as they came out
+    violation : the most by which the accurate motion misses a condition, leaves a bound, or falls below zero on its path
+    error : the most by which its states, beside their size, or its cost differ from those that were solved for
+    iterations : of Ipopt, and `rounds` in which they were taken
+    seconds : taken in all
+    status : "optimal"; anything else is raised as an error
+    """
+
+    legs: tuple[Driven, ...]
+    cost: float
+    parameters: Mapping[str, float]
+    violation: float
+    error: float
+    iterations: int
+    rounds: int
+    seconds: float
+    status: str = "optimal"
+    answer: "Answer | None" = field(default=None, repr=False)
+
+    @property
+    def durations(self) -> np.ndarray:
+        """Of the stages."""
+        return np.array([leg.duration for leg in self.legs])
+
+    @property
+    def schedule(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """When piecewise constant inputs change, (k + 1,), and their values in between, (k,) each: what `simulate`
+        takes."""
+        if any(leg.inputs.coefficients.shape[2] > 1 for leg in self.legs):
+            raise InputError("inputs that vary within an interval are no schedule; give them degree 0")
+        names = {name: None for leg in self.legs for name in leg.inputs.names}
+        times = np.concatenate([leg.start + leg.inputs.times[:-1] for leg in self.legs] + [[self.end]])
+        values = {name: np.concatenate([_column(leg.inputs, name) for leg in self.legs]) for name in names}
+        return times, values
+
+    @property
+    def end(self) -> float:
+        """The time at which the last stage ends."""
+        return self.legs[-1].start + self.legs[-1].duration
+
+    def __str__(self) -> str:
+        rows = [f"  {leg.phase:<12}from {leg.start:<12.8g}for {leg.duration:.10g}" for leg in self.legs]
+        found = f"  cost {self.cost:.12g}, violation {self.violation:.1e}, error {self.error:.1e}"
+        return "\n".join([*rows, found, f"  {self.iterations} iterations, {self.rounds} rounds, {self.seconds:.2f} s"])
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the next solve may start from: the problem, its unknowns, its multipliers, and where paths are asked."""
+
+    problem: Transcription
+    x: np.ndarray
+    multipliers: tuple[np.ndarray, np.ndarray]
+    shares: np.ndarray
+
+
+def steer(
+    stages: Sequence[Stage], parameters: Mapping[str, float] | None = None, *, guess,
+    free: Mapping[str, tuple[float, float]] | None = None, tolerance: float = 1e-9,
+) -> Control:  # fmt: skip
+    """Find the motion through `stages`, one after the other, of least cost.
+
+    parameters : values of the names in `p`
+    guess : a `Guess` for each stage, or a `Control` nearby, whose multipliers are kept if the stages are the same
+    free : bounds of further parameters, which are found too; the guess is the middle, or the bound if one is infinite,
+        or what the guess's own `parameters` say
+    tolerance : of the answer's violation and error
+
+    Raises `InputError` for bounds that conflict, and `NoOrbit`, saying which condition or bound is in the way, where
+    there is no such motion, a stage collapses, the cost has no lower bound, or nothing is found from the guess.
+    """
+    began = time.perf_counter()
+    stages, parameters, free = tuple(stages), dict(parameters or {}), dict(free or {})
+    _check(stages, parameters, free)
+    problem, answer = transcription(stages, tuple(parameters), tuple(free)), None
+    fixed = np.array(list(parameters.values()), dtype=float)
+    known = guess.answer if isinstance(guess, Control) else None
+    if known and known.problem.stages == stages and known.problem.names == problem.names:
+        problem, answer = known.problem, known
+    bounds = problem.bounds(free)
+    x = answer.x if answer else _pack(problem, guess, free, bounds)
+    multipliers, shares = (answer.multipliers, answer.shares) if answer else (None, np.zeros(0))
+    iterations = 0
+    for done in range(1, ROUNDS + 1):
+        x = np.clip(x, *bounds)
+        found = problem.minimise(x, np.concatenate([fixed, shares]), bounds, multipliers)
+        if found.kind != "minimum" and multipliers is not None:  # the old multipliers may mislead
+            found = problem.minimise(x, np.concatenate([fixed, shares]), bounds, None)
+        iterations += found.iterations
+        if found.kind != "minimum":
+            raise NoOrbit(_reason(problem, found, bounds))
+        x, multipliers = found.x, found.multipliers
+        parts, values = problem.unpack(x), np.concatenate([fixed, problem.freed(x)])
+        _not_collapsed(stages, parts)
+        driven = [_travel(stage, problem.names, values, *part) for stage, part in zip(stages, parts, strict=True)]
+        error = _error(found.cost, driven, parts, problem.costs(values, driven))
+        rough = [_apart(drive, part) > tolerance for drive, part in zip(driven, parts, strict=True)]
+        dips = [drive.dips(tolerance) for drive in driven]
+        if not any(rough) and error <= tolerance and not any(dips):
+            break
+        substeps = tuple(2 * n if bad else n for n, bad in zip(problem.substeps, rough, strict=True))
+        if not any(rough) and not any(dips):  # the cost alone is off
+            substeps = tuple(2 * n for n in substeps)
+        added = [(i, interval) for i, places in enumerate(dips) for interval, _ in places]
+        shares = np.append(shares, [share for places in dips for _, share in places])
+        problem = transcription(stages, tuple(parameters), tuple(free), substeps, problem.places + tuple(added))
+        multipliers = problem.padded(multipliers)
+    else:
+        where = [name for drive in driven for name in drive.low(tolerance)]
+        raise NoOrbit(
+            f"the motion does not settle to {tolerance:.0e} in {ROUNDS} rounds"
+            + (f": {where[0]} still falls below zero between interval ends" if where else "")
+            + "; take more intervals or a larger tolerance"
+        )
+    cost, starts = problem.costs(values, driven), np.cumsum([0.0, *(part[0] for part in parts)])
+    violation = max(problem.missed(values, [(d.first, d.last) for d in driven]), *(d.violation for d in driven))
+    legs = tuple(
+        Driven(stage.phase.name, float(start), drive.path, _polynomials(stage, *part[::2]))
+        for stage, drive, part, start in zip(stages, driven, parts, starts, strict=False)
+    )
+    named = dict(zip(problem.names, values.tolist(), strict=True))
+    kept, seconds = Answer(problem, x, multipliers, shares), time.perf_counter() - began
+    return Control(legs, cost, named, float(violation), error, iterations, done, seconds, answer=kept)
+
+
+def _check(stages, parameters, free):
+    """Raise for what cannot be meant."""
+    if not stages:
+        raise InputError("there are no stages: give at least one")
+    for number, stage in enumerate(stages, start=1):
+        where, (low, high) = f"stage {number} ({stage.phase.name})", stage.duration
+        if not 0 < low <= high:
+            raise InputError(f"{where}: duration between {low:g} and {high:g}; it is above 0, and low is below high")
+        if isinstance(stage.intervals, bool) or int(stage.intervals) != stage.intervals or stage.intervals < 1:
+            raise InputError(f"{where}: intervals = {stage.intervals!r}; there is at least one, and no parts of one")
+        if stage.phase.pieces:
+            raise InputError(f"{where}: its law is piecewise; control needs a law that is smooth, as a formula")
+        for name, given in stage.inputs.items():
+            if name in parameters or name in free:
+                raise InputError(f"{where}: '{name}' is both an input and a parameter; rename one")
+            if not callable(given.low) and not callable(given.high) and not given.low <= given.high:
+                raise InputError(
+                    f"{where}: input '{name}' lies between {given.low:g} and {given.high:g}: bounds conflict"
+                )
+            if isinstance(given.degree, bool) or int(given.degree) != given.degree or given.degree < 0:
+                raise InputError(f"{where}: input '{name}' has degree {given.degree!r}; degrees are 0, 1, 2, ...")
+    for name, (low, high) in free.items():
+        if name in parameters:
+            raise InputError(f"parameter '{name}' has a value and is left free: choose one")
+        if not low <= high:
+            raise InputError(f"parameter '{name}' lies between {low:g} and {high:g}: bounds conflict")
+    for name, value in parameters.items():
+        if not np.isfinite(value):
+            raise InputError(f"parameter '{name}' = {value!r} is not a finite number")
+
+
+def _pack(problem: Transcription, guess, free, bounds) -> np.ndarray:
+    """The unknowns (n,) that a guess means."""
+    given = guess.legs if isinstance(guess, Control) else guess
+    known = guess.parameters if isinstance(guess, Control) else {}
+    if len(given) != len(problem.stages):
+        raise InputError(f"the guess has {len(given)} stages where there are {len(problem.stages)}")
+    parts = []
+    for stage, one in zip(problem.stages, given, strict=True):
+        size, n = len(stage.phase.states), stage.intervals
+        states, inputs = (one.path, _functions(one.inputs)) if isinstance(one, Driven) else (one.states, one.inputs)
+        nodes = np.array([np.asarray(states(t), dtype=float)[:size] for t in np.linspace(0, one.duration, n + 1)])
+        rows = []
+        for name, shape in stage.inputs.items():
+            of = inputs.get(name, 0.0)
+            for place in np.linspace(1e-9, 1 - 1e-9, shape.degree + 1) if shape.degree else (0.5,):
+                times = (np.arange(n) + place) * one.duration / n
+                rows.append([float(of(t)) if callable(of) else float(of) for t in times])
+        parts.append((one.duration, nodes.T, np.array(rows).reshape(-1, n)))
+    low, high = (bound[len(bound) - len(free) :] for bound in bounds)
+    middle = np.where(np.isfinite(low + high), 0.5 * (low + high), np.where(np.isfinite(low), low, high))
+    middle = np.where(np.isfinite(middle), middle, 0.0)
+    x = problem.pack(parts, [known.get(name, value) for name, value in zip(free, middle, strict=True)])
+    if not np.isfinite(x).all():
+        raise InputError("the guess is not finite everywhere")
+    return x
+
+
+def _functions(inputs: Trajectory) -> dict[str, Callable]:
+    return {name: lambda t, i=i: inputs(t)[i] for i, name in enumerate(inputs.names)}
+
+
+def _column(inputs: Trajectory, name: str) -> np.ndarray:
+    """Values (N,) of a constant input on each interval, 0 where the stage does not have it."""
+    return inputs.row(name)[:, 0] if name in inputs.names else np.zeros(len(inputs.steps))
+
+
+def _polynomials(stage: Stage, duration: float, coefficients) -> Trajectory:
+    """The inputs of a stage as polynomials of its time, from Bernstein coefficients (m, N) on its intervals."""
+    n, most = stage.intervals, 1 + max((given.degree for given in stage.inputs.values()), default=0)
+    rows, first = np.zeros((n, len(stage.inputs), most)), 0
+    h = duration / n
+    for i, given in enumerate(stage.inputs.values()):
+        d = given.degree
+        ours = coefficients[first : first + d + 1]
+        for k in range(d + 1):  # differences of Bernstein coefficients are monomial ones
+            rising = sum((-1) ** (k - j) * comb(k, j) * ours[j] for j in range(k + 1))
+            rows[:, i, k] = comb(d, k) * rising / h**k
+        first += d + 1
+    return Trajectory(np.linspace(0, duration, n + 1), rows, tuple(stage.inputs))
+
+
+@dataclass(frozen=True, eq=False)
+class Travelled:
+    """A stage integrated accurately from its first state through all its intervals.
+
+    path : the motion, states and then what stays positive
+    nodes : states (n, N + 1) at the interval ends
+    cost : the running one
+    interval, began : of each step of the motion, (steps,), which interval it is in and at what share of that it begins
+    overstepped : the most by which an input leaves its bounds
+    """
+
+    stage: Stage
+    path: Trajectory
+    nodes: np.ndarray
+    cost: float
+    interval: np.ndarray
+    began: np.ndarray
+    overstepped: float
+
+    first = property(lambda self: self.nodes[:, 0])
+    last = property(lambda self: self.nodes[:, -1])
+
+    @cached_property
+    def _lowest(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Of what stays positive, the least value (N,) on each interval and the share (N,) of it where that is."""
+        counts, found = np.bincount(self.interval), {}
+        first = np.cumsum(counts) - counts
+        h = self.path.times[-1] / self.stage.intervals
+        for name in self.stage.path:
+            values, piece, t = Pile(self.path.row(name), self.path.steps, counts).lowest()
+            found[name] = values, np.clip(self.began[first + piece] + t / h, 0.0, 1.0)
+        return found
+
+    @property
+    def violation(self) -> float:
+        """The most by which it falls below zero, or an input leaves its bounds."""
+        return max([self.overstepped, 0.0, *(-float(values.min()) for values, _ in self._lowest.values())])
+
+    def low(self, tolerance: float) -> list[str]:
+        """Names of what falls below zero by more than the tolerance."""
+        return [name for name, (values, _) in self._lowest.items() if values.min() < -tolerance]
+
+    def dips(self, tolerance: float) -> list[tuple[int, float]]:
+        """Intervals, and shares of them, where something falls below zero by more than the tolerance."""
+        found = {
+            (int(i), float(shares[i]))
+            for values, shares in self._lowest.values()
+            for i in np.flatnonzero(values < -tolerance)
+        }
+        return sorted(found)
+
+
+def _travel(stage: Stage, names, values, duration: float, nodes, coefficients) -> Travelled:
+    """Integrate a stage of the solved problem accurately, open loop."""
+    along = _accurate(stage, names)
+    size, n, h = len(stage.phase.states), stage.intervals, duration / stage.intervals
+    x, cost, pieces, lengths, interval, began, ends = nodes[:, 0], 0.0, [], [], [], [], [nodes[:, 0]]
+    keep = [*range(size), *range(size + 2, len(along.names))]
+    for i in range(n):
+        path, _ = along.run([*x, 0.0, 0.0], np.concatenate([values, [h], coefficients[:, i]]), 1.0)
+        x, cost = path.end[:size], cost + path.end[size + 1]
+        ends.append(x)
+        pieces.append(path.coefficients[:, keep] / powers(h, path.coefficients.shape[2]))
+        lengths.append(path.steps * h)
+        interval += [i] * len(path.steps)
+        began.append(path.times[:-1])
+    times = np.concatenate([[0.0], np.cumsum(np.concatenate(lengths))])
+    times[-1] = duration
+    dense = Trajectory(times, np.concatenate(pieces), tuple(along.names[i] for i in keep))
+    named, over, row = dict(zip(names, values, strict=True)), 0.0, 0
+    for given in stage.inputs.values():
+        mine = coefficients[row : row + given.degree + 1]
+        low, high = (float(bound(named)) if callable(bound) else bound for bound in (given.low, given.high))
+        over, row = max(over, float((low - mine).max()), float((mine - high).max())), row + given.degree + 1
+    return Travelled(stage, dense, np.array(ends).T, cost, np.array(interval), np.concatenate(began), over)
+
+
+@lru_cache(maxsize=64)
+def _accurate(stage: Stage, names) -> Flow:
+    """The accurate flow of a stage's intervals; see `transcription.clocked`."""
+    return flow(clocked(stage), (*names, LENGTH, *coefficient_names(stage)))
+
+
+def _apart(drive: Travelled, part) -> float:
+    """How far the accurate states are from those solved for, beside their size."""
+    _, nodes, _ = part
+    size = 1.0 + np.abs(nodes).max(1, keepdims=True)
+    return float((np.abs(drive.nodes - nodes) / size).max())
+
+
+def _error(cost: float, driven, parts, accurate: float) -> float:
+    """How far the accurate motion is from the one solved for, in states and cost."""
+    states = max(_apart(drive, part) for drive, part in zip(driven, parts, strict=True))
+    return max(states, abs(accurate - cost) / (1.0 + abs(cost)))
+
+
+def _not_collapsed(stages, parts):
+    """Raise where a stage has shrunk to its lower bound, though it may last longer."""
+    for number, (stage, (duration, *_)) in enumerate(zip(stages, parts, strict=True), start=1):
+        low, high = stage.duration
+        if low < high and duration <= low * (1 + AT_BOUND):
+            raise NoOrbit(
+                f"stage {number} ({stage.phase.name}) collapses: least cost is at its shortest duration {low:g}; state "
+                "it without that stage, or fix its duration"
+            )
+
+
+def _reason(problem: Transcription, found: Minimum, bounds) -> str:
+    """Why there is no answer, in the words of the problem."""
+    if found.kind == "bottomless":
+        return f"the cost has no lower bound: it fell to {found.cost:.1e}; bound the inputs, or let them cost something"
+    if found.kind == "undefined":
+        return "the equations stop being numbers on the way; start from a nearer motion"
+    if found.kind == "overdetermined":
+        return "there are more conditions than inputs can meet: take more intervals, or drop a condition"
+    worst = int(np.argmax(np.nan_to_num(found.off, nan=np.inf)))
+    name, off = problem.label(worst), float(found.off[worst])
+    parts = problem.unpack(found.x)
+    short = [
+        f"; stage {i} ({stage.phase.name}) is at its shortest duration {stage.duration[0]:g}"
+        for i, (stage, (duration, *_)) in enumerate(zip(problem.stages, parts, strict=True), start=1)
+        if stage.duration[0] < stage.duration[1] and duration <= stage.duration[0] * (1 + 1e-3)
+    ]
+    if found.kind == "infeasible":
+        return f"no motion meets the conditions: {name} is missed by {off:.2g}{''.join(short)}; widen a bound"
+    return f"no convergence from this guess ({name} off by {off:.1g}){''.join(short)}; start from a nearer motion"

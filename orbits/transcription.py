@@ -1,0 +1,218 @@
+"""The stages of an optimal control problem as one nonlinear program: unknowns, joints, conditions, costs."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from math import comb
+
+import casadi as ca
+import numpy as np
+
+from .flow import flow
+from .jets import jets
+from .model import Phase
+from .nlp import Minimiser, Minimum
+from .steps import runge_kutta
+
+# Order of the Taylor steps: twelve costs half of what the accurate flow's costs, and steps get shorter where it is low.
+ORDER = 12
+# Name of the length of an interval among the parameters; no identifier can be that.
+LENGTH = "interval's length"
+
+
+def coefficient_names(stage) -> tuple[str, ...]:
+    """Names of the Bernstein coefficients of all inputs of a stage, in their order."""
+    return tuple(f"{name}[{k}]" for name, given in stage.inputs.items() for k in range(given.degree + 1))
+
+
+@lru_cache(maxsize=64)
+def clocked(stage) -> Phase:
+    """A stage's phase over one interval in shares of its length, with two more states: that clock, which the inputs'
+    polynomials follow, and the running cost; it watches what stays positive."""
+    size = len(stage.phase.states)
+
+    def with_inputs(x, p):
+        clock, named = x[size], dict(p)
+        for name, given in stage.inputs.items():
+            d = given.degree
+            shapes = [comb(d, k) * clock**k * (1 - clock) ** (d - k) for k in range(d + 1)] if d else [1.0]
+            named[name] = sum(p[f"{name}[{k}]"] * shape for k, shape in enumerate(shapes))
+        return x[:size], named
+
+    def field(x, p, q):
+        states, named = with_inputs(x, p)
+        rates = [*stage.phase.field(states, named, q), 1.0, stage.running(states, named, q)]
+        return [rate if i == size else p[LENGTH] * rate for i, rate in enumerate(rates)]
+
+    watch = {name: lambda x, p, q, of=of: of(*with_inputs(x, p), q) for name, of in stage.path.items()}
+    return Phase(stage.phase.name, (*stage.phase.states, "clock", "cost"), field, watch)
+
+
+@lru_cache(maxsize=64)
+def advance(stage, names: tuple[str, ...], substeps: int) -> ca.Function:
+    """(state, share, parameters with length and coefficients) -> state, running cost and path after that share of an
+    interval."""
+    graph = flow(clocked(stage), (*names, LENGTH, *coefficient_names(stage))).graph
+    size, share = len(stage.phase.states), ca.SX.sym("share")
+    if graph.has_series:
+        series = jets(graph.field, graph.x, graph.p, ORDER)[: graph.size, :]
+        end = series @ ca.vertcat(*[share**k for k in range(ORDER + 1)])
+    else:
+        end = runge_kutta(graph, graph.x, share)
+    step = ca.Function("step", [graph.x, share, graph.p], [end])
+    x = ca.SX.sym("x", size)
+    z = ca.vertcat(x, 0, 0)
+    for _ in range(substeps):
+        z = step(z, share / substeps, graph.p)
+    results = [z[:size], z[size + 1], graph.field(z, graph.p)[1]]
+    return ca.Function("advance", [x, share, graph.p], [ca.densify(result) for result in results])
+
+
+@lru_cache(maxsize=64)
+def _conditions(stage, names: tuple[str, ...], size_before: int) -> ca.Function:
+    """(first state, last state, last state before, parameters) -> zeros at the start, zeros at the end, final cost,
+    and bounds of inputs, -inf and inf where they are numbers."""
+    size = len(stage.phase.states)
+    first, last, before, p = (ca.SX.sym("x", k) for k in (size, size, size_before, len(names)))
+    named = dict(zip(names, ca.vertsplit(p), strict=True))
+    start = stage.start(ca.vertsplit(first), ca.vertsplit(before), named)
+    end, final = stage.end(ca.vertsplit(last), named), stage.final(ca.vertsplit(last), named)
+    lows, highs = (
+        ca.vertcat(*[of(named) if callable(of := getattr(given, side)) else none for given in stage.inputs.values()])
+        for side, none in (("low", -np.inf), ("high", np.inf))
+    )
+    results = [ca.vertcat(*start), ca.vertcat(*end), final, lows, highs]
+    return ca.Function("conditions", [first, last, before, p], [ca.densify(ca.SX(result)) for result in results])
+
+
+class Transcription:
+    """The nonlinear program of stages; its unknowns are those of each stage in turn, its duration, its states (n, N + 1)
+    and its inputs' coefficients (m, N), and then the free parameters.
+
+    names : of the parameters, those given and then those free
+    substeps : steps that an interval takes, of each stage
+    places : (stage, interval) of further places at which paths are asked; where in the interval are parameters
+    """
+
+    def __init__(self, stages, fixed: tuple[str, ...], free: tuple[str, ...], substeps, places):
+        self.stages, self.names, self.substeps, self.places = stages, (*fixed, *free), substeps, places
+        self.count = len(free)
+        self.shapes = [(len(s.phase.states), s.intervals, len(coefficient_names(s))) for s in stages]
+        self._labels: list[str] = []
+        self._limits: list[tuple[float, float]] = []
+        self._build(len(fixed))
+
+    def _build(self, fixed: int):
+        given, freed, shares = (ca.MX.sym("p", k) for k in (fixed, self.count, len(self.places)))
+        p, parts, cost, constraints = ca.vertcat(given, freed), [], ca.MX(0), []
+        for size, n, m in self.shapes:
+            parts.append((ca.MX.sym("T"), ca.MX.sym("x", size, n + 1), ca.MX.sym("w", m, n)))
+        data = []
+        for i, (stage, (duration, x, w)) in enumerate(zip(self.stages, parts, strict=True)):
+            n = stage.intervals
+            data.append(ca.vertcat(ca.repmat(p, 1, n), ca.repmat(duration / n, 1, n), w))
+            step = advance(stage, self.names, self.substeps[i]).map(n)
+            ends, costs, path = step(x[:, :-1], ca.DM.ones(1, n), data[i])
+            before = parts[i - 1][1][:, -1]
+            conditions = _conditions(stage, self.names, before.numel())
+            start, end, final, lows, highs = conditions(x[:, 0], x[:, -1], before, p)
+            cost += ca.sum2(costs) + final
+            constraints += [
+                self._held(ca.vec(ends - x[:, 1:]), i, "the motion", 0.0),
+                self._held(start, i, "the condition at the start", 0.0),
+                self._held(end, i, "the condition at the end", 0.0),
+            ]
+            constraints += [self._held(path[k, :-1].T, i, f"'{name}'") for k, name in enumerate(stage.path)]
+            constraints += self._bounded_inputs(i, w, lows, highs)
+        for k, (i, interval) in enumerate(self.places):
+            step = advance(self.stages[i], self.names, self.substeps[i])
+            path = step(parts[i][1][:, interval], shares[k], data[i][:, interval])[2]
+            constraints += [self._held(path[j], i, f"'{name}'") for j, name in enumerate(self.stages[i].path)]
+        unknowns = ca.veccat(*[piece for part in parts for piece in part], freed)
+        self._minimiser = Minimiser(unknowns, ca.vertcat(given, shares), cost, ca.vertcat(*constraints))
+
+    def _held(self, values: ca.MX, stage: int, what: str, most: float = np.inf) -> ca.MX:
+        """Note that `values` stay between 0 and `most`, and what they are."""
+        name = f"{what} of stage {stage + 1} ({self.stages[stage].phase.name})"
+        self._labels += [name] * values.numel()
+        self._limits += [(0.0, most)] * values.numel()
+        return values
+
+    def _bounded_inputs(self, i: int, w: ca.MX, lows: ca.MX, highs: ca.MX) -> list[ca.MX]:
+        """Bounds of inputs that are functions of the parameters."""
+        row, held = 0, []
+        for k, (name, given) in enumerate(self.stages[i].inputs.items()):
+            mine = ca.vec(w[row : row + given.degree + 1, :])
+            row += given.degree + 1
+            if callable(given.low):
+                held.append(self._held(mine - lows[k], i, f"the lower bound of input '{name}'"))
+            if callable(given.high):
+                held.append(self._held(highs[k] - mine, i, f"the upper bound of input '{name}'"))
+        return held
+
+    def bounds(self, free) -> tuple[np.ndarray, np.ndarray]:
+        """Of the unknowns, (n,) each."""
+        sides = []
+        for side, none in ((0, -np.inf), (1, np.inf)):
+            parts = []
+            for stage, (size, n, _) in zip(self.stages, self.shapes, strict=True):
+                each = []
+                for given in stage.inputs.values():
+                    bound = (given.low, given.high)[side]
+                    each += [none if callable(bound) else bound] * (given.degree + 1)
+                parts.append((stage.duration[side], np.full((size, n + 1), none), np.tile(np.c_[each], n)))
+            sides.append(self.pack(parts, [bound[side] for bound in free.values()]))
+        return sides[0], sides[1]
+
+    def pack(self, parts, free: Sequence[float]) -> np.ndarray:
+        """The unknowns (n,) from durations, states and coefficients of each stage, and free parameters."""
+        pieces = [np.ravel(piece, order="F") for part in parts for piece in part]
+        return np.concatenate([*pieces, np.asarray(free, dtype=float)]).astype(float)
+
+    def unpack(self, x) -> list[tuple[float, np.ndarray, np.ndarray]]:
+        """Durations, states (n, N + 1) and coefficients (m, N) of each stage, from the unknowns."""
+        parts, k = [], 0
+        for size, n, m in self.shapes:
+            states, after = k + 1, k + 1 + size * (n + 1)
+            nodes = x[states:after].reshape((size, n + 1), order="F")
+            parts.append((float(x[k]), nodes, x[after : after + m * n].reshape((m, n), order="F")))
+            k = after + m * n
+        return parts
+
+    def freed(self, x) -> np.ndarray:
+        """The free parameters among the unknowns."""
+        return x[len(x) - self.count :]
+
+    def label(self, row: int) -> str:
+        """What a constraint is."""
+        return self._labels[row]
+
+    def minimise(self, x, p, bounds, multipliers) -> Minimum:
+        """The minimum near `x` with parameters and places `p`."""
+        return self._minimiser(x, p, bounds, np.array(self._limits).T, multipliers)
+
+    def padded(self, multipliers):
+        """Multipliers of the same problem with fewer places, for this one."""
+        bound, held = multipliers
+        return bound, np.append(held, np.zeros(len(self._labels) - len(held)))
+
+    def _ends(self, values, ends):
+        """Of each stage the conditions at its accurate ends (first, last)."""
+        for i, stage in enumerate(self.stages):
+            before = ends[i - 1][1]
+            yield _conditions(stage, self.names, len(before))(*ends[i], before, values)
+
+    def missed(self, values, ends) -> float:
+        """The most by which conditions are missed where stages start and end at states (first, last)."""
+        off = [np.abs(np.array(part)).max(initial=0.0) for found in self._ends(values, ends) for part in found[:2]]
+        return float(max(off))
+
+    def costs(self, values, driven) -> float:
+        """The cost of stages travelled accurately."""
+        finals = self._ends(values, [(drive.first, drive.last) for drive in driven])
+        return float(sum(float(found[2]) for found in finals) + sum(drive.cost for drive in driven))
+
+
+@lru_cache(maxsize=32)
+def transcription(stages, fixed, free, substeps=None, places=()) -> Transcription:
+    """The nonlinear program of stages, kept for the next call."""
+    return Transcription(stages, fixed, free, substeps or (1,) * len(stages), places)
