@@ -2,6 +2,7 @@
 
 from .branches import follow_branch
 from .continuation import follow, orbit_at, trace
+from .control import Control, Guess, Input, Stage, steer
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .existence import Existence, existence
 from .family import End, Event, Family, Point
@@ -18,13 +19,16 @@ __all__ = [
     "Affine",
     "Arc",
     "Certificate",
+    "Control",
     "End",
     "Event",
     "Existence",
     "Family",
     "FixedPoint",
     "FlowError",
+    "Guess",
     "Hops",
+    "Input",
     "InputError",
     "Model",
     "NoOrbit",
@@ -38,6 +42,7 @@ __all__ = [
     "Reduction",
     "ReturnMap",
     "Simulation",
+    "Stage",
     "Statement",
     "Units",
     "existence",
@@ -49,5 +54,6 @@ __all__ = [
     "multiplier",
     "orbit_at",
     "simulate",
+    "steer",
     "trace",
 ]

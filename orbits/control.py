@@ -1,7 +1,7 @@
 """Optimal control of motions through several phases with free durations, by direct multiple shooting and Ipopt.
 
-A stage is a phase travelled once. Its inputs, further names in the mapping `p` of the field, are polynomials on each of
-its equal intervals. Unknown are the durations, the states at all interval ends, the inputs' coefficients, and parameters
+A stage is a phase travelled once. Its inputs, further names in the mapping `p` of the field, are polynomials on each
+of its equal intervals. Unknown are the durations, the states at all interval ends, the inputs' coefficients, and parameters
 left free; equations join the intervals by Taylor steps, with exact first and second derivatives. The answer is
 integrated again from each stage's start by the accurate flow. Steps are halved until both agree, and what has to stay
 positive is asked of the dense polynomials: where it does not between the interval ends, it is asked for at that place
@@ -50,7 +50,8 @@ class Stage:
     intervals : number of them, all equally long
     duration : its bounds, the lower one above 0
     inputs : by name
-    start : (x, before, p) -> zeros at its start, `before` being the end of the stage before, the last one's for the first
+    start : (x, before, p) -> zeros at its start, `before` being the end of the stage before, for the first one that of
+        the last
     end : (x, p) -> zeros at its end
     path : named (x, p, q) -> what stays at or above zero
     running : (x, p, q) -> the cost's rate
@@ -182,7 +183,7 @@ def steer(
     x = answer.x if answer else _pack(problem, guess, free, bounds)
     multipliers, shares = (answer.multipliers, answer.shares) if answer else (None, np.zeros(0))
     iterations = 0
-    for done in range(1, ROUNDS + 1):
+    for rounds in range(1, ROUNDS + 1):
         x = np.clip(x, *bounds)
         found = problem.minimise(x, np.concatenate([fixed, shares]), bounds, multipliers)
         if found.kind != "minimum" and multipliers is not None:  # the old multipliers may mislead
@@ -221,7 +222,7 @@ def steer(
     )
     named = dict(zip(problem.names, values.tolist(), strict=True))
     kept, seconds = Answer(problem, x, multipliers, shares), time.perf_counter() - began
-    return Control(legs, cost, named, float(violation), error, iterations, done, seconds, answer=kept)
+    return Control(legs, cost, named, float(violation), error, iterations, rounds, seconds, answer=kept)
 
 
 def _check(stages, parameters, free):

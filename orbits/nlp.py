@@ -32,8 +32,8 @@ OPTIONS = {
     "ipopt.nlp_scaling_method": "none",  # the caller scales
 }
 
-# How far a minimum may be from its conditions, recomputed, whatever Ipopt calls it: what is left of its constraints, and
-# of the gradient of its Lagrangian.
+# How far a minimum may be from its conditions, recomputed, whatever Ipopt calls it: what is left of its constraints,
+# and of the gradient of its Lagrangian.
 FEASIBLE, STATIONARY = 1e-9, 1e-7
 # Ends from which no minimum is looked for where the recomputed conditions hold: it stalls at rounding.
 STALLED = ("Search_Direction_Becomes_Too_Small", "Solved_To_Acceptable_Level", "Restoration_Failed")

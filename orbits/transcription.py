@@ -85,8 +85,8 @@ def _conditions(stage, names: tuple[str, ...], size_before: int) -> ca.Function:
 
 
 class Transcription:
-    """The nonlinear program of stages; its unknowns are those of each stage in turn, its duration, its states (n, N + 1)
-    and its inputs' coefficients (m, N), and then the free parameters.
+    """The nonlinear program of stages; its unknowns are those of each stage in turn, its duration, its states
+    (n, N + 1) and its inputs' coefficients (m, N), and then the free parameters.
 
     names : of the parameters, those given and then those free
     substeps : steps that an interval takes, of each stage
