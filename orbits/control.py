@@ -3,9 +3,9 @@
 A stage is a phase travelled once. Its inputs, further names in the mapping `p` of the field, are polynomials on each
 of its equal intervals. Unknown are the durations, the states at all interval ends, the inputs' coefficients, and parameters
 left free; equations join the intervals by Taylor steps, with exact first and second derivatives. The answer is
-integrated again from each stage's start by the accurate flow. Steps are halved until both agree, and what has to stay
-positive is asked of the dense polynomials: where it does not between the interval ends, it is asked for at that place
-too and the problem is solved again (an exchange method, Hettich and Kortanek, SIAM Review 35, 1993).
+integrated again from each stage's start by the accurate flow. Steps are halved until both agree. What has to stay
+positive is looked up on the dense polynomials: where it does not, it is asked for at that place too, and the problem is
+solved again (an exchange method: Hettich and Kortanek, "Semi-infinite programming", SIAM Review 35, 1993).
 """
 
 import time
@@ -101,9 +101,10 @@ class Control:
     legs : the stages in order
     cost : on the accurate motion
     parameters : all of them, those left free as they came out
-    violation : the most by which the accurate motion misses a condition, leaves a bound, or falls below zero on its path
+    violation : the most by which the accurate motion misses a condition, leaves a bound, or has below zero what is to
+        stay above
     error : the most by which its states, beside their size, or its cost differ from those that were solved for
-    iterations : of Ipopt, and `rounds` in which they were taken
+    iterations, rounds : Ipopt's iterations, and the solves in which they were taken
     seconds : taken in all
     status : "optimal"; anything else is raised as an error
     """
@@ -124,16 +125,14 @@ class Control:
         """Of the stages."""
         return np.array([leg.duration for leg in self.legs])
 
-    @property
-    def schedule(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """When piecewise constant inputs change, (k + 1,), and their values in between, (k,) each: what `simulate`
-        takes."""
-        if any(leg.inputs.coefficients.shape[2] > 1 for leg in self.legs):
-            raise InputError("inputs that vary within an interval are no schedule; give them degree 0")
-        names = {name: None for leg in self.legs for name in leg.inputs.names}
+    def schedule(self, *names: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """When piecewise constant inputs change, (k + 1,), and their values in between, (k,) each, 0 where a stage does
+        not have them: what `simulate` takes."""
+        rows = {name: [_column(leg.inputs, name) for leg in self.legs] for name in names}
+        if varying := [name for name, columns in rows.items() if any(c[:, 1:].any() for c in columns)]:
+            raise InputError(f"input '{varying[0]}' varies within an interval: it is no schedule; give it degree 0")
         times = np.concatenate([leg.start + leg.inputs.times[:-1] for leg in self.legs] + [[self.end]])
-        values = {name: np.concatenate([_column(leg.inputs, name) for leg in self.legs]) for name in names}
-        return times, values
+        return times, {name: np.concatenate([c[:, 0] for c in columns]) for name, columns in rows.items()}
 
     @property
     def end(self) -> float:
@@ -183,7 +182,7 @@ def steer(
     x = answer.x if answer else _pack(problem, guess, free, bounds)
     multipliers, shares = (answer.multipliers, answer.shares) if answer else (None, np.zeros(0))
     iterations = 0
-    for rounds in range(1, ROUNDS + 1):
+    for rounds in range(1, ROUNDS + 1):  # noqa: B007
         x = np.clip(x, *bounds)
         found = problem.minimise(x, np.concatenate([fixed, shares]), bounds, multipliers)
         if found.kind != "minimum" and multipliers is not None:  # the old multipliers may mislead
@@ -288,8 +287,8 @@ def _functions(inputs: Trajectory) -> dict[str, Callable]:
 
 
 def _column(inputs: Trajectory, name: str) -> np.ndarray:
-    """Values (N,) of a constant input on each interval, 0 where the stage does not have it."""
-    return inputs.row(name)[:, 0] if name in inputs.names else np.zeros(len(inputs.steps))
+    """Coefficients (N, K + 1) of an input on each interval, 0 where the stage does not have it."""
+    return inputs.row(name) if name in inputs.names else np.zeros((len(inputs.steps), 1))
 
 
 def _polynomials(stage: Stage, duration: float, coefficients) -> Trajectory:

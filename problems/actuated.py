@@ -5,8 +5,8 @@ is constant on each interval of control. The damper beside the spring works on r
 is the one it was. The actuator does work on the machine at the rate -m phi(r - u) w, m the mass ratio, in the units of
 the machine's energy; lift-off is where the contact force vanishes, landing where the gap does.
 
-A landing is lossless, the gap's speed and acceleration vanishing with it, or plastic: then the speed is free, its energy
-lost, and the contact must press from there on. With a restitution above 0 the machine would bounce instead: it is
+A landing is lossless, the gap's speed and acceleration vanishing with it, or plastic: then the speed is free, its
+energy lost, and the contact must press from there on. With a restitution above 0 the machine would bounce instead: it is
 refused unless the landing is lossless. Effort is the integral of w**2.
 """
 
@@ -16,16 +16,22 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from orbits import Control, Guess, Input, InputError, Orbit, Simulation, Stage, find, simulate, steer
+from orbits import Control, Guess, Input, InputError, NoOrbit, Orbit, Simulation, Stage, find, simulate, steer
 from orbits.flow import flow
 from orbits.model import Affine, Model, Phase
+from orbits.polynomial import derivative, piecewise_roots
 from orbits.roots import bracketed_root
 
 from .machine import DAMPERS, Machine
 
 END, RATE = "u", "w"
-# Positive work is smooth: power P counts as (P + sqrt(P^2 + ROUND^2))/2.
-ROUND = 1e-3
+# A further input that is no less than the power and than zero, for its positive part.
+POWER = "power"
+# What effort counts beside positive work or peak rate, so that it is settled how they are done.
+BESIDE = {"work": 1e-3, "peak": 1e-6}
+# The contact presses by as much, in units of what the actuator's spring pulls, wherever it is to press: open loop it
+# would else be lost where it touches zero.
+MARGIN = 1e-7
 # Bounds of durations, in those of the lossless orbit.
 SHORTEST, LONGEST = 0.1, 4.0
 # Points of a control interval at which the actuator's power is taken.
@@ -34,7 +40,7 @@ SAMPLES = 40
 
 @dataclass(frozen=True)
 class Actuated:
-    """A machine with a moved spring's end; what `simulate` and `Impacts` ask of a machine, its state with u as the last.
+    """A machine with a moved spring's end, as `simulate` takes it; the last of its state is u.
 
     machine : a `Hopper` or `Juggler` with a smooth spring law
     """
@@ -132,8 +138,8 @@ def keep_hopping(
 ) -> Control:  # fmt: skip
     """Keep a damped machine hopping periodically at least cost, near its lossless orbit without the damping.
 
-    cost : "effort"; "work", the actuator's positive work, its corners rounded, and a thousandth of the effort, which
-        settles how it is done; or "peak", the largest rate
+    cost : "effort"; "work", the actuator's positive work, bounded by a power that is linear on each interval; or
+        "peak", the largest rate. To both a little of the effort is added, see `BESIDE`
     lossless : whether it has to land so; else the impact takes what it takes, see the module
     intervals : of flight and contact together
     rate, stroke : bounds of the actuator's rate and displacement
@@ -147,10 +153,11 @@ def keep_hopping(
     orbit = orbit or find(machine.with_values(damping=0.0, drag=0.0), family=family)
     driven = Actuated(machine)
     hop = _hop(driven, orbit, intervals, rate, stroke, cost, lossless, True)
-    return steer(
-        hop, driven.still, guess=guess or _lossless_guess(driven, orbit),
-        free={"peak": (0.0, np.inf)} if cost == "peak" else None,
-    )  # fmt: skip
+    if guess is None and cost != "effort":  # they have corners: from an answer that is near
+        limits = {"lossless": lossless, "intervals": intervals, "rate": rate, "stroke": stroke}
+        guess = keep_hopping(machine, family=family, orbit=orbit, **limits)
+    free = {"peak": (0.0, np.inf)} if cost == "peak" else None
+    return _of_family(steer(hop, driven.still, guess=guess or _lossless_guess(driven, orbit), free=free), driven, orbit)
 
 
 def recover(
@@ -166,7 +173,8 @@ def recover(
     hop = _hop(driven, orbit, intervals, rate, stroke, "effort", lossless, False)
     launch = orbit.alpha - float(short)
     aims = {"launch": launch, "aim": orbit.alpha, "liftoff": float(machine.model.release(launch, machine.values))}
-    return steer(hop, {**driven.still, **aims}, guess=guess or _lossless_guess(driven, orbit))
+    answer = steer(hop, {**driven.still, **aims}, guess=guess or _lossless_guess(driven, orbit))
+    return _of_family(answer, driven, orbit)
 
 
 def start_up(
@@ -197,10 +205,10 @@ def rerun(machine: Machine, control: Control, hops: int = 0) -> Simulation:
     driven, first = Actuated(machine), control.legs[0]
     x = first.path(0.0)[: len(first.path.names)]
     x = x[: len(driven.model.flight.states)] if first.phase == "flight" else driven.model.embed @ x[:3]
-    last = control.schedule[0][-1]
+    schedule = control.schedule(RATE)
     if not hops:
-        return simulate(driven, state=x, schedule=control.schedule, time=last)
-    return simulate(driven, state=x, schedule=control.schedule, hops=1 + hops)
+        return simulate(driven, state=x, schedule=schedule, time=schedule[0][-1])
+    return simulate(driven, state=x, schedule=schedule, hops=1 + hops)
 
 
 def missed(machine: Machine, control: Control) -> float:
@@ -253,13 +261,18 @@ class Limits:
 
     def inputs(self, cost: str) -> dict[str, Input]:
         """The rate as the stages' input; with least peak, that bounds it too."""
+        if cost == "work":
+            return {RATE: Input(-self.rate, self.rate), POWER: Input(0.0, degree=1)}
         if cost == "peak":
             return {RATE: Input(lambda p: -p["peak"], lambda p: p["peak"])}
         return {RATE: Input(-self.rate, self.rate)}
 
-    def path(self, embed: np.ndarray) -> dict[str, Callable]:
+    def path(self, model: Model, cost: str, embed: np.ndarray) -> dict[str, Callable]:
         """What else stays positive, of states that `embed` makes flight states of."""
         held = {}
+        if cost == "work":
+            power = lambda x, p, q: model.flight_gradient(_times(embed, x), p, q)[-1] * p[RATE]  # noqa: E731
+            held["power beyond work"] = lambda x, p, q: p[POWER] - power(x, p, q)
         if np.isfinite(self.stroke):
             held["room to pull"] = lambda x, p, q: self.stroke - x[-1]
             held["room to push"] = lambda x, p, q: self.stroke + x[-1]
@@ -275,16 +288,11 @@ def _limits(driven: Actuated, rate: float, stroke: float) -> Limits:
     return Limits(float(rate), float(stroke), driven.model.separation(driven.values))
 
 
-def _cost(model: Model, kind: str, embed: np.ndarray) -> Callable:
+def _cost(kind: str) -> Callable:
     """The running cost; see `keep_hopping`."""
-    effort = lambda x, p, q: p[RATE] ** 2  # noqa: E731
-
-    def worked(x, p, q):
-        state = _times(embed, x)
-        power = model.flight_gradient(state, p, q)[-1] * p[RATE]
-        return 0.5 * (power + (power**2 + ROUND**2) ** 0.5) + 1e-3 * effort(x, p, q)
-
-    return {"effort": effort, "work": worked, "peak": lambda x, p, q: 1e-6 * effort(x, p, q)}[kind]
+    if kind == "work":
+        return lambda x, p, q: p[POWER] + BESIDE[kind] * p[RATE] ** 2
+    return lambda x, p, q: BESIDE.get(kind, 1.0) * p[RATE] ** 2
 
 
 def _hop(driven: Actuated, orbit: Orbit, intervals: int, rate, stroke, cost: str, lossless: bool, periodic: bool):
@@ -330,14 +338,27 @@ def _hop_stages(model: Model, gap: Affine, impact, counts, times, limits: Limits
     spans = [(SHORTEST * time, LONGEST * time) for time in times]
     flight = Stage(
         model.flight, counts[0], spans[0], limits.inputs(cost), lifted, landed,
-        {"gap": lambda x, p, q: _along(gap, x), **limits.path(identity)}, _cost(model, cost, identity),
+        {"gap": lambda x, p, q: _along(gap, x), **limits.path(model, cost, identity)}, _cost(cost),
         (lambda x, p: p["peak"]) if cost == "peak" else (lambda x, p: 0.0),
     )  # fmt: skip
     contact = Stage(
         model.contact, counts[1], spans[1], limits.inputs(cost), stuck, launched,
-        {"contact force": force, **limits.path(embed)}, _cost(model, cost, embed),
+        {"contact force": force, **limits.path(model, cost, embed)}, _cost(cost),
     )  # fmt: skip
     return flight, contact
+
+
+def _of_family(answer: Control, driven: Actuated, orbit: Orbit) -> Control:
+    """The answer, if its flight has as many turns of the extension as the orbit's."""
+    flight = answer.legs[0].path
+    series = driven.model.extension.series(flight.coefficients[:, : len(driven.model.flight.states)])
+    turns = len(piecewise_roots(derivative(series), flight.steps))
+    if turns != 2 * orbit.family + 1:
+        raise NoOrbit(
+            f"the answer's extension turns {turns} times in flight, that of family {orbit.family} "
+            f"{2 * orbit.family + 1} times: it is another kind of hop; start from a nearer guess, or take less damping"
+        )
+    return answer
 
 
 def _lossless_guess(driven: Actuated, orbit: Orbit) -> list[Guess]:
@@ -359,7 +380,10 @@ def _swings(model: Model, pumps: int, intervals: int, limits: Limits, time: floa
     stages = []
     for i in range(2 * pumps):
         sign = 1.0 if i % 2 else -1.0
-        path = {"contact force": force, **limits.path(model.embed)}
+        last = i == 2 * pumps - 1
+        margin = 0.0 if last else MARGIN
+        path = {"contact force": lambda x, p, q, margin=margin: force(x, p, q) - margin}
+        path |= limits.path(model, "effort", model.embed)
         path["rise" if i % 2 else "fall"] = lambda x, p, q, sign=sign: sign * _along(speed, x)
         stages.append(
             Stage(
@@ -370,7 +394,7 @@ def _swings(model: Model, pumps: int, intervals: int, limits: Limits, time: floa
                 on if i else begin,
                 turn if i < 2 * pumps - 1 else leave,
                 path,
-                _cost(model, "effort", model.embed),
+                _cost("effort"),
             )  # fmt: skip
         )
     return tuple(stages)
