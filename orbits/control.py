@@ -1,9 +1,9 @@
 """Optimal control of motions through several phases with free durations, by direct multiple shooting and Ipopt.
 
 A stage is a phase travelled once. Its inputs, further names in the mapping `p` of the field, are polynomials on each
-of its equal intervals. Unknown are the durations, the states at all interval ends, the inputs' coefficients, and parameters
-left free; equations join the intervals by Taylor steps, with exact first and second derivatives. The answer is
-integrated again from each stage's start by the accurate flow. Steps are halved until both agree. What has to stay
+of its equal intervals. Unknown are the durations, the states at all interval ends, the inputs' coefficients, and
+parameters left free; equations join the intervals by Taylor steps, with exact first and second derivatives. The answer
+is integrated again from each stage's start by the accurate flow. Steps are halved until both agree. What has to stay
 positive is looked up on the dense polynomials: where it does not, it is asked for at that place too, and the problem is
 solved again (an exchange method: Hettich and Kortanek, "Semi-infinite programming", SIAM Review 35, 1993).
 """
@@ -429,6 +429,7 @@ def _reason(problem: Transcription, found: Minimum, bounds) -> str:
         for i, (stage, (duration, *_)) in enumerate(zip(problem.stages, parts, strict=True), start=1)
         if stage.duration[0] < stage.duration[1] and duration <= stage.duration[0] * (1 + 1e-3)
     ]
+    short += [f"; input '{name}' of stage {i} is at its bounds" for i, name in problem.saturated(parts)]
     if found.kind == "infeasible":
         return f"no motion meets the conditions: {name} is missed by {off:.2g}{''.join(short)}; widen a bound"
     return f"no convergence from this guess ({name} off by {off:.1g}){''.join(short)}; start from a nearer motion"

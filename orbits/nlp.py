@@ -1,6 +1,6 @@
 """The only module that calls Ipopt: options, and its statuses as errors in the toolkit's words."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -135,12 +135,16 @@ class Minimiser:
         solver = self._solver(multipliers is not None)
         known = {} if multipliers is None else dict(zip(("lam_x0", "lam_g0"), multipliers, strict=True))
         (low, high), (least, most) = bounds, limits
+        nothing = Minimum(
+            np.array(guess), np.nan, (np.zeros(len(guess)), np.zeros(len(least))), np.zeros(len(least)), "", 0
+        )
+        if (least == most).sum() > (low < high).sum():
+            return replace(nothing, kind="overdetermined")
         try:
             with interrupts.deferred():
                 answer = solver(x0=guess, p=p, lbx=low, ubx=high, lbg=least, ubg=most, **known)
         except RuntimeError:
-            nothing = (np.zeros(len(guess)), np.zeros(len(least)))
-            return Minimum(np.array(guess), np.nan, nothing, np.full(len(least), np.nan), "undefined", 0)
+            return replace(nothing, kind="undefined")
         interrupts.check()
         x, lam_x, lam_g = (np.array(answer[name]).ravel() for name in ("x", "lam_x", "lam_g"))
         cost, slope, values = (np.array(value).ravel() for value in self.conditions(x, p, lam_g))
@@ -166,8 +170,6 @@ def _kind(status: str, cost: float, off, slope) -> str:
         return "bottomless"
     if status == "Invalid_Number_Detected" or not np.isfinite(cost):
         return "undefined"
-    if status == "Not_Enough_Degrees_Of_Freedom":
-        return "overdetermined"
     return "infeasible" if status in ("Infeasible_Problem_Detected", "Restoration_Failed") else "stuck"
 
 

@@ -7,6 +7,7 @@ from math import comb
 import casadi as ca
 import numpy as np
 
+from .accuracy import GAUSS_PLACES, GAUSS_WEIGHTS
 from .flow import flow
 from .jets import jets
 from .model import Phase
@@ -15,6 +16,8 @@ from .steps import runge_kutta
 
 # Order of the Taylor steps: twelve costs half of what the accurate flow's costs, and steps get shorter where it is low.
 ORDER = 12
+# An input this near to a bound is at it.
+AT_BOUND = 1e-4
 # Name of the length of an interval among the parameters; no identifier can be that.
 LENGTH = "interval's length"
 
@@ -55,7 +58,11 @@ def advance(stage, names: tuple[str, ...], substeps: int) -> ca.Function:
     size, share = len(stage.phase.states), ca.SX.sym("share")
     if graph.has_series:
         series = jets(graph.field, graph.x, graph.p, ORDER)[: graph.size, :]
-        end = series @ ca.vertcat(*[share**k for k in range(ORDER + 1)])
+        at = lambda t: series @ ca.vertcat(*[t**k for k in range(ORDER + 1)])  # noqa: E731
+        end = at(share)
+        # A cost with near corners has a short series; by Gauss's rule it stays positive where it is.
+        rates = [graph.field(at(share * float(place)), graph.p)[0][size + 1] for place in GAUSS_PLACES]
+        end[size + 1] = graph.x[size + 1] + share * ca.dot(ca.vertcat(*rates), ca.DM(GAUSS_WEIGHTS))
     else:
         end = runge_kutta(graph, graph.x, share)
     step = ca.Function("step", [graph.x, share, graph.p], [end])
@@ -181,6 +188,21 @@ class Transcription:
     def freed(self, x) -> np.ndarray:
         """The free parameters among the unknowns."""
         return x[len(x) - self.count :]
+
+    def saturated(self, parts) -> list[tuple[int, str]]:
+        """Stages, from 1, and names of the inputs that are at a numeric bound on most of their intervals."""
+        found = []
+        for i, (stage, (*_, w)) in enumerate(zip(self.stages, parts, strict=True), start=1):
+            row = 0
+            for name, given in stage.inputs.items():
+                mine, row = w[row : row + given.degree + 1], row + given.degree + 1
+                bounds = [bound for bound in (given.low, given.high) if not callable(bound) and np.isfinite(bound)]
+                if (
+                    np.mean([np.min(np.abs(np.subtract.outer(mine, bounds)), axis=-1) < AT_BOUND if bounds else 0])
+                    > 0.5
+                ):
+                    found.append((i, name))
+        return found
 
     def label(self, row: int) -> str:
         """What a constraint is."""

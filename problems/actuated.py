@@ -6,8 +6,8 @@ is the one it was. The actuator does work on the machine at the rate -m phi(r - 
 the machine's energy; lift-off is where the contact force vanishes, landing where the gap does.
 
 A landing is lossless, the gap's speed and acceleration vanishing with it, or plastic: then the speed is free, its
-energy lost, and the contact must press from there on. With a restitution above 0 the machine would bounce instead: it is
-refused unless the landing is lossless. Effort is the integral of w**2.
+energy lost, and the contact must press from there on. With a restitution above 0 the machine would bounce instead: it
+is refused unless the landing is lossless. Effort is the integral of w**2.
 """
 
 from collections.abc import Callable
@@ -25,8 +25,8 @@ from orbits.roots import bracketed_root
 from .machine import DAMPERS, Machine
 
 END, RATE = "u", "w"
-# A further input that is no less than the power and than zero, for its positive part.
-POWER = "power"
+# Positive work is rounded: power P counts as (P + sqrt(P^2 + round^2))/2, with this share of the mean power as `round`.
+ROUND = 0.1
 # What effort counts beside positive work or peak rate, so that it is settled how they are done.
 BESIDE = {"work": 1e-3, "peak": 1e-6}
 # The contact presses by as much, in units of what the actuator's spring pulls, wherever it is to press: open loop it
@@ -138,11 +138,11 @@ def keep_hopping(
 ) -> Control:  # fmt: skip
     """Keep a damped machine hopping periodically at least cost, near its lossless orbit without the damping.
 
-    cost : "effort"; "work", the actuator's positive work, bounded by a power that is linear on each interval; or
-        "peak", the largest rate. To both a little of the effort is added, see `BESIDE`
+    cost : "effort"; "work", the actuator's positive work, rounded by `ROUND`; or "peak", the largest rate. To both a
+        little of the effort is added, see `BESIDE`
     lossless : whether it has to land so; else the impact takes what it takes, see the module
     intervals : of flight and contact together
-    rate, stroke : bounds of the actuator's rate and displacement
+    rate, stroke : bounds of the actuator's rate, without which no least work exists, and displacement
     orbit : the lossless orbit, found if it is not given
     guess : the answer for a machine nearby
 
@@ -150,14 +150,18 @@ def keep_hopping(
     """
     if cost not in ("effort", "work", "peak"):
         raise InputError(f"cost = {cost!r}; it is 'effort', 'work' or 'peak'")
+    if cost == "work" and not np.isfinite(rate):
+        raise InputError("least positive work is done by jerks: give the largest rate")
     orbit = orbit or find(machine.with_values(damping=0.0, drag=0.0), family=family)
     driven = Actuated(machine)
-    hop = _hop(driven, orbit, intervals, rate, stroke, cost, lossless, True)
+    hop, values = _hop(driven, orbit, intervals, rate, stroke, cost, lossless, True), driven.still
     if guess is None and cost != "effort":  # they have corners: from an answer that is near
         limits = {"lossless": lossless, "intervals": intervals, "rate": rate, "stroke": stroke}
         guess = keep_hopping(machine, family=family, orbit=orbit, **limits)
+    if cost == "work":
+        values["round"] = ROUND * abs(work(machine, guess)[0]) / guess.end
     free = {"peak": (0.0, np.inf)} if cost == "peak" else None
-    return _of_family(steer(hop, driven.still, guess=guess or _lossless_guess(driven, orbit), free=free), driven, orbit)
+    return _of_family(steer(hop, values, guess=guess or _lossless_guess(driven, orbit), free=free), driven, orbit)
 
 
 def recover(
@@ -253,7 +257,7 @@ def _less(a, b) -> list:
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of the actuator's rate and displacement, and the distance that stays positive in flight, if it is known."""
+    """Bounds of the actuator's rate and displacement, and the distance that is to stay positive, if it is known."""
 
     rate: float
     stroke: float
@@ -261,18 +265,13 @@ class Limits:
 
     def inputs(self, cost: str) -> dict[str, Input]:
         """The rate as the stages' input; with least peak, that bounds it too."""
-        if cost == "work":
-            return {RATE: Input(-self.rate, self.rate), POWER: Input(0.0, degree=1)}
         if cost == "peak":
             return {RATE: Input(lambda p: -p["peak"], lambda p: p["peak"])}
         return {RATE: Input(-self.rate, self.rate)}
 
-    def path(self, model: Model, cost: str, embed: np.ndarray) -> dict[str, Callable]:
+    def path(self, embed: np.ndarray) -> dict[str, Callable]:
         """What else stays positive, of states that `embed` makes flight states of."""
         held = {}
-        if cost == "work":
-            power = lambda x, p, q: model.flight_gradient(_times(embed, x), p, q)[-1] * p[RATE]  # noqa: E731
-            held["power beyond work"] = lambda x, p, q: p[POWER] - power(x, p, q)
         if np.isfinite(self.stroke):
             held["room to pull"] = lambda x, p, q: self.stroke - x[-1]
             held["room to push"] = lambda x, p, q: self.stroke + x[-1]
@@ -288,11 +287,15 @@ def _limits(driven: Actuated, rate: float, stroke: float) -> Limits:
     return Limits(float(rate), float(stroke), driven.model.separation(driven.values))
 
 
-def _cost(kind: str) -> Callable:
+def _cost(kind: str, model: Model, embed: np.ndarray) -> Callable:
     """The running cost; see `keep_hopping`."""
-    if kind == "work":
-        return lambda x, p, q: p[POWER] + BESIDE[kind] * p[RATE] ** 2
-    return lambda x, p, q: BESIDE.get(kind, 1.0) * p[RATE] ** 2
+    effort = lambda x, p, q: BESIDE.get(kind, 1.0) * p[RATE] ** 2  # noqa: E731
+
+    def worked(x, p, q):
+        power = model.flight_gradient(_times(embed, x), p, q)[-1] * p[RATE]
+        return 0.5 * (power + (power**2 + p["round"] ** 2) ** 0.5) + effort(x, p, q)
+
+    return worked if kind == "work" else effort
 
 
 def _hop(driven: Actuated, orbit: Orbit, intervals: int, rate, stroke, cost: str, lossless: bool, periodic: bool):
@@ -338,12 +341,12 @@ def _hop_stages(model: Model, gap: Affine, impact, counts, times, limits: Limits
     spans = [(SHORTEST * time, LONGEST * time) for time in times]
     flight = Stage(
         model.flight, counts[0], spans[0], limits.inputs(cost), lifted, landed,
-        {"gap": lambda x, p, q: _along(gap, x), **limits.path(model, cost, identity)}, _cost(cost),
+        {"gap": lambda x, p, q: _along(gap, x), **limits.path(identity)}, _cost(cost, model, identity),
         (lambda x, p: p["peak"]) if cost == "peak" else (lambda x, p: 0.0),
     )  # fmt: skip
     contact = Stage(
         model.contact, counts[1], spans[1], limits.inputs(cost), stuck, launched,
-        {"contact force": force, **limits.path(model, cost, embed)}, _cost(cost),
+        {"contact force": force, **limits.path(embed)}, _cost(cost, model, embed),
     )  # fmt: skip
     return flight, contact
 
@@ -383,7 +386,7 @@ def _swings(model: Model, pumps: int, intervals: int, limits: Limits, time: floa
         last = i == 2 * pumps - 1
         margin = 0.0 if last else MARGIN
         path = {"contact force": lambda x, p, q, margin=margin: force(x, p, q) - margin}
-        path |= limits.path(model, "effort", model.embed)
+        path |= limits.path(model.embed)
         path["rise" if i % 2 else "fall"] = lambda x, p, q, sign=sign: sign * _along(speed, x)
         stages.append(
             Stage(
@@ -394,8 +397,8 @@ def _swings(model: Model, pumps: int, intervals: int, limits: Limits, time: floa
                 on if i else begin,
                 turn if i < 2 * pumps - 1 else leave,
                 path,
-                _cost("effort"),
-            )  # fmt: skip
+                _cost("effort", model, model.embed),
+            )
         )
     return tuple(stages)
 
