@@ -2,7 +2,7 @@
 
 from .branches import follow_branch
 from .continuation import follow, orbit_at, trace
-from .control import Control, Guess, Input, Stage, steer
+from .control import Control, Guess, steer
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .existence import Existence, existence
 from .family import End, Event, Family, Point
@@ -13,6 +13,7 @@ from .returnmap import FixedPoint, Hops, ReturnMap
 from .search import METHODS, find
 from .simulate import Simulation, simulate
 from .stability import multiplier
+from .transcription import Input, Stage
 
 __all__ = [
     "METHODS",

@@ -11,64 +11,19 @@ solved again (an exchange method: Hettich and Kortanek, "Semi-infinite programmi
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from math import comb
 
 import numpy as np
 
 from .errors import InputError, NoOrbit
-from .flow import Flow, Trajectory, flow
-from .model import Phase
+from .flow import Trajectory
 from .nlp import Minimum
-from .polynomial import Pile, powers
 from .simulate import Leg
-from .transcription import LENGTH, Transcription, clocked, coefficient_names, transcription
+from .transcription import Stage, Transcription, Travelled, polynomials, transcription, travel
 
 # Rounds of asking again between interval ends, and of halving steps, after which it is given up.
 ROUNDS = 30
 # A duration this near to its lower bound, as a share, is at it.
 AT_BOUND = 1e-6
-
-
-@dataclass(frozen=True)
-class Input:
-    """What may be done: a polynomial of this degree on each interval of a stage, jumping in between.
-
-    low, high : bounds, numbers or p -> expression; of the polynomial's Bernstein coefficients, so that they hold
-        everywhere, and up to degree 1 no more than that is asked
-    """
-
-    low: float | Callable = -np.inf
-    high: float | Callable = np.inf
-    degree: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """A phase travelled once; functions are as in `Phase`, with the inputs by name in `p`, and q empty.
-
-    intervals : number of them, all equally long
-    duration : its bounds, the lower one above 0
-    inputs : by name
-    start : (x, before, p) -> zeros at its start, `before` being the end of the stage before, for the first one that of
-        the last
-    end : (x, p) -> zeros at its end
-    path : named (x, p, q) -> what stays at or above zero
-    running : (x, p, q) -> the cost's rate
-    final : (x, p) -> cost at its end
-
-    Stages compare by identity: what is built from them is kept for the next call.
-    """
-
-    phase: Phase
-    intervals: int
-    duration: tuple[float, float]
-    inputs: Mapping[str, Input] = field(default_factory=dict)
-    start: Callable = lambda x, before, p: []
-    end: Callable = lambda x, p: []
-    path: Mapping[str, Callable] = field(default_factory=dict)
-    running: Callable = lambda x, p, q: 0.0
-    final: Callable = lambda x, p: 0.0
 
 
 @dataclass(frozen=True)
@@ -193,14 +148,16 @@ def steer(
         x, multipliers = found.x, found.multipliers
         parts, values = problem.unpack(x), np.concatenate([fixed, problem.freed(x)])
         _not_collapsed(stages, parts)
-        driven = [_travel(stage, problem.names, values, *part) for stage, part in zip(stages, parts, strict=True)]
+        driven = [travel(stage, problem.names, values, *part) for stage, part in zip(stages, parts, strict=True)]
         error = _error(found.cost, driven, parts, problem.costs(values, driven))
         rough = [_apart(drive, part) > tolerance for drive, part in zip(driven, parts, strict=True)]
         dips = [drive.dips(tolerance) for drive in driven]
-        if not any(rough) and error <= tolerance and not any(dips):
+        missed = problem.missed(values, [(drive.first, drive.last) for drive in driven])
+        violation = max(missed, *(drive.violation for drive in driven))
+        if error <= tolerance and violation <= tolerance:
             break
         substeps = tuple(2 * n if bad else n for n, bad in zip(problem.substeps, rough, strict=True))
-        if not any(rough) and not any(dips):  # the cost alone is off
+        if not any(rough) and not any(dips):  # the cost is off, or an end
             substeps = tuple(2 * n for n in substeps)
         added = [(i, interval) for i, places in enumerate(dips) for interval, _ in places]
         shares = np.append(shares, [share for places in dips for _, share in places])
@@ -214,14 +171,13 @@ def steer(
             + "; take more intervals or a larger tolerance"
         )
     cost, starts = problem.costs(values, driven), np.cumsum([0.0, *(part[0] for part in parts)])
-    violation = max(problem.missed(values, [(d.first, d.last) for d in driven]), *(d.violation for d in driven))
     legs = tuple(
-        Driven(stage.phase.name, float(start), drive.path, _polynomials(stage, *part[::2]))
+        Driven(stage.phase.name, float(start), drive.path, polynomials(stage, *part[::2]))
         for stage, drive, part, start in zip(stages, driven, parts, starts, strict=False)
     )
     named = dict(zip(problem.names, values.tolist(), strict=True))
     kept, seconds = Answer(problem, x, multipliers, shares), time.perf_counter() - began
-    return Control(legs, cost, named, float(violation), error, iterations, rounds, seconds, answer=kept)
+    return Control(legs, cost, named, violation, error, iterations, rounds, seconds, answer=kept)
 
 
 def _check(stages, parameters, free):
@@ -289,104 +245,6 @@ def _functions(inputs: Trajectory) -> dict[str, Callable]:
 def _column(inputs: Trajectory, name: str) -> np.ndarray:
     """Coefficients (N, K + 1) of an input on each interval, 0 where the stage does not have it."""
     return inputs.row(name) if name in inputs.names else np.zeros((len(inputs.steps), 1))
-
-
-def _polynomials(stage: Stage, duration: float, coefficients) -> Trajectory:
-    """The inputs of a stage as polynomials of its time, from Bernstein coefficients (m, N) on its intervals."""
-    n, most = stage.intervals, 1 + max((given.degree for given in stage.inputs.values()), default=0)
-    rows, first = np.zeros((n, len(stage.inputs), most)), 0
-    h = duration / n
-    for i, given in enumerate(stage.inputs.values()):
-        d = given.degree
-        ours = coefficients[first : first + d + 1]
-        for k in range(d + 1):  # differences of Bernstein coefficients are monomial ones
-            rising = sum((-1) ** (k - j) * comb(k, j) * ours[j] for j in range(k + 1))
-            rows[:, i, k] = comb(d, k) * rising / h**k
-        first += d + 1
-    return Trajectory(np.linspace(0, duration, n + 1), rows, tuple(stage.inputs))
-
-
-@dataclass(frozen=True, eq=False)
-class Travelled:
-    """A stage integrated accurately from its first state through all its intervals.
-
-    path : the motion, states and then what stays positive
-    nodes : states (n, N + 1) at the interval ends
-    cost : the running one
-    interval, began : of each step of the motion, (steps,), which interval it is in and at what share of that it begins
-    overstepped : the most by which an input leaves its bounds
-    """
-
-    stage: Stage
-    path: Trajectory
-    nodes: np.ndarray
-    cost: float
-    interval: np.ndarray
-    began: np.ndarray
-    overstepped: float
-
-    first = property(lambda self: self.nodes[:, 0])
-    last = property(lambda self: self.nodes[:, -1])
-
-    @cached_property
-    def _lowest(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Of what stays positive, the least value (N,) on each interval and the share (N,) of it where that is."""
-        counts, found = np.bincount(self.interval), {}
-        first = np.cumsum(counts) - counts
-        h = self.path.times[-1] / self.stage.intervals
-        for name in self.stage.path:
-            values, piece, t = Pile(self.path.row(name), self.path.steps, counts).lowest()
-            found[name] = values, np.clip(self.began[first + piece] + t / h, 0.0, 1.0)
-        return found
-
-    @property
-    def violation(self) -> float:
-        """The most by which it falls below zero, or an input leaves its bounds."""
-        return max([self.overstepped, 0.0, *(-float(values.min()) for values, _ in self._lowest.values())])
-
-    def low(self, tolerance: float) -> list[str]:
-        """Names of what falls below zero by more than the tolerance."""
-        return [name for name, (values, _) in self._lowest.items() if values.min() < -tolerance]
-
-    def dips(self, tolerance: float) -> list[tuple[int, float]]:
-        """Intervals, and shares of them, where something falls below zero by more than the tolerance."""
-        found = {
-            (int(i), float(shares[i]))
-            for values, shares in self._lowest.values()
-            for i in np.flatnonzero(values < -tolerance)
-        }
-        return sorted(found)
-
-
-def _travel(stage: Stage, names, values, duration: float, nodes, coefficients) -> Travelled:
-    """Integrate a stage of the solved problem accurately, open loop."""
-    along = _accurate(stage, names)
-    size, n, h = len(stage.phase.states), stage.intervals, duration / stage.intervals
-    x, cost, pieces, lengths, interval, began, ends = nodes[:, 0], 0.0, [], [], [], [], [nodes[:, 0]]
-    keep = [*range(size), *range(size + 2, len(along.names))]
-    for i in range(n):
-        path, _ = along.run([*x, 0.0, 0.0], np.concatenate([values, [h], coefficients[:, i]]), 1.0)
-        x, cost = path.end[:size], cost + path.end[size + 1]
-        ends.append(x)
-        pieces.append(path.coefficients[:, keep] / powers(h, path.coefficients.shape[2]))
-        lengths.append(path.steps * h)
-        interval += [i] * len(path.steps)
-        began.append(path.times[:-1])
-    times = np.concatenate([[0.0], np.cumsum(np.concatenate(lengths))])
-    times[-1] = duration
-    dense = Trajectory(times, np.concatenate(pieces), tuple(along.names[i] for i in keep))
-    named, over, row = dict(zip(names, values, strict=True)), 0.0, 0
-    for given in stage.inputs.values():
-        mine = coefficients[row : row + given.degree + 1]
-        low, high = (float(bound(named)) if callable(bound) else bound for bound in (given.low, given.high))
-        over, row = max(over, float((low - mine).max()), float((mine - high).max())), row + given.degree + 1
-    return Travelled(stage, dense, np.array(ends).T, cost, np.array(interval), np.concatenate(began), over)
-
-
-@lru_cache(maxsize=64)
-def _accurate(stage: Stage, names) -> Flow:
-    """The accurate flow of a stage's intervals; see `transcription.clocked`."""
-    return flow(clocked(stage), (*names, LENGTH, *coefficient_names(stage)))
 
 
 def _apart(drive: Travelled, part) -> float:

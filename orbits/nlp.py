@@ -33,7 +33,7 @@ OPTIONS = {
 }
 
 # How far a minimum may be from its conditions, recomputed, whatever Ipopt calls it: what is left of its constraints,
-# and of the gradient of its Lagrangian.
+# and of the gradient of its Lagrangian beside the multipliers.
 FEASIBLE, STATIONARY = 1e-9, 1e-7
 # Ends from which no minimum is looked for where the recomputed conditions hold: it stalls at rounding.
 STALLED = ("Search_Direction_Becomes_Too_Small", "Solved_To_Acceptable_Level", "Restoration_Failed")
@@ -150,7 +150,9 @@ class Minimiser:
         cost, slope, values = (np.array(value).ravel() for value in self.conditions(x, p, lam_g))
         off = np.maximum(np.maximum(least - values, values - most), 0.0)
         stats = solver.stats()
-        kind = _kind(stats["return_status"], float(cost[0]), off, slope + lam_x)
+        kind = _kind(
+            stats["return_status"], float(cost[0]), off, (slope + lam_x) / (1 + np.abs(lam_g).max(initial=0.0))
+        )
         return Minimum(x, float(cost[0]), (lam_x, lam_g), off, kind, len(stats["iterations"].get("obj", [0])) - 1)
 
     def _solver(self, warm: bool) -> ca.Function:

@@ -281,6 +281,8 @@ class _Run:
 
         while True:
             p, until = self.inputs(self.now)
+            if (p != self.rules.p).any():
+                self.rules = Impacts(self.rules.machine, dict(zip(self.rules.values, p.tolist(), strict=True)))
             path, _ = along.run(x, p, min(until, end) - self.now, stop=noted)
             self.add(phase, path)
             x = path.end[: along.size]

@@ -1,17 +1,19 @@
-"""The stages of an optimal control problem as one nonlinear program: unknowns, joints, conditions, costs."""
+"""The stages of an optimal control problem: stated, as one nonlinear program, and travelled accurately."""
 
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from math import comb
 
 import casadi as ca
 import numpy as np
 
 from .accuracy import GAUSS_PLACES, GAUSS_WEIGHTS
-from .flow import flow
+from .flow import Flow, Trajectory, flow
 from .jets import jets
 from .model import Phase
 from .nlp import Minimiser, Minimum
+from .polynomial import Pile, powers
 from .steps import runge_kutta
 
 # Order of the Taylor steps: twelve costs half of what the accurate flow's costs, and steps get shorter where it is low.
@@ -22,13 +24,54 @@ AT_BOUND = 1e-4
 LENGTH = "interval's length"
 
 
-def coefficient_names(stage) -> tuple[str, ...]:
+@dataclass(frozen=True)
+class Input:
+    """What may be done: a polynomial of this degree on each interval of a stage, jumping in between.
+
+    low, high : bounds, numbers or p -> expression; of the polynomial's Bernstein coefficients, so that they hold
+        everywhere, and up to degree 1 no more than that is asked
+    """
+
+    low: float | Callable = -np.inf
+    high: float | Callable = np.inf
+    degree: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A phase travelled once; functions are as in `Phase`, with the inputs by name in `p`, and q empty.
+
+    intervals : number of them, all equally long
+    duration : its bounds, the lower one above 0
+    inputs : by name
+    start : (x, before, p) -> zeros at its start, `before` being the end of the stage before, for the first one that of
+        the last
+    end : (x, p) -> zeros at its end
+    path : named (x, p, q) -> what stays at or above zero
+    running : (x, p, q) -> the cost's rate
+    final : (x, p) -> cost at its end
+
+    Stages compare by identity: what is built from them is kept for the next call.
+    """
+
+    phase: Phase
+    intervals: int
+    duration: tuple[float, float]
+    inputs: Mapping[str, Input] = field(default_factory=dict)
+    start: Callable = lambda x, before, p: []
+    end: Callable = lambda x, p: []
+    path: Mapping[str, Callable] = field(default_factory=dict)
+    running: Callable = lambda x, p, q: 0.0
+    final: Callable = lambda x, p: 0.0
+
+
+def coefficient_names(stage: Stage) -> tuple[str, ...]:
     """Names of the Bernstein coefficients of all inputs of a stage, in their order."""
     return tuple(f"{name}[{k}]" for name, given in stage.inputs.items() for k in range(given.degree + 1))
 
 
 @lru_cache(maxsize=64)
-def clocked(stage) -> Phase:
+def clocked(stage: Stage) -> Phase:
     """A stage's phase over one interval in shares of its length, with two more states: that clock, which the inputs'
     polynomials follow, and the running cost; it watches what stays positive."""
     size = len(stage.phase.states)
@@ -51,7 +94,7 @@ def clocked(stage) -> Phase:
 
 
 @lru_cache(maxsize=64)
-def advance(stage, names: tuple[str, ...], substeps: int) -> ca.Function:
+def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
     """(state, share, parameters with length and coefficients) -> state, running cost and path after that share of an
     interval."""
     graph = flow(clocked(stage), (*names, LENGTH, *coefficient_names(stage))).graph
@@ -75,7 +118,7 @@ def advance(stage, names: tuple[str, ...], substeps: int) -> ca.Function:
 
 
 @lru_cache(maxsize=64)
-def _conditions(stage, names: tuple[str, ...], size_before: int) -> ca.Function:
+def _conditions(stage: Stage, names: tuple[str, ...], size_before: int) -> ca.Function:
     """(first state, last state, last state before, parameters) -> zeros at the start, zeros at the end, final cost,
     and bounds of inputs, -inf and inf where they are numbers."""
     size = len(stage.phase.states)
@@ -238,3 +281,101 @@ class Transcription:
 def transcription(stages, fixed, free, substeps=None, places=()) -> Transcription:
     """The nonlinear program of stages, kept for the next call."""
     return Transcription(stages, fixed, free, substeps or (1,) * len(stages), places)
+
+
+def polynomials(stage: Stage, duration: float, coefficients) -> Trajectory:
+    """The inputs of a stage as polynomials of its time, from Bernstein coefficients (m, N) on its intervals."""
+    n, most = stage.intervals, 1 + max((given.degree for given in stage.inputs.values()), default=0)
+    rows, first = np.zeros((n, len(stage.inputs), most)), 0
+    h = duration / n
+    for i, given in enumerate(stage.inputs.values()):
+        d = given.degree
+        ours = coefficients[first : first + d + 1]
+        for k in range(d + 1):  # differences of Bernstein coefficients are monomial ones
+            rising = sum((-1) ** (k - j) * comb(k, j) * ours[j] for j in range(k + 1))
+            rows[:, i, k] = comb(d, k) * rising / h**k
+        first += d + 1
+    return Trajectory(np.linspace(0, duration, n + 1), rows, tuple(stage.inputs))
+
+
+@dataclass(frozen=True, eq=False)
+class Travelled:
+    """A stage integrated accurately from its first state through all its intervals.
+
+    path : the motion, states and then what stays positive
+    nodes : states (n, N + 1) at the interval ends
+    cost : the running one
+    interval, began : of each step of the motion, (steps,), which interval it is in and at what share of that it begins
+    overstepped : the most by which an input leaves its bounds
+    """
+
+    stage: Stage
+    path: Trajectory
+    nodes: np.ndarray
+    cost: float
+    interval: np.ndarray
+    began: np.ndarray
+    overstepped: float
+
+    first = property(lambda self: self.nodes[:, 0])
+    last = property(lambda self: self.nodes[:, -1])
+
+    @cached_property
+    def _lowest(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Of what stays positive, the least value (N,) on each interval and the share (N,) of it where that is."""
+        counts, found = np.bincount(self.interval), {}
+        first = np.cumsum(counts) - counts
+        h = self.path.times[-1] / self.stage.intervals
+        for name in self.stage.path:
+            values, piece, t = Pile(self.path.row(name), self.path.steps, counts).lowest()
+            found[name] = values, np.clip(self.began[first + piece] + t / h, 0.0, 1.0)
+        return found
+
+    @property
+    def violation(self) -> float:
+        """The most by which it falls below zero, or an input leaves its bounds."""
+        return max([self.overstepped, 0.0, *(-float(values.min()) for values, _ in self._lowest.values())])
+
+    def low(self, tolerance: float) -> list[str]:
+        """Names of what falls below zero by more than the tolerance."""
+        return [name for name, (values, _) in self._lowest.items() if values.min() < -tolerance]
+
+    def dips(self, tolerance: float) -> list[tuple[int, float]]:
+        """Intervals, and shares of them, where something falls below zero by more than the tolerance."""
+        found = {
+            (int(i), float(shares[i]))
+            for values, shares in self._lowest.values()
+            for i in np.flatnonzero(values < -tolerance)
+        }
+        return sorted(found)
+
+
+def travel(stage: Stage, names, values, duration: float, nodes, coefficients) -> Travelled:
+    """Integrate a stage of the solved problem accurately, open loop."""
+    along = _accurate(stage, names)
+    size, n, h = len(stage.phase.states), stage.intervals, duration / stage.intervals
+    x, cost, pieces, lengths, interval, began, ends = nodes[:, 0], 0.0, [], [], [], [], [nodes[:, 0]]
+    keep = [*range(size), *range(size + 2, len(along.names))]
+    for i in range(n):
+        path, _ = along.run([*x, 0.0, 0.0], np.concatenate([values, [h], coefficients[:, i]]), 1.0)
+        x, cost = path.end[:size], cost + path.end[size + 1]
+        ends.append(x)
+        pieces.append(path.coefficients[:, keep] / powers(h, path.coefficients.shape[2]))
+        lengths.append(path.steps * h)
+        interval += [i] * len(path.steps)
+        began.append(path.times[:-1])
+    times = np.concatenate([[0.0], np.cumsum(np.concatenate(lengths))])
+    times[-1] = duration
+    dense = Trajectory(times, np.concatenate(pieces), tuple(along.names[i] for i in keep))
+    named, over, row = dict(zip(names, values, strict=True)), 0.0, 0
+    for given in stage.inputs.values():
+        mine = coefficients[row : row + given.degree + 1]
+        low, high = (float(bound(named)) if callable(bound) else bound for bound in (given.low, given.high))
+        over, row = max(over, float((low - mine).max()), float((mine - high).max())), row + given.degree + 1
+    return Travelled(stage, dense, np.array(ends).T, cost, np.array(interval), np.concatenate(began), over)
+
+
+@lru_cache(maxsize=64)
+def _accurate(stage: Stage, names) -> Flow:
+    """The accurate flow of a stage's intervals; see `transcription.clocked`."""
+    return flow(clocked(stage), (*names, LENGTH, *coefficient_names(stage)))

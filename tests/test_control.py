@@ -4,6 +4,7 @@ import casadi as ca
 import mpmath as mp
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from orbits import Guess, Input, InputError, NoOrbit, Phase, Stage, find, simulate, steer
 from orbits.impacts import Impacts
@@ -115,6 +116,14 @@ def test_a_law_without_a_series():
     assert found.cost == pytest.approx(other.cost, rel=1e-9)
 
 
+def test_a_cost_at_the_end():
+    """Far and gently: f = 1 - t, for a cost of -1/6."""
+    far = {"end": lambda x, p: [], "final": lambda x, p: -x[0], "running": lambda x, p, q: p["f"] ** 2 / 2}
+    found = steer([cart(**far)], guess=STRAIGHT)
+    assert found.cost == pytest.approx(-1 / 6, abs=1e-10)
+    assert found.legs[0].inputs(0.3)[0] == pytest.approx(0.7, abs=1e-8)
+
+
 def test_free_parameters_and_final_costs():
     """Least largest force: full ahead and full back, 4 = largest force times time squared."""
     stage = cart(
@@ -192,6 +201,45 @@ def test_a_damped_hopper_is_kept_hopping(kept):
     lost = np.trapezoid(stretching**2, t) + np.trapezoid(kept.legs[1].path(s)[:, 1] ** 2, s)
     assert done == pytest.approx(0.01 * lost, rel=1e-6)  # work in, dissipation out
     assert positive >= done
+
+
+def test_the_law_of_small_damping():
+    """Its coefficient is a least-norm problem: the flow of a linear spring by matrix exponentials, linearised at the
+    lossless hop in the start, the durations, the 40 rates and the damping."""
+    orbit = find(Hopper())
+    counts = (25, 15)  # shares of 40 intervals by duration
+    force, speed = np.array([1.0, 0, -1, 0, -1]), np.array([0.0, 1, 0, -1, 0])
+
+    def step(kept, time, c):
+        """What an interval does to the kept ones of (y1, y1', y2, y2', u) and to (1, w)."""
+        pull = force + c * speed
+        a = np.zeros((7, 7), dtype=complex)
+        a[0, 1] = a[2, 3] = a[4, 6] = 1
+        a[1, :5], a[3, :5], a[[1, 3], 5] = -pull / 2, pull / 2, -0.5
+        return expm(a[np.ix_(kept, kept)] * time)
+
+    def misses(q):
+        v, u, first, second, c, *rates = q
+        x = start = np.array([1 + u - c * v, v, 0, 0, u])
+        air = step(np.arange(7), first / counts[0], c)
+        for rate in rates[: counts[0]]:
+            x = (air @ [*x, 1, rate])[:5]
+        landing = [x[2], x[3], force @ x + c * speed @ x - 1]
+        y, ground = x[[0, 1, 4]], step(np.array([0, 1, 4, 5, 6]), second / counts[1], c)
+        for rate in rates[counts[0] :]:
+            y = (ground @ [*y, 1, rate])[:3]
+        return np.array([*landing, *(y - start[[0, 1, 4]])])
+
+    times = orbit.flight_time, orbit.contact_time
+    at = np.array([orbit.alpha, 0.0, *times, 0.0, *[0.0] * 40])
+    assert np.abs(misses(at)).max() < 1e-12
+    slopes = np.array([misses(at + 1e-30j * row).imag * 1e30 for row in np.eye(45)]).T
+    directions, sizes, _ = np.linalg.svd(slopes[:, :4])
+    others = directions[:, np.append(sizes, [0, 0]) < 1e-9].T  # what neither start nor durations can mend
+    lengths = np.repeat(np.divide(times, counts), counts)
+    least = np.linalg.lstsq(others @ slopes[:, 5:] / np.sqrt(lengths), others @ slopes[:, 4], rcond=None)[0]
+    tiny = actuated.keep_hopping(Hopper(damping=1e-5), orbit=orbit)
+    assert tiny.cost == pytest.approx(float(least @ least) * 1e-10, rel=1e-7)
 
 
 def test_the_juggler_costs_what_the_hopper_does(kept):
