@@ -10,7 +10,7 @@ solved again (an exchange method: Hettich and Kortanek, "Semi-infinite programmi
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -106,7 +106,7 @@ class Answer:
 
     problem: Transcription
     x: np.ndarray
-    multipliers: tuple[np.ndarray, np.ndarray]
+    multipliers: tuple[np.ndarray, np.ndarray] | None
     shares: np.ndarray
 
 
@@ -128,56 +128,88 @@ def steer(
     began = time.perf_counter()
     stages, parameters, free = tuple(stages), dict(parameters or {}), dict(free or {})
     _check(stages, parameters, free)
-    problem, answer = transcription(stages, tuple(parameters), tuple(free)), None
-    fixed = np.array(list(parameters.values()), dtype=float)
+    problem = transcription(stages, tuple(parameters), tuple(free))
+    bounds, fixed = problem.bounds(free), np.array(list(parameters.values()), dtype=float)
     known = guess.answer if isinstance(guess, Control) else None
-    if known and known.problem.stages == stages and known.problem.names == problem.names:
-        problem, answer = known.problem, known
-    bounds = problem.bounds(free)
-    x = answer.x if answer else _pack(problem, guess, free, bounds)
-    multipliers, shares = (answer.multipliers, answer.shares) if answer else (None, np.zeros(0))
+    if known is None or known.problem.stages != stages or known.problem.names != problem.names:
+        known = Answer(problem, _pack(problem, guess, free, bounds), None, np.zeros(0))
     iterations = 0
-    for rounds in range(1, ROUNDS + 1):  # noqa: B007
-        x = np.clip(x, *bounds)
-        found = problem.minimise(x, np.concatenate([fixed, shares]), bounds, multipliers)
-        if found.kind != "minimum" and multipliers is not None:  # the old multipliers may mislead
-            found = problem.minimise(x, np.concatenate([fixed, shares]), bounds, None)
+    for rounds in range(1, ROUNDS + 1):
+        found = _minimum(known, fixed, bounds)
         iterations += found.iterations
         if found.kind != "minimum":
-            raise NoOrbit(_reason(problem, found, bounds))
-        x, multipliers = found.x, found.multipliers
-        parts, values = problem.unpack(x), np.concatenate([fixed, problem.freed(x)])
-        _not_collapsed(stages, parts)
-        driven = [travel(stage, problem.names, values, *part) for stage, part in zip(stages, parts, strict=True)]
-        error = _error(found.cost, driven, parts, problem.costs(values, driven))
-        rough = [_apart(drive, part) > tolerance for drive, part in zip(driven, parts, strict=True)]
-        dips = [drive.dips(tolerance) for drive in driven]
-        missed = problem.missed(values, [(drive.first, drive.last) for drive in driven])
-        violation = max(missed, *(drive.violation for drive in driven))
-        if error <= tolerance and violation <= tolerance:
-            break
-        substeps = tuple(2 * n if bad else n for n, bad in zip(problem.substeps, rough, strict=True))
-        if not any(rough) and not any(dips):  # the cost is off, or an end
-            substeps = tuple(2 * n for n in substeps)
-        added = [(i, interval) for i, places in enumerate(dips) for interval, _ in places]
-        shares = np.append(shares, [share for places in dips for _, share in places])
-        problem = transcription(stages, tuple(parameters), tuple(free), substeps, problem.places + tuple(added))
-        multipliers = problem.padded(multipliers)
-    else:
-        where = [name for drive in driven for name in drive.low(tolerance)]
-        raise NoOrbit(
-            f"the motion does not settle to {tolerance:.0e} in {ROUNDS} rounds"
-            + (f": {where[0]} still falls below zero between interval ends" if where else "")
-            + "; take more intervals or a larger tolerance"
-        )
-    cost, starts = problem.costs(values, driven), np.cumsum([0.0, *(part[0] for part in parts)])
-    legs = tuple(
-        Driven(stage.phase.name, float(start), drive.path, polynomials(stage, *part[::2]))
-        for stage, drive, part, start in zip(stages, driven, parts, starts, strict=False)
+            raise NoOrbit(_reason(known.problem, found))
+        known = replace(known, x=found.x, multipliers=found.multipliers)
+        here = _travelled(known, found.cost, fixed)
+        _not_collapsed(stages, here.parts)
+        if here.error <= tolerance and here.violation <= tolerance:
+            seconds = time.perf_counter() - began
+            named = dict(zip(problem.names, here.values.tolist(), strict=True))
+            found = here.cost, named, here.violation, here.error
+            return Control(here.legs(stages), *found, iterations, rounds, seconds, answer=known)
+        known = _refined(known, here, tolerance)
+    where = [name for drive in here.driven for name in drive.low(tolerance)]
+    raise NoOrbit(
+        f"the motion does not settle to {tolerance:.0e} in {ROUNDS} rounds"
+        + (f": {where[0]} still falls below zero between interval ends" if where else "")
+        + "; take more intervals or a larger tolerance"
     )
-    named = dict(zip(problem.names, values.tolist(), strict=True))
-    kept, seconds = Answer(problem, x, multipliers, shares), time.perf_counter() - began
-    return Control(legs, cost, named, violation, error, iterations, rounds, seconds, answer=kept)
+
+
+def _minimum(known: Answer, fixed, bounds) -> Minimum:
+    """The minimum near what is known, by its multipliers if they help."""
+    x, p = np.clip(known.x, *bounds), np.concatenate([fixed, known.shares])
+    found = known.problem.minimise(x, p, bounds, known.multipliers)
+    if found.kind != "minimum" and known.multipliers is not None:
+        found = known.problem.minimise(x, p, bounds, None)
+    return found
+
+
+@dataclass(frozen=True)
+class Travels:
+    """All stages of an answer travelled accurately; `parts` are the durations, states and coefficients it consists of,
+    `values` all parameters, the rest as in `Control`."""
+
+    parts: list[tuple[float, np.ndarray, np.ndarray]]
+    values: np.ndarray
+    driven: list[Travelled]
+    cost: float
+    error: float
+    violation: float
+
+    def legs(self, stages) -> tuple[Driven, ...]:
+        """What the answer shows of them."""
+        starts = np.cumsum([0.0, *(duration for duration, *_ in self.parts)]).tolist()
+        return tuple(
+            Driven(stage.phase.name, start, drive.path, polynomials(stage, part[0], part[2]))
+            for stage, drive, part, start in zip(stages, self.driven, self.parts, starts, strict=False)
+        )
+
+
+def _travelled(known: Answer, cost: float, fixed) -> Travels:
+    """Travel an answer, whose cost as it was solved for is given."""
+    problem = known.problem
+    parts, values = problem.unpack(known.x), np.concatenate([fixed, problem.freed(known.x)])
+    driven = [travel(stage, problem.names, values, *part) for stage, part in zip(problem.stages, parts, strict=True)]
+    accurate = problem.costs(values, driven)
+    apart = max(drive.apart(nodes) for drive, (_, nodes, _) in zip(driven, parts, strict=True))
+    missed = problem.missed(values, [(drive.first, drive.last) for drive in driven])
+    violation = max(missed, *(drive.violation for drive in driven))
+    return Travels(parts, values, driven, accurate, max(apart, abs(accurate - cost) / (1.0 + abs(cost))), violation)
+
+
+def _refined(known: Answer, here: Travels, tolerance: float) -> Answer:
+    """The answer as a start for the problem with steps halved where they are rough, and paths asked where they dip."""
+    problem = known.problem
+    rough = [drive.apart(nodes) > tolerance for drive, (_, nodes, _) in zip(here.driven, here.parts, strict=True)]
+    dips = [(i, *dip) for i, drive in enumerate(here.driven) for dip in drive.dips(tolerance)]
+    if not any(rough) and not dips:  # the cost is off, or an end
+        rough = [True] * len(rough)
+    substeps = tuple(2 * n if bad else n for n, bad in zip(problem.substeps, rough, strict=True))
+    places = problem.places + tuple((i, interval) for i, interval, _ in dips)
+    finer = transcription(problem.stages, problem.fixed, problem.free, substeps, places)
+    shares = np.append(known.shares, [share for *_, share in dips])
+    return Answer(finer, known.x, finer.padded(known.multipliers), shares)
 
 
 def _check(stages, parameters, free):
@@ -247,19 +279,6 @@ def _column(inputs: Trajectory, name: str) -> np.ndarray:
     return inputs.row(name) if name in inputs.names else np.zeros((len(inputs.steps), 1))
 
 
-def _apart(drive: Travelled, part) -> float:
-    """How far the accurate states are from those solved for, beside their size."""
-    _, nodes, _ = part
-    size = 1.0 + np.abs(nodes).max(1, keepdims=True)
-    return float((np.abs(drive.nodes - nodes) / size).max())
-
-
-def _error(cost: float, driven, parts, accurate: float) -> float:
-    """How far the accurate motion is from the one solved for, in states and cost."""
-    states = max(_apart(drive, part) for drive, part in zip(driven, parts, strict=True))
-    return max(states, abs(accurate - cost) / (1.0 + abs(cost)))
-
-
 def _not_collapsed(stages, parts):
     """Raise where a stage has shrunk to its lower bound, though it may last longer."""
     for number, (stage, (duration, *_)) in enumerate(zip(stages, parts, strict=True), start=1):
@@ -271,7 +290,7 @@ def _not_collapsed(stages, parts):
             )
 
 
-def _reason(problem: Transcription, found: Minimum, bounds) -> str:
+def _reason(problem: Transcription, found: Minimum) -> str:
     """Why there is no answer, in the words of the problem."""
     if found.kind == "bottomless":
         return f"the cost has no lower bound: it fell to {found.cost:.1e}; bound the inputs, or let them cost something"

@@ -140,7 +140,7 @@ def simulate(
     Raises `InputError` for what cannot be meant.
     """
     rules, inputs = Impacts(machine), Schedule(machine.values, schedule)
-    x, skip = _start(rules, alpha, state)
+    x, skip = _start(rules, inputs(0.0)[0], alpha, state)
     if hops is None and not np.isfinite(time):
         raise InputError("a simulation needs hops or a time at which to end")
     if not time > 0 or (hops is not None and (isinstance(hops, bool) or int(hops) != hops or hops < 1)):
@@ -174,8 +174,9 @@ class Schedule:
         return self.columns[index], float(self.times[index]) if index < len(self.times) else np.inf
 
 
-def _start(rules: Impacts, alpha, state) -> tuple[np.ndarray, int | None]:
-    """The first flight state and the order of the zero of the gap there, None where it stands."""
+def _start(rules: Impacts, p, alpha, state) -> tuple[np.ndarray, int | None]:
+    """The first flight state and the order of the zero of the gap there, None where it stands; `p` are the parameters
+    that it starts with."""
     if (alpha is None) == (state is None):
         raise InputError("a simulation starts from a launch speed alpha or from a state: give one of them")
     if alpha is not None:
@@ -189,7 +190,11 @@ def _start(rules: Impacts, alpha, state) -> tuple[np.ndarray, int | None]:
         )
     gap, speed, room = rules.gap(x), float(x @ rules.gap_speed), TOUCHING * (1 + np.abs(x).max())
     if abs(gap) <= room and abs(speed) <= room:
-        return x, None if rules.pressing(x[None])[0][0] > room else 3
+        path, _ = rules.contact.run(rules.onto_contact @ x, p, room)
+        force, rise = path.coefficients[0, rules.contact.size, :2]
+        if abs(force) <= room and rise < 0:
+            return x, 3  # just lifting off
+        return x, None if force >= 0 else 2
     if not gap > 0:
         raise InputError(f"state = {state!r}: its gap is {gap:.6g} and must be open")
     return x, 0

@@ -144,15 +144,15 @@ class Transcription:
     """
 
     def __init__(self, stages, fixed: tuple[str, ...], free: tuple[str, ...], substeps, places):
-        self.stages, self.names, self.substeps, self.places = stages, (*fixed, *free), substeps, places
-        self.count = len(free)
+        self.stages, self.fixed, self.free, self.substeps, self.places = stages, fixed, free, substeps, places
+        self.names = (*fixed, *free)
         self.shapes = [(len(s.phase.states), s.intervals, len(coefficient_names(s))) for s in stages]
         self._labels: list[str] = []
         self._limits: list[tuple[float, float]] = []
-        self._build(len(fixed))
+        self._build()
 
-    def _build(self, fixed: int):
-        given, freed, shares = (ca.MX.sym("p", k) for k in (fixed, self.count, len(self.places)))
+    def _build(self):
+        given, freed, shares = (ca.MX.sym("p", k) for k in (len(self.fixed), len(self.free), len(self.places)))
         p, parts, cost, constraints = ca.vertcat(given, freed), [], ca.MX(0), []
         for size, n, m in self.shapes:
             parts.append((ca.MX.sym("T"), ca.MX.sym("x", size, n + 1), ca.MX.sym("w", m, n)))
@@ -230,7 +230,7 @@ class Transcription:
 
     def freed(self, x) -> np.ndarray:
         """The free parameters among the unknowns."""
-        return x[len(x) - self.count :]
+        return x[len(x) - len(self.free) :]
 
     def saturated(self, parts) -> list[tuple[int, str]]:
         """Stages, from 1, and names of the inputs that are at a numeric bound on most of their intervals."""
@@ -319,6 +319,10 @@ class Travelled:
 
     first = property(lambda self: self.nodes[:, 0])
     last = property(lambda self: self.nodes[:, -1])
+
+    def apart(self, nodes) -> float:
+        """How far its states are from `nodes` (n, N + 1), beside their size."""
+        return float((np.abs(self.nodes - nodes) / (1.0 + np.abs(nodes).max(1, keepdims=True))).max())
 
     @cached_property
     def _lowest(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:

@@ -173,9 +173,12 @@ def recover(
     The spring's end is at rest at both. Arguments and errors as in `keep_hopping`.
     """
     orbit = orbit or find(machine.with_values(damping=0.0, drag=0.0), family=family)
-    driven = Actuated(machine)
+    driven, launch = Actuated(machine), orbit.alpha - float(short)
+    if not launch > 0:
+        raise InputError(
+            f"short = {short:g}: the lossless launch speed is {orbit.alpha:.6g}, and some of it is to be left"
+        )
     hop = _hop(driven, orbit, intervals, rate, stroke, "effort", lossless, False)
-    launch = orbit.alpha - float(short)
     aims = {"launch": launch, "aim": orbit.alpha, "liftoff": float(machine.model.release(launch, machine.values))}
     answer = steer(hop, {**driven.still, **aims}, guess=guess or _lossless_guess(driven, orbit))
     return _of_family(answer, driven, orbit)
@@ -206,10 +209,8 @@ def start_up(
 def rerun(machine: Machine, control: Control, hops: int = 0) -> Simulation:
     """The machine driven open loop by the schedule of an answer, every event found as in any simulation; and then so
     many hops more, the spring's end at rest."""
-    driven, first = Actuated(machine), control.legs[0]
-    x = first.path(0.0)[: len(first.path.names)]
-    x = x[: len(driven.model.flight.states)] if first.phase == "flight" else driven.model.embed @ x[:3]
-    schedule = control.schedule(RATE)
+    driven, schedule = Actuated(machine), control.schedule(RATE)
+    x = _flight_states(driven, control.legs[0], 0.0)
     if not hops:
         return simulate(driven, state=x, schedule=schedule, time=schedule[0][-1])
     return simulate(driven, state=x, schedule=schedule, hops=1 + hops)
@@ -217,10 +218,8 @@ def rerun(machine: Machine, control: Control, hops: int = 0) -> Simulation:
 
 def missed(machine: Machine, control: Control) -> float:
     """The most by which the machine, driven open loop by the answer's schedule, ends its last contact elsewhere."""
-    driven, last = Actuated(machine), control.legs[-1]
-    size = len(driven.model.contact.states)
-    aim = driven.model.embed @ last.path(last.duration)[:size]
-    run = rerun(machine, control)
+    last, run = control.legs[-1], rerun(machine, control)
+    aim = _flight_states(Actuated(machine), last, last.duration)
     return float(np.abs(run(run.end) - aim).max()) if run.end >= control.end * (1 - 1e-9) else np.inf
 
 
@@ -232,13 +231,18 @@ def work(machine: Machine, control: Control) -> tuple[float, float]:
         extension = driven.model.extension
         length = leg.inputs.steps[0]
         t = leg.inputs.times[:-1, None] + length * (0.5 + 0.5 * places)
-        rows = leg.path(t.ravel())
-        states = rows[:, :5] if leg.phase == "flight" else rows[:, :3] @ driven.model.embed.T
+        states = _flight_states(driven, leg, t.ravel())
         tension = machine.spring(extension(states) - states[:, -1]).reshape(t.shape)
         power = -driven.values["mass_ratio"] * tension * leg.inputs.row(RATE)[:, :1]
         done += float((power @ weights).sum() * length / 2)
         positive += float((np.maximum(power, 0.0) @ weights).sum() * length / 2)
     return done, positive
+
+
+def _flight_states(driven: Actuated, leg, t) -> np.ndarray:
+    """Flight states (..., n) of a leg of an answer at times (...) since its start."""
+    embed, rows = driven.model.embed, leg.path(t)
+    return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
 
 
 def _along(affine: Affine, x):

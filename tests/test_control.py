@@ -337,6 +337,7 @@ def test_driven_energy_and_schedules():
         (lambda: actuated.keep_hopping(Hopper(), intervals=1), "at least one each"),
         (lambda: actuated.keep_hopping(Hopper(restitution=0.5), lossless=False), "bounces"),
         (lambda: actuated.start_up(Hopper(), 0), "at least one"),
+        (lambda: actuated.recover(Hopper(), 5.0), "some of it is to be left"),
         (lambda: Actuated(Hopper("bilinear")), "piecewise"),
         (lambda: Actuated(3), "whose spring can be moved"),
         (lambda: Actuated(Hopper("r + u*r**3", parameters={"u": 1.0})), "actuator's own name"),
