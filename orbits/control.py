@@ -128,7 +128,10 @@ def steer(
     began = time.perf_counter()
     stages, parameters, free = tuple(stages), dict(parameters or {}), dict(free or {})
     _check(stages, parameters, free)
-    problem = transcription(stages, tuple(parameters), tuple(free))
+    try:
+        problem = transcription(stages, tuple(parameters), tuple(free))
+    except KeyError as error:
+        raise InputError(f"a stage asks for {error}, which is neither an input of it nor a parameter") from None
     bounds, fixed = problem.bounds(free), np.array(list(parameters.values()), dtype=float)
     known = guess.answer if isinstance(guess, Control) else None
     if known is None or known.problem.stages != stages or known.problem.names != problem.names:
@@ -254,6 +257,10 @@ def _pack(problem: Transcription, guess, free, bounds) -> np.ndarray:
         size, n = len(stage.phase.states), stage.intervals
         states, inputs = (one.path, _functions(one.inputs)) if isinstance(one, Driven) else (one.states, one.inputs)
         nodes = np.array([np.asarray(states(t), dtype=float)[:size] for t in np.linspace(0, one.duration, n + 1)])
+        if nodes.shape != (n + 1, size):
+            raise InputError(
+                f"the guess of the {stage.phase.name} is not {size} numbers, {', '.join(stage.phase.states)}"
+            )
         rows = []
         for name, shape in stage.inputs.items():
             of = inputs.get(name, 0.0)

@@ -145,6 +145,7 @@ def test_free_parameters_and_final_costs():
         (lambda: cart(low=1.0, high=-1.0), "input 'f' lies between 1 and -1: bounds conflict"),
         (lambda: cart(intervals=0), "at least one"),
         (lambda: cart(degree=-1), "degrees are 0, 1, 2"),
+        (lambda: cart(running=lambda x, p, q: p["price"]), "asks for 'price'"),
     ],
 )
 def test_what_cannot_be_meant(stage, words):
@@ -160,6 +161,7 @@ def test_what_cannot_be_meant(stage, words):
         ({"free": {"k": (1, 0)}}, "parameter 'k' lies between 1 and 0"),
         ({"parameters": {"k": np.nan}}, "not a finite number"),
         ({"guess": []}, "the guess has 0 stages"),
+        ({"guess": [Guess(1.0, lambda t: [t])]}, "the guess of the cart is not 2 numbers, x, v"),
     ],
 )
 def test_what_cannot_be_asked(arguments, words):
@@ -174,6 +176,7 @@ def test_what_cannot_be_asked(arguments, words):
         (lambda: cart(duration=(0.1, 9.0), running=lambda x, p, q: 1.0), r"stage 1 \(cart\) collapses"),
         (lambda: cart(end=lambda x, p: [x[0] - 1, x[0] - 2]), "the condition at the end of stage 1"),
         (lambda: cart(end=lambda x, p: [], running=lambda x, p, q: -x[0]), "no lower bound"),
+        (lambda: cart(duration=(0.1, np.inf), running=lambda x, p, q: -1.0), "no lower bound"),
         (lambda: cart(1, degree=0), "more conditions than inputs can meet"),
         (lambda: cart(path={"half": lambda x, p, q: 0.5 - x[0]}), "'half'|the condition at the end"),
     ],
