@@ -2,6 +2,7 @@
 
 from .branches import follow_branch
 from .continuation import follow, orbit_at, trace
+from .control import Control, Guess, steer
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .existence import Existence, existence
 from .family import End, Event, Family, Point
@@ -12,19 +13,23 @@ from .returnmap import FixedPoint, Hops, ReturnMap
 from .search import METHODS, find, find_all
 from .simulate import Simulation, simulate
 from .stability import multiplier
+from .transcription import Input, Stage
 
 __all__ = [
     "METHODS",
     "Affine",
     "Arc",
     "Certificate",
+    "Control",
     "End",
     "Event",
     "Existence",
     "Family",
     "FixedPoint",
     "FlowError",
+    "Guess",
     "Hops",
+    "Input",
     "InputError",
     "Model",
     "NoOrbit",
@@ -38,6 +43,7 @@ __all__ = [
     "Reduction",
     "ReturnMap",
     "Simulation",
+    "Stage",
     "Statement",
     "Units",
     "existence",
@@ -50,5 +56,6 @@ __all__ = [
     "multiplier",
     "orbit_at",
     "simulate",
+    "steer",
     "trace",
 ]

@@ -4,6 +4,7 @@ An impact of restitution e turns the gap's speed s into -e s. With e = 0 the mac
 presses, and leaves at once where the contact would have to pull.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -44,13 +45,14 @@ class Landing:
 
 
 class Impacts:
-    """The impacts of a machine with its parameters and restitution."""
+    """The impacts of a machine with its restitution and its own parameters, or with other values of them."""
 
-    def __init__(self, machine):
+    def __init__(self, machine, values: Mapping[str, float] | None = None):
         if not all(hasattr(machine, name) for name in ("model", "values", "restitution")):
             raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper()")
         self.machine = machine
-        self.model, self.values, self.restitution = machine.model, machine.values, float(machine.restitution)
+        self.model, self.restitution = machine.model, float(machine.restitution)
+        self.values = dict(values or machine.values)
         self.p = vector(self.values)
 
     def landing(self, x) -> Landing:

@@ -1,5 +1,7 @@
 """The only module that calls Ipopt: options, and its statuses as errors in the toolkit's words."""
 
+from dataclasses import dataclass, replace
+
 import casadi as ca
 import numpy as np
 
@@ -28,6 +30,32 @@ OPTIONS = {
     "ipopt.acceptable_iter": 0,
     "ipopt.max_iter": 200,
     "ipopt.nlp_scaling_method": "none",  # the caller scales
+}
+
+# How far a minimum may be from its conditions, recomputed, whatever Ipopt calls it: what is left of its constraints,
+# and of the gradient of its Lagrangian beside the multipliers.
+FEASIBLE, STATIONARY = 1e-9, 1e-7
+# Ends from which no minimum is looked for where the recomputed conditions hold: it stalls at rounding.
+STALLED = ("Search_Direction_Becomes_Too_Small", "Solved_To_Acceptable_Level", "Restoration_Failed")
+# Costs below this have no lower bound.
+BOTTOMLESS = -1e12
+MINIMISING = {
+    **OPTIONS,
+    "ipopt.tol": 1e-11,
+    "ipopt.constr_viol_tol": 1e-11,
+    "ipopt.compl_inf_tol": 1e-11,
+    "ipopt.dual_inf_tol": 1e-9,
+    "ipopt.bound_relax_factor": 0.0,  # a bound is a bound
+    "ipopt.honor_original_bounds": "yes",
+    "ipopt.max_iter": 1000,
+    "ipopt.diverging_iterates_tol": -BOTTOMLESS,
+}
+# Beside a known answer: the barrier starts where it ended.
+WARM = {
+    "ipopt.warm_start_init_point": "yes",
+    "ipopt.mu_init": 1e-7,
+    **{f"ipopt.warm_start_{name}_push": 1e-9 for name in ("bound", "mult_bound", "slack_bound")},
+    **{f"ipopt.warm_start_{name}_frac": 1e-9 for name in ("bound", "slack_bound")},
 }
 
 
@@ -65,12 +93,94 @@ def solve(unknowns: ca.MX, equations: ca.MX, guess, lower, scale) -> np.ndarray:
     return np.array(answer["x"]).ravel() * scale
 
 
+@dataclass(frozen=True)
+class Minimum:
+    """Where an iteration for a constrained minimum ended.
+
+    x : (n,)
+    cost : there
+    multipliers : of the bounds (n,) and of the constraints (m,)
+    off : by how much each constraint is missed, (m,)
+    kind : "minimum", "infeasible", "bottomless", "undefined", "overdetermined" or "stuck"
+    iterations : taken
+    """
+
+    x: np.ndarray
+    cost: float
+    multipliers: tuple[np.ndarray, np.ndarray]
+    off: np.ndarray
+    kind: str
+    iterations: int
+
+
+class Minimiser:
+    """Ipopt with exact second derivatives for least cost(unknowns, p) under bounds and constraints."""
+
+    def __init__(self, unknowns: ca.MX, p: ca.MX, cost: ca.MX, constraints: ca.MX):
+        self.problem = {"x": unknowns, "p": p, "f": cost, "g": constraints}
+        gradient = ca.gradient(cost, unknowns)
+        multipliers = ca.MX.sym("multipliers", constraints.numel())
+        gradient += ca.jtimes(constraints, unknowns, multipliers, True)
+        self.conditions = ca.Function("conditions", [unknowns, p, multipliers], [cost, gradient, constraints])
+        self._watch = _Watch(unknowns.numel(), constraints.numel(), p.numel())
+        self._solvers: dict[bool, ca.Function] = {}
+
+    def __call__(self, guess, p, bounds, limits, multipliers=None) -> Minimum:
+        """The minimum near `guess` (n,) with unknowns within `bounds` and constraints within `limits`, pairs of arrays.
+
+        multipliers : of a minimum nearby, from where the iteration starts
+
+        What it found is in the answer's `kind`; only a keyboard interrupt is raised.
+        """
+        solver = self._solver(multipliers is not None)
+        known = {} if multipliers is None else dict(zip(("lam_x0", "lam_g0"), multipliers, strict=True))
+        (low, high), (least, most) = bounds, limits
+        nothing = Minimum(
+            np.array(guess), np.nan, (np.zeros(len(guess)), np.zeros(len(least))), np.zeros(len(least)), "", 0
+        )
+        if (least == most).sum() > (low < high).sum():
+            return replace(nothing, kind="overdetermined")
+        try:
+            with interrupts.deferred():
+                answer = solver(x0=guess, p=p, lbx=low, ubx=high, lbg=least, ubg=most, **known)
+        except RuntimeError:
+            return replace(nothing, kind="undefined")
+        interrupts.check()
+        x, lam_x, lam_g = (np.array(answer[name]).ravel() for name in ("x", "lam_x", "lam_g"))
+        cost, slope, values = (np.array(value).ravel() for value in self.conditions(x, p, lam_g))
+        off = np.maximum(np.maximum(least - values, values - most), 0.0)
+        stats = solver.stats()
+        kind = _kind(
+            stats["return_status"], float(cost[0]), off, (slope + lam_x) / (1 + np.abs(lam_g).max(initial=0.0))
+        )
+        return Minimum(x, float(cost[0]), (lam_x, lam_g), off, kind, len(stats["iterations"].get("obj", [0])) - 1)
+
+    def _solver(self, warm: bool) -> ca.Function:
+        if warm not in self._solvers:
+            options = {**MINIMISING, **(WARM if warm else {}), "iteration_callback": self._watch}
+            self._solvers[warm] = ca.nlpsol("minimise", "ipopt", self.problem, options)
+        return self._solvers[warm]
+
+
+def _kind(status: str, cost: float, off, slope) -> str:
+    """What an end of Ipopt's means, its conditions recomputed: not even a success is believed."""
+    if status in ("Solve_Succeeded", *STALLED):
+        largest = max(np.abs(off).max(initial=0.0) / FEASIBLE, np.abs(slope).max(initial=0.0) / STATIONARY)
+        if largest <= 1.0:
+            return "minimum"
+    if status == "Diverging_Iterates" or cost < BOTTOMLESS:
+        return "bottomless"
+    if status == "Invalid_Number_Detected" or not np.isfinite(cost):
+        return "undefined"
+    return "infeasible" if status in ("Infeasible_Problem_Detected", "Restoration_Failed") else "stuck"
+
+
 class _Watch(ca.Callback):
     """Called after every iteration: 1 stops the solver, once an interrupt was noted."""
 
-    def __init__(self, unknowns: int, equations: int):
+    def __init__(self, unknowns: int, equations: int, parameters: int = 0):
         super().__init__()
-        self.sizes = {"x": unknowns, "f": 1, "g": equations, "lam_x": unknowns, "lam_g": equations}
+        self.sizes = {"x": unknowns, "f": 1, "g": equations, "lam_x": unknowns, "lam_g": equations, "lam_p": parameters}
         self.construct("watch", {})
 
     def get_n_in(self):

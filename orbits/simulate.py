@@ -4,6 +4,7 @@ Events are zeros of the Taylor polynomials of the motion, found by Bernstein exc
 is not skipped. Each leg is kept as its polynomials, so the whole motion can be asked for at any time.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,11 +12,15 @@ import numpy as np
 
 from . import interrupts
 from .errors import FlowError, InputError
-from .flow import Trajectory, first_zero
+from .flow import Flow, Trajectory, first_zero
 from .impacts import ContactEnd, Impacts
 
 # A leg longer than this, beside the launch speed, does not end.
 LONGEST = 1e6
+# What happens this near to a change of the schedule, beside the time, happens at it: events are known no better.
+TOGETHER = 1e-9
+# A state this near to the contact, in its own units, is in contact.
+TOUCHING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -118,31 +123,60 @@ class Simulation:
 
 def simulate(
     machine, alpha: float | None = None, *, state=None, hops: int | None = None, time: float = np.inf,
-    inject: float = 0.0, cap: int = 10_000,
+    inject: float = 0.0, cap: int = 10_000, schedule: tuple | None = None,
 ) -> Simulation:  # fmt: skip
-    """Follow a machine's motion from a launch or from a state in flight.
+    """Follow a machine's motion from a launch or from a state.
 
     machine : as in `find`, with its restitution
     alpha : launch speed at a lift-off after sustained contact, or
-    state : (n,), a flight state with open gap
+    state : (n,), a flight state with open gap; or with a closed one that stays closed, where the machine stands if the
+        contact presses and lifts off if it does not
     hops, time : end after so many lift-offs, or after this time, whichever is first; one of them is needed
     inject : added to the launch speed at every lift-off
     cap : impacts in one hop after which it is given up
+    schedule : (times (k + 1,), values (k,) of parameters by name), which they have from one time to the next, and the
+        machine's own before and after: an actuator's inputs. Legs are cut at these times
 
     Raises `InputError` for what cannot be meant.
     """
-    rules = Impacts(machine)
-    x, skip = _start(rules, alpha, state)
+    rules, inputs = Impacts(machine), Schedule(machine.values, schedule)
+    x, skip = _start(rules, inputs(0.0)[0], alpha, state)
     if hops is None and not np.isfinite(time):
         raise InputError("a simulation needs hops or a time at which to end")
     if not time > 0 or (hops is not None and (isinstance(hops, bool) or int(hops) != hops or hops < 1)):
         raise InputError(f"hops = {hops}, time = {time}; both are above 0, hops whole")
     with interrupts.deferred():
-        return _Run(rules, float(inject), hops, float(time), cap).go(x, skip, alpha)
+        return _Run(rules, float(inject), hops, float(time), cap, inputs).go(x, skip, alpha)
 
 
-def _start(rules: Impacts, alpha, state) -> tuple[np.ndarray, int]:
-    """The first flight state and the order of the zero of the gap there."""
+class Schedule:
+    """Parameters that have other values from time to time; see `simulate`."""
+
+    def __init__(self, values: Mapping[str, float], schedule):
+        times, changes = ((), {}) if schedule is None else schedule
+        self.times = np.asarray(times, dtype=float)
+        unknown = [name for name in changes if name not in values]
+        if unknown:
+            raise InputError(f"schedule: the machine has no parameter '{unknown[0]}'; it has {', '.join(values)}")
+        if schedule is not None and not (np.isfinite(self.times).all() and (np.diff(self.times) > 0).all()):
+            raise InputError("schedule: its times are finite and rise")
+        rows = []
+        for name, own in values.items():
+            given = np.asarray(changes.get(name, np.full(max(len(self.times) - 1, 0), own)), dtype=float)
+            if given.shape != (max(len(self.times) - 1, 0),) or not np.isfinite(given).all():
+                raise InputError(f"schedule: '{name}' has {given.size} values between {len(self.times)} times")
+            rows.append([own, *given, own] if len(self.times) else [own])
+        self.columns = np.array(rows, dtype=float).T  # (k + 2, np)
+
+    def __call__(self, now: float) -> tuple[np.ndarray, float]:
+        """The parameters (np,) from a time on, and until when they hold."""
+        index = int(np.searchsorted(self.times, now + TOGETHER * (1.0 + now), side="right"))
+        return self.columns[index], float(self.times[index]) if index < len(self.times) else np.inf
+
+
+def _start(rules: Impacts, p, alpha, state) -> tuple[np.ndarray, int | None]:
+    """The first flight state and the order of the zero of the gap there, None where it stands; `p` are the parameters
+    that it starts with."""
     if (alpha is None) == (state is None):
         raise InputError("a simulation starts from a launch speed alpha or from a state: give one of them")
     if alpha is not None:
@@ -154,26 +188,37 @@ def _start(rules: Impacts, alpha, state) -> tuple[np.ndarray, int]:
         raise InputError(
             f"state = {state!r}; it is {rules.flight.size} numbers, {', '.join(rules.model.flight.states)}"
         )
-    if not rules.gap(x) > 0:
-        raise InputError(f"state = {state!r}: its gap is {rules.gap(x):.6g} and must be open")
+    gap, speed, room = rules.gap(x), float(x @ rules.gap_speed), TOUCHING * (1 + np.abs(x).max())
+    if abs(gap) <= room and abs(speed) <= room:
+        path, _ = rules.contact.run(rules.onto_contact @ x, p, room)
+        force, rise = path.coefficients[0, rules.contact.size, :2]
+        if abs(force) <= room and rise < 0:
+            return x, 3  # just lifting off
+        return x, None if force >= 0 else 2
+    if not gap > 0:
+        raise InputError(f"state = {state!r}: its gap is {gap:.6g} and must be open")
     return x, 0
 
 
 class _Run:
     """A simulation as it goes."""
 
-    def __init__(self, rules: Impacts, inject: float, hops: int | None, time: float, cap: int):
+    def __init__(self, rules: Impacts, inject: float, hops: int | None, time: float, cap: int, inputs: Schedule):
         self.rules, self.inject, self.hops, self.time, self.cap = rules, inject, hops, time, cap
+        self.inputs = inputs
         self.legs: list[Leg] = []
         self.events: list[Event] = []
         self.launches: list[float] = []
-        self.now = 0.0
+        self.now, self.lifted = 0.0, 0
 
-    def go(self, x, skip: int, alpha: float | None) -> Simulation:
+    def go(self, x, skip: int | None, alpha: float | None) -> Simulation:
         if alpha is not None:
             self.launches.append(float(alpha))
-        impacts = lifted = 0
-        while (status := self.fly(x, skip)) is None:
+        status, impacts = None, 0
+        if skip is None:
+            status, x = self.stand(x)
+            skip = 3
+        while status is None and (status := self.fly(x, skip)) is None:
             impacts += 1
             before = self.legs[-1].path.end[: len(x)]
             landing = self.rules.landing(before[None])
@@ -181,52 +226,76 @@ class _Run:
             self.happened("landing" if held else "impact", before, x, float(landing.loss[0]))
             if impacts >= self.cap:
                 status = "cap"
-                break
-            if not held:
-                continue
-            status, x = self.stand(x)
-            if status is not None:
-                break
-            skip, impacts, lifted = 3, 0, lifted + 1
-            if self.hops is not None and lifted >= self.hops:
-                status = "done"
-                break
+            elif held:
+                status, x = self.stand(x)
+                skip, impacts = 3, 0
         launches, machine = np.array(self.launches), self.rules.machine
         return Simulation(tuple(self.legs), tuple(self.events), status, launches, self.now, machine)
 
     def fly(self, x, skip: int) -> str | None:
         """Fly until the gap closes; why the simulation ends instead, if it does."""
-        limit = min(self.time - self.now, LONGEST * (1 + np.abs(x).max()))
+        longest = LONGEST * (1 + np.abs(x).max())
         try:
-            path, _ = self.rules.flight.run(x, self.rules.p, limit, stop=first_zero(self.rules.gap, skip))
+            ahead = first_zero(self.rules.gap, skip)
+            closed = self.move("flight", self.rules.flight, x, longest, ahead, lambda x: self.rules.gap(x) <= 0)
         except FlowError:
             return "carried_off"
-        self.add("flight", path)
-        if path.times[-1] < limit:
+        if closed:
             return None
         return "done" if self.now >= self.time else "carried_off"
 
     def stand(self, x) -> tuple[str | None, np.ndarray]:
         """Stay in contact until the force ends it, and leave; why the simulation ends instead, if it does."""
         contact, y = self.rules.contact, self.rules.onto_contact @ x
-        limit = min(self.time - self.now, LONGEST)
-        ended = ContactEnd(contact.size, self.rules.model.contact_speed if self.time == np.inf else None)
+        forever = self.time == np.inf and not len(self.inputs.times)
+        ended = ContactEnd(contact.size, self.rules.model.contact_speed if forever else None)
+        embed = self.rules.model.embed
+        slack = lambda y: bool(self.rules.pressing((embed @ y)[None])[0][0] <= 0)  # noqa: E731
         try:
-            path, _ = contact.run(y, self.rules.p, limit, stop=ended)
+            left = self.move("contact", contact, y, LONGEST, ended, slack)
         except FlowError:
             return "collapses", x
-        self.add("contact", path)
-        if not ended.lifts:
+        path = self.legs[-1].path
+        if not left or (forever and not ended.lifts):
             return ("done" if self.now >= self.time else "rests"), x
         speed = float(self.rules.model.contact_speed(path.end[: contact.size]))
         if speed + self.inject <= 0:
             return "rests", x
-        before = self.rules.model.embed @ path.end[: contact.size]
-        launched = self.rules.launch(np.array([speed + self.inject]))[0]
+        before = embed @ path.end[: contact.size]
+        # What is driven lifts off where it is, not from the set of the machine's own launches.
+        driven = len(self.inputs.times) and not self.inject
+        launched = before if driven else self.rules.launch(np.array([speed + self.inject]))[0]
         gained = self.rules.energy(launched) - self.rules.energy(before) if self.inject else 0.0
         self.happened("lift-off", before, launched, -gained)
         self.launches.append(speed + self.inject)
-        return None, launched
+        self.lifted += 1
+        return ("done" if self.hops is not None and self.lifted >= self.hops else None), launched
+
+    def move(self, phase: str, along: Flow, x, longest: float, stop: Callable, beyond: Callable) -> bool:
+        """Travel until `stop` says so, in legs cut by the schedule; whether it did before the time was out.
+
+        beyond : whether a state where a leg is cut has what `stop` looks for behind it, by rounding
+        """
+        end, stopped = min(self.time, self.now + longest), False
+
+        def noted(c, steps):
+            nonlocal stopped
+            halt = stop(c, steps)
+            stopped = halt is not None
+            return halt
+
+        while True:
+            p, until = self.inputs(self.now)
+            if (p != self.rules.p).any():
+                self.rules = Impacts(self.rules.machine, dict(zip(self.rules.values, p.tolist(), strict=True)))
+            path, _ = along.run(x, p, min(until, end) - self.now, stop=noted)
+            self.add(phase, path)
+            x = path.end[: along.size]
+            if stopped or (until < end and beyond(x)):
+                return True
+            if until >= end:
+                return False
+            self.now = until
 
     def add(self, phase: str, path: Trajectory):
         self.legs.append(Leg(phase, self.now, path))

@@ -3,17 +3,30 @@
 from importlib import import_module
 
 _HOMES = {
+    "Actuated": ".actuated",
     "Chain": ".chain",
     "HeavyHand": ".heavy_hand",
     "Hopper": ".hopper",
     "Juggler": ".juggler",
     "hopper_in_si": ".units",
     "juggler_in_si": ".units",
+    "actuated": ".actuated",
     "gravity": ".gravity",
     "springs": ".springs",
 }
 
-__all__ = ["Chain", "HeavyHand", "Hopper", "Juggler", "gravity", "hopper_in_si", "juggler_in_si", "springs"]
+__all__ = [
+    "Actuated",
+    "Chain",
+    "HeavyHand",
+    "Hopper",
+    "Juggler",
+    "actuated",
+    "gravity",
+    "hopper_in_si",
+    "juggler_in_si",
+    "springs",
+]
 
 
 def __getattr__(name: str):
@@ -21,4 +34,4 @@ def __getattr__(name: str):
     if name not in _HOMES:
         raise AttributeError(f"module 'problems' has no attribute '{name}'")
     module = import_module(_HOMES[name], __name__)
-    return module if name in ("gravity", "springs") else getattr(module, name)
+    return module if name in ("actuated", "gravity", "springs") else getattr(module, name)

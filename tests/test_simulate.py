@@ -82,6 +82,21 @@ def test_rest_is_a_result():
     assert (longer(np.linspace(20, 50, 50))[:, 2] == 0).all()
 
 
+def test_it_starts_in_contact_too():
+    """At rest it stays; pulled at, it leaves at once; at lift-off it goes as a launch does, and at a landing stays."""
+    still = simulate(Hopper(), state=[-1.0, 0.0, 0.0, 0.0], time=5.0)
+    assert still.events == ()
+    assert still(5.0) == pytest.approx([-1, 0, 0, 0], abs=1e-14)
+    pulled = simulate(Hopper(), state=[3.0, 0.0, 0.0, 0.0], time=0.1)
+    assert not pulled.in_contact(0.1)
+    assert pulled(0.1)[2] > 0
+    orbit = find(Hopper())
+    one, other = simulate(Hopper(), state=orbit(0.0), hops=1), simulate(Hopper(), orbit.alpha, hops=1)
+    assert one.launches[-1] == pytest.approx(other.launches[-1], abs=1e-14)
+    landed = simulate(Hopper(), state=[1.0, -orbit.alpha, 0.0, 0.0], hops=1)
+    assert landed.end == pytest.approx(orbit.contact_time, rel=1e-12)
+
+
 def test_a_ball_on_a_rigid_hand_bounces_for_the_geometric_sum():
     """A hand a million times as heavy that stands still under the ball: flights of 2 v e^k."""
     e, height = 0.5, 1.0

@@ -3,10 +3,13 @@
 import mpmath as mp
 import pytest
 
+from orbits import find
+from problems import Hopper
 from studies import (
     air_track,
     asteroid,
     attraction,
+    damped_hopper,
     existence,
     figure_3,
     figure_4,
@@ -17,6 +20,7 @@ from studies import (
     gravity_families,
     paper,
     spring_families,
+    start_up,
     stress,
 )
 
@@ -167,3 +171,33 @@ def test_stress(fill):
     (row,) = stress.main(rows=[fill])
     assert not row.wrong
     assert row.certified >= 5
+
+
+def test_damped_hopper(tmp_path):
+    """The effort goes with the square of the damping, above its bound, and the work is the dissipation: that of the
+    lossless hop, in closed form."""
+    numbers = damped_hopper.main(tmp_path, quick=True)
+    assert numbers["exponent"] == pytest.approx(2, abs=1e-5)
+    assert numbers["effort over c^2"] == pytest.approx(125.81085, abs=1e-5)
+    assert numbers["effort over c^2"] > numbers["plastic effort over c^2"] > numbers["bound over c^2"]
+    a = find(Hopper()).alpha
+    flight = 2 * a * (1 + a**2) / 2 - (1 - a**2) * mp.sin(4 * a) / 4 - a * (1 - mp.cos(4 * a)) / 2
+    w, top = mp.sqrt(0.5), 2.0  # in contact y1 = -1 + 2 cos w t + (a/w) sin w t up to lift-off, mirrored
+    half = mp.pi / w - mp.atan(a / w / top) / w
+    contact = 2 * mp.quad(lambda t: (mp.sqrt(top**2 + (a / w) ** 2) * w * mp.sin(w * t)) ** 2, [0, half])
+    assert numbers["dissipation over c"] == pytest.approx(float(flight + contact), rel=1e-10)
+    assert numbers["work over c"] == pytest.approx(numbers["dissipation over c"], rel=1e-5)
+    assert numbers["injected work over c"] == pytest.approx(numbers["dissipation over c"], rel=1e-3)
+    assert numbers["missed"] < 1e-8
+    assert (tmp_path / "damped_hopper.png").stat().st_size > 10_000
+
+
+def test_start_up(tmp_path):
+    """A start onto the lossless hop, which goes on; recovery costs the square of what is missing."""
+    numbers = start_up.main(tmp_path, quick=True)
+    assert numbers["start"] == pytest.approx(8.0371, abs=1e-3)
+    assert numbers["launches"] < 1e-8
+    assert numbers["recovery exponent"] == pytest.approx(2, abs=1e-2)
+    assert numbers["any recovery over d^2"] < numbers["recovery over d^2"]
+    assert numbers["missed"] < 1e-8
+    assert (tmp_path / "start_up.png").stat().st_size > 10_000

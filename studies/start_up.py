@@ -1,0 +1,109 @@
+"""From rest onto a lossless hop by pumping the spring's end in contact, and back onto it from a launch that is short.
+
+On the left a start in two pumps and the hops that follow by themselves. In the middle the least effort against the
+number of pumps, for actuators of different strokes: pumping longer hardly helps, since the foot may not leave the
+ground before it is time, which bounds every swing but the last. On the right the least effort to bring back a launch
+speed d short of the lossless one in one hop: it goes with d^2, where such a launch by itself loses 10 C d^(4/3).
+Run: python studies/start_up.py [--output FOLDER] [--quick]
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from orbits import NoOrbit, find
+from orbits.plot import COLOURS, SHADE, new_row, save_figure
+from problems import Hopper
+from problems.actuated import missed, recover, rerun, start_up
+
+MACHINE = Hopper()
+RATE = 6.0
+STROKES = (2.0, 3.0, np.inf)
+SHOWN = {"pumps": 2, "stroke": 2.0, "rate": RATE}
+
+
+def efforts(strokes, pumps, orbit) -> tuple[dict[float, np.ndarray], float]:
+    """The least effort (pumps,) for each stroke, NaN where it cannot be done, and the most by which one is missed."""
+    found, worst = {}, 0.0
+    for stroke in strokes:
+        row = []
+        for count in pumps:
+            try:
+                answer = start_up(MACHINE, count, orbit=orbit, rate=RATE, stroke=stroke)
+            except NoOrbit as reason:
+                print(f"  stroke {stroke:g}, {count} pumps: {reason}")
+                row.append(np.nan)
+                continue
+            row.append(answer.cost)
+            worst = max(worst, missed(MACHINE, answer))
+        found[stroke] = np.array(row)
+    return found, worst
+
+
+def draw(axes, orbit, hops: int = 2):
+    """A start and the hops after it."""
+    answer = start_up(MACHINE, orbit=orbit, **SHOWN)
+    run = rerun(MACHINE, answer, hops=hops)
+    t = np.linspace(0, run.end, 4001)
+    states = run(t)
+    inside = run.in_contact(t)
+    for column, name, colour in (
+        (0, "body $y_1$", COLOURS[0]),
+        (2, "foot $y_2$", COLOURS[1]),
+        (4, "spring's end $u$", COLOURS[2]),
+    ):
+        axes.plot(t, states[:, column], color=colour, lw=1.8, label=name)
+    axes.fill_between(t, 0, 1, where=inside, transform=axes.get_xaxis_transform(), fc=SHADE, lw=0, zorder=0)
+    axes.axhline(0, color="0.4", lw=0.8)
+    axes.axvline(answer.end, color="0.4", lw=0.8, ls="--")
+    axes.set(xlabel="time", ylabel="position", xlim=(0, run.end))
+    axes.set_title(f"from rest in {SHOWN['pumps']} pumps, stroke {SHOWN['stroke']:g}")
+    axes.legend(frameon=False, fontsize="small", loc="upper left")
+    return run
+
+
+def main(folder: Path, quick: bool = False) -> dict[str, float]:
+    orbit = find(MACHINE)
+    left, middle, right = new_row(3, 4.6, 4.0)
+    run = draw(left, orbit)
+    pumps = np.arange(1, 3 if quick else 7)
+    strokes = STROKES[1:2] if quick else STROKES
+    print()
+    found, worst = efforts(strokes, pumps, orbit)
+    for (stroke, row), colour in zip(found.items(), COLOURS, strict=False):
+        label = f"stroke {stroke:g}" if np.isfinite(stroke) else "any stroke"
+        middle.plot(pumps, row, "o-", color=colour, ms=5, label=label)
+        print(f"  {label}: " + ", ".join(f"{value:.5g}" for value in row))
+    middle.set(
+        xlabel="pumps", ylabel="least effort", ylim=(0, None), xticks=pumps, title=f"start-up, rate at most {RATE:g}"
+    )
+    middle.legend(frameon=False, fontsize="small")
+    short = np.geomspace(1e-3, 1.0, 4 if quick else 13)
+    numbers = {"start": float(found[strokes[0]][1]), "launches": float(np.abs(run.launches - orbit.alpha).max())}
+    for lossless, name, colour in ((True, "lossless landing", COLOURS[0]), (False, "any landing", COLOURS[1])):
+        answers = [recover(MACHINE, d, orbit=orbit, lossless=lossless) for d in short]
+        row = np.array([answer.cost for answer in answers])
+        worst = max([worst] + [missed(MACHINE, answer) for answer in answers])
+        kind = "recovery" if lossless else "any recovery"
+        numbers[f"{kind} over d^2"] = float(row[0] / short[0] ** 2)
+        numbers[f"{kind} exponent"] = float(np.log(row[1] / row[0]) / np.log(short[1] / short[0]))
+        print(f"  {name}: effort {numbers[f'{kind} over d^2']:.5f} d^2, exponent {numbers[f'{kind} exponent']:.5f}")
+        right.semilogx(short, row / short**2, "o-", color=colour, ms=4, label=name)
+    right.set(
+        xlabel="launch speed short by d", ylabel="least effort / $d^2$", ylim=(0, None), title="recovery in one hop"
+    )
+    right.legend(frameon=False, fontsize="small", loc="lower left")
+    numbers["missed"] = worst
+    print(f"  open loop the answers are missed by {worst:.1e}")
+    folder.mkdir(parents=True, exist_ok=True)
+    print(f"\n  figure: {save_figure(left, folder / 'start_up.png')}")
+    return numbers
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
+    parser.add_argument("--quick", action="store_true", help="fewer pumps and launches")
+    arguments = parser.parse_args()
+    main(arguments.output, arguments.quick)
