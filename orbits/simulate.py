@@ -5,6 +5,8 @@ is not skipped. Each leg is kept as its polynomials, so the whole motion can be 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +14,9 @@ import numpy as np
 from . import interrupts
 from .errors import FlowError, InputError
 from .flow import Trajectory, first_zero
-from .impacts import ContactEnd, Impacts
-
-# A leg longer than this, beside the launch speed, does not end.
-LONGEST = 1e6
+from .impacts import CAP, LIFTOFF_ORDER, Impacts, failed
+from .polynomial import lowest
+from .question import number_of, whole_of
 
 
 @dataclass(frozen=True)
@@ -23,10 +24,10 @@ class Event:
     """One end of a leg.
 
     kind : "impact", after which the machine flies on; "landing", after which it stays in contact; "lift-off"
-    time : since the start
+    time : since the start; of a landing by bounces without number, when they have ended
     before, after : flight states (n,)
     energy : before, relative to the machine at rest in contact with its spring unloaded
-    loss : of energy in it
+    loss : of energy in it, below 0 where an injection adds to it
     """
 
     kind: str
@@ -51,10 +52,12 @@ class Simulation:
     """A motion from a state on; called with times (...), it gives flight states (..., n).
 
     legs, events : in order
-    status : "done", or why it ended early: "rests" in contact for good, "collapses", is "carried_off", or "cap" impacts
-    launches : (hops,), launch speeds at the lift-offs, the first that of the start if it was one
+    status : "done", or why it ended early: a name of `orbits.impacts.STATUSES`
+    launches : launch speeds, first that of the start if it was a launch, then one for each lift-off, so hops + 1 or
+        hops of them; NaN at a lift-off where no launch is
     end : time
     machine : that moved
+    reason : in words, where the motion could not be carried on
     """
 
     legs: tuple[Leg, ...]
@@ -63,6 +66,21 @@ class Simulation:
     launches: np.ndarray
     end: float
     machine: object
+    reason: str = ""
+
+    @cached_property
+    def smallest_separation(self) -> float | None:
+        """The least separation of the masses, None without a rest length; not above 0: they pass through each other,
+        which changes nothing in the motion here and could not be."""
+        separation = self.machine.model.separation(self.machine.values)
+        if separation is None:
+            return None
+        embed, least = self.machine.model.embed, []
+        for leg in self.legs:
+            rows = leg.path.coefficients
+            states = rows[:, : len(embed)] if leg.phase == "flight" else embed @ rows[:, : embed.shape[1]]
+            least.append(lowest(separation.series(states), leg.path.steps)[0])
+        return min(least, default=None)
 
     def document(self) -> dict:
         """The simulation as the JSON document of the command line."""
@@ -73,14 +91,25 @@ class Simulation:
             }
             for event in self.events
         ]  # fmt: skip
-        return {"launches": self.launches.tolist(), "status": self.status, "end": self.end, "events": events}
+        return {
+            "launches": [None if np.isnan(speed) else float(speed) for speed in self.launches],
+            "status": self.status, "reason": self.reason, "end": self.end,
+            "smallest_separation": self.smallest_separation, "events": events,
+        }  # fmt: skip
 
     def __str__(self) -> str:
         lines = [f"{'time':>14}  {'event':<10}{'energy':>16}{'loss':>14}"]
         for event in self.events:
             lines.append(f"{event.time:14.9g}  {event.kind:<10}{event.energy:16.9g}{event.loss:14.6g}")
         speeds = ", ".join(f"{speed:.10g}" for speed in self.launches)
-        return "\n".join([*lines, f"  launch speeds {speeds}", f"  {self.status} at time {self.end:.9g}"])
+        lines += [f"  launch speeds {speeds}", f"  {self.status} at time {self.end:.9g}"]
+        if self.reason:
+            lines[-1] += f": {self.reason}"
+        if self.smallest_separation is not None and self.smallest_separation <= 0:
+            lines.append(
+                f"  the masses pass through each other: their least separation is {self.smallest_separation:.6g}"
+            )
+        return "\n".join(lines)
 
     def plot(self, axes=None):
         """Plot heights against time; returns the axes. See `orbits.plot.plot_simulation`."""
@@ -118,7 +147,7 @@ class Simulation:
 
 def simulate(
     machine, alpha: float | None = None, *, state=None, hops: int | None = None, time: float = np.inf,
-    inject: float = 0.0, cap: int = 10_000,
+    inject: float = 0.0, cap: int = CAP,
 ) -> Simulation:  # fmt: skip
     """Follow a machine's motion from a launch or from a state in flight.
 
@@ -126,37 +155,46 @@ def simulate(
     alpha : launch speed at a lift-off after sustained contact, or
     state : (n,), a flight state with open gap
     hops, time : end after so many lift-offs, or after this time, whichever is first; one of them is needed
-    inject : added to the launch speed at every lift-off
+    inject : added to the launch speed at every lift-off that is a launch; with a damper its extension depends on the
+        speed, and the injection moves the machine to that of the new speed
     cap : impacts in one hop after which it is given up
 
-    Raises `InputError` for what cannot be meant.
+    Raises `InputError` for what cannot be meant, as a launch at which the contact would not open.
     """
     rules = Impacts(machine)
-    x, skip = _start(rules, alpha, state)
-    if hops is None and not np.isfinite(time):
+    inject, cap = number_of("inject", inject), whole_of("cap", cap, "impacts")
+    hops = None if hops is None else whole_of("hops", hops, "lift-offs")
+    if not (isinstance(time, Real) and time > 0):
+        raise InputError(f"time = {time!r}; it is a number above 0")
+    if hops is None and time == np.inf:
         raise InputError("a simulation needs hops or a time at which to end")
-    if not time > 0 or (hops is not None and (isinstance(hops, bool) or int(hops) != hops or hops < 1)):
-        raise InputError(f"hops = {hops}, time = {time}; both are above 0, hops whole")
+    x, alpha, order = _start(rules, alpha, state)
     with interrupts.deferred():
-        return _Run(rules, float(inject), hops, float(time), cap).go(x, skip, alpha)
+        return _Run(rules, inject, hops, float(time), cap).go(x, order, alpha)
 
 
-def _start(rules: Impacts, alpha, state) -> tuple[np.ndarray, int]:
-    """The first flight state and the order of the zero of the gap there."""
+def _start(rules: Impacts, alpha, state) -> tuple[np.ndarray, float | None, int]:
+    """The first flight state, the launch speed if it is a launch, and the order of the zero of the gap there."""
     if (alpha is None) == (state is None):
         raise InputError("a simulation starts from a launch speed alpha or from a state: give one of them")
     if alpha is not None:
-        if not (np.isscalar(alpha) and np.isfinite(alpha) and alpha > 0):
-            raise InputError(f"alpha = {alpha!r}; a launch speed is above 0")
-        return rules.launch(np.array([float(alpha)]))[0], 3
-    x = np.array(state, dtype=float)
+        if (alpha := number_of("alpha", alpha)) <= 0:
+            raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
+        x = rules.launch(np.array([alpha]))
+        if not rules.opens(x)[0]:
+            raise InputError(f"alpha = {alpha:g} is no launch: the damper is too strong for the contact to open")
+        return x[0], alpha, LIFTOFF_ORDER
+    try:
+        x = np.array(state, dtype=float)
+    except (TypeError, ValueError):
+        x = np.zeros(0)
     if x.shape != (rules.flight.size,) or not np.isfinite(x).all():
         raise InputError(
             f"state = {state!r}; it is {rules.flight.size} numbers, {', '.join(rules.model.flight.states)}"
         )
     if not rules.gap(x) > 0:
         raise InputError(f"state = {state!r}: its gap is {rules.gap(x):.6g} and must be open")
-    return x, 0
+    return x, None, 0
 
 
 class _Run:
@@ -167,70 +205,70 @@ class _Run:
         self.legs: list[Leg] = []
         self.events: list[Event] = []
         self.launches: list[float] = []
-        self.now = 0.0
+        self.now, self.impacts, self.lifted, self.reason = 0.0, 0, 0, ""
 
-    def go(self, x, skip: int, alpha: float | None) -> Simulation:
+    def go(self, x, order: int, alpha: float | None) -> Simulation:
         if alpha is not None:
-            self.launches.append(float(alpha))
-        impacts = lifted = 0
-        while (status := self.fly(x, skip)) is None:
-            impacts += 1
-            before = self.legs[-1].path.end[: len(x)]
-            landing = self.rules.landing(before[None])
-            x, skip, held = landing.state[0], 1 if self.rules.restitution > 0 else 2, landing.held[0]
-            self.happened("landing" if held else "impact", before, x, float(landing.loss[0]))
-            if impacts >= self.cap:
-                status = "cap"
-                break
-            if not held:
-                continue
-            status, x = self.stand(x)
-            if status is not None:
-                break
-            skip, impacts, lifted = 3, 0, lifted + 1
-            if self.hops is not None and lifted >= self.hops:
-                status = "done"
-                break
+            self.launches.append(alpha)
+        status = None
+        while status is None:
+            status, x, held = self.fly(x, order)
+            order = self.rules.bounce_order
+            if status is None and held:
+                status, x = self.stand(x)
+                order = LIFTOFF_ORDER
         launches, machine = np.array(self.launches), self.rules.machine
-        return Simulation(tuple(self.legs), tuple(self.events), status, launches, self.now, machine)
+        return Simulation(tuple(self.legs), tuple(self.events), status, launches, self.now, machine, self.reason)
 
-    def fly(self, x, skip: int) -> str | None:
-        """Fly until the gap closes; why the simulation ends instead, if it does."""
-        limit = min(self.time - self.now, LONGEST * (1 + np.abs(x).max()))
+    def fly(self, x, order: int) -> tuple[str | None, np.ndarray, bool]:
+        """Fly until the gap closes; why the simulation ends, if it does, the state after the impact, whether contact
+        follows."""
+        rules = self.rules
+        if order == LIFTOFF_ORDER and not rules.opens(x[None])[0]:
+            return "no_launch", x, False
+        limit = min(self.time - self.now, float(rules.patience("flight", x)))
         try:
-            path, _ = self.rules.flight.run(x, self.rules.p, limit, stop=first_zero(self.rules.gap, skip))
-        except FlowError:
-            return "carried_off"
-        self.add("flight", path)
-        if path.times[-1] < limit:
-            return None
-        return "done" if self.now >= self.time else "carried_off"
+            path, _ = rules.flight.run(x, rules.p, limit, stop=first_zero(rules.gap, order))
+        except FlowError as error:
+            self.reason = str(error)
+            return failed(error, "flight"), x, False
+        if status := self.add("flight", path, None if path.times[-1] < limit else "carried_off"):
+            return status, x, False
+        before = path.end[: len(x)]
+        landing = rules.landing(before[None])
+        (x,), (held,) = landing.state, landing.held
+        self.impacts += 1
+        self.happened("landing" if held else "impact", before, x, float(landing.loss[0]), float(landing.wait[0]))
+        return ("cap" if not held and self.impacts >= self.cap else None), x, bool(held)
 
     def stand(self, x) -> tuple[str | None, np.ndarray]:
-        """Stay in contact until the force ends it, and leave; why the simulation ends instead, if it does."""
-        contact, y = self.rules.contact, self.rules.onto_contact @ x
-        limit = min(self.time - self.now, LONGEST)
-        ended = ContactEnd(contact.size, self.rules.model.contact_speed if self.time == np.inf else None)
-        try:
-            path, _ = contact.run(y, self.rules.p, limit, stop=ended)
-        except FlowError:
-            return "collapses", x
-        self.add("contact", path)
-        if not ended.lifts:
-            return ("done" if self.now >= self.time else "rests"), x
-        speed = float(self.rules.model.contact_speed(path.end[: contact.size]))
-        if speed + self.inject <= 0:
-            return "rests", x
-        before = self.rules.model.embed @ path.end[: contact.size]
-        launched = self.rules.launch(np.array([speed + self.inject]))[0]
-        gained = self.rules.energy(launched) - self.rules.energy(before) if self.inject else 0.0
-        self.happened("lift-off", before, launched, -gained)
-        self.launches.append(speed + self.inject)
-        return None, launched
+        """Stay in contact until the force ends it, and leave; why the simulation ends, if it does, and the state."""
+        rules = self.rules
+        path, how, self.reason = rules.stand(rules.onto_contact @ x, self.time - self.now)
+        if path is None:
+            return how, x
+        if status := self.add("contact", path, None if how == "lifts_off" else how):
+            return status, x
+        y = path.end[: rules.contact.size]
+        before = after = rules.model.embed @ y
+        (speed,), (launches,) = rules.liftoff(y[None])
+        if launches:
+            speed = float(speed) + self.inject
+            if speed <= 0:
+                return "rests", x
+            after = rules.launch(np.array([speed]))[0]
+        self.happened("lift-off", before, after, rules.energy(before) - rules.energy(after))
+        self.launches.append(speed if launches else np.nan)
+        self.impacts, self.lifted = 0, self.lifted + 1
+        return ("done" if self.lifted == self.hops else None), after
 
-    def add(self, phase: str, path: Trajectory):
+    def add(self, phase: str, path: Trajectory, status: str | None) -> str | None:
+        """Keep a leg; why the simulation ends with it, if it does: the time is up, or `status`."""
         self.legs.append(Leg(phase, self.now, path))
-        self.now += float(path.times[-1])
+        lasted = float(path.times[-1])
+        over = lasted >= self.time - self.now or self.now + lasted >= self.time
+        self.now = self.time if over else self.now + lasted
+        return "done" if over else status
 
-    def happened(self, kind: str, before, after, loss: float):
-        self.events.append(Event(kind, self.now, before, after, self.rules.energy(before), loss))
+    def happened(self, kind: str, before, after, loss: float, wait: float = 0.0):
+        self.events.append(Event(kind, self.now + wait, before, after, self.rules.energy(before), loss))
