@@ -317,12 +317,13 @@ class Flow:
         while len(going):
             interrupts.check()
             steps, c, trusted = self.scheme(0).advance_all(x, np.tile(p, (len(x), 1)), LOOK_AHEAD)
-            slow = ~trusted.all(1)
+            last = evaluate(c[:, -1, : self.size], steps[:, -1:])
+            slow = ~(trusted.all(1) & (np.abs(last).max(1) < RUNAWAY))
             if slow.any():
                 skipped = np.where(began[slow] == 0, skip[going[slow]], 0)
                 known = limit[going[slow]], skipped, rising, began[slow]
                 self._zeros_one_by_one(going[slow], x[slow], p, quantity, *known, times, rows, failed)
-                going, x, began, steps, c = (part[~slow] for part in (going, x, began, steps, c))
+                going, last, began, steps, c = (part[~slow] for part in (going, last, began, steps, c))
                 if not len(going):
                     break
             series = quantity.series(c[:, :, : len(quantity.weights)]).reshape(-1, c.shape[3])
@@ -334,14 +335,10 @@ class Flow:
             found = began[owner] + np.where(piece > 0, ends[owner, piece - 1], 0.0) + t
             times[going[owner]] = np.where(found <= limit[going[owner]], found, np.nan)
             rows[going[owner]] = evaluate(c[owner, piece], t[:, None])
-            x = evaluate(c[:, -1, : self.size], steps[:, -1:])
             began = began + ends[:, -1]
             left = began < limit[going]
             left[owner] = False
-            for i in np.flatnonzero(left & ~(np.abs(x).max(1) < RUNAWAY)):
-                failed[int(going[i])] = RunsAway(f"the {self.phase.name} runs away, at {self._say(x[i])}")
-                left[i] = False
-            going, x, began = going[left], x[left], began[left]
+            going, x, began = going[left], last[left], began[left]
 
     def _zeros_one_by_one(self, indices, x, p, quantity, limit, skip, rising, began, times, rows, failed):
         """`first_zeros` of some motions, which have lasted for the times `began`, step by step, into the arrays and

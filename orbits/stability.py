@@ -71,7 +71,7 @@ def _one_sided(rules: Impacts, alpha: float, x, change) -> str:
     mass = rules.model.impact_mass(rules.values)  # `Certificate.loss_coefficient`, from the energy that an impact takes
     c = mass * jerk**2 / 8 * (6 * abs(slope) / jerk) ** (4 / 3) / (rules.power * alpha)
     first, other = ("+", "-") if slope > 0 else ("-", "+")
-    return f"alpha {first} d loses {c:.6g} d**(4/3), alpha {other} d {10 * c:.6g} d**(4/3)"
+    return f"alpha {first} d loses {c:.4g} d**(4/3), alpha {other} d {10 * c:.4g} d**(4/3)"
 
 
 def _stood(rules: Impacts, y, change) -> float:
