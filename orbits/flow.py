@@ -26,6 +26,8 @@ from .steps import ORDER, SHORTEST, Graph, RungeKutta, Taylor
 MAX_STEPS = 200_000
 # Beyond this a motion has run away.
 RUNAWAY = 1e20
+# ... for good, with steps longer than this, or into a singularity, where they vanish.
+SUDDEN = 1e-3
 # Steps taken in one call of the interpreter's: two such calls are most of an oscillation.
 LOOK_AHEAD = 6
 MOST_AT_ONCE = 64
@@ -233,7 +235,8 @@ class Flow:
                 variations = dc[i, ..., 0] + dc[i, ..., 1:] @ power
             h = steps[i]
             if np.abs(x).max() > RUNAWAY:
-                raise RunsAway(f"the {self.phase.name} runs away at time {times[-1]:.6g}, at {self._say(x)}")
+                kind = RunsAway if h > SUDDEN else BreaksDown
+                raise kind(f"the {self.phase.name} runs away at time {times[-1]:.6g}, at {self._say(x)}")
             if halted:
                 break
             if duration - times[-1] <= 1e-15 * duration:
