@@ -19,3 +19,11 @@ class FlowError(NoOrbit):
 
 class OutOfRange(FlowError):
     """A motion needs a law where it is not defined, as outside a measured table."""
+
+
+class RunsAway(FlowError):
+    """A motion goes beyond all bounds."""
+
+
+class BreaksDown(FlowError):
+    """A motion comes to a singularity: its steps vanish or are not numbers."""

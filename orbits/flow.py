@@ -18,7 +18,7 @@ import numpy as np
 
 from . import interrupts
 from .calls import Call, Calls
-from .errors import FlowError, OutOfRange
+from .errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from .model import Affine, Phase
 from .polynomial import Pile, evaluate, piecewise_roots, roots, shifted
 from .steps import ORDER, SHORTEST, Graph, RungeKutta, Taylor
@@ -26,6 +26,8 @@ from .steps import ORDER, SHORTEST, Graph, RungeKutta, Taylor
 MAX_STEPS = 200_000
 # Beyond this a motion has run away.
 RUNAWAY = 1e20
+# ... for good, with steps longer than this, or into a singularity, where they vanish.
+SUDDEN = 1e-3
 # Steps taken in one call of the interpreter's: two such calls are most of an oscillation.
 LOOK_AHEAD = 6
 MOST_AT_ONCE = 64
@@ -233,7 +235,8 @@ class Flow:
                 variations = dc[i, ..., 0] + dc[i, ..., 1:] @ power
             h = steps[i]
             if np.abs(x).max() > RUNAWAY:
-                raise FlowError(f"the {self.phase.name} runs away at time {times[-1]:.6g}, at {self._say(x)}")
+                kind = RunsAway if h > SUDDEN else BreaksDown
+                raise kind(f"the {self.phase.name} runs away at time {times[-1]:.6g}, at {self._say(x)}")
             if halted:
                 break
             if duration - times[-1] <= 1e-15 * duration:
@@ -272,20 +275,23 @@ class Flow:
         skip : orders (m,) of the zeros that it starts from, which are divided out exactly
         rising : count only changes from minus to plus
 
-        Returns times (m,), NaN where it does not happen or the motion breaks down, and rows (m, rows) there.
+        Returns times (m,), NaN where it does not happen; rows (m, rows) there; and by index the `FlowError` of each
+        motion that cannot be carried on so far.
         """
         starts = np.asarray(starts, dtype=float)
         skip, limit = (np.broadcast_to(values, len(starts)) for values in (skip, limit))
         times = np.full(len(starts), np.nan)
         rows = np.full((len(starts), len(self.names)), np.nan)
+        failed: dict[int, FlowError] = {}
         if self.phase.closed_form:
             self._closed_zeros(starts, p, quantity, limit, skip, rising, times, rows)
         elif self.phase.pieces or not self.graph.has_series:
             began = np.zeros(len(starts))
-            self._zeros_one_by_one(np.arange(len(starts)), starts, p, quantity, limit, skip, rising, began, times, rows)
+            known = limit, skip, rising, began
+            self._zeros_one_by_one(np.arange(len(starts)), starts, p, quantity, *known, times, rows, failed)
         else:
-            self._taylor_zeros(starts, p, quantity, limit, skip, rising, times, rows)
-        return times, rows
+            self._taylor_zeros(starts, p, quantity, limit, skip, rising, times, rows, failed)
+        return times, rows, failed
 
     def _closed_zeros(self, starts, p, quantity, limit, skip, rising, times, rows):
         """`first_zeros` of motions in closed form, into the arrays."""
@@ -308,18 +314,19 @@ class Flow:
         for i, (slope, value) in enumerate(form.watch.values(), start=self.size):
             rows[:, i] = slope * rows[:, 0] + value
 
-    def _taylor_zeros(self, starts, p, quantity, limit, skip, rising, times, rows):
-        """`first_zeros` of motions by Taylor steps, into the arrays."""
+    def _taylor_zeros(self, starts, p, quantity, limit, skip, rising, times, rows, failed):
+        """`first_zeros` of motions by Taylor steps, into the arrays and `failed`."""
         going, x, began = np.arange(len(starts)), starts, np.zeros(len(starts))
         while len(going):
             interrupts.check()
             steps, c, trusted = self.scheme(0).advance_all(x, np.tile(p, (len(x), 1)), LOOK_AHEAD)
-            slow = ~trusted.all(1)
+            last = evaluate(c[:, -1, : self.size], steps[:, -1:])
+            slow = ~(trusted.all(1) & (np.abs(last).max(1) < RUNAWAY))
             if slow.any():
                 skipped = np.where(began[slow] == 0, skip[going[slow]], 0)
                 known = limit[going[slow]], skipped, rising, began[slow]
-                self._zeros_one_by_one(going[slow], x[slow], p, quantity, *known, times, rows)
-                going, x, began, steps, c = (part[~slow] for part in (going, x, began, steps, c))
+                self._zeros_one_by_one(going[slow], x[slow], p, quantity, *known, times, rows, failed)
+                going, last, began, steps, c = (part[~slow] for part in (going, last, began, steps, c))
                 if not len(going):
                     break
             series = quantity.series(c[:, :, : len(quantity.weights)]).reshape(-1, c.shape[3])
@@ -331,18 +338,19 @@ class Flow:
             found = began[owner] + np.where(piece > 0, ends[owner, piece - 1], 0.0) + t
             times[going[owner]] = np.where(found <= limit[going[owner]], found, np.nan)
             rows[going[owner]] = evaluate(c[owner, piece], t[:, None])
-            x = evaluate(c[:, -1, : self.size], steps[:, -1:])
             began = began + ends[:, -1]
-            left = (began < limit[going]) & (np.abs(x).max(1) < RUNAWAY)
+            left = began < limit[going]
             left[owner] = False
-            going, x, began = going[left], x[left], began[left]
+            going, x, began = going[left], last[left], began[left]
 
-    def _zeros_one_by_one(self, indices, x, p, quantity, limit, skip, rising, began, times, rows):
-        """`first_zeros` of some motions, which have lasted for the times `began`, step by step, into the arrays."""
+    def _zeros_one_by_one(self, indices, x, p, quantity, limit, skip, rising, began, times, rows, failed):
+        """`first_zeros` of some motions, which have lasted for the times `began`, step by step, into the arrays and
+        `failed`."""
         for index, start, end, order, before in zip(indices, x, limit, skip, began, strict=True):
             try:
                 path, _ = self.run(start, p, end - before, stop=first_zero(quantity, int(order), rising))
-            except FlowError:
+            except FlowError as error:
+                failed[int(index)] = error
                 continue
             if path.times[-1] < end - before:
                 times[index], rows[index] = before + path.times[-1], path.end
@@ -351,8 +359,8 @@ class Flow:
         """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""
         good = (steps > SHORTEST * max(t, 1.0)) & np.isfinite(c).all((1, 2))
         if not good[0] or taken > MAX_STEPS:
-            reason = "takes too many steps" if good[0] else "breaks down"
-            raise FlowError(f"the {self.phase.name} {reason} at time {t:.6g}, at {self._say(c[0, :, 0])}")
+            reason, kind = ("takes too many steps", FlowError) if good[0] else ("breaks down", BreaksDown)
+            raise kind(f"the {self.phase.name} {reason} at time {t:.6g}, at {self._say(c[0, :, 0])}")
         count = len(steps) if good.all() else int(np.argmin(good))
         return steps[:count], c[:count]
 

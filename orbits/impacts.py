@@ -1,7 +1,11 @@
-"""Impacts of a machine in flight, and what follows: it leaves at once, bounces, or stays in contact.
+"""Impacts of a machine in flight, and what follows: it leaves at once, bounces, or stays in contact until that ends.
 
 An impact of restitution e turns the gap's speed s into -e s. With e = 0 the machine stays in contact where that
-presses, and leaves at once where the contact would have to pull.
+presses, and leaves at once where the contact would have to pull. A contact ends where its force vanishes. For most
+springs that is the launch set; a spring whose force does not rise all the way lets go elsewhere too, or at a launch's
+extension on the way down.
+
+What becomes of a machine has the same names in the return map and in the simulation: `STATUSES`.
 """
 
 from collections.abc import Mapping
@@ -12,18 +16,48 @@ import casadi as ca
 import numpy as np
 
 from .accuracy import GAUSS_PLACES, GAUSS_WEIGHTS
+from .calls import Calls
 from .certify import gradients
-from .errors import InputError
-from .flow import Flow, flow
+from .errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway
+from .flow import Flow, Trajectory, flow
 from .model import Affine
 from .polynomial import piecewise_roots
 from .statements import vector
 
 # Straight pieces of the way to a state on which its energy is integrated.
 PANELS = 32
-# Bounces that last no longer in all are summed as a geometric series; in that time the pressing force is constant to
-# rounding.
+# What becomes of a hop, beside "lifts_off" (of a map) and "done" (of a simulation).
+STATUSES = {
+    "rests": "the contact never ends, or the launch speed with the injection is not above 0",
+    "leaves_elsewhere": "the contact ends where no launch does: a simulation flies on from there, a map has no next",
+    "no_launch": "the contact would not open: so a strong damper takes a slow launch back",
+    "collapses": "the spring does, in contact or in flight",
+    "carried_off": "the flight does not end",
+    "out_of_range": "a law is needed where it is not defined, as outside a measured table",
+    "lost": "the motion could not be followed, as when it takes too many steps",
+    "cap": "too many impacts in one hop",
+}
+# Of arrays of their names.
+STATUS = f"<U{max(map(len, STATUSES))}"
+# Impacts in one hop after which it is given up.
+CAP = 10_000
+# What lasts longer than this, beside the size of the state it starts from, does not end: a flight so many of its
+# ballistic times, a contact as long as the square root of the mass ratio makes it.
+LONGEST = {"flight": 1e4, "contact": 1e6}
+# A map's contacts are followed together for so long, beside the state's size, and what still stands then one by one.
+BRIEF = 1e3
+# Bounces are summed as a geometric series as soon as the pressing acceleration changes by less than this share in all
+# the time they take: what they do to the motion beside contact is of third order in that time.
 ZENO = 1e-8
+# Order of the gap's zero at a lift-off.
+LIFTOFF_ORDER = 3
+# Turns of a contact's speed after which it never ends, see `ContactEnd`.
+TURNS = 3
+# Rates below which a contact is at rest for good.
+STILL = 1e-12
+# A contact that ends this near to a launch state, as a share, ends there: the launch is then taken from the launch set,
+# so that hops without loss stay so to the last bit. Two ends that near would be one fold of the spring's force.
+NEAR = 1e-7
 
 
 @dataclass(frozen=True)
@@ -55,6 +89,11 @@ class Impacts:
         self.values = dict(values or machine.values)
         self.p = vector(self.values)
 
+    @property
+    def bounce_order(self) -> int:
+        """Order of the gap's zero where the machine leaves at once after an impact."""
+        return 1 if self.restitution > 0 else 2
+
     def landing(self, x) -> Landing:
         """What the impacts at flight states (m, n) with closed gap do."""
         e, speed = self.restitution, x @ self.gap_speed
@@ -62,9 +101,10 @@ class Impacts:
         force, rate = self.pressing(stuck)
         held, wait = force >= 0, np.zeros(len(x))
         if e > 0:  # what is still to come of bounces at a constant pressing force
-            with np.errstate(divide="ignore"):
+            jerk, snap = self.gap_rates(stuck - (e * speed)[:, None] * self.direction)
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 wait = 2 * e * np.abs(speed) / (1 - e) / rate if e < 1 else np.full(len(x), np.inf)
-            held &= (rate > 0) & (wait < ZENO)
+                held &= (rate > 0) & (wait * (np.abs(jerk) + 0.5 * wait * np.abs(snap)) <= ZENO * rate)
             wait = np.where(held, wait, 0.0)
         loss = 0.5 * self.model.impact_mass(self.values) * speed**2 * np.where(held, 1.0, 1 - e**2)
         state = stuck - np.where(held, 0.0, e * speed)[:, None] * self.direction
@@ -75,6 +115,64 @@ class Impacts:
         liftoff = self.model.release(alpha, self.values)
         rows = self.model.launch({"liftoff": liftoff, "alpha": alpha}, self.values)
         return np.stack(np.broadcast_arrays(*rows, alpha)[:-1], axis=1).astype(float)
+
+    def opens(self, x) -> np.ndarray:
+        """Whether the gap opens at launch states (m, n), where it and its first two derivatives vanish."""
+        jerk, snap = self.gap_rates(x)
+        return (jerk > 0) | ((jerk == 0) & (snap > 0))
+
+    @staticmethod
+    def patience(phase: str, x) -> np.ndarray:
+        """How long (...) a flight or contact from states (..., n) is followed before it is said not to end."""
+        return LONGEST[phase] * (1 + np.abs(x).max(-1))
+
+    def stand(self, y, left: float = np.inf) -> tuple[Trajectory | None, str | None, str]:
+        """The contact from a state (k,), at most for the time `left`: its motion, how it ends, and the reason.
+
+        How it ends is "lifts_off", a status, or None when the time is up; it has to be endless for "rests" to be known.
+        """
+        endless = left == np.inf
+        limit = float(self.patience("contact", y)) if endless else left
+        end = ContactEnd(self.contact.size, self.model.contact_speed if endless and self.model.one_speed else None)
+        try:
+            path, _ = self.contact.run(y, self.p, limit, stop=end)
+        except FlowError as error:
+            return None, failed(error, "contact"), str(error)
+        if end.how or not endless:
+            return path, end.how, ""
+        return path, "collapses" if np.abs(path.end).max() > limit else "rests", ""
+
+    def stand_all(self, ys) -> tuple[np.ndarray, np.ndarray]:
+        """How contacts from states (m, k) end, "lifts_off" or a status (m,), and where (m, k)."""
+        contact, speed, force = self.contact, self.model.contact_speed, contact_force(self.contact.size)
+        status, ends = np.full(len(ys), "rests", dtype=STATUS), np.full(ys.shape, np.nan)
+        standing, y = np.arange(len(ys)), ys
+        for turn in range(TURNS if speed else 0):
+            brief = BRIEF * (1 + np.abs(y).max(1))
+            turns, rows, _ = contact.first_zeros(y, self.p, speed, brief, min(turn, 1))
+            times, last, _ = contact.first_zeros(y, self.p, force, np.where(np.isnan(turns), brief, turns))
+            lifts, slow = ~np.isnan(times), np.isnan(times) & np.isnan(turns)
+            status[standing[lifts]], ends[standing[lifts]] = "lifts_off", last[lifts, : contact.size]
+            status[standing[slow]] = ""
+            on = ~(lifts | slow)
+            standing, y = standing[on], rows[on, : contact.size]
+            if not len(standing):
+                break
+        for i in range(len(ys)) if not speed else np.flatnonzero(status == ""):
+            path, status[i], _ = self.stand(ys[i])
+            if status[i] == "lifts_off":
+                ends[i] = path.end[: contact.size]
+        return status, ends
+
+    def liftoff(self, ys) -> tuple[np.ndarray, np.ndarray]:
+        """The speeds (m,) of contact states (m, k) at which the force vanishes, and whether each is that of the launch
+        that it tells."""
+        speed, x = self.model.contact_speed(ys), ys @ self.model.embed.T
+        if not self.model.one_speed:
+            return speed, np.zeros(len(ys), bool)
+        forward = speed > 0
+        apart = np.abs(x - self.launch(np.where(forward, speed, 1.0))).max(1)
+        return speed, forward & (apart <= NEAR * (1 + np.abs(x).max(1)))
 
     def energy(self, x) -> float:
         """The energy of a flight state (n,), relative to rest at its origin: the spring unloaded, the gap closed."""
@@ -120,6 +218,19 @@ class Impacts:
         _, watched = self.contact.field(x @ self.onto_contact.T, self.p)
         return watched[:, 0], -(rates @ self.gap_speed)
 
+    def gap_rates(self, x) -> np.ndarray:
+        """Third and fourth derivative (2, m) of the gap in time at flight states (m, n)."""
+        return self._gap_rates(x, self.flight.data(x, self.p))[0][:, :, 0].T
+
+    @cached_property
+    def _gap_rates(self) -> Calls:
+        graph = self.flight.graph
+        field = graph.field(graph.x, graph.p)[0]
+        rates = [ca.DM(self.gap_speed).T @ field]
+        for _ in range(2):
+            rates.append(ca.jtimes(rates[-1], graph.x, field))
+        return Calls(ca.Function("gap_rates", [graph.x, graph.p], [ca.densify(ca.vertcat(*rates[1:]))]))
+
     @cached_property
     def direction(self) -> np.ndarray:
         """Of an impact, (n,): the change of the flight state per change of the gap's speed."""
@@ -133,25 +244,49 @@ class Impacts:
     @cached_property
     def power(self) -> float:
         """Twice the energy at launch over the square of the launch speed."""
-        x = self.launch(np.array([1.0]))[0].tolist()
-        direction = np.imag(self.model.launch({"liftoff": x[0], "alpha": 1.0 + 1e-30j}, self.values)) * 1e30
+        launch = np.array(self.model.launch({"liftoff": 0.0, "alpha": 1.0 + 1e-30j}, self.values), dtype=complex)
+        direction, moved = launch.imag * 1e30, launch.imag != 0  # speeds alone, in which the energy knows no law
         q = [0.0] * (self.model.flight.pieces.size if self.model.flight.pieces else 0)
-        return float(np.array([float(g) for g in self.model.flight_gradient(x, self.values, q)]) @ direction)
+        gradient = np.array([float(g) for g in self.model.flight_gradient(launch.real.tolist(), self.values, q)])
+        return float(gradient[moved] @ direction[moved])
 
 
 class ContactEnd:
-    """A `stop` of the contact: where its force vanishes, or, given the speed, where that turns down without it: then it
-    never will."""
+    """A `stop` of the contact: where its force vanishes ("lifts_off") or, given the speed, where it is known that it
+    never will ("rests"); `how` says which, None before either.
+
+    Phase curves of one coordinate do not cross. So once the speed has turned three times, each extension has been
+    passed upward and downward, and what has not ended the contact by then, damped or not, lies outside what follows.
+    """
 
     def __init__(self, size: int, speed: Affine | None):
-        self.force, self.speed = Affine((0.0,) * size + (1.0,)), speed
-        self.lifts = False
+        self.size, self.force, self.speed = size, contact_force(size), speed
+        self.turns_left, self.how = TURNS, None
 
     def __call__(self, c, steps):
-        force = piecewise_roots(self.force.series(c), steps)
-        turns = []
-        if self.speed:
-            turns = piecewise_roots(-self.speed.series(c[:, : len(self.speed.weights)]), steps, rising=True)
-        first = min([*force[:1], *turns[:1]], default=None)
-        self.lifts = bool(force) and first == force[0]
+        force = piecewise_roots(self.force.series(c), steps)[:1]
+        over = self._over(c, steps) if self.speed else []
+        first = min([*force, *over], default=None)
+        self.how = None if first is None else "lifts_off" if force and first == force[0] else "rests"
         return first
+
+    def _over(self, c, steps) -> list[tuple[int, float]]:
+        """Where it is known that the force never ends it: the last turn, or where an overdamped contact is still."""
+        turns = piecewise_roots(self.speed.series(c[:, : len(self.speed.weights)]), steps)
+        last, self.turns_left = turns[self.turns_left - 1 : self.turns_left], self.turns_left - len(turns)
+        still = np.flatnonzero(np.abs(c[:, : self.size, 1]).max(1) < STILL)[:1]
+        return [*last, *((int(i), float(steps[i])) for i in still)]
+
+
+def contact_force(size: int) -> Affine:
+    """The contact force as a function of the rows of the contact, `size` states before it."""
+    return Affine((0.0,) * size + (1.0,))
+
+
+def failed(error: FlowError, phase: str) -> str:
+    """The status of a machine whose flight or contact cannot be carried on."""
+    if isinstance(error, OutOfRange):
+        return "out_of_range"
+    if isinstance(error, RunsAway) and phase == "flight":
+        return "carried_off"
+    return "collapses" if isinstance(error, RunsAway | BreaksDown) else "lost"

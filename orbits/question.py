@@ -21,16 +21,17 @@ def options_of(at, watch, longest, most, stop_inadmissible) -> Options:
     values = tuple(sorted({number_of("at", value) for value in at}))
     if not 10 * SHORTEST <= number_of("longest", longest) <= 1:
         raise InputError(f"longest = {longest:g}; a step is a share of the way, from {10 * SHORTEST:g} to 1")
-    if isinstance(most, bool) or not isinstance(most, int | np.integer) or most < 1:
-        raise InputError(f"most = {most!r}; it is a number of points, from 1")
+    most = whole_of("most", most, "points")
     for name, function in (watch or {}).items():
         if not callable(function) or name in (*MARGINS, *SIGNS, "asked"):
             raise InputError(f"watch '{name}' is a function of the orbit, under a name of its own")
-    return Options(values, dict(watch or {}), float(longest), int(most), bool(stop_inadmissible))
+    return Options(values, dict(watch or {}), float(longest), most, bool(stop_inadmissible))
 
 
 def number_of(name: str, value) -> float:
     """`value` as a finite float; raises `InputError` that names it."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
     try:
         number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else np.nan
     except OverflowError:
@@ -38,6 +39,13 @@ def number_of(name: str, value) -> float:
     if not np.isfinite(number):
         raise InputError(f"{name} = {value!r} is not a finite number")
     return number
+
+
+def whole_of(name: str, value, what: str, least: int = 1) -> int:
+    """`value` as a number of `what`, from `least`; raises `InputError` that names it."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise InputError(f"{name} = {value!r}; it is a number of {what}, from {least}")
+    return int(value)
 
 
 def known(machine, *names: str):

@@ -10,15 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import InputError, NoOrbit
-from .impacts import Impacts
-from .model import Affine
+from .impacts import CAP, LIFTOFF_ORDER, STATUS, Impacts, failed
+from .question import number_of, whole_of
 from .roots import bracketed_root
 from .search import find
 
 # Launch speeds that are computed together: few enough to stay in a processor's cache.
 TOGETHER = 1000
-# A flight longer than so many of its ballistic times has been carried off.
-LONGEST = 1e6
 # Families that are looked through for lossless fixed points.
 FAMILIES = 1000
 
@@ -28,11 +26,10 @@ class Hops:
     """What becomes of launches, each array of the launch speeds' shape.
 
     alpha : launch speeds
-    next : launch speed at the next lift-off, NaN where there is none
-    loss : alpha**2 - next**2, or what the impacts take off alpha**2 where there is no next one
+    next : launch speed at the next lift-off, with the injection, NaN where there is none
+    loss : what the hop loses of alpha**2 before the injection, or what its impacts do where there is no next launch
     impacts : number of impacts in between
-    status : "lifts_off"; "rests" where the contact never ends; "collapses" where the spring does in it; "carried_off"
-        where the flight does not end; "cap" after too many impacts
+    status : "lifts_off", or why there is no next launch: a name of `orbits.impacts.STATUSES`
     """
 
     alpha: np.ndarray
@@ -61,23 +58,27 @@ class ReturnMap:
     """The return map of a machine, with its restitution and damping.
 
     machine : as in `find`
-    inject : added to the launch speed at every lift-off
+    inject : added to the launch speed at every lift-off; with a damper the extension there depends on the speed, and
+        the injection moves the machine to that of the new speed
     cap : impacts of one hop after which it is given up, with the status "cap"
 
-    Called with launch speeds (...), all above 0, it gives `Hops`.
+    Called with launch speeds (...), all above 0, it gives `Hops`. Whether the masses pass through each other on the way
+    is not asked: see `Simulation.smallest_separation`.
     """
 
-    def __init__(self, machine, inject: float = 0.0, cap: int = 10_000):
-        if not np.isfinite(inject):
-            raise InputError(f"inject = {inject!r} is not a finite number")
-        if isinstance(cap, bool) or not isinstance(cap, int | np.integer) or cap < 1:
-            raise InputError(f"cap = {cap!r}; it is a number of impacts, from 1")
-        self.machine, self.inject, self.cap = machine, float(inject), int(cap)
+    def __init__(self, machine, inject: float = 0.0, cap: int = CAP):
+        self.inject, self.cap = number_of("inject", inject), whole_of("cap", cap, "impacts")
+        self.machine = machine
         self.impacts = Impacts(machine)
+        if not self.impacts.model.one_speed:
+            raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
 
     def __call__(self, alpha) -> Hops:
         """The next launch speeds after launch speeds (...)."""
-        alpha = np.asarray(alpha, dtype=float)
+        try:
+            alpha = np.asarray(alpha, dtype=float)
+        except (TypeError, ValueError):
+            raise InputError(f"alpha = {alpha!r}; launch speeds are numbers") from None
         if not (np.isfinite(alpha) & (alpha > 0)).all():
             worst = alpha[~(np.isfinite(alpha) & (alpha > 0))].flat[0]
             raise InputError(f"alpha = {worst:g}; launch speeds are above 0")
@@ -88,14 +89,18 @@ class ReturnMap:
     def _hop(self, alpha):
         """Next launch speeds, losses, impacts and statuses of launch speeds (m,)."""
         rules, m = self.impacts, len(alpha)
-        loss, impacts, status = np.zeros(m), np.zeros(m, int), np.full(m, "cap", dtype="<U11")
+        loss, impacts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
         state, standing = rules.launch(alpha), np.zeros((m, rules.contact.size))
-        flying, skip = np.arange(m), np.full(m, 3)
-        limit = LONGEST * (1 + alpha.max(initial=0.0))
+        flying = np.flatnonzero(rules.opens(state))
+        status[flying] = "cap"
+        order = LIFTOFF_ORDER
         for _ in range(self.cap):
-            times, rows = rules.flight.first_zeros(state[flying], rules.p, rules.gap, limit, skip[flying])
-            gone = np.isnan(times)
+            start, limit = state[flying], rules.patience("flight", state[flying])
+            times, rows, errors = rules.flight.first_zeros(start, rules.p, rules.gap, limit, order)
+            gone, order = np.isnan(times), rules.bounce_order
             status[flying[gone]] = "carried_off"
+            for i, error in errors.items():
+                status[flying[i]] = failed(error, "flight")
             flying = flying[~gone]
             if not len(flying):
                 break
@@ -106,35 +111,31 @@ class ReturnMap:
             standing[held], status[held] = landing.state[landing.held] @ rules.onto_contact.T, "lifts_off"
             state[flying] = landing.state
             flying = flying[~landing.held]
-            skip[flying] = 1 if rules.restitution > 0 else 2
             if not len(flying):
                 break
         return self._released(alpha, loss, impacts, status, standing)
 
     def _released(self, alpha, loss, impacts, status, standing):
-        """The end of hops whose contact begins at the contact states `standing` (m, ...)."""
-        rules, contact = self.impacts, self.impacts.contact
-        left, ends = alpha**2 - loss, np.full(len(alpha), np.nan)
-        if rules.model.conservative:
-            status[(status == "lifts_off") & (left < 0)] = "rests"
-        lifting = np.flatnonzero(status == "lifts_off")
-        if not contact.phase.closed_form and len(lifting):
-            # Where its speed turns down before the force ends it, the contact never ends.
-            speed = rules.model.contact_speed
-            falling = Affine(tuple(-weight for weight in speed.weights), -speed.offset)
-            tops, _ = contact.first_zeros(standing[lifting], rules.p, falling, LONGEST, rising=True)
-            force = Affine((0.0,) * contact.size + (1.0,))
-            times, rows = contact.first_zeros(
-                standing[lifting], rules.p, force, np.where(np.isnan(tops), LONGEST, tops)
-            )
-            lifts = ~np.isnan(times)
-            status[lifting[~lifts]] = np.where(np.isnan(tops), "collapses", "rests")[~lifts]
-            lifting = lifting[lifts]
+        """The end of hops whose contact begins at the contact states `standing` (m, k)."""
+        rules, next_speed = self.impacts, np.full(len(alpha), np.nan)
+        left, lifting = alpha**2 - loss, np.flatnonzero(status == "lifts_off")
+        if rules.contact.phase.closed_form:  # the energy alone decides: a straight line passes the lift-off level once
+            status[lifting[left[lifting] < 0]] = "rests"
+        elif len(lifting):
+            status[lifting], ends = rules.stand_all(standing[lifting])
+            ended = status[lifting] == "lifts_off"
+            lifting = lifting[ended]
+            speed, launches = rules.liftoff(ends[ended])
+            status[lifting[~launches]] = "leaves_elsewhere"
             if not rules.model.conservative:
-                left[lifting] = speed(rows[lifts, : contact.size]) ** 2
+                lifting, speed = lifting[launches], speed[launches]
+                left[lifting] = speed**2
                 loss[lifting] = alpha[lifting] ** 2 - left[lifting]
-        ends[lifting] = np.sqrt(left[lifting]) + self.inject
-        return ends, loss, impacts, status
+        lifting = np.flatnonzero(status == "lifts_off")
+        next_speed[lifting] = np.sqrt(np.maximum(left[lifting], 0.0)) + self.inject
+        stays = next_speed <= 0
+        status[stays], next_speed[stays] = "rests", np.nan
+        return next_speed, loss, impacts, status
 
     def fixed_points(self, low: float, high: float, samples: int = 2000) -> tuple["FixedPoint", ...]:
         """The fixed points of the map between two launch speeds, ascending.

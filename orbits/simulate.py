@@ -4,19 +4,21 @@ Events are zeros of the Taylor polynomials of the motion, found by Bernstein exc
 is not skipped. Each leg is kept as its polynomials, so the whole motion can be asked for at any time.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
 
 from . import interrupts
 from .errors import FlowError, InputError
-from .flow import Flow, Trajectory, first_zero
-from .impacts import ContactEnd, Impacts
+from .flow import Trajectory, first_zero
+from .impacts import CAP, LIFTOFF_ORDER, Impacts, failed
+from .polynomial import lowest
+from .question import number_of, whole_of
 
-# A leg longer than this, beside the launch speed, does not end.
-LONGEST = 1e6
 # What happens this near to a change of the schedule, beside the time, happens at it: events are known no better.
 TOGETHER = 1e-9
 # A state this near to the contact, in its own units, is in contact.
@@ -28,10 +30,10 @@ class Event:
     """One end of a leg.
 
     kind : "impact", after which the machine flies on; "landing", after which it stays in contact; "lift-off"
-    time : since the start
+    time : since the start; of a landing by bounces without number, when they have ended
     before, after : flight states (n,)
     energy : before, relative to the machine at rest in contact with its spring unloaded
-    loss : of energy in it
+    loss : of energy in it, below 0 where an injection adds to it
     """
 
     kind: str
@@ -56,10 +58,12 @@ class Simulation:
     """A motion from a state on; called with times (...), it gives flight states (..., n).
 
     legs, events : in order
-    status : "done", or why it ended early: "rests" in contact for good, "collapses", is "carried_off", or "cap" impacts
-    launches : (hops,), launch speeds at the lift-offs, the first that of the start if it was one
+    status : "done", or why it ended early: a name of `orbits.impacts.STATUSES`
+    launches : launch speeds, first that of the start if it was a launch, then one for each lift-off, so hops + 1 or
+        hops of them; NaN at a lift-off where no launch is
     end : time
     machine : that moved
+    reason : in words, where the motion could not be carried on
     """
 
     legs: tuple[Leg, ...]
@@ -68,6 +72,21 @@ class Simulation:
     launches: np.ndarray
     end: float
     machine: object
+    reason: str = ""
+
+    @cached_property
+    def smallest_separation(self) -> float | None:
+        """The least separation of the masses, None without a rest length; not above 0: they pass through each other,
+        which changes nothing in the motion here and could not be."""
+        separation = self.machine.model.separation(self.machine.values)
+        if separation is None:
+            return None
+        embed, least = self.machine.model.embed, []
+        for leg in self.legs:
+            rows = leg.path.coefficients
+            states = rows[:, : len(embed)] if leg.phase == "flight" else embed @ rows[:, : embed.shape[1]]
+            least.append(lowest(separation.series(states), leg.path.steps)[0])
+        return min(least, default=None)
 
     def document(self) -> dict:
         """The simulation as the JSON document of the command line."""
@@ -78,14 +97,25 @@ class Simulation:
             }
             for event in self.events
         ]  # fmt: skip
-        return {"launches": self.launches.tolist(), "status": self.status, "end": self.end, "events": events}
+        return {
+            "launches": [None if np.isnan(speed) else float(speed) for speed in self.launches],
+            "status": self.status, "reason": self.reason, "end": self.end,
+            "smallest_separation": self.smallest_separation, "events": events,
+        }  # fmt: skip
 
     def __str__(self) -> str:
         lines = [f"{'time':>14}  {'event':<10}{'energy':>16}{'loss':>14}"]
         for event in self.events:
             lines.append(f"{event.time:14.9g}  {event.kind:<10}{event.energy:16.9g}{event.loss:14.6g}")
         speeds = ", ".join(f"{speed:.10g}" for speed in self.launches)
-        return "\n".join([*lines, f"  launch speeds {speeds}", f"  {self.status} at time {self.end:.9g}"])
+        lines += [f"  launch speeds {speeds}", f"  {self.status} at time {self.end:.9g}"]
+        if self.reason:
+            lines[-1] += f": {self.reason}"
+        if self.smallest_separation is not None and self.smallest_separation <= 0:
+            lines.append(
+                f"  the masses pass through each other: their least separation is {self.smallest_separation:.6g}"
+            )
+        return "\n".join(lines)
 
     def plot(self, axes=None):
         """Plot heights against time; returns the axes. See `orbits.plot.plot_simulation`."""
@@ -123,30 +153,33 @@ class Simulation:
 
 def simulate(
     machine, alpha: float | None = None, *, state=None, hops: int | None = None, time: float = np.inf,
-    inject: float = 0.0, cap: int = 10_000, schedule: tuple | None = None,
+    inject: float = 0.0, cap: int = CAP, schedule: tuple | None = None,
 ) -> Simulation:  # fmt: skip
     """Follow a machine's motion from a launch or from a state.
 
     machine : as in `find`, with its restitution
-    alpha : launch speed at a lift-off after sustained contact, or
+    alpha : launch speed at a lift-off after sustained contact, or the unknowns of a launch that is more than that; or
     state : (n,), a flight state with open gap; or with a closed one that stays closed, where the machine stands if the
         contact presses and lifts off if it does not
     hops, time : end after so many lift-offs, or after this time, whichever is first; one of them is needed
-    inject : added to the launch speed at every lift-off
+    inject : added to the launch speed at every lift-off that is a launch; with a damper its extension depends on the
+        speed, and the injection moves the machine to that of the new speed
     cap : impacts in one hop after which it is given up
     schedule : (times (k + 1,), values (k,) of parameters by name), which they have from one time to the next, and the
         machine's own before and after: an actuator's inputs. Legs are cut at these times
 
-    Raises `InputError` for what cannot be meant.
+    Raises `InputError` for what cannot be meant, as a launch at which the contact would not open.
     """
     rules, inputs = Impacts(machine), Schedule(machine.values, schedule)
-    x, skip = _start(rules, inputs(0.0)[0], alpha, state)
-    if hops is None and not np.isfinite(time):
+    inject, cap = number_of("inject", inject), whole_of("cap", cap, "impacts")
+    hops = None if hops is None else whole_of("hops", hops, "lift-offs")
+    if not (isinstance(time, Real) and time > 0):
+        raise InputError(f"time = {time!r}; it is a number above 0")
+    if hops is None and time == np.inf:
         raise InputError("a simulation needs hops or a time at which to end")
-    if not time > 0 or (hops is not None and (isinstance(hops, bool) or int(hops) != hops or hops < 1)):
-        raise InputError(f"hops = {hops}, time = {time}; both are above 0, hops whole")
+    x, alpha, order = _start(rules, inputs(0.0)[0], alpha, state)
     with interrupts.deferred():
-        return _Run(rules, float(inject), hops, float(time), cap, inputs).go(x, skip, alpha)
+        return _Run(rules, inject, hops, float(time), cap, inputs).go(x, order, alpha)
 
 
 class Schedule:
@@ -174,16 +207,20 @@ class Schedule:
         return self.columns[index], float(self.times[index]) if index < len(self.times) else np.inf
 
 
-def _start(rules: Impacts, p, alpha, state) -> tuple[np.ndarray, int | None]:
-    """The first flight state and the order of the zero of the gap there, None where it stands; `p` are the parameters
-    that it starts with."""
+def _start(rules: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None]:
+    """The first flight state, the launch speed if it is a launch, and the order of the gap's zero there, None where it
+    stands; `p` are the parameters that it starts with."""
     if (alpha is None) == (state is None):
         raise InputError("a simulation starts from a launch speed alpha or from a state: give one of them")
     if alpha is not None:
-        if not (np.isscalar(alpha) and np.isfinite(alpha) and alpha > 0):
-            raise InputError(f"alpha = {alpha!r}; a launch speed is above 0")
-        return rules.launch(np.array([float(alpha)]))[0], 3
-    x = np.array(state, dtype=float)
+        x, alpha = _launch(rules, alpha)
+        if not rules.opens(x)[0]:
+            raise InputError(f"alpha = {alpha:g} is no launch: the damper is too strong for the contact to open")
+        return x[0], alpha, LIFTOFF_ORDER
+    try:
+        x = np.array(state, dtype=float)
+    except (TypeError, ValueError):
+        x = np.zeros(0)
     if x.shape != (rules.flight.size,) or not np.isfinite(x).all():
         raise InputError(
             f"state = {state!r}; it is {rules.flight.size} numbers, {', '.join(rules.model.flight.states)}"
@@ -193,11 +230,24 @@ def _start(rules: Impacts, p, alpha, state) -> tuple[np.ndarray, int | None]:
         path, _ = rules.contact.run(rules.onto_contact @ x, p, room)
         force, rise = path.coefficients[0, rules.contact.size, :2]
         if abs(force) <= room and rise < 0:
-            return x, 3  # just lifting off
-        return x, None if force >= 0 else 2
+            return x, None, LIFTOFF_ORDER  # just lifting off
+        return x, None, None if force >= 0 else 2
     if not gap > 0:
         raise InputError(f"state = {state!r}: its gap is {gap:.6g} and must be open")
-    return x, 0
+    return x, None, 0
+
+
+def _launch(rules: Impacts, launch) -> tuple[np.ndarray, float]:
+    """The flight state (1, n) of a launch, told by its speed or by its unknowns, and its speed."""
+    names = rules.model.launch_unknowns
+    if isinstance(launch, Mapping):
+        if unknown := sorted(set(names) ^ launch.keys()):
+            raise InputError(f"alpha: a launch of this machine is told by {', '.join(names)}; not so '{unknown[0]}'")
+        named = {name: number_of(name, launch[name]) for name in names}
+        return np.array([rules.model.launch(named, rules.values)], dtype=float), named["alpha"]
+    if (alpha := number_of("alpha", launch)) <= 0:
+        raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
+    return rules.launch(np.array([alpha])), alpha
 
 
 class _Run:
@@ -209,97 +259,96 @@ class _Run:
         self.legs: list[Leg] = []
         self.events: list[Event] = []
         self.launches: list[float] = []
-        self.now, self.lifted = 0.0, 0
+        self.now, self.impacts, self.lifted, self.reason = 0.0, 0, 0, ""
 
-    def go(self, x, skip: int | None, alpha: float | None) -> Simulation:
+    def go(self, x, order: int | None, alpha: float | None) -> Simulation:
         if alpha is not None:
-            self.launches.append(float(alpha))
-        status, impacts = None, 0
-        if skip is None:
+            self.launches.append(alpha)
+        status = None
+        if order is None:
             status, x = self.stand(x)
-            skip = 3
-        while status is None and (status := self.fly(x, skip)) is None:
-            impacts += 1
-            before = self.legs[-1].path.end[: len(x)]
-            landing = self.rules.landing(before[None])
-            x, skip, held = landing.state[0], 1 if self.rules.restitution > 0 else 2, landing.held[0]
-            self.happened("landing" if held else "impact", before, x, float(landing.loss[0]))
-            if impacts >= self.cap:
-                status = "cap"
-            elif held:
+            order = LIFTOFF_ORDER
+        while status is None:
+            status, x, held = self.fly(x, order)
+            order = self.rules.bounce_order
+            if status is None and held:
                 status, x = self.stand(x)
-                skip, impacts = 3, 0
+                order = LIFTOFF_ORDER
         launches, machine = np.array(self.launches), self.rules.machine
-        return Simulation(tuple(self.legs), tuple(self.events), status, launches, self.now, machine)
+        return Simulation(tuple(self.legs), tuple(self.events), status, launches, self.now, machine, self.reason)
 
-    def fly(self, x, skip: int) -> str | None:
-        """Fly until the gap closes; why the simulation ends instead, if it does."""
-        longest = LONGEST * (1 + np.abs(x).max())
-        try:
-            ahead = first_zero(self.rules.gap, skip)
-            closed = self.move("flight", self.rules.flight, x, longest, ahead, lambda x: self.rules.gap(x) <= 0)
-        except FlowError:
-            return "carried_off"
-        if closed:
-            return None
-        return "done" if self.now >= self.time else "carried_off"
+    def until(self) -> float:
+        """Take the parameters of the schedule from now on; returns until when they hold."""
+        p, until = self.inputs(self.now)
+        if (p != self.rules.p).any():
+            self.rules = Impacts(self.rules.machine, dict(zip(self.rules.values, p.tolist(), strict=True)))
+        return until
+
+    def fly(self, x, order: int) -> tuple[str | None, np.ndarray, bool]:
+        """Fly until the gap closes; why the simulation ends, if it does, the state after the impact, whether contact
+        follows."""
+        until, closed = self.until(), False
+        last = self.now + float(self.rules.patience("flight", x))
+        if order == LIFTOFF_ORDER and not self.rules.opens(x[None])[0]:
+            return "no_launch", x, False
+        while not closed:
+            left = min(self.time, last, until) - self.now
+            try:
+                path, _ = self.rules.flight.run(x, self.rules.p, left, stop=first_zero(self.rules.gap, order))
+            except FlowError as error:
+                self.reason = str(error)
+                return failed(error, "flight"), x, False
+            closed = path.times[-1] < left
+            cut = not closed and until < min(self.time, last)
+            if status := self.add("flight", path, None if closed or cut else "carried_off", until if cut else None):
+                return status, x, False
+            x = path.end[: len(x)]
+            closed |= bool(self.rules.gap(x) <= 0)
+            until, order = self.until(), 0
+        landing = self.rules.landing(x[None])
+        (after,), (held,) = landing.state, landing.held
+        self.impacts += 1
+        self.happened("landing" if held else "impact", x, after, float(landing.loss[0]), float(landing.wait[0]))
+        return ("cap" if not held and self.impacts >= self.cap else None), after, bool(held)
 
     def stand(self, x) -> tuple[str | None, np.ndarray]:
-        """Stay in contact until the force ends it, and leave; why the simulation ends instead, if it does."""
-        contact, y = self.rules.contact, self.rules.onto_contact @ x
-        forever = self.time == np.inf and not len(self.inputs.times)
-        ended = ContactEnd(contact.size, self.rules.model.contact_speed if forever else None)
-        embed = self.rules.model.embed
-        slack = lambda y: bool(self.rules.pressing((embed @ y)[None])[0][0] <= 0)  # noqa: E731
-        try:
-            left = self.move("contact", contact, y, LONGEST, ended, slack)
-        except FlowError:
-            return "collapses", x
-        path = self.legs[-1].path
-        if not left or (forever and not ended.lifts):
-            return ("done" if self.now >= self.time else "rests"), x
-        speed = float(self.rules.model.contact_speed(path.end[: contact.size]))
-        if speed + self.inject <= 0:
-            return "rests", x
-        before = embed @ path.end[: contact.size]
-        # What is driven lifts off where it is, not from the set of the machine's own launches.
-        driven = len(self.inputs.times) and not self.inject
-        launched = before if driven else self.rules.launch(np.array([speed + self.inject]))[0]
-        gained = self.rules.energy(launched) - self.rules.energy(before) if self.inject else 0.0
-        self.happened("lift-off", before, launched, -gained)
-        self.launches.append(speed + self.inject)
-        self.lifted += 1
-        return ("done" if self.hops is not None and self.lifted >= self.hops else None), launched
+        """Stay in contact until the force ends it, and leave; why the simulation ends, if it does, and the state."""
+        y, how = self.rules.onto_contact @ x, None
+        while how is None:
+            until = self.until()
+            path, how, self.reason = self.rules.stand(y, min(self.time, until) - self.now)
+            if path is None:
+                return how, x
+            cut = how is None and until < self.time
+            ended = None if cut or how == "lifts_off" else how
+            if status := self.add("contact", path, ended, until if cut else None):
+                return status, x
+            y = path.end[: self.rules.contact.size]
+            self.until()
+            if cut and self.rules.pressing((self.rules.model.embed @ y)[None])[0][0] <= 0:
+                how = "lifts_off"  # by rounding, or because the schedule lets go
+        rules = self.rules
+        before = after = rules.model.embed @ y
+        (speed,), (launches,) = rules.liftoff(y[None])
+        if launches and not (len(self.inputs.times) and self.inject == 0):  # what is driven lifts off where it is
+            speed = float(speed) + self.inject
+            if speed <= 0:
+                return "rests", x
+            after = rules.launch(np.array([speed]))[0]
+        self.happened("lift-off", before, after, rules.energy(before) - rules.energy(after))
+        free = launches or len(self.inputs.times) or not rules.model.one_speed
+        self.launches.append(float(speed) if free else np.nan)
+        self.impacts, self.lifted = 0, self.lifted + 1
+        return ("done" if self.lifted == self.hops else None), after
 
-    def move(self, phase: str, along: Flow, x, longest: float, stop: Callable, beyond: Callable) -> bool:
-        """Travel until `stop` says so, in legs cut by the schedule; whether it did before the time was out.
-
-        beyond : whether a state where a leg is cut has what `stop` looks for behind it, by rounding
-        """
-        end, stopped = min(self.time, self.now + longest), False
-
-        def noted(c, steps):
-            nonlocal stopped
-            halt = stop(c, steps)
-            stopped = halt is not None
-            return halt
-
-        while True:
-            p, until = self.inputs(self.now)
-            if (p != self.rules.p).any():
-                self.rules = Impacts(self.rules.machine, dict(zip(self.rules.values, p.tolist(), strict=True)))
-            path, _ = along.run(x, p, min(until, end) - self.now, stop=noted)
-            self.add(phase, path)
-            x = path.end[: along.size]
-            if stopped or (until < end and beyond(x)):
-                return True
-            if until >= end:
-                return False
-            self.now = until
-
-    def add(self, phase: str, path: Trajectory):
+    def add(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
+        """Keep a leg, which ends at the time `until` if that is given; why the simulation ends with it, if it does: the
+        time is up, or `status`."""
         self.legs.append(Leg(phase, self.now, path))
-        self.now += float(path.times[-1])
+        lasted = float(path.times[-1])
+        over = until is None and (lasted >= self.time - self.now or self.now + lasted >= self.time)
+        self.now = self.time if over else self.now + lasted if until is None else until
+        return "done" if over else status
 
-    def happened(self, kind: str, before, after, loss: float):
-        self.events.append(Event(kind, self.now, before, after, self.rules.energy(before), loss))
+    def happened(self, kind: str, before, after, loss: float, wait: float = 0.0):
+        self.events.append(Event(kind, self.now + wait, before, after, self.rules.energy(before), loss))

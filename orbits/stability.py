@@ -8,15 +8,13 @@ root of the change, and there is no multiplier: the map goes like C d**(4/3) ins
 import casadi as ca
 import numpy as np
 
-from .errors import FlowError, NoOrbit
+from .errors import FlowError, InputError, NoOrbit
 from .flow import first_zero
-from .impacts import ContactEnd, Impacts
+from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts
+from .question import number_of
 
 # An impact slower than this, beside the launch speed, is tangential.
 TANGENTIAL = 1e-7
-LONGEST = 1e6
-# Impacts of a hop after which it is given up.
-CAP = 10_000
 
 
 def multiplier(machine, alpha: float) -> float:
@@ -24,14 +22,18 @@ def multiplier(machine, alpha: float) -> float:
 
     Raises `NoOrbit` where there is none: the machine does not lift off again, or lands tangentially.
     """
-    rules = Impacts(machine)
-    x, change, skip = rules.launch(np.array([float(alpha)]))[0], _launched(rules, float(alpha)), 3
+    rules, alpha = Impacts(machine), number_of("alpha", alpha)
+    if alpha <= 0:
+        raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
+    x, change, order = rules.launch(np.array([alpha]))[0], _launched(rules, alpha), LIFTOFF_ORDER
+    if not rules.opens(x[None])[0]:
+        raise NoOrbit(f"alpha = {alpha:g} is no launch: the damper is too strong for the contact to open")
     for _ in range(CAP):
-        x, change = _flown(rules, alpha, x, change, skip)
+        x, change = _flown(rules, alpha, x, change, order)
         landing = rules.landing(x[None])
         factor = 1.0 if landing.held[0] else 1.0 + rules.restitution
         change = change - factor * rules.direction * (rules.gap_speed @ change)
-        x, skip = landing.state[0], 1 if rules.restitution > 0 else 2
+        x, order = landing.state[0], rules.bounce_order
         if landing.held[0]:
             return _stood(rules, rules.onto_contact @ x, rules.onto_contact @ change)
     raise NoOrbit(f"after {CAP} impacts the machine has not come to rest on the ground")
@@ -44,20 +46,32 @@ def _launched(rules: Impacts, alpha: float) -> np.ndarray:
     return (high - low) / (2 * step)
 
 
-def _flown(rules: Impacts, alpha: float, x, change, skip: int):
+def _flown(rules: Impacts, alpha: float, x, change, order: int):
     """State and change where the gap closes next."""
     try:
-        path, moved = rules.flight.run(
-            x, rules.p, LONGEST, seeds=change[:, None], stop=first_zero(rules.gap, skip)
-        )  # fmt: skip
+        limit, closes = float(rules.patience("flight", x)), first_zero(rules.gap, order)
+        path, moved = rules.flight.run(x, rules.p, limit, seeds=change[:, None], stop=closes)
     except FlowError as error:
         raise NoOrbit(f"the flight does not end: {error}") from None
     x, change = path.end[: len(x)], moved[:, 0]
     speed = float(rules.gap_speed @ x)
-    if skip == 3 and abs(speed) < TANGENTIAL * alpha:  # later bounces may be as slow as they like
-        raise NoOrbit(f"the landing is tangential, at speed {speed:.1e}: there are loss coefficients, no multiplier")
+    if order == LIFTOFF_ORDER and abs(speed) < TANGENTIAL * alpha:  # later bounces may be as slow as they like
+        raise NoOrbit(
+            f"the landing is tangential, at speed {speed:.1e}: no multiplier; {_one_sided(rules, alpha, x, change)}"
+        )
     rates = rules.flight.rates(x, rules.flight.data(x[None], rules.p)[0])
     return x, change - rates * (np.array(rules.gap.weights) @ change) / speed
+
+
+def _one_sided(rules: Impacts, alpha: float, x, change) -> str:
+    """What there is instead of a multiplier where a hop lands tangentially at `x`: how its neighbours come back."""
+    jerk, slope = -rules.gap_rates(x[None])[0, 0], float(np.array(rules.gap.weights) @ change)
+    if not jerk > 0 or slope == 0:
+        return "nor a power law"
+    mass = rules.model.impact_mass(rules.values)  # `Certificate.loss_coefficient`, from the energy that an impact takes
+    c = mass * jerk**2 / 8 * (6 * abs(slope) / jerk) ** (4 / 3) / (rules.power * alpha)
+    first, other = ("+", "-") if slope > 0 else ("-", "+")
+    return f"alpha {first} d loses {c:.4g} d**(4/3), alpha {other} d {10 * c:.4g} d**(4/3)"
 
 
 def _stood(rules: Impacts, y, change) -> float:
@@ -65,12 +79,14 @@ def _stood(rules: Impacts, y, change) -> float:
     contact = rules.contact
     ended = ContactEnd(contact.size, rules.model.contact_speed)
     try:
-        path, moved = contact.run(y, rules.p, LONGEST, seeds=change[:, None], stop=ended)
+        path, moved = contact.run(y, rules.p, float(rules.patience("contact", y)), seeds=change[:, None], stop=ended)
     except FlowError as error:
         raise NoOrbit(f"the contact does not end: {error}") from None
-    if not ended.lifts:
+    if ended.how != "lifts_off":
         raise NoOrbit("the machine rests: it does not lift off again")
     y, change = path.end[: contact.size], moved[:, 0]
+    if not rules.liftoff(y[None])[1][0]:
+        raise NoOrbit("the contact ends where no launch does: the map has no next launch speed")
     data = contact.data(y[None], rules.p)[0]
     rates = contact.rates(y, data)
     graph = contact.graph

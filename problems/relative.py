@@ -138,19 +138,41 @@ def no_orbit(family, p):
 
 
 def released(law: Law, load: float, what: str, damping: float, alpha) -> np.ndarray:
-    """The extension at lift-off with speeds `alpha` (m,), where force + load + damping * speed = 1."""
+    """The extension (m,) at lift-off with speeds `alpha` (m,), where force + load + damping * speed = 1: on the rising
+    branch of the force that lifts off at rest, NaN where that does not reach so far."""
     rest = liftoff_extension(law, load, what)
-    extension = np.full(np.shape(alpha), rest)
+    alpha = np.asarray(alpha, dtype=float)
     if damping == 0.0:
-        return extension
-    level = 1.0 - load - damping * np.asarray(alpha)
-    for _ in range(60):
-        value, slope = law.with_slope(extension)
-        step = (value - level) / slope
-        extension = extension - step
-        if (np.abs(step) <= 1e-15 * (1 + np.abs(extension))).all():
-            return extension
-    raise NoOrbit(f"spring '{law.text}' never balances the damper at lift-off with speed {np.max(alpha):g}")
+        return np.full(alpha.shape, rest)
+    level = 1.0 - load - damping * alpha
+    grid, forces = _rising_branch(law, rest, up=damping < 0)
+    cell = np.searchsorted(forces, level, side="right") - 1
+    found = np.full(alpha.shape, np.nan)
+    inside = (cell >= 0) & (cell < len(grid) - 1)
+    if inside.any():
+        ends = grid[cell[inside]], grid[cell[inside] + 1]
+        found[inside] = _level_crossings(law, level[inside], *ends)
+    return found
+
+
+def _rising_branch(law: Law, rest: float, up: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Extensions and forces (n,), both ascending, from `rest` up or down to where the force turns or ends."""
+    side = 1.0 if up else -1.0
+    grid = np.unique(np.clip(rest + side * DISTANCES, *law.range()))[:: int(side)]
+    forces, slopes = law.with_slope(grid)
+    with np.errstate(invalid="ignore"):
+        rises = np.append(True, side * np.diff(forces) > 0)
+    fails = np.flatnonzero(~(rises & (slopes > 0) & np.isfinite(forces)))
+    if len(fails):
+        known = max(int(fails[0]), 1)
+        inner, outer = grid[known - 1], grid[known]
+        for _ in range(60):  # the turn itself, between two samples
+            middle = 0.5 * (inner + outer)
+            force, slope = law.with_slope(middle)
+            inner, outer = (middle, outer) if slope > 0 and np.isfinite(force) else (inner, middle)
+        grid = np.append(grid[:known], inner)
+        forces = np.append(forces[:known], float(law(inner)))
+    return grid[:: int(side)], forces[:: int(side)]
 
 
 def liftoff_extension(law: Law, load: float, what: str) -> float:
@@ -181,20 +203,21 @@ def liftoff_extension(law: Law, load: float, what: str) -> float:
         where = f" within [{low:g}, {high:g}]" if np.isfinite(high) or np.isfinite(low) else ""
         raise NoOrbit(f"spring '{law.text}' never reaches {what} ({side}{where}): nothing leaves the ground")
     i = crossed[0]
-    return _cleanly(law, _level_crossing(law, level, *sorted((grid[i - 1], grid[i]))), what)
+    low, high = np.sort(grid[i - 1 : i + 1])[:, None]
+    return _cleanly(law, float(_level_crossings(law, np.array([level]), low, high)[0]), what)
 
 
-def _level_crossing(law: Law, level: float, low: float, high: float) -> float:
-    """Where the force rises through `level` between two extensions: Newton's method kept inside by bisection."""
+def _level_crossings(law: Law, level, low, high) -> np.ndarray:
+    """Where the force rises through levels (m,) between extensions (m,): Newton's method kept inside by bisection."""
     r = 0.5 * (low + high)
     for _ in range(200):
-        value, slope = (float(part) for part in law.with_slope(r))
-        low, high = (r, high) if value < level else (low, r)
-        new = r - (value - level) / slope if slope else low
-        if abs(new - r) <= 4e-16 * abs(r):
+        value, slope = law.with_slope(r)
+        low, high = np.where(value < level, r, low), np.where(value < level, high, r)
+        new = np.divide(level - value, slope, out=low - r, where=slope != 0) + r
+        if (np.abs(new - r) <= 4e-16 * np.abs(r)).all():
             break
-        r = new if low < new < high else 0.5 * (low + high)
-    return min(max(new, low), high)
+        r = np.where((low < new) & (new < high), new, 0.5 * (low + high))
+    return np.clip(new, low, high)
 
 
 def _cleanly(law: Law, liftoff: float, what: str) -> float:

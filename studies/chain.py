@@ -2,7 +2,7 @@
 
 How many hops there are of chains of equal masses and linear springs, and how many of them are motions; two hops of
 three masses; what becomes of hops of three masses as the springs harden or soften; and the loss beside a hop, which
-goes with the power 4/3 of the distance, as for two masses, and nine times more on one side at the first of two impacts.
+goes with the power 4/3 of the distance, as for two masses, and is ten times as large on one side as on the other.
 Run: python studies/chain.py [--output FOLDER] [--quick]
 """
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from orbits import InputError, NoOrbit, find, find_all, follow
+from orbits import InputError, NoOrbit, ReturnMap, find, find_all, follow, simulate
 from problems import Chain, Hopper
 
 # Rest in mid-contact y1, y2, half the contact and half the flight of two hops of three equal masses.
@@ -110,6 +110,45 @@ def test_two_masses_are_the_hopper(mass_ratio, spring):
     assert orbit.family == hop.family
     loss = hop.certificate.loss_coefficient * scale ** (-1 / 3)
     assert orbit.certificate.loss_coefficient == pytest.approx(loss, rel=1e-11)
+
+
+def launch_of(orbit) -> dict[str, float]:
+    """The unknowns of an orbit's launch, of three masses."""
+    return dict(zip(("y1", "y1'", "liftoff", "alpha"), orbit(0.0)[:4], strict=True))
+
+
+class TestSimulation:
+    def test_a_hop_comes_back(self, three):
+        orbit = next(o for o in three if o.admissible)
+        run = simulate(Chain(), launch_of(orbit), hops=2)
+        assert run.status == "done"
+        # a launch speed known to rounding is a landing known to the cube root of it, see the local law
+        np.testing.assert_allclose(run.events[-1].after, orbit(0.0), atol=1e-8)
+        assert sum(event.loss for event in run.events) < 1e-15
+
+    def test_beside_it_the_loss_has_the_local_law(self, three):
+        """C d^(4/3) dE/dalpha on the side that attracts; on the other ten times that, in two impacts, as for two masses."""
+        orbit = next(o for o in three if abs(o.alpha - 6.3478627438) < 1e-9)
+        for side, factor, impacts in ((1, 1, 1), (-1, 10, 2)):
+            for d in (1e-6, 1e-8):
+                run = simulate(Chain(), {**launch_of(orbit), "alpha": orbit.alpha + side * d}, hops=1)
+                law = factor * orbit.certificate.loss_coefficient * orbit.alpha * d ** (4 / 3)
+                assert sum(event.loss for event in run.events) / law == pytest.approx(1, abs=0.03)
+                assert sum(event.kind in ("impact", "landing") for event in run.events) == impacts
+
+    def test_energy_is_kept_between_impacts(self):
+        run = simulate(Chain((1.0, 2.0, 1.0)), {"y1": 0.5, "y1'": 3.0, "liftoff": 1.0, "alpha": 4.0}, time=40.0)
+        energies = [event.energy for event in run.events]
+        after = [event.energy - event.loss for event in run.events]
+        np.testing.assert_allclose(energies[1:], after[:-1], rtol=1e-12)
+
+    def test_what_is_missing_is_named(self):
+        with pytest.raises(InputError, match="told by liftoff, alpha, y1"):
+            simulate(Chain(), {"alpha": 1.0}, hops=1)
+        with pytest.raises(InputError, match="more than a speed"):
+            simulate(Chain(), 4.0, hops=1)
+        with pytest.raises(InputError, match="more than a speed"):
+            ReturnMap(Chain())
 
 
 class TestMany:

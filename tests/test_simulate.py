@@ -27,7 +27,7 @@ def test_no_grazing_pair_is_missed_and_none_is_invented():
     above = np.flatnonzero(states[:, 2] > 0)[:10_000]
     assert len(above) == 10_000
     rules = Impacts(Hopper())
-    times, rows = rules.flight.first_zeros(states[above], rules.p, rules.gap, 1e3)
+    times, rows, _ = rules.flight.first_zeros(states[above], rules.p, rules.gap, 1e3)
     assert np.isfinite(times).all()
     assert ((times < (lowest - start)[above]) == (depth[above] < 0)).all()
     assert np.abs(rows[:, 2]).max() < 1e-13
@@ -131,8 +131,8 @@ def test_a_cap_ends_with_a_status():
         ({"alpha": 2.0, "state": [1, 2, 3, 4], "hops": 1}, "give one of them"),
         ({"state": [1, 2, 3], "hops": 1}, "is 4 numbers, y1, y1', y2, y2'"),
         ({"state": [1, 2, -3, 4], "hops": 1}, "must be open"),
-        ({"alpha": 2.0, "hops": 0}, "both are above 0"),
-        ({"alpha": 2.0, "time": -1.0}, "both are above 0"),
+        ({"alpha": 2.0, "hops": 0}, "hops = 0; it is a number of lift-offs, from 1"),
+        ({"alpha": 2.0, "time": -1.0}, "time = -1.0; it is a number above 0"),
     ],
 )
 def test_what_cannot_be_meant(arguments, words):
