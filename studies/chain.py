@@ -57,14 +57,14 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         plot_orbit(orbit, axes).set_title(f"three masses, launch speed {orbit.alpha:.5g}")
     hardening = Chain(springs=HARDENING, parameters={"b": 0.0})
     for orbit, colour in ((first, COLOURS[0]), (second, COLOURS[1])):
-        for stop in (0.2, -0.05):
+        for stop in (0.03, -0.05):
             family = follow(hardening, "b", stop, orbit=orbit, longest=0.05)
             values, speeds = np.array([(point.value, point.alpha) for point in family]).T
             good = np.array([point.admissible for point in family])
             three.plot(values, np.where(good, speeds, np.nan), color=colour, lw=2)
             three.plot(values, np.where(good, np.nan, speeds), color=colour, lw=1.2, ls="--")
             print(f"  from {orbit.alpha:.6g} towards b = {stop:g}: {family.end.kind}, {family.end.reason}")
-    three.set(xlabel="nonlinearity b of r + b r^3", ylabel="launch speed", title="two families")
+    three.set(xlabel="nonlinearity b of r + b r^3", ylabel="launch speed", title="two families", ylim=(0, 12))
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(one, folder / 'chain.png')}")
     return numbers

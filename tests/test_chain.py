@@ -127,7 +127,7 @@ class TestSimulation:
         assert sum(event.loss for event in run.events) < 1e-15
 
     def test_beside_it_the_loss_has_the_local_law(self, three):
-        """C d^(4/3) dE/dalpha on the side that attracts; on the other ten times that, in two impacts, as for two masses."""
+        """C d^(4/3) dE/dalpha on the side that attracts; ten times that on the other, as for two masses."""
         orbit = next(o for o in three if abs(o.alpha - 6.3478627438) < 1e-9)
         for side, factor, impacts in ((1, 1, 1), (-1, 10, 2)):
             for d in (1e-6, 1e-8):
