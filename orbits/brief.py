@@ -145,7 +145,9 @@ def _agree(constraints: Sequence[Constraint]):
     for i, one in enumerate(constraints):
         for other in constraints[:i]:
             if one.formula.tree == other.formula.tree and max(one.low, other.low) > min(one.high, other.high):
-                raise InputError(f"the constraints '{other.text}' and '{one.text}' are in conflict: no value meets both")
+                raise InputError(
+                    f"the constraints '{other.text}' and '{one.text}' are in conflict: no value meets both"
+                )
 
 
 def units_of(machine) -> Units:

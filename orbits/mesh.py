@@ -15,7 +15,7 @@ from .model import Statement
 
 # A mesh has this many times the steps that its motion needs, and a few more, so that it serves the neighbours too; of
 # few numbers of steps, so that the graph is built for few.
-ROOM, SPARE, GROUPS = 1.25, 2, 4
+ROOM, SPARE, GROUPS = 1.1, 1, 4
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,10 +71,11 @@ def solve(unknowns: ca.MX, equations: ca.MX, guess, lower, scale) -> np.ndarray:
 ENDED = ("Solve_Succeeded", "Solved_To_Acceptable_Level", "Search_Direction_Becomes_Too_Small")
 SMOOTH = {
     **OPTIONS,
-    "ipopt.tol": 1e-11,
+    "ipopt.tol": 1e-13,
     "ipopt.constr_viol_tol": 1e-11,
     "ipopt.dual_inf_tol": 1e-9,
-    "ipopt.compl_inf_tol": 1e-11,
+    "ipopt.compl_inf_tol": 1e-13,
+    "ipopt.max_iter": 80,
     "ipopt.mu_init": 1e-3,  # a guess is an orbit already
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.bound_push": 1e-4,
@@ -141,7 +142,7 @@ class Program:
         status, reason = stats["return_status"], ""
         if not violation <= FEASIBLE:  # nor if it is no number
             reason = REASONS.get(status, "no convergence") + f" (constraints off by {violation:.1e})"
-        elif not slope <= STATIONARY or (status not in ENDED and slope > 1e3 * SMOOTH["ipopt.tol"]):
+        elif not slope <= STATIONARY or (status not in ENDED and slope > 1e4 * SMOOTH["ipopt.tol"]):
             reason = REASONS.get(status, "no convergence") + f" (slope {slope:.1e})"
         return Optimum(z * scale, float(objective[0]), multipliers, bounds / scale, violation, slope, reason)
 

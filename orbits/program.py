@@ -17,14 +17,26 @@ from .mesh import Mesh, Motion, travel
 from .model import Model, Units
 from .nlp import Optimum, Program
 from .orbit import Orbit
-from .quantities import VARIED, Place, design_statement, expressions, extremes, locate, missing
-from .quantities import parts_of, quantity_names, unit_of
+from .quantities import (
+    VARIED,
+    Place,
+    design_statement,
+    expressions,
+    extremes,
+    locate,
+    missing,
+    parts_of,
+    quantity_names,
+    unit_of,
+)
 from .shooting import solve
 
 # What the demands on a motion stay away from zero by, in the machine's units, and the landing jerk as a share of its
 # first value: a motion that just touches is none.
 MARGIN = 1e-9
 JERK_LEFT = 1e-6
+# Nodes stay this near to the first motion's, in its sizes: where there is no orbit the states would run off.
+FARTHEST = 4.0
 
 
 @dataclass(frozen=True)
@@ -60,7 +72,7 @@ class Graph:
         mesh = Mesh(statement, names, counts, u, p)
         units = ca.MX.sym("units", 3)
         values = _values(model, statement, names, asked, words, places).call([u, p, units, *mesh.ends], True)
-        formulas, demands, ties = values
+        formulas, demands, reports, ties = values
         self.scales = ca.MX.sym("scales", 1 + m + 1 + len(asked.demands))
         self.weights = ca.MX.sym("weights", 2)
         over, under = ca.MX.sym("over", m), ca.MX.sym("under", m)
@@ -75,7 +87,7 @@ class Graph:
             ca.vertcat(mesh.equations, ties, held, scaled[1 + m :]),
         )
         state = ca.vertcat(theta, u, mesh.nodes)
-        zeros, results = ca.vertcat(mesh.equations, ties), ca.vertcat(formulas, demands)
+        zeros, results = ca.vertcat(mesh.equations, ties), ca.vertcat(formulas, demands, reports)
         # Built when they are asked for: most programs are solved more often than differentiated.
         self._derivatives = lambda: ca.Function(
             "derivatives", [state, parameters], [zeros, results, ca.jacobian(zeros, state), ca.jacobian(results, state)]
@@ -89,8 +101,8 @@ class Graph:
 
 
 def _values(model: Model, statement, names, asked: Asked, words, places) -> ca.Function:
-    """(u, p, units, end of each arc ...) -> the formulas, the demands in the machine's units, and what vanishes where an
-    extreme is taken at several places at once."""
+    """(u, p, units, end of each arc ...) -> the formulas, the demands in the machine's units, the quantities in use,
+    and what vanishes where an extreme is taken at several places at once."""
     u, p, units = ca.SX.sym("u", len(statement.unknowns)), ca.SX.sym("p", len(names)), ca.SX.sym("units", 3)
     ends = [ca.SX.sym("x", len(arc.phase.states)) for arc in statement.arcs]
     named = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
@@ -103,8 +115,9 @@ def _values(model: Model, statement, names, asked: Asked, words, places) -> ca.F
         stated["rest_length"] = values["rest_length"] * unit.length
     formulas = [formula(**{name: stated[name] for name in formula.names}) for formula in asked.formulas]
     demands = [-found["landing_jerk"], *(found[name] for name in asked.demands)]
+    reports = [stated[name] for name in words]
     ties = [first - other for first, *rest in extremes(model, places, named, split, values).values() for other in rest]
-    results = [ca.densify(ca.vertcat(*part)) if part else ca.SX(0, 1) for part in (formulas, demands, ties)]
+    results = [ca.densify(ca.vertcat(*part)) if part else ca.SX(0, 1) for part in (formulas, demands, reports, ties)]
     return ca.Function("values", [u, p, units, *ends], results)
 
 
@@ -118,8 +131,12 @@ def graph(model: Model, names: tuple[str, ...], asked: Asked, places: tuple[Plac
 class Scene:
     """A question at an orbit: the graph with everything that it needs to be solved from there.
 
-    u : the unknowns of the design statement
-    values : of the formulas and the demands, there; `slopes` (rows, k) their total derivatives by the parameters
+    places : where its extremes are taken
+    p, u : the parameters by name, the unknowns of the design statement
+    motion : of that statement
+    units : what the formulas' numbers are in
+    demands : those of the question that the orbit knows
+    words : the quantities in use
     """
 
     graph: Graph
@@ -129,6 +146,7 @@ class Scene:
     motion: Motion
     units: Units
     demands: tuple[str, ...]
+    words: tuple[str, ...]
 
     @property
     def theta(self) -> np.ndarray:
@@ -139,8 +157,8 @@ class Scene:
         return np.concatenate([fixed, units, Mesh.data_of(self.motion), weights, scales])
 
     def evaluated(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values (rows,) of the formulas, then of the demands, and their derivatives (rows, k) by the parameters, the
-        orbit going with them."""
+        """Values (rows,) of the formulas, the landing jerk times -1, the demands and the words, and their derivatives
+        (rows, k) by the parameters, the orbit going with them."""
         k = len(self.graph.asked.over)
         nodes, _ = Mesh.nodes_of(self.motion)
         state = np.concatenate([self.theta, self.u, nodes])
@@ -151,13 +169,13 @@ class Scene:
         moved = -solve(zeros_by[:count, k:], zeros_by[:count, :k])
         return values.ravel(), values_by[:, :k] + values_by[:, k:] @ moved
 
-    def minimise(self, bounds, reach: float, limits, scales, elastic: bool) -> Optimum:
+    def minimise(self, bounds, reach: float, limits, scales, weights) -> Optimum:
         """The program solved from here.
 
         bounds : of the parameters, (low, high); they move no further than `reach` as a share of the way between
         limits : (low, high) of the constraints, in scaled units
         scales : of the formulas and the demands
-        elastic : minimise what the constraints are exceeded by, and not the objective
+        weights : of the objective, and of what the constraints are exceeded by; 0 where they may not be
         """
         g, m, k = self.graph, len(self.graph.asked.formulas) - 1, len(self.graph.asked.over)
         nodes, unit = Mesh.nodes_of(self.motion)
@@ -171,13 +189,15 @@ class Scene:
         # A mesh serves motions up to so many times as long; all but the lift-off extension are times and a speed.
         factor = 1 + min(reach, 1.0)
         lower[k + 1 : k + g.size], upper[k + 1 : k + g.size] = self.u[1:] / factor, self.u[1:] * factor
-        lower[len(guess) - 2 * m :], upper[len(guess) - 2 * m :] = 0.0, np.inf if elastic else 0.0
+        nodes = slice(k + g.size, len(guess) - 2 * m)
+        lower[nodes], upper[nodes] = guess[nodes] - FARTHEST * unit, guess[nodes] + FARTHEST * unit
+        lower[len(guess) - 2 * m :], upper[len(guess) - 2 * m :] = 0.0, np.inf if weights[1] else 0.0
         demanded = np.array([JERK_LEFT, *(MARGIN for _ in self.demands)])
         return g.program.minimise(
             guess, scale, lower, upper,
             np.concatenate([np.zeros(g.equations), limits[0], demanded]),
             np.concatenate([np.zeros(g.equations), limits[1], np.full(len(demanded), np.inf)]),
-            self.parameters([0.0, 1.0] if elastic else [1.0, 0.0], scales),
+            self.parameters(weights, scales),
         )  # fmt: skip
 
 
@@ -198,7 +218,7 @@ def scene_of(machine, orbit: Orbit, asked: Asked, units: Units, both: Mapping[st
         found = locate(model, orbit, p, part)
         if found is None:
             raise missing(model, part)
-        known = {found[0]: found[1]} | {place: time for place, time in (both or {}).get(part, ())}
+        known = {found[0]: found[1]} | dict((both or {}).get(part, ()))
         places += known.keys()
         times += known.values()
     statement = design_statement(model, any(name in VARIED for name in words), tuple(places))
@@ -207,5 +227,4 @@ def scene_of(machine, orbit: Orbit, asked: Asked, units: Units, both: Mapping[st
     u = np.array([given[name] for name in statement.unknowns])
     motion = travel(statement, dict(zip(statement.unknowns, u.tolist(), strict=True)), p)
     built = graph(model, tuple(p), asked, tuple(places), motion.counts)
-    return Scene(built, tuple(places), p, u, motion, units, demands)
-
+    return Scene(built, tuple(places), p, u, motion, units, demands, tuple(words))

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from .errors import InputError, NoOrbit
+from .flow import Trajectory
 from .model import Affine, Arc, Model, Phase, Statement, Units
 from .orbit import Orbit
 from .roots import bracketed_root
@@ -169,12 +170,17 @@ def locate(model: Model, orbit: Orbit, p: Mapping, extreme: str) -> tuple[Place,
         kind = "start" if i == 0 else "middle" if i >= count - 1 else "inside"
         time = float(t[i])
         if kind == "inside":
-            rate = lambda t, n=n, path=path: -float(function(path(t)[:n], data)[1])  # noqa: B023 - used at once
-            a, b = float(t[i - 1]), float(t[i + 1])
-            time = bracketed_root(rate, a, b, rate(a), rate(b), 0.0)
+            time = _turn(function, data, path, t[i - 1 : i + 2])
         if best is None or values[i] > best[2]:
             best = Place(extreme, index, kind), time, float(values[i])
     return best
+
+
+def _turn(function: ca.Function, p, path: Trajectory, times) -> float:
+    """The time between the first and the last of three at which a function, of those of `_numeric`, is stationary."""
+    rate = lambda t: float(function(path(t)[: function.size1_in(0)], p)[1])  # noqa: E731
+    a, b = float(times[0]), float(times[-1])
+    return bracketed_root(rate, a, b, rate(a), rate(b))
 
 
 @lru_cache(maxsize=128)
@@ -276,8 +282,8 @@ def _by_alpha(function: Callable, u: Mapping) -> list:
 
 
 def expressions(model: Model, names: list[str], places: tuple[Place, ...], u: Mapping, ends: list, p: Mapping) -> dict:
-    """The quantities of these names, from the unknowns, the states at the ends of a design statement's arcs (lists), and
-    the parameters; all are scalar symbols."""
+    """The quantities of these names, from the unknowns, the states at the ends of a design statement's arcs (lists),
+    and the parameters; all are scalar symbols."""
     at = extremes(model, places, u, ends, p)
     half, contact = base_statement(model).arcs[0].duration(u, p), u["contact"]
     found = {}
