@@ -2,6 +2,8 @@
 
 from .branches import follow_branch
 from .continuation import follow, orbit_at, trace
+from .descent import Active
+from .design import Design, Front, optimize, pareto, quantities, sensitivities
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .existence import Existence, existence
 from .family import End, Event, Family, Point
@@ -15,15 +17,18 @@ from .stability import multiplier
 
 __all__ = [
     "METHODS",
+    "Active",
     "Affine",
     "Arc",
     "Certificate",
+    "Design",
     "End",
     "Event",
     "Existence",
     "Family",
     "FixedPoint",
     "FlowError",
+    "Front",
     "Hops",
     "InputError",
     "Model",
@@ -47,7 +52,11 @@ __all__ = [
     "follow_branch",
     "follow_fold",
     "multiplier",
+    "optimize",
     "orbit_at",
+    "pareto",
+    "quantities",
+    "sensitivities",
     "simulate",
     "trace",
 ]

@@ -171,7 +171,7 @@ def _optimize(machine, brief: Brief, family: int, points: Sequence[Mapping], pro
     # An objective without bound is what the whole question amounts to, whatever other starts lead to.
     unbounded = [end for end in ends if isinstance(end, Unbounded)]
     if unbounded or not found:
-        raise NoOrbit(_reason([end for end in ends if isinstance(end, OrbitsError)]))
+        raise _worst([end for end in ends if isinstance(end, OrbitsError)])
     best = min(found, key=lambda end: end.objective)
     return Design(
         machine=best.machine,
@@ -207,12 +207,12 @@ def _starts(machine, brief: Brief, count, seed) -> list[dict]:
     return [dict(zip(brief.names, point.tolist(), strict=True)) for point in points]
 
 
-def _reason(errors: Sequence[OrbitsError]) -> str:
+def _worst(errors: Sequence[OrbitsError]) -> OrbitsError:
     """What to say when no start leads to an optimum: the worst kind first, and of constraints the least broken."""
     for kind in (Unbounded, Infeasible):
         if some := [error for error in errors if isinstance(error, kind)]:
-            return str(min(some, key=lambda error: error.size))
-    return f"no design within the bounds has an orbit to begin with: {errors[0]}"
+            return min(some, key=lambda error: error.size)
+    return NoOrbit(f"no start within the bounds leads to an optimum: {errors[0]}")
 
 
 @dataclass(frozen=True, eq=False)
