@@ -23,6 +23,8 @@ from .search import find
 
 # Starts that are tried, when none are asked for and the first leads to no optimum.
 OTHERS = 3
+# Objectives that differ by a smaller share are the same; one that can gain so much while the other stays, does.
+SAME, WORTH = 1e-9, 1e-4
 
 
 @dataclass(frozen=True)
@@ -284,10 +286,9 @@ def pareto(
         tell = progress or (lambda share: None)
         ends = []
         for i, brief in enumerate((first, second)):
-            best = _search(machine, brief, family, starts, seed)
-            ends.append(_both(best, minimise))
+            best = _both(_search(machine, brief, family, starts, seed), minimise)
+            ends.append(_cornered(best, (second, first)[i], i, machine, family, minimise))
             tell((i + 1) / points)
-        # At an end the other objective may be free to fall: from there it does, the first held where it is best.
         low, high = ends[1].pair[1], ends[0].pair[1]
         found, refused, here = [ends[0]], [], ends[0]
         for i, level in enumerate(np.linspace(high, low, points)[1:-1].tolist()):
@@ -304,16 +305,31 @@ def pareto(
         return Front(tuple(minimise), tuple(best), tuple(refused), time.perf_counter() - began)
 
 
-def _bounded(text: str, level: float, machine):
+def _cornered(end: Design, other: Brief, best: int, machine, family: int, texts) -> Design:
+    """An end of a front, or where the other objective has fallen while that of index `best` stays as it is: an end need
+    not be a single design."""
+    held = _bounded(texts[best], end.pair[best] + SAME * abs(end.pair[best]), machine)
+    start = {**end.parameters, "orbit": end.orbit}
+    try:
+        further = _both(
+            _optimize(end.machine, replace(other, constraints=(*other.constraints, held)), family, [start]), texts
+        )
+    except OrbitsError:
+        return end
+    gain = end.pair[1 - best] - further.pair[1 - best]
+    return further if gain > WORTH * abs(end.pair[1 - best]) else end
+
+
+def _bounded(text: str, level: float, machine) -> Constraint:
+    """The constraint that an objective is no more than a level."""
     return Constraint(f"{text} <= {level:.9g}", formula_of(text, words_of(machine), "the objective"), -np.inf, level)
 
 
 def _beats(one, other) -> bool:
     """Whether a pair is better in one objective and not worse in the other, by more than rounding."""
-    slack = [1e-9 * abs(value) for value in other]
-    return all(a <= b for a, b in zip(one, other, strict=True)) and any(
-        a < b - s for a, b, s in zip(one, other, slack, strict=True)
-    )
+    slack = [2 * SAME * abs(value) for value in other]
+    pairs = list(zip(one, other, slack, strict=True))
+    return all(a <= b + s for a, b, s in pairs) and any(a < b - s for a, b, s in pairs)
 
 
 def _both(design: Design, texts) -> Design:
