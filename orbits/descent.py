@@ -30,7 +30,7 @@ COLLAPSES = 6
 # The objective beside what the constraints are exceeded by, while they are not met.
 PENALTY = (1e-3, 1.0)
 # Programs solved from one start, at most, and the smallest share of the parameters' range that they are kept to.
-MOST_ROUNDS, LEAST_REACH = 40, 1e-4
+MOST_ROUNDS, LEAST_REACH = 25, 1e-4
 # The program and the orbit's own equations agree to this share of the unknowns when its mesh is fine enough.
 AGREE = 1e-11
 # A bound or a constraint counts as active within this share of its size.
@@ -137,6 +137,7 @@ class Descent:
         """Go to the orbit that a program led to; whether that is where it said."""
         k = len(self.brief.names)
         theta = np.clip(x[:k], self.brief.low, self.brief.high)
+        # A parameter that Ipopt leaves just inside its bound is on it.
         near = np.minimum(theta - self.brief.low, np.array(self.brief.high) - theta) < 1e-9 * self.span
         ends = np.where(theta - self.brief.low < 0.5 * self.span, self.brief.low, self.brief.high)
         theta = np.where(near, ends, theta)
@@ -149,7 +150,7 @@ class Descent:
         if orbit.contact_time is None:
             raise NoOrbit("; ".join(orbit.violations))
         self.machine, self.orbit = machine, orbit
-        return off < AGREE + 1e-12 * k
+        return bool(off < AGREE + 10 * np.max(np.abs(theta - x[:k]) / self.span))
 
     def escaping(self, far: float) -> str:
         """Where the orbit is on its way to, when it has become `far` times as fast or long, or as slow or short."""

@@ -25,6 +25,8 @@ from .search import find
 OTHERS = 3
 # Objectives that differ by a smaller share are the same; one that can gain so much while the other stays, does.
 SAME, WORTH = 1e-9, 1e-4
+# How far an end of a front is probed for that, as a share of the parameters' range.
+PROBE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -291,7 +293,9 @@ def pareto(
             tell((i + 1) / points)
         low, high = ends[1].pair[1], ends[0].pair[1]
         found, refused, here = [ends[0]], [], ends[0]
-        for i, level in enumerate(np.linspace(high, low, points)[1:-1].tolist()):
+        # Where one design is best in both, there is nothing between.
+        levels = np.linspace(high, low, points)[1:-1] if _beats(ends[1].pair[1:], ends[0].pair[1:]) else np.zeros(0)
+        for i, level in enumerate(levels.tolist()):
             bounded = replace(first, constraints=(*first.constraints, _bounded(minimise[1], level, machine)))
             start = {**here.parameters, "orbit": here.orbit}
             try:
@@ -300,7 +304,7 @@ def pareto(
             except OrbitsError as error:
                 refused.append((level, str(error)))
             tell((i + 3) / points)
-        found.append(ends[1])
+        found += ends[1:] if len(levels) or points == 2 else []
         best = [d for d in found if not any(_beats(other.pair, d.pair) for other in found)]
         return Front(tuple(minimise), tuple(best), tuple(refused), time.perf_counter() - began)
 
@@ -308,6 +312,8 @@ def pareto(
 def _cornered(end: Design, other: Brief, best: int, machine, family: int, texts) -> Design:
     """An end of a front, or where the other objective has fallen while that of index `best` stays as it is: an end need
     not be a single design."""
+    if not _flat(end, other, best, texts):
+        return end
     held = _bounded(texts[best], end.pair[best] + SAME * abs(end.pair[best]), machine)
     start = {**end.parameters, "orbit": end.orbit}
     try:
@@ -318,6 +324,30 @@ def _cornered(end: Design, other: Brief, best: int, machine, family: int, texts)
         return end
     gain = end.pair[1 - best] - further.pair[1 - best]
     return further if gain > WORTH * abs(end.pair[1 - best]) else end
+
+
+def _flat(end: Design, brief: Brief, best: int, texts) -> bool:
+    """Whether the objective of index `best` stays as it is a small way along where the other one falls fastest, with
+    what is active at an end kept active."""
+    span = np.subtract(brief.high, brief.low)
+    known_active = {active.text for active in end.active}
+    held = [c.formula.text for c in brief.constraints if c.text in known_active]
+    slopes = sensitivities(end.machine, end.orbit, brief.names, [texts[1 - best], *held])
+    rows = np.array([[slope[name] for name in brief.names] for slope in slopes.values()]) * span
+    at = np.array([end.parameters[name] for name in brief.names])
+    bounded = np.eye(len(span))[(at == brief.low) | (at == brief.high)]
+    fixed = np.vstack([rows[1:], bounded])
+    way = -rows[0] + (fixed.T @ np.linalg.lstsq(fixed.T, rows[0], rcond=None)[0] if len(fixed) else 0.0)
+    if np.linalg.norm(way) <= 1e-6 * np.linalg.norm(rows[0]):
+        return False
+    there = np.clip(at + PROBE * span * way / np.linalg.norm(way), brief.low, brief.high)
+    machine = end.machine.with_values(**dict(zip(brief.names, there.tolist(), strict=True)))
+    try:
+        orbit = find(machine, end.orbit.family)
+        value = quantities(machine, orbit, [texts[best]])[texts[best]]
+    except OrbitsError:
+        return False
+    return abs(value - end.pair[best]) <= 0.1 * PROBE**2 * abs(end.pair[best])
 
 
 def _bounded(text: str, level: float, machine) -> Constraint:

@@ -123,7 +123,9 @@ def test_quantities_are_those_of_the_document():
             "period",
         } == values.keys() - document.keys() - {f"{name.replace(' ', '_')}_rise" for name in orbit.rises}
         for name in values.keys() & document.keys():
-            assert values[name] == pytest.approx(document[name], rel=1e-11), name
+            # the certificate takes C from the motion before Newton's last step
+            share = 1e-8 if name == "loss_coefficient" else 1e-11
+            assert values[name] == pytest.approx(document[name], rel=share), name
         for name, rise in orbit.rises.items():
             assert values[f"{name.replace(' ', '_')}_rise"] == pytest.approx(rise, rel=1e-11)
         t = np.linspace(0, orbit.period, 20001)
@@ -189,7 +191,7 @@ def test_starts_are_seeded():
 
 def test_front():
     """Every design is certified; one objective rises as the other falls, and the slope is the multiplier."""
-    front = pareto(CUBIC, minimise=("-centre_of_mass_rise", "largest_contact_force"), over={"b": RANGE}, points=5)
+    front = pareto(CUBIC, minimise=("loss_coefficient", "alpha"), over={"b": RANGE}, points=5)
     assert len(front.designs) == 5
     assert all(design.orbit.admissible for design in front.designs)
     first, second = front.values.T
@@ -197,13 +199,15 @@ def test_front():
     assert (np.diff(second) < 0).all()
     assert front.column("b")[0] == RANGE[0]
     assert "5 certified designs" in str(front)
+    (only,) = pareto(CUBIC, minimise=("loss_coefficient", "-alpha"), over={"b": RANGE}).designs
+    assert only.parameters["b"] == RANGE[0]
 
 
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
         ({"over": {"b": (1.0, 0.5)}}, "bounds of b are in conflict: its lower bound 1 is not below the upper, 0.5"),
-        ({"over": {"beta": (0, 1)}}, "no parameter 'beta' to design; did you mean 'b'"),
+        ({"over": {"mass_ration": (0, 1)}}, "no parameter 'mass_ration' to design; did you mean 'mass_ratio'"),
         ({"over": {}}, "over names the parameters"),
         ({"over": {"b": 3}}, "give its bounds"),
         ({"over": {"mass_ratio": (-1, 1)}}, "mass_ratio = -1 is out of bounds"),
@@ -290,6 +294,7 @@ rest_length = 0.8
 minimise = "largest_contact_force"
 subject_to = ["stroke <= 0.25", "centre_of_mass_rise == 0.2"]
 family = 2
+starts = 1
 [design.over]
 k = [500, 5e4]
 b = [0, 1e7]
@@ -311,9 +316,9 @@ def test_command_line(orbits, tmp_path):  # noqa: F811
 
 def test_command_line_of_a_front(orbits, tmp_path):  # noqa: F811
     path = tmp_path / "leg.toml"
-    objectives = '["-centre_of_mass_rise", "largest_contact_force"]\npoints = 3'
+    objectives = '["alpha", "loss_coefficient"]\npoints = 3'
     text = FILE.replace('"largest_contact_force"', objectives).replace(', "centre_of_mass_rise == 0.2"', "")
-    path.write_text(text.replace("k = [500, 5e4]\n", ""))
+    path.write_text(text.replace("k = [500, 5e4]\n", "").replace("k = 5000.0", "k = 2e4"))
     run = orbits(f"optimize '{path}' --json --plot '{tmp_path / 'front.png'}'")
     assert run.code == 0
     assert len(run.document["points"]) == 3
