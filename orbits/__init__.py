@@ -3,6 +3,8 @@
 from .branches import follow_branch
 from .continuation import follow, orbit_at, trace
 from .control import Control, Guess, steer
+from .descent import Active
+from .design import Design, Front, optimize, pareto, quantities, sensitivities
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .existence import Existence, existence
 from .family import End, Event, Family, Point
@@ -17,16 +19,19 @@ from .transcription import Input, Stage
 
 __all__ = [
     "METHODS",
+    "Active",
     "Affine",
     "Arc",
     "Certificate",
     "Control",
+    "Design",
     "End",
     "Event",
     "Existence",
     "Family",
     "FixedPoint",
     "FlowError",
+    "Front",
     "Guess",
     "Hops",
     "Input",
@@ -54,7 +59,11 @@ __all__ = [
     "follow_branch",
     "follow_fold",
     "multiplier",
+    "optimize",
     "orbit_at",
+    "pareto",
+    "quantities",
+    "sensitivities",
     "simulate",
     "steer",
     "trace",

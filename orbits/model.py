@@ -259,6 +259,7 @@ class Model:
     conservative : whether flight and contact keep the energy
     homotopy : the parameter that leads from the scene of the guess (0) to this one (1), None where they are one
     reduction : the short cut that this scene allows, None where there is none
+    tension : (x, p, q) -> force of the spring in a flight state, None where it is not stated
     """
 
     name: str
@@ -287,6 +288,7 @@ class Model:
     homotopy: str | None = None
     conservative: bool = True
     reduction: Reduction | None = None
+    tension: Callable | None = None
 
     @property
     def one_speed(self) -> bool:

@@ -1,5 +1,6 @@
 """The only module that calls Ipopt: options, and its statuses as errors in the toolkit's words."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -37,6 +38,14 @@ OPTIONS = {
 FEASIBLE, STATIONARY = 1e-9, 1e-7
 # Ends from which no minimum is looked for where the recomputed conditions hold: it stalls at rounding.
 STALLED = ("Search_Direction_Becomes_Too_Small", "Solved_To_Acceptable_Level", "Restoration_Failed")
+# What an iteration that ends without a minimum means.
+ENDS = {
+    "infeasible": "no solution near the starting guess",
+    "bottomless": "the cost has no lower bound",
+    "undefined": "the equations stop being numbers on the way",
+    "overdetermined": "more conditions than unknowns",
+    "stuck": "no convergence",
+}
 # Costs below this have no lower bound.
 BOTTOMLESS = -1e12
 MINIMISING = {
@@ -112,11 +121,20 @@ class Minimum:
     kind: str
     iterations: int
 
+    @property
+    def reason(self) -> str:
+        """Why it is no minimum, "" for one."""
+        return "" if self.kind == "minimum" else f"{ENDS[self.kind]} (off by {self.off.max(initial=0.0):.1e})"
+
 
 class Minimiser:
-    """Ipopt with exact second derivatives for least cost(unknowns, p) under bounds and constraints."""
+    """Ipopt with exact second derivatives for least cost(unknowns, p) under bounds and constraints, all of order one.
 
-    def __init__(self, unknowns: ca.MX, p: ca.MX, cost: ca.MX, constraints: ca.MX):
+    options : of Ipopt's, beside `MINIMISING`
+    """
+
+    def __init__(self, unknowns: ca.MX, p: ca.MX, cost: ca.MX, constraints: ca.MX, options: Mapping | None = None):
+        self.options = dict(options or {})
         self.problem = {"x": unknowns, "p": p, "f": cost, "g": constraints}
         gradient = ca.gradient(cost, unknowns)
         multipliers = ca.MX.sym("multipliers", constraints.numel())
@@ -157,7 +175,7 @@ class Minimiser:
 
     def _solver(self, warm: bool) -> ca.Function:
         if warm not in self._solvers:
-            options = {**MINIMISING, **(WARM if warm else {}), "iteration_callback": self._watch}
+            options = {**MINIMISING, **self.options, **(WARM if warm else {}), "iteration_callback": self._watch}
             self._solvers[warm] = ca.nlpsol("minimise", "ipopt", self.problem, options)
         return self._solvers[warm]
 

@@ -190,6 +190,17 @@ def plot_existence(diagram, axes=None):
     return axes
 
 
+def plot_front(front, axes=None):
+    """A front of two objectives, one that is to be large ("-alpha") by its own value; returns the axes."""
+    axes = axes or new_axes(5.4, 4.2)
+    signs = [-1 if text.lstrip().startswith("-") else 1 for text in front.texts]
+    axes.plot(*(front.values * signs).T, "o-", color=COLOURS[0], ms=4)
+    labels = [text.lstrip().lstrip("-").strip().replace("_", " ") for text in front.texts]
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.spines[["top", "right"]].set_visible(False)
+    return axes
+
+
 def plot_map(step, low: float, high: float, axes=None, samples: int = 4000, start: float | None = None, hops: int = 60):
     """The return map between two launch speeds, with the identity line; returns the axes.
 

@@ -21,6 +21,7 @@ Examples:
   orbits follow --spring tanh --along b --from 0.1 --to 1 --family 2 --output tanh.jsonl
   orbits map --alpha 3:12:10000 --plot map.png         from launch speed to launch speed
   orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact on the way
+  orbits optimize leg.toml --plot best.png             the best design, as [design] in the file asks
 """
 
 
@@ -251,6 +252,41 @@ def simulate(alpha, hops, end, inject, as_json, plot, animate, **machine):
     if animate is not None:
         run.animate(animate)
     click.echo(to_json(run.document()) if as_json else str(run))
+
+
+@orbits.command(epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")
+@click.argument("file", metavar="FILE.toml")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@click.option("--plot", metavar="FILE", help="Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
+@click.option("--save", metavar="FILE", help="Save the best orbit (.json), for Orbit.load.")
+def optimize(file, as_json, plot, save):
+    """Find the best design of a machine, or a front of two objectives, as its file asks."""
+    from orbits.design import optimize as best_design
+    from orbits.design import pareto
+    from orbits.errors import InputError
+    from orbits.orbit import to_json
+    from orbits.plot import FIGURES, check_path, plot_front, save_figure
+
+    from .files import build, design, read
+
+    for path, endings in ((plot, FIGURES), (save, ())):
+        if path is not None:
+            check_path(path, endings)
+    statement = read(file)
+    machine, asked = build(statement, file), design(statement, file)
+    front = isinstance(asked.get("minimise"), tuple)
+    if front and save is not None:
+        raise InputError("--save keeps one orbit, and a front has many: leave it out, or take --json")
+    with progress() as report:
+        try:
+            found = (pareto if front else best_design)(machine, **asked, progress=report)
+        except InputError as error:
+            raise InputError(f"{file}: {error}") from None
+    if plot is not None:
+        save_figure(plot_front(found) if front else found.orbit.plot(), plot)
+    if save is not None:
+        found.orbit.save(save)
+    click.echo(to_json(found.document()) if as_json else str(found))
 
 
 def launch_speeds(text: str):

@@ -7,6 +7,16 @@ spring = "r + beta*r**3"        body_mass = 60.0
 gravity = "constant"            foot_mass = 3.0
 [parameters]                    rest_length = 0.8
 beta = 0.3                      surface_gravity = 9.81
+
+and what to design of it, in the machine's units or in SI:
+
+[design]
+minimise = "loss_coefficient"   # or maximise; minimise = ["a", "b"] is a front of `points` designs
+subject_to = ["stroke <= 0.25", "centre_of_mass_rise == 0.2"]
+family = 2
+starts = 4                      # and seed = 0
+[design.over]
+k = [1e3, 1e5]
 """
 
 import tomllib
@@ -34,7 +44,9 @@ KEYS = (
     "gravity",
     "parameters",
     "si",
+    "design",
 )
+DESIGN_KEYS = ("minimise", "maximise", "over", "subject_to", "family", "starts", "seed", "points")
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
 
 
@@ -47,13 +59,31 @@ def read(path) -> dict:
     except (OSError, ValueError) as error:
         raise InputError(f"the machine file {str(path)!r} cannot be read: {error}") from None
     _check_keys(path, data, KEYS)
-    for table in ("parameters", "si"):
+    for table in ("parameters", "si", "design"):
         if not isinstance(data.get(table, {}), dict):
             raise InputError(f"{path}: '{table}' is a table: write [{table}]")
     spring = data.get("spring")
     if isinstance(spring, str) and spring.startswith("table:"):  # a table's path counts from the file that names it
         data["spring"] = "table:" + str(path.parent / spring.removeprefix("table:"))
     return data
+
+
+def design(statement: dict, where: str) -> dict:
+    """What a statement asks to be designed, as arguments of `orbits.optimize`, or of `orbits.pareto` with two
+    objectives; raises `InputError` where the keys are not its own."""
+    if "design" not in statement:
+        raise InputError(f"{where} has no [design]: state what to minimise or maximise, over which parameters")
+    asked = dict(statement["design"])
+    _check_keys(f"{where}, [design]", asked, DESIGN_KEYS)
+    if not isinstance(asked.get("over"), dict):
+        raise InputError(f"{where}: [design.over] names the parameters with their bounds, as k = [1e3, 1e5]")
+    if not isinstance(asked.get("minimise"), list):
+        if "points" in asked:
+            raise InputError(f"{where}: points belong to a front of two objectives, minimise = [..., ...]")
+        return asked
+    if "maximise" in asked:
+        raise InputError(f"{where}: both objectives of a front are minimised; write '-alpha' for one to be large")
+    return asked | {"minimise": tuple(asked["minimise"])}
 
 
 def build(statement: dict, where: str = "the options") -> Machine:

@@ -140,4 +140,5 @@ def _model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> 
         homotopy="gravity_share" if gravity else None,
         conservative=not damped,
         reduction=reduction,
+        tension=lambda x, p, q: force(x[0] - x[2], p, q),
     )

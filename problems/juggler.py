@@ -131,4 +131,5 @@ def juggler_model(spring: Key, gravity: Key | None, has_length: bool, damped: bo
         homotopy="gravity_share" if gravity else None,
         conservative=not damped,
         reduction=reduction,
+        tension=lambda x, p, q: force(x[2], p, q),
     )

@@ -10,6 +10,7 @@ from studies import (
     asteroid,
     attraction,
     damped_hopper,
+    design,
     existence,
     figure_3,
     figure_4,
@@ -152,6 +153,16 @@ def test_figure_8(tmp_path):
     assert numbers["last cycle"] == pytest.approx(0.113429246523, abs=1e-10)
     assert numbers["stays"] < numbers["crisis"] < numbers["stays"] + 0.002  # the grid's width
     assert (tmp_path / "figure_8.png").stat().st_size > 10_000
+
+
+def test_design(tmp_path):
+    """The first family cannot hop 0.2 m with 0.25 m of stroke; the second can, with C = 1.857 (m/s)**(-1/3)."""
+    numbers = design.main(tmp_path, quick=True)
+    assert "'centre_of_mass_rise == 0.2' is missed by 0.09413" in numbers["designs"][1]
+    assert numbers["winner"].objective == pytest.approx(1.857414700, rel=1e-8)
+    heights = -numbers["fronts"][2].values[:, 0]
+    assert heights.max() == pytest.approx(0.206531, abs=1e-6)
+    assert (tmp_path / "design.png").stat().st_size > 10_000
 
 
 def test_attraction(tmp_path):

@@ -1,0 +1,155 @@
+"""What a design is asked for: an objective, parameters with bounds, constraints; checked before anything is solved."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import InputError
+from .formula import Formula, parse, suggest
+from .model import Units
+from .quantities import quantity_names
+from .question import known, number_of
+
+_RELATION = re.compile(r"<=|>=|==")
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """low <= formula <= high, as stated in `text`; one of the bounds may be infinite, or both the same."""
+
+    text: str
+    formula: Formula
+    low: float
+    high: float
+
+    def excess(self, value: float) -> float:
+        """By how much a value breaks it; 0 where it holds."""
+        return max(self.low - value, value - self.high, 0.0)
+
+
+@dataclass(frozen=True)
+class Brief:
+    """A checked question.
+
+    text, formula : of the objective
+    sign : 1 to minimise it, -1 to maximise it
+    names, low, high : the parameters and their bounds
+    """
+
+    text: str
+    formula: Formula
+    sign: int
+    names: tuple[str, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    constraints: tuple[Constraint, ...]
+
+    @property
+    def verb(self) -> str:
+        return "minimise" if self.sign > 0 else "maximise"
+
+
+def brief_of(machine, minimise, maximise, over, subject_to) -> Brief:
+    """The question in its checked form; raises `InputError` that names what cannot be meant."""
+    known(machine)
+    if (minimise is None) == (maximise is None):
+        raise InputError("a design minimises or maximises one objective: give one of the two")
+    text = minimise if minimise is not None else maximise
+    words = words_of(machine)
+    formula = formula_of(text, words, "the objective")
+    if isinstance(subject_to, str) or not isinstance(subject_to, Sequence):
+        raise InputError(f"subject_to = {subject_to!r}; it is a list of constraints such as 'stroke <= 0.25'")
+    names, low, high = _bounds(machine, over)
+    constraints = tuple(constraint_of(text, words) for text in subject_to)
+    _agree(constraints)
+    return Brief(text, formula, 1 if minimise is not None else -1, names, low, high, constraints)
+
+
+def words_of(machine) -> list[str]:
+    """What a formula of a design may use: quantities of the orbit and parameters of the machine."""
+    model, p = machine.model, machine.values
+    quantities = quantity_names(model, p)
+    parameters = [name for name in p if name != model.homotopy]
+    if both := [name for name in parameters if name in quantities]:
+        raise InputError(f"'{both[0]}' is a quantity of the orbit: call the formula's parameter something else")
+    return quantities + parameters
+
+
+def formula_of(text, words: Sequence[str], what: str) -> Formula:
+    """A formula of known words; `what` it is, for a complaint."""
+    formula = parse(text)
+    if unknown := sorted(formula.names - set(words)):
+        raise InputError(f"{what} '{text}': unknown quantity '{unknown[0]}'{suggest(unknown[0], words)}")
+    return formula
+
+
+def constraint_of(text, words: Sequence[str]) -> Constraint:
+    """A constraint from a text with one or two relations: 'a <= 1', 'a == b', '0.1 <= a <= 0.2'."""
+    if not isinstance(text, str):
+        raise InputError(f"a constraint is text such as 'stroke <= 0.25', not {text!r}")
+    sides, relations = _RELATION.split(text), _RELATION.findall(text)
+    if not relations or len(sides) > 3 or len(relations) != len(sides) - 1:
+        raise InputError(f"the constraint '{text}' is not of the form 'stroke <= 0.25': one of <=, >=, ==, or two <=")
+    formulas = [formula_of(side.strip(), words, f"in the constraint '{text}',") for side in sides]
+    fixed = [not formula.names for formula in formulas]
+    if len(sides) == 3:
+        if not (fixed[0] and fixed[2]) or len(set(relations)) > 1 or relations[0] == "==":
+            raise InputError(f"the constraint '{text}' has two relations: it is of the form '0.1 <= stroke <= 0.25'")
+        low, high = (float(formulas[i]()) for i in ((0, 2) if relations[0] == "<=" else (2, 0)))
+        middle = formulas[1]
+    else:
+        left, right = formulas
+        if all(fixed):
+            raise InputError(f"the constraint '{text}' says nothing of the orbit or the machine")
+        if fixed[1]:
+            middle, bound, relation = left, float(right()), relations[0]
+        elif fixed[0]:
+            middle, bound, relation = right, float(left()), {"<=": ">=", ">=": "<="}.get(relations[0], "==")
+        else:
+            middle, bound, relation = parse(f"({left.text}) - ({right.text})"), 0.0, relations[0]
+        low = -np.inf if relation == "<=" else bound
+        high = np.inf if relation == ">=" else bound
+    if np.isnan([low, high]).any() or low > high:
+        raise InputError(f"the constraint '{text}' can never hold: {low:g} lies above {high:g}")
+    return Constraint(text, middle, low, high)
+
+
+def _bounds(machine, over) -> tuple[tuple[str, ...], tuple[float, ...], tuple[float, ...]]:
+    if not isinstance(over, Mapping) or not over:
+        raise InputError("over names the parameters to design with their bounds: over={'beta': (0, 1)}")
+    lows, highs = [], []
+    free = [name for name in machine.values if name != machine.model.homotopy]
+    for name, bounds in over.items():
+        if name not in free:
+            raise InputError(f"the machine has no parameter '{name}' to design{suggest(str(name), free)}")
+        try:
+            low, high = bounds
+        except (TypeError, ValueError):
+            raise InputError(f"over {name} = {bounds!r}; give its bounds, (low, high)") from None
+        low, high = (number_of(f"a bound of {name}", bound) for bound in (low, high))
+        if not low < high:
+            raise InputError(
+                f"the bounds of {name} are in conflict: its lower bound {low:g} is not below the upper, {high:g}"
+            )
+        lows.append(low)
+        highs.append(high)
+    for values in (lows, highs):
+        machine.with_values(**dict(zip(over, values, strict=True)))  # which says what cannot be
+    return tuple(over), tuple(lows), tuple(highs)
+
+
+def _agree(constraints: Sequence[Constraint]):
+    """Raises `InputError` where two constraints bound the same formula from both sides of nothing."""
+    for i, one in enumerate(constraints):
+        for other in constraints[:i]:
+            if one.formula.tree == other.formula.tree and max(one.low, other.low) > min(one.high, other.high):
+                raise InputError(
+                    f"the constraints '{other.text}' and '{one.text}' are in conflict: no value meets both"
+                )
+
+
+def units_of(machine) -> Units:
+    """What a formula's numbers are in: SI where the machine was stated so, else the machine's own units."""
+    return machine.units or Units(1.0, 1.0, 1.0)

@@ -1,0 +1,340 @@
+"""From one orbit to the local optimum of a design, by programs on the meshes of orbits.
+
+From a certified orbit the program is solved on the mesh of that orbit; where it leads, the orbit is found again by its
+own equations and certified. What the certificate objects to is demanded from then on; an extreme that has moved to
+another place is taken there; and the program is solved again, until it leads nowhere else.
+"""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import interrupts
+from .brief import Brief, units_of
+from .errors import NoOrbit
+from .model import Model
+from .nlp import Minimum
+from .orbit import Orbit
+from .program import MARGIN, Asked, Scene, scene_of
+from .quantities import base_statement
+from .statements import as_orbit, equations_of, interpret, vector
+
+# An orbit so many times as fast or slow as the first, still going, is on its way to infinity or to nothing.
+ESCAPED = 10.0
+# An orbit that is lost after it has become so many times as fast or long was running off.
+RUNNING = 2.0
+# Programs that lead into a contact that never ends, before that is what the design amounts to.
+COLLAPSES = 6
+# The objective beside what the constraints are exceeded by, while they are not met.
+PENALTY = (1e-3, 1.0)
+# Programs solved from one start, at most, and the smallest share of the parameters' range that they are kept to.
+MOST_ROUNDS, LEAST_REACH = 25, 1e-4
+# The program and the orbit's own equations agree to this share of the unknowns when its mesh is fine enough.
+AGREE = 1e-11
+# A bound or a constraint counts as active within this share of its size.
+ACTIVE = 1e-7
+# What an orbit found anew may move, as a share, before it is another orbit.
+ANOTHER = 1e-3
+# Slopes, as a share of the objective over a parameter's range, at which the optimality conditions count as met.
+STATIONARY = 1e-6
+# The constraints together are broken by no more than this share when they count as met.
+MET = 1e-8
+
+
+@dataclass(frozen=True)
+class Active:
+    """Something that keeps the optimum from being better.
+
+    text : the constraint, bound or demand
+    multiplier : by how much the objective would get better per unit that it is relaxed, to first order
+    """
+
+    text: str
+    multiplier: float
+
+
+class Unbounded(NoOrbit):
+    """The objective gets better for ever."""
+
+    size = 0.0
+
+
+class Infeasible(NoOrbit):
+    """Constraints cannot be met; `size` is by how much, scaled."""
+
+    def __init__(self, message: str, size: float):
+        super().__init__(message)
+        self.size = size
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """Where a start led to; `objective` is the least of what is minimised."""
+
+    machine: object
+    orbit: Orbit
+    objective: float
+    quantities: Mapping[str, float]
+    active: tuple[Active, ...]
+    kkt: float
+
+
+class Descent:
+    """What a start is led by: the question, the demands so far, and how far the parameters may move at once."""
+
+    def __init__(self, machine, orbit: Orbit, brief: Brief):
+        self.machine, self.orbit, self.brief, self.first = machine, orbit, brief, orbit
+        self.model: Model = machine.model
+        self.units = units_of(machine)
+        self.demands: list[str] = []
+        self.reach = 1.0
+        self.both: dict[str, tuple] = {}
+        self.seen: list[tuple] = []
+        self.span = np.subtract(brief.high, brief.low)
+        self.demand()
+
+    def demand(self):
+        """Demand from now on what the orbit lacks to be a motion."""
+        c = self.orbit.certificate
+        for name in ("clearance", "smallest_separation", "smallest_contact_force"):
+            value = getattr(c, name)
+            if value is not None and value < 2 * MARGIN and name not in self.demands:
+                self.demands.append(name)
+
+    def scene(self) -> Scene:
+        """The question at the orbit."""
+        brief = self.brief
+        asked = Asked((brief.formula, *(c.formula for c in brief.constraints)), brief.names, tuple(self.demands))
+        return scene_of(self.machine, self.orbit, asked, self.units, self.both)
+
+    def scales(self, values: np.ndarray) -> np.ndarray:
+        """Of the objective (with its sign), the constraints, the landing jerk and the demands, at values of them."""
+        m = len(self.brief.constraints)
+        if not np.isfinite(values).all():
+            raise NoOrbit(f"'{self.brief.text}' or a constraint has no value at {_said(self.machine, self.brief)}")
+        bounds = [max([abs(b) for b in (c.low, c.high) if np.isfinite(b)]) for c in self.brief.constraints]
+        sizes = [b or abs(v) or 1.0 for b, v in zip(bounds, values[1 : 1 + m], strict=True)]
+        return np.array([
+            self.brief.sign * (abs(values[0]) or 1.0), *sizes, abs(values[1 + m]), *np.ones(len(values) - m - 2)
+        ])  # fmt: skip
+
+    def solve(self, scene: Scene, weights) -> tuple[Minimum, np.ndarray]:
+        scales = self.scales(scene.evaluated()[0][: scene.graph.scales.numel()])
+        sizes = scales[1 : 1 + len(self.brief.constraints)]
+        limits = [np.array([getattr(c, side) for c in self.brief.constraints]) / sizes for side in ("low", "high")]
+        return scene.minimise((self.brief.low, self.brief.high), self.reach, limits, scales, weights), scales
+
+    def lacking(self, scene: Scene) -> np.ndarray:
+        """What each constraint is broken by, as a share of its size."""
+        values = scene.evaluated()[0]
+        sizes = self.scales(values[: scene.graph.scales.numel()])[1:]
+        stated = zip(self.brief.constraints, values[1:], sizes, strict=False)
+        return np.array([c.excess(float(v)) / size for c, v, size in stated])
+
+    def move(self, scene: Scene, x: np.ndarray) -> bool:
+        """Go to the orbit that a program led to; whether that is where it said."""
+        k = len(self.brief.names)
+        theta = np.clip(x[:k], self.brief.low, self.brief.high)
+        # A parameter that Ipopt leaves just inside its bound is on it.
+        near = np.minimum(theta - self.brief.low, np.array(self.brief.high) - theta) < 1e-9 * self.span
+        ends = np.where(theta - self.brief.low < 0.5 * self.span, self.brief.low, self.brief.high)
+        theta = np.where(near, ends, theta)
+        machine = self.machine.with_values(**dict(zip(self.brief.names, theta.tolist(), strict=True)))
+        n = len(base_statement(self.model).unknowns)
+        orbit, u = certified(machine, x[k : k + n])
+        off = np.max(np.abs(u - x[k : k + n]) / np.maximum(np.abs(u), 1e-3))
+        if off > ANOTHER or orbit.family != self.first.family:
+            raise NoOrbit("the program leads to another orbit")
+        if orbit.contact_time is None:
+            raise NoOrbit("; ".join(orbit.violations))
+        self.machine, self.orbit = machine, orbit
+        return bool(off < AGREE + 10 * np.max(np.abs(theta - x[:k]) / self.span))
+
+    def escaping(self, far: float) -> str:
+        """Where the orbit is on its way to, when it has become `far` times as fast or long, or as slow or short."""
+        now, first = self.orbit, self.first
+        for name in ("alpha", "contact_time"):
+            ratio = getattr(now, name) / getattr(first, name)
+            if not 1 / far < ratio < far:
+                how = "escapes" if ratio > 1 else "shrinks to nothing"
+                return (
+                    f"the objective has no {'least' if self.brief.sign > 0 else 'largest'} value: '{self.brief.text}' "
+                    f"gets better as the orbit {how}, {name} = {getattr(now, name):.4g} at "
+                    f"{_said(self.machine, self.brief)} and still going; bound it, as subject_to=['{name} "
+                    f"{'<=' if ratio > 1 else '>='} ...']"
+                )
+        return ""
+
+    def places(self, scene: Scene) -> bool:
+        """Whether the extremes are where the program has them; where two take turns, they are tied from now on."""
+        fresh = self.scene()
+        if fresh.places == scene.places and fresh.demands == scene.demands:
+            return True
+        if fresh.places in self.seen and fresh.demands == scene.demands:
+            at = dict(zip(scene.places, _times(scene), strict=True))
+            for place, when in at.items():
+                if place not in fresh.places:
+                    self.both[place.extreme] = ((place, when),)
+        self.seen.append(scene.places)
+        return False
+
+
+def _times(scene: Scene) -> list[float]:
+    """The times of the places of a scene, 0 for those that are not inside."""
+    names = scene.graph.unknowns
+    return [float(scene.u[names.index(f"at {i}")]) if f"at {i}" in names else 0.0 for i in range(len(scene.places))]
+
+
+def descend(machine, orbit: Orbit, brief: Brief) -> End:
+    """The local optimum that an orbit leads to; raises `NoOrbit` when it leads to none."""
+    way = Descent(machine, orbit, brief)
+    collapses, weights, reason = 0, None, ""
+    for _ in range(MOST_ROUNDS):
+        interrupts.check()
+        scene = way.scene()
+        weights = weights or ((1.0, 0.0) if way.lacking(scene).sum() <= MET else PENALTY)
+        answer, scales = way.solve(scene, weights)
+        if answer.reason and not weights[1]:
+            weights = PENALTY
+            answer, scales = way.solve(scene, weights)
+        before = way.machine
+        try:
+            exact = way.move(scene, answer.x)
+        except NoOrbit as error:
+            reason, way.reach = str(error), way.reach / 4
+            collapses += reason == way.model.violations["end"]
+            if way.reach < LEAST_REACH or collapses > COLLAPSES:
+                raise _lost(way, reason, collapses) from None
+            continue
+        stopped = _at_reach(scene, answer, way.reach, brief)
+        if stopped and (ending := way.escaping(ESCAPED)):
+            raise Unbounded(ending)
+        way.demand()
+        settled = exact and not stopped and way.places(scene) and way.orbit.admissible
+        if weights[1]:
+            lacking = way.lacking(way.scene())
+            if lacking.sum() <= MET:
+                weights = (1.0, 0.0)
+            elif settled and weights[0] and _moved(before, way.machine, brief) <= 1e-3:
+                weights = (0.0, 1.0)
+            elif settled and not weights[0]:
+                raise _infeasible(way, lacking)
+        elif settled and not answer.reason:
+            end = _ended(way, scales)
+            if end.kkt <= STATIONARY:
+                return end
+            reason, way.reach = f"the optimality conditions are off by {end.kkt:.1e}", way.reach / 4
+            if way.reach < LEAST_REACH:
+                raise _lost(way, reason, collapses)
+            continue
+        way.reach = min(1.0, 2 * way.reach)
+    raise NoOrbit(
+        f"no optimum within {MOST_ROUNDS} programs, at {_said(way.machine, brief)}" + (reason and f": {reason}")
+    )
+
+
+def _moved(before, after, brief: Brief) -> float:
+    span = np.subtract(brief.high, brief.low)
+    return float(max(abs(after.values[n] - before.values[n]) / s for n, s in zip(brief.names, span, strict=True)))
+
+
+def _at_reach(scene: Scene, answer: Minimum, reach: float, brief: Brief) -> bool:
+    """Whether the program was stopped by how far its mesh serves."""
+    k, n = len(brief.names), scene.graph.size
+    span = np.subtract(brief.high, brief.low)
+    moved = np.abs(answer.x[:k] - scene.theta) / span
+    ratio = np.abs(np.log(answer.x[k + 1 : k + n] / scene.u[1:]))
+    return bool((reach < 1 and (moved > 0.999 * reach).any()) or (ratio > 0.999 * np.log1p(min(reach, 1.0))).any())
+
+
+def _lost(way: Descent, reason: str, collapses: int) -> NoOrbit:
+    """Nowhere to go on to: the family ends, or a phase collapses, just beyond."""
+    where = _said(way.machine, way.brief)
+    if collapses:
+        return Unbounded(f"the design runs into a collapse just beyond {where}: {way.model.violations['end']}")
+    if ending := way.escaping(RUNNING):
+        return Unbounded(ending)
+    return NoOrbit(f"the design cannot be carried on from {where}: {reason}")
+
+
+def _infeasible(way: Descent, lacking: np.ndarray) -> Infeasible:
+    values = way.scene().evaluated()[0][1:]
+    what = [
+        f"'{c.text}' is missed by {c.excess(float(v)):.4g}, at {float(v):.6g}"
+        for c, v, lack in zip(way.brief.constraints, values, lacking, strict=False)
+        if lack > MET
+    ]
+    bounds = ", ".join(f"{low:g} <= {n} <= {high:g}" for n, low, high in
+                       zip(way.brief.names, way.brief.low, way.brief.high, strict=True))  # fmt: skip
+    return Infeasible(
+        f"no motion with {bounds} meets the constraints: at best {' and '.join(what)}, with "
+        f"{_said(way.machine, way.brief)}; relax it, or widen the bounds",
+        float(lacking.sum()),
+    )
+
+
+def _said(machine, brief: Brief) -> str:
+    return ", ".join(f"{name} = {machine.values[name]:.6g}" for name in brief.names)
+
+
+def certified(machine, u) -> tuple[Orbit, np.ndarray]:
+    """The certified orbit of a machine near unknowns `u` of its simplest statement, and the unknowns."""
+    began, model, p = time.perf_counter(), machine.model, dict(machine.values)
+    method = "relative" if model.reduction else "half orbit"
+    equations = equations_of(model, method, tuple(p))
+    u, here = equations.newton(u, vector(p))
+    return as_orbit(machine, method, interpret(model, method, equations, u, here, p), began), u
+
+
+def _ended(way: Descent, scales) -> End:
+    """The optimum with its conditions, all recomputed at the certified orbit."""
+    brief, scene = way.brief, way.scene()
+    values, slopes = scene.evaluated()
+    k = len(brief.names)
+    theta = scene.theta
+    slope = brief.sign * slopes[0] * way.span / abs(scales[0])
+    rows, names, free, units = [], [], [], []
+    for i, (name, span) in enumerate(zip(brief.names, way.span, strict=True)):
+        for side, bound, relation in ((-1.0, brief.low[i], ">="), (1.0, brief.high[i], "<=")):
+            if abs(theta[i] - bound) <= ACTIVE * span:
+                rows.append(side * np.eye(k)[i])
+                names.append(f"{name} {relation} {bound:g}")
+                free.append(False)
+                units.append(span)
+    violation = 0.0
+    stated = [(c.text, c.low, c.high) for c in brief.constraints]
+    stated += [(f"{name} > 0", 0.0, np.inf) for name in ("-landing_jerk", *scene.demands)]
+    rest = values[1:], slopes[1:], scales[1:]
+    for (text, low, high), value, row, scale in zip(stated, *rest, strict=False):
+        violation = max(violation, max(low - value, value - high, 0.0) / scale)
+        sides = [(s, b) for s, b in ((-1.0, low), (1.0, high)) if abs(value - b) <= ACTIVE * scale]
+        for side, _ in sides[:1]:
+            rows.append(side * row * way.span / scale)
+            names.append(text)
+            free.append(low == high)
+            units.append(scale)
+    multipliers, left = _multipliers(slope, rows, free)
+    return End(
+        way.machine,
+        way.orbit,
+        float(brief.sign * values[0]),
+        dict(zip(scene.words, values[-len(scene.words) :].tolist(), strict=True)),
+        tuple(Active(n, float(x * abs(scales[0]) / u)) for n, x, u in zip(names, multipliers, units, strict=True) if x),
+        max(float(np.abs(left).max()), violation),
+    )
+
+
+def _multipliers(slope: np.ndarray, rows: list, free: list) -> tuple[np.ndarray, np.ndarray]:
+    """Multipliers of active constraints (rows point outwards) that make slope + rows . multipliers least, not negative
+    but where `free`; and what is left."""
+    multipliers, used = np.zeros(len(rows)), list(range(len(rows)))
+    while used:
+        found = np.linalg.lstsq(np.array([rows[i] for i in used]).T, -slope, rcond=None)[0]
+        worst = min(range(len(used)), key=lambda j: 0.0 if free[used[j]] else found[j])
+        if free[used[worst]] or found[worst] >= 0:
+            multipliers[used] = found
+            break
+        del used[worst]
+    return multipliers, slope + sum((x * row for x, row in zip(multipliers, rows, strict=True)), np.zeros(len(slope)))

@@ -1,0 +1,419 @@
+"""The best design of a machine: parameters and lossless orbit solved together, certified, with what holds the optimum.
+
+What may be asked for are formulas of the words of an orbit's document, and of the machine's parameters. Derivatives of
+these by the parameters are exact, and offered on their own.
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from . import interrupts
+from .brief import Brief, Constraint, brief_of, formula_of, units_of, words_of
+from .descent import Active, End, Infeasible, Unbounded, descend
+from .errors import InputError, NoOrbit, OrbitsError
+from .orbit import Orbit, to_json
+from .program import Asked, scene_of
+from .quantities import locate, parts_of, quantity_names
+from .question import known
+from .search import find
+
+# Starts that are tried, when none are asked for and the first leads to no optimum.
+OTHERS = 3
+# Objectives that differ by a smaller share are the same; one that can gain so much while the other stays, does.
+SAME, WORTH = 1e-9, 1e-4
+# How far an end of a front is probed for that, as a share of the parameters' range.
+PROBE = 1e-3
+
+
+@dataclass(frozen=True)
+class Start:
+    """One of the starts: the parameters it began with, the objective that it led to or the reason why to none."""
+
+    parameters: Mapping[str, float]
+    objective: float | None
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """The best design found; numbers in the machine's units, in SI for a machine stated so.
+
+    machine : with the best parameters
+    orbit : its certified lossless orbit
+    parameters : their values
+    verb, text, objective : "minimise" or "maximise", what, and its value
+    quantities : the values of all that the question names
+    active : constraints, bounds and demands that hold the optimum where it is
+    kkt : largest violation of the optimality conditions: the slope of the Lagrangian as a share of the objective over
+        each parameter's range, by the implicit function theorem at the certified orbit, and of the constraints
+    starts : all that were tried
+    seconds : wall time
+    pair : both objectives, of a design on a front
+    """
+
+    machine: object
+    orbit: Orbit
+    parameters: Mapping[str, float]
+    verb: str
+    text: str
+    objective: float
+    quantities: Mapping[str, float]
+    active: tuple[Active, ...]
+    kkt: float
+    starts: tuple[Start, ...]
+    seconds: float
+    pair: tuple[float, float] | None = None
+
+    def document(self) -> dict:
+        """The design as the JSON document of the command line."""
+        return {
+            "verb": self.verb,
+            "objective": {"formula": self.text, "value": self.objective},
+            "parameters": dict(self.parameters),
+            "quantities": dict(self.quantities),
+            "active": [{"text": active.text, "multiplier": active.multiplier} for active in self.active],
+            "kkt": self.kkt,
+            "starts": [
+                {"parameters": dict(s.parameters), "objective": s.objective, "reason": s.reason} for s in self.starts
+            ],
+            "units": "SI" if self.orbit.units else "units of the machine",
+            "seconds": self.seconds,
+            "orbit": self.orbit.document(),
+        }
+
+    def __str__(self) -> str:
+        lines = [f"{self.verb} {self.text}: {self.objective:.12g}" + (" (SI)" if self.orbit.units else "")]
+        lines += [f"  {name:<24}{value:.12g}" for name, value in self.parameters.items()]
+        lines += [f"  {name:<24}{value:.12g}" for name, value in self.quantities.items() if name not in self.parameters]
+        lines += [f"  {'held by':<24}{a.text}   (gains {a.multiplier:.4g} per unit)" for a in self.active]
+        good = sum(start.objective is not None for start in self.starts)
+        lines.append(f"  {'optimality':<24}{self.kkt:.1e}")
+        lines.append(f"  {'starts':<24}{good} of {len(self.starts)} led to an optimum, {self.seconds:.2f} s")
+        return "\n".join([*lines, "", str(self.orbit)])
+
+    def save(self, path) -> Path:
+        """Write the document to a JSON file; returns the path."""
+        path = Path(path)
+        try:
+            path.write_text(to_json(self.document()) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"the design cannot be saved to {path}: {error}") from None
+        return path
+
+
+def optimize(
+    machine,
+    *,
+    minimise: str | None = None,
+    maximise: str | None = None,
+    over: Mapping[str, tuple[float, float]],
+    subject_to: Sequence[str] = (),
+    family: int = 1,
+    starts: int | None = None,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> Design:
+    """The parameters of a machine whose lossless orbit is best.
+
+    machine : as in `find`; its own parameters are the first start, where they lie within the bounds
+    minimise, maximise : one of them, a formula of the orbit's quantities and the machine's parameters
+    over : bounds of the parameters to choose
+    subject_to : constraints, as "stroke <= 0.25", "loss_coefficient <= 2*alpha", "0.1 <= centre_of_mass_rise <= 0.2"
+    starts, seed : how many starts, those after the first from Sobol's sequence; None for one, and others only where
+        that leads to no optimum
+    progress : called with the share of the way done
+
+    All numbers are in the machine's units, or in SI where the machine was stated in SI; there the parameters of a
+    formula in SI are designed in SI. The orbit is always held to be a motion. The optimum is local: the best of those
+    that the starts lead to.
+    Raises `InputError` for a question that cannot be meant, and `NoOrbit` with the reason when no start leads to an
+    optimum: constraints that cannot be met, with what is lacking; an orbit that escapes; a contact that collapses.
+    """
+    with interrupts.deferred():
+        brief = brief_of(machine, minimise, maximise, over, subject_to)
+        return _search(machine, brief, family, starts, seed, progress)
+
+
+def _search(machine, brief: Brief, family: int, starts: int | None, seed: int, progress=None) -> Design:
+    """The best that so many starts lead to; for None the first, or others where that leads to none."""
+    points = _starts(machine, brief, 1 if starts is None else starts, seed)
+    try:
+        return _optimize(machine, brief, family, points, progress)
+    except Unbounded:
+        raise
+    except NoOrbit:
+        if starts is not None:
+            raise
+    return _optimize(machine, brief, family, _starts(machine, brief, 1 + OTHERS, seed), progress)
+
+
+def _optimize(machine, brief: Brief, family: int, points: Sequence[Mapping], progress=None) -> Design:
+    """The best that starts lead to; a start is parameters by name, with an "orbit" if one is known."""
+    began = time.perf_counter()
+    ends: list[End | OrbitsError] = []
+    tried = []
+    for i, point in enumerate(points):
+        interrupts.check()
+        values = {name: point[name] for name in brief.names}
+        try:
+            there = machine.with_values(**values)
+            end = descend(there, point.get("orbit") or find(there, family), brief)
+            tried.append(Start(values, end.objective * brief.sign))
+        except InputError:
+            raise
+        except OrbitsError as error:
+            end = error
+            tried.append(Start(values, None, str(error)))
+        ends.append(end)
+        if progress:
+            progress((i + 1) / len(points))
+    found = [end for end in ends if isinstance(end, End)]
+    # An objective without bound is what the whole question amounts to, whatever other starts lead to.
+    unbounded = [end for end in ends if isinstance(end, Unbounded)]
+    if unbounded or not found:
+        raise _worst([end for end in ends if isinstance(end, OrbitsError)])
+    best = min(found, key=lambda end: end.objective)
+    return Design(
+        machine=best.machine,
+        orbit=best.orbit,
+        parameters={name: best.machine.values[name] for name in brief.names},
+        verb=brief.verb,
+        text=brief.text,
+        objective=best.objective * brief.sign,
+        quantities=best.quantities,
+        active=best.active,
+        kkt=best.kkt,
+        starts=tuple(tried),
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _starts(machine, brief: Brief, count, seed) -> list[dict]:
+    """The machine's own parameters, if they lie within the bounds, and further ones spread between these."""
+    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+        raise InputError(f"starts = {count!r}; it is a whole number from 1")
+    low, high = np.array(brief.low), np.array(brief.high)
+    own = np.array([machine.values[name] for name in brief.names])
+    points = [own if ((low <= own) & (own <= high)).all() else 0.5 * (low + high)]
+    if count > 1:
+        from scipy.stats import qmc  # it takes longer to import than most designs to solve
+
+        drawn = qmc.Sobol(len(low), seed=seed).random(1 << (int(count) - 2).bit_length() if count > 2 else 1)
+        # Bounds that span decades are spread by their logarithm.
+        wide = (low > 0) & (high >= 100 * low)
+        spread = low + drawn * (high - low)
+        safe = np.where(low > 0, low, 1.0)
+        points += list(np.where(wide, safe * (np.where(wide, high / safe, 1.0)) ** drawn, spread)[: count - 1])
+    return [dict(zip(brief.names, point.tolist(), strict=True)) for point in points]
+
+
+def _worst(errors: Sequence[OrbitsError]) -> OrbitsError:
+    """What to say when no start leads to an optimum: the worst kind first, and of constraints the least broken."""
+    for kind in (Unbounded, Infeasible):
+        if some := [error for error in errors if isinstance(error, kind)]:
+            return min(some, key=lambda error: error.size)
+    return NoOrbit(f"no start within the bounds leads to an optimum: {errors[0]}")
+
+
+@dataclass(frozen=True, eq=False)
+class Front:
+    """Designs of which none is better than another in both objectives, the best in the first one first.
+
+    texts : the two objectives, both minimised
+    designs : each certified
+    refused : (level of the second objective, reason) where there is none
+    """
+
+    texts: tuple[str, str]
+    designs: tuple[Design, ...]
+    refused: tuple[tuple[float, str], ...]
+    seconds: float
+
+    @property
+    def values(self) -> np.ndarray:
+        """The objectives (m, 2) of the designs."""
+        return np.array([design.pair for design in self.designs])
+
+    def column(self, name: str) -> np.ndarray:
+        """A parameter of every design."""
+        return np.array([design.parameters[name] for design in self.designs])
+
+    def document(self) -> dict:
+        """The front as the JSON document of the command line."""
+        return {
+            "objectives": list(self.texts),
+            "points": [{"values": list(design.pair), **design.document()} for design in self.designs],
+            "refused": [{"level": level, "reason": reason} for level, reason in self.refused],
+            "seconds": self.seconds,
+        }
+
+    def __str__(self) -> str:
+        names = list(self.designs[0].parameters)
+        lines = ["".join(f"{name:>24}" for name in (*self.texts, *names))]
+        for design in self.designs:
+            lines.append("".join(f"{value:24.12g}" for value in (*design.pair, *design.parameters.values())))
+        lines += [f"none at {self.texts[1]} <= {level:.6g}: {reason}" for level, reason in self.refused]
+        return "\n".join([*lines, f"{len(self.designs)} certified designs, {self.seconds:.2f} s"])
+
+
+def pareto(
+    machine,
+    *,
+    minimise: tuple[str, str],
+    over: Mapping[str, tuple[float, float]],
+    subject_to: Sequence[str] = (),
+    points: int = 9,
+    family: int = 1,
+    starts: int | None = None,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> Front:
+    """The front of two objectives: the designs of which none is better in both than another.
+
+    Both ends first; then the first objective is minimised with the second bounded at levels spread evenly between them,
+    each from the design before. The arguments are those of `optimize`; an objective to be large is given as "-alpha".
+    Raises as `optimize` does where an end has no optimum.
+    """
+    if isinstance(minimise, str) or len(minimise) != 2:
+        raise InputError(f"minimise = {minimise!r}; a front has two objectives")
+    if isinstance(points, bool) or not isinstance(points, int | np.integer) or points < 2:
+        raise InputError(f"points = {points!r}; a front has a whole number of them, from 2")
+    with interrupts.deferred():
+        began = time.perf_counter()
+        first, second = (brief_of(machine, text, None, over, subject_to) for text in minimise)
+        tell = progress or (lambda share: None)
+        ends = []
+        for i, brief in enumerate((first, second)):
+            best = _both(_search(machine, brief, family, starts, seed), minimise)
+            ends.append(_cornered(best, (second, first)[i], i, machine, family, minimise))
+            tell((i + 1) / points)
+        low, high = ends[1].pair[1], ends[0].pair[1]
+        found, refused, here = [ends[0]], [], ends[0]
+        # Where one design is best in both, there is nothing between.
+        levels = np.linspace(high, low, points)[1:-1] if _beats(ends[1].pair[1:], ends[0].pair[1:]) else np.zeros(0)
+        for i, level in enumerate(levels.tolist()):
+            bounded = replace(first, constraints=(*first.constraints, _bounded(minimise[1], level, machine)))
+            start = {**here.parameters, "orbit": here.orbit}
+            try:
+                here = _both(_optimize(here.machine, bounded, family, [start]), minimise)
+                found.append(here)
+            except OrbitsError as error:
+                refused.append((level, str(error)))
+            tell((i + 3) / points)
+        found += ends[1:] if len(levels) or points == 2 else []
+        best = [d for d in found if not any(_beats(other.pair, d.pair) for other in found)]
+        return Front(tuple(minimise), tuple(best), tuple(refused), time.perf_counter() - began)
+
+
+def _cornered(end: Design, other: Brief, best: int, machine, family: int, texts) -> Design:
+    """An end of a front, or where the other objective has fallen while that of index `best` stays as it is: an end need
+    not be a single design."""
+    if not _flat(end, other, best, texts):
+        return end
+    held = _bounded(texts[best], end.pair[best] + SAME * abs(end.pair[best]), machine)
+    start = {**end.parameters, "orbit": end.orbit}
+    try:
+        further = _both(
+            _optimize(end.machine, replace(other, constraints=(*other.constraints, held)), family, [start]), texts
+        )
+    except OrbitsError:
+        return end
+    gain = end.pair[1 - best] - further.pair[1 - best]
+    return further if gain > WORTH * abs(end.pair[1 - best]) else end
+
+
+def _flat(end: Design, brief: Brief, best: int, texts) -> bool:
+    """Whether the objective of index `best` stays as it is a small way along where the other one falls fastest, with
+    what is active at an end kept active."""
+    span = np.subtract(brief.high, brief.low)
+    known_active = {active.text for active in end.active}
+    held = [c.formula.text for c in brief.constraints if c.text in known_active]
+    slopes = sensitivities(end.machine, end.orbit, brief.names, [texts[1 - best], *held])
+    rows = np.array([[slope[name] for name in brief.names] for slope in slopes.values()]) * span
+    at = np.array([end.parameters[name] for name in brief.names])
+    bounded = np.eye(len(span))[(at == brief.low) | (at == brief.high)]
+    fixed = np.vstack([rows[1:], bounded])
+    way = -rows[0] + (fixed.T @ np.linalg.lstsq(fixed.T, rows[0], rcond=None)[0] if len(fixed) else 0.0)
+    if np.linalg.norm(way) <= 1e-6 * np.linalg.norm(rows[0]):
+        return False
+    there = np.clip(at + PROBE * span * way / np.linalg.norm(way), brief.low, brief.high)
+    machine = end.machine.with_values(**dict(zip(brief.names, there.tolist(), strict=True)))
+    try:
+        orbit = find(machine, end.orbit.family)
+        value = quantities(machine, orbit, [texts[best]])[texts[best]]
+    except OrbitsError:
+        return False
+    return abs(value - end.pair[best]) <= 0.1 * PROBE**2 * abs(end.pair[best])
+
+
+def _bounded(text: str, level: float, machine) -> Constraint:
+    """The constraint that an objective is no more than a level."""
+    return Constraint(f"{text} <= {level:.9g}", formula_of(text, words_of(machine), "the objective"), -np.inf, level)
+
+
+def _beats(one, other) -> bool:
+    """Whether a pair is better in one objective and not worse in the other, by more than rounding."""
+    slack = [2 * SAME * abs(value) for value in other]
+    pairs = list(zip(one, other, slack, strict=True))
+    return all(a <= b + s for a, b, s in pairs) and any(a < b - s for a, b, s in pairs)
+
+
+def _both(design: Design, texts) -> Design:
+    """A design that knows both objectives."""
+    values = quantities(design.machine, design.orbit, texts)
+    return replace(design, pair=tuple(values[text] for text in texts))
+
+
+def quantities(machine, orbit: Orbit, names: Sequence[str] | None = None) -> dict[str, float]:
+    """Quantities of a machine's orbit, or formulas of them, by what was asked; all that it has for None.
+
+    In the machine's units, or in SI for a machine stated so. Raises `InputError` for an unknown name.
+    """
+    names = _owned(machine, orbit, names)
+    asked = Asked(tuple(formula_of(name, words_of(machine), "the quantity") for name in names), ())
+    values, _ = scene_of(machine, orbit, asked, units_of(machine)).evaluated()
+    return dict(zip(names, values.tolist(), strict=False))
+
+
+def sensitivities(
+    machine, orbit: Orbit | int = 1, names: Sequence[str] | None = None, quantities: Sequence[str] | None = None
+) -> dict[str, dict[str, float]]:
+    """Exact derivatives d(quantity)/d(parameter), as the parameter changes and the orbit stays lossless.
+
+    orbit : one of the machine's own, or the number of its family
+    names : of the parameters, all for None; as in `optimize`
+    quantities : of the orbit, or formulas of these; all that it has for None
+
+    By the implicit function theorem on the equations of the orbit, with derivatives from their graph. At a fold of the
+    family in a parameter they are infinite. Raises `InputError` for an unknown name or another machine's orbit.
+    """
+    known(machine)
+    if not isinstance(orbit, Orbit):
+        orbit = find(machine, orbit)
+    if names is None:
+        fixed = {machine.model.homotopy} | ({"mass_ratio", "rest_length"} if machine.units else set())
+        names = [name for name in machine.values if name not in fixed]
+    machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
+    known(machine, *names)
+    quantities = _owned(machine, orbit, quantities)
+    formulas = tuple(formula_of(name, words_of(machine), "the quantity") for name in quantities)
+    with interrupts.deferred():
+        _, slopes = scene_of(machine, orbit, Asked(formulas, tuple(names)), units_of(machine)).evaluated()
+    return {
+        quantity: dict(zip(names, row.tolist(), strict=True)) for quantity, row in zip(quantities, slopes, strict=False)
+    }
+
+
+def _owned(machine, orbit: Orbit, names: Sequence[str] | None) -> Sequence[str]:
+    """The names asked for, or all that the orbit has, once it is the machine's own."""
+    if dict(orbit.machine) != machine.describe():
+        raise InputError(f"the orbit is another machine's: {dict(orbit.machine)}")
+    if names is not None:
+        return list(names)
+    model, p = machine.model, machine.values
+    every = quantity_names(model, p)
+    return [name for name in every if all(locate(model, orbit, p, part) for part in parts_of(name))]

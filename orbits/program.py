@@ -1,0 +1,240 @@
+"""An orbit and its parameters as one nonlinear program, and their derivatives by the implicit function theorem.
+
+Unknowns: the parameters theta, those of the design statement, the states at the nodes of its mesh, and what the
+constraints are exceeded by, which is held at zero except when it is what is minimised.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from .errors import NoOrbit
+from .formula import Formula
+from .mesh import Mesh, Motion, travel
+from .model import Model, Units
+from .nlp import Minimiser, Minimum
+from .orbit import Orbit
+from .quantities import (
+    VARIED,
+    Place,
+    design_statement,
+    expressions,
+    extremes,
+    locate,
+    missing,
+    parts_of,
+    quantity_names,
+    unit_of,
+)
+from .shooting import solve
+
+# What the demands on a motion stay away from zero by, in the machine's units, and the landing jerk as a share of its
+# first value: a motion that just touches is none.
+MARGIN = 1e-9
+JERK_LEFT = 1e-6
+# Nodes stay this near to the first motion's, in its sizes: where there is no orbit the states would run off.
+FARTHEST = 4.0
+# Of Ipopt's: the guess is an orbit already, and so small a program can be solved to rounding.
+NEARBY = {
+    "ipopt.tol": 1e-13,
+    "ipopt.compl_inf_tol": 1e-13,
+    "ipopt.max_iter": 80,
+    "ipopt.mu_init": 1e-3,
+    "ipopt.bound_push": 1e-4,
+    "ipopt.bound_frac": 1e-4,
+}
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is to be expressed of an orbit.
+
+    formulas : of quantities and parameters, the objective first
+    over : names of the parameters that vary
+    demands : quantities that must be positive on a motion, beside the landing jerk, which must be negative
+    """
+
+    formulas: tuple[Formula, ...]
+    over: tuple[str, ...]
+    demands: tuple[str, ...] = ()
+
+    def quantities(self, model: Model, p: Mapping) -> list[str]:
+        """The quantities in use."""
+        used = set(self.demands).union(*(formula.names for formula in self.formulas)) - p.keys()
+        return [name for name in quantity_names(model, p) if name in used]
+
+
+class Graph:
+    """The program of what is asked, built once for all values."""
+
+    def __init__(self, model: Model, names: tuple[str, ...], asked: Asked, places: tuple[Place, ...], counts):
+        self.asked, self.names = asked, names
+        words = asked.quantities(model, dict.fromkeys(names, 1.0))
+        statement = design_statement(model, any(name in VARIED for name in words), places)
+        self.unknowns, self.size = statement.unknowns, len(statement.unknowns)
+        k, m = len(asked.over), len(asked.formulas) - 1
+        theta, u, fixed = ca.MX.sym("theta", k), ca.MX.sym("u", self.size), ca.MX.sym("fixed", len(names))
+        p = ca.vertcat(*[theta[asked.over.index(n)] if n in asked.over else fixed[i] for i, n in enumerate(names)])
+        mesh = Mesh(statement, names, counts, u, p)
+        units = ca.MX.sym("units", 3)
+        values = _values(model, statement, names, asked, words, places).call([u, p, units, *mesh.ends], True)
+        formulas, demands, reports, ties = values
+        self.scales = ca.MX.sym("scales", 1 + m + 1 + len(asked.demands))
+        self.weights = ca.MX.sym("weights", 2)
+        over, under = ca.MX.sym("over", m), ca.MX.sym("under", m)
+        scaled = ca.vertcat(formulas, demands) / self.scales
+        held = scaled[1 : 1 + m] - over + under
+        self.equations = mesh.equations.numel() + ties.numel()
+        parameters = ca.vertcat(fixed, units, mesh.data, self.weights, self.scales)
+        unknowns = ca.vertcat(theta, u, mesh.nodes, over, under)
+        cost = self.weights[0] * scaled[0] + self.weights[1] * (ca.sum1(over) + ca.sum1(under))
+        pair = [cost, ca.vertcat(mesh.equations, ties, held, scaled[1 + m :])]
+        z, scale = ca.MX.sym("z", unknowns.numel()), ca.MX.sym("scale", unknowns.numel())
+        pair = ca.Function("program", [unknowns, parameters], pair).call([z * scale, parameters], True)
+        self.program = Minimiser(z, ca.vertcat(parameters, scale), *pair, NEARBY)
+        state = ca.vertcat(theta, u, mesh.nodes)
+        zeros, results = ca.vertcat(mesh.equations, ties), ca.vertcat(formulas, demands, reports)
+        # Built when they are asked for: most programs are solved more often than differentiated.
+        self._derivatives = lambda: ca.Function(
+            "derivatives", [state, parameters], [zeros, results, ca.jacobian(zeros, state), ca.jacobian(results, state)]
+        )
+        self._built: ca.Function | None = None
+
+    def derivatives(self, state, parameters) -> list[np.ndarray]:
+        """Equations, values, and the Jacobians of both by (theta, u, nodes)."""
+        self._built = self._built or self._derivatives()
+        return [value.full() for value in self._built(state, parameters)]
+
+
+def _values(model: Model, statement, names, asked: Asked, words, places) -> ca.Function:
+    """(u, p, units, end of each arc ...) -> the formulas, the demands in the machine's units, the quantities in use,
+    and what vanishes where an extreme is taken at several places at once."""
+    u, p, units = ca.SX.sym("u", len(statement.unknowns)), ca.SX.sym("p", len(names)), ca.SX.sym("units", 3)
+    ends = [ca.SX.sym("x", len(arc.phase.states)) for arc in statement.arcs]
+    named = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
+    values = dict(zip(names, ca.vertsplit(p), strict=True))
+    split = [ca.vertsplit(end) for end in ends]
+    found = expressions(model, [*words, "landing_jerk"], places, named, split, values)
+    unit = Units(*ca.vertsplit(units))
+    stated = {name: found[name] * unit_of(name, unit) for name in words} | values
+    if "rest_length" in values:
+        stated["rest_length"] = values["rest_length"] * unit.length
+    formulas = [formula(**{name: stated[name] for name in formula.names}) for formula in asked.formulas]
+    demands = [-found["landing_jerk"], *(found[name] for name in asked.demands)]
+    reports = [stated[name] for name in words]
+    ties = [first - other for first, *rest in extremes(model, places, named, split, values).values() for other in rest]
+    results = [ca.densify(ca.vertcat(*part)) if part else ca.SX(0, 1) for part in (formulas, demands, reports, ties)]
+    return ca.Function("values", [u, p, units, *ends], results)
+
+
+@lru_cache(maxsize=64)
+def graph(model: Model, names: tuple[str, ...], asked: Asked, places: tuple[Place, ...], counts) -> Graph:
+    """The graph, kept for the next call with the same question."""
+    return Graph(model, names, asked, places, counts)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A question at an orbit: the graph with everything that it needs to be solved from there.
+
+    places : where its extremes are taken
+    p, u : the parameters by name, the unknowns of the design statement
+    motion : of that statement
+    units : what the formulas' numbers are in
+    demands : those of the question that the orbit knows
+    words : the quantities in use
+    """
+
+    graph: Graph
+    places: tuple[Place, ...]
+    p: dict[str, float]
+    u: np.ndarray
+    motion: Motion
+    units: Units
+    demands: tuple[str, ...]
+    words: tuple[str, ...]
+
+    @property
+    def theta(self) -> np.ndarray:
+        return np.array([self.p[name] for name in self.graph.asked.over])
+
+    def parameters(self, weights, scales) -> np.ndarray:
+        fixed, units = list(self.p.values()), [self.units.length, self.units.time, self.units.force]
+        return np.concatenate([fixed, units, Mesh.data_of(self.motion), weights, scales])
+
+    def evaluated(self) -> tuple[np.ndarray, np.ndarray]:
+        """Values (rows,) of the formulas, the landing jerk times -1, the demands and the words, and their derivatives
+        (rows, k) by the parameters, the orbit going with them."""
+        k = len(self.graph.asked.over)
+        nodes, _ = Mesh.nodes_of(self.motion)
+        state = np.concatenate([self.theta, self.u, nodes])
+        data = self.parameters([1.0, 0.0], np.ones(self.graph.scales.numel()))
+        _, values, zeros_by, values_by = self.graph.derivatives(state, data)
+        # On a tie there is one equation more than unknowns: none is needed along the others.
+        count = zeros_by.shape[1] - k
+        moved = -solve(zeros_by[:count, k:], zeros_by[:count, :k])
+        return values.ravel(), values_by[:, :k] + values_by[:, k:] @ moved
+
+    def minimise(self, bounds, reach: float, limits, scales, weights) -> Minimum:
+        """The program solved from here.
+
+        bounds : of the parameters, (low, high); they move no further than `reach` as a share of the way between
+        limits : (low, high) of the constraints, in scaled units
+        scales : of the formulas and the demands
+        weights : of the objective, and of what the constraints are exceeded by; 0 where they may not be
+        """
+        g, m, k = self.graph, len(self.graph.asked.formulas) - 1, len(self.graph.asked.over)
+        nodes, unit = Mesh.nodes_of(self.motion)
+        guess = np.concatenate([self.theta, self.u, nodes, np.zeros(2 * m)])
+        low, high = (np.array(b) for b in bounds)
+        span = high - low
+        size = np.maximum(np.abs(self.u), 0.1 * np.abs(self.u).max())
+        scale = np.concatenate([span, size, unit, np.ones(2 * m)])
+        lower, upper = np.full(len(guess), -np.inf), np.full(len(guess), np.inf)
+        lower[:k], upper[:k] = np.maximum(low, self.theta - reach * span), np.minimum(high, self.theta + reach * span)
+        # A mesh serves motions up to so many times as long; all but the lift-off extension are times and a speed.
+        factor = 1 + min(reach, 1.0)
+        lower[k + 1 : k + g.size], upper[k + 1 : k + g.size] = self.u[1:] / factor, self.u[1:] * factor
+        nodes = slice(k + g.size, len(guess) - 2 * m)
+        lower[nodes], upper[nodes] = guess[nodes] - FARTHEST * unit, guess[nodes] + FARTHEST * unit
+        lower[len(guess) - 2 * m :], upper[len(guess) - 2 * m :] = 0.0, np.inf if weights[1] else 0.0
+        demanded = np.array([JERK_LEFT, *(MARGIN for _ in self.demands)])
+        least = np.concatenate([np.zeros(g.equations), limits[0], demanded])
+        most = np.concatenate([np.zeros(g.equations), limits[1], np.full(len(demanded), np.inf)])
+        p = np.concatenate([self.parameters(weights, scales), scale])
+        found = g.program(guess / scale, p, (lower / scale, upper / scale), (least, most))
+        if found.kind == "undefined":
+            raise NoOrbit("the design cannot be evaluated; state the machine in units nearer to 1")
+        return replace(found, x=found.x * scale)
+
+
+def scene_of(machine, orbit: Orbit, asked: Asked, units: Units, both: Mapping[str, tuple] | None = None) -> Scene:
+    """A question at an orbit of a machine.
+
+    both : extremes, by name, that are to be taken at several places, which are then equal
+    Raises `NoOrbit` for a contact that does not end, or an extreme that the orbit does not have.
+    """
+    model, p = machine.model, dict(machine.values)
+    if orbit.contact_time is None:
+        raise NoOrbit("; ".join(orbit.violations))
+    demands = tuple(d for d in asked.demands if locate(model, orbit, p, parts_of(d)[0]))
+    asked = Asked(asked.formulas, asked.over, demands)
+    words = asked.quantities(model, p)
+    places, times = [], []
+    for part in dict.fromkeys(part for word in words for part in parts_of(word)):
+        found = locate(model, orbit, p, part)
+        if found is None:
+            raise missing(model, part)
+        known = {found[0]: found[1]} | dict((both or {}).get(part, ()))
+        places += known.keys()
+        times += known.values()
+    statement = design_statement(model, any(name in VARIED for name in words), tuple(places))
+    given = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
+    given |= {"contact": orbit.contact_time / 2} | {f"at {i}": time for i, time in enumerate(times)}
+    u = np.array([given[name] for name in statement.unknowns])
+    motion = travel(statement, dict(zip(statement.unknowns, u.tolist(), strict=True)), p)
+    built = graph(model, tuple(p), asked, tuple(places), motion.counts)
+    return Scene(built, tuple(places), p, u, motion, units, demands, tuple(words))

@@ -1,0 +1,99 @@
+"""A leg of 60 kg of body and 3 kg of foot: which spring makes it hop 0.2 m high without loss, and most forgivingly?
+
+The spring is k r + b r^3, its stroke at most 0.25 m, and the hop the rise of the centre of mass. Designed are stiffness
+k and hardening b, for the smallest loss coefficient C: what a launch that is off by d loses is C d^(4/3). For each
+family of orbits there is an answer or the reason why there is none. Then, whatever C is: what a higher hop costs in
+peak force, as the Pareto front of each family.
+Run: python studies/design.py [--output FOLDER] [--quick]
+"""
+
+import argparse
+from pathlib import Path
+
+from orbits import Design, Front, NoOrbit, optimize, pareto, quantities
+from orbits.plot import new_row, save_figure
+from problems import hopper_in_si
+
+BODY, FOOT = 60.0, 3.0  # kg
+STROKE, HEIGHT = 0.25, 0.2  # m
+LEG = hopper_in_si(BODY, FOOT, force="k*r + b*r**3", parameters={"k": 5000.0, "b": 1e5}, rest_length=0.8)
+OVER = {"k": (500.0, 50_000.0), "b": (0.0, 1e7)}  # N/m, N/m^3
+RISE = "centre_of_mass_rise"
+
+
+def best(family: int, starts: int) -> Design | str:
+    """The most forgiving leg that hops as high as asked, or why there is none."""
+    try:
+        return optimize(
+            LEG,
+            minimise="loss_coefficient",
+            over=OVER,
+            subject_to=[f"stroke <= {STROKE}", f"{RISE} == {HEIGHT}"],
+            family=family,
+            starts=starts,
+        )
+    except NoOrbit as reason:
+        return str(reason)
+
+
+def front(family: int, points: int) -> Front:
+    """The highest hop against the least peak force on the foot."""
+    return pareto(
+        LEG,
+        minimise=(f"-{RISE}", "largest_contact_force"),
+        over=OVER,
+        subject_to=[f"stroke <= {STROKE}", f"{RISE} >= 0.05"],
+        family=family,
+        points=points,
+    )
+
+
+def main(folder: Path, quick: bool = False) -> dict[str, object]:
+    designs = {family: best(family, 1 if quick else 3) for family in range(1, 3 if quick else 6)}
+    for family, design in designs.items():
+        if isinstance(design, str):
+            print(f"  family {family}: {design}")
+            continue
+        k, b = design.parameters["k"], design.parameters["b"]
+        held = ", ".join(active.text for active in design.active)
+        print(f"  family {family}: k = {k:.6g} N/m, b = {b:.6g} N/m^3: C = {design.objective:.6g}, held by {held}")
+    found = [design for design in designs.values() if isinstance(design, Design)]
+    winner = min(found, key=lambda design: design.objective)
+    print(f"\n{winner}\n")
+    fronts = {family: front(family, 3 if quick else 9) for family in ((2,) if quick else (1, 2, 3, 4))}
+    for family, trade in fronts.items():
+        print(f"  family {family}\n{trade}\n")
+    print(f"  figure: {_figure(winner, found, fronts, folder)}")
+    return {"designs": designs, "winner": winner, "fronts": fronts}
+
+
+def _figure(winner: Design, found: list[Design], fronts: dict[int, Front], folder: Path) -> Path:
+    left, right = new_row(2, 5.6, 4.2)
+    winner.orbit.plot(left)
+    k, b = winner.parameters["k"], winner.parameters["b"]
+    left.set_title(f"least C for {HEIGHT} m: k = {k:.0f} N/m, b = {b:.3g} N/m$^3$", fontsize="medium")
+    for family, trade in fronts.items():
+        heights, forces = -trade.values[:, 0], trade.values[:, 1] / 1e3
+        (line,) = right.plot(heights, forces, "o-", ms=3.5, lw=1.2)
+        right.annotate(f"family {family}", (heights[0], forces[0]), (4, 0), textcoords="offset points",
+                       color=line.get_color(), va="center", fontsize="small")  # fmt: skip
+    for design in found:
+        if design.parameters["b"] == OVER["b"][0]:
+            continue  # a straight line: C has no room, and the stars would cover each other
+        force = quantities(design.machine, design.orbit, ["largest_contact_force"])["largest_contact_force"]
+        right.plot(HEIGHT, force / 1e3, "*", color="0.15" if design is winner else "0.6", ms=10, zorder=3)
+        right.annotate(f"C = {design.objective:.3g}", (HEIGHT, force / 1e3), (8, -3), textcoords="offset points",
+                       color="0.3", fontsize="small")  # fmt: skip
+    right.set(xlabel="rise of the centre of mass (m)", ylabel="largest contact force (kN)")
+    right.set_title(f"fronts with a stroke of at most {STROKE} m", fontsize="medium")
+    right.margins(x=0.15)
+    folder.mkdir(parents=True, exist_ok=True)
+    return save_figure(left, folder / "design.png")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
+    parser.add_argument("--quick", action="store_true", help="fewer families and points")
+    arguments = parser.parse_args()
+    main(arguments.output, arguments.quick)
