@@ -48,7 +48,8 @@ class Active:
     """Something that keeps the optimum from being better.
 
     text : the constraint, bound or demand
-    multiplier : by how much the objective would get better per unit that it is relaxed, to first order
+    multiplier : by how much the objective would get better per unit that it is relaxed, to first order; per unit that
+        the value is raised, of an equation
     """
 
     text: str
@@ -315,12 +316,18 @@ def _ended(way: Descent, scales) -> End:
             names.append(text)
             free.append(low == high)
             units.append(scale)
+    count = len(values) - scene.graph.ties
+    for row in slopes[count:]:  # where two places have the same extreme it may be sought at either
+        rows.append(row * way.span / abs(scales[0]))
+        names.append("an extreme at two places")
+        free.append(True)
+        units.append(abs(scales[0]))
     multipliers, left = _multipliers(slope, rows, free)
     return End(
         way.machine,
         way.orbit,
         float(brief.sign * values[0]),
-        dict(zip(scene.words, values[-len(scene.words) :].tolist(), strict=True)),
+        dict(zip(scene.words, values[count - len(scene.words) : count].tolist(), strict=True)),
         tuple(Active(n, float(x * abs(scales[0]) / u)) for n, x, u in zip(names, multipliers, units, strict=True) if x),
         max(float(np.abs(left).max()), violation),
     )

@@ -96,7 +96,8 @@ class Graph:
         pair = ca.Function("program", [unknowns, parameters], pair).call([z * scale, parameters], True)
         self.program = Minimiser(z, ca.vertcat(parameters, scale), *pair, NEARBY)
         state = ca.vertcat(theta, u, mesh.nodes)
-        zeros, results = ca.vertcat(mesh.equations, ties), ca.vertcat(formulas, demands, reports)
+        zeros, results = mesh.equations, ca.vertcat(formulas, demands, reports, ties)
+        self.ties = ties.numel()
         # Built when they are asked for: most programs are solved more often than differentiated.
         self._derivatives = lambda: ca.Function(
             "derivatives", [state, parameters], [zeros, results, ca.jacobian(zeros, state), ca.jacobian(results, state)]
@@ -166,16 +167,14 @@ class Scene:
         return np.concatenate([fixed, units, Mesh.data_of(self.motion), weights, scales])
 
     def evaluated(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values (rows,) of the formulas, the landing jerk times -1, the demands and the words, and their derivatives
-        (rows, k) by the parameters, the orbit going with them."""
+        """Values (rows,) of the formulas, the landing jerk times -1, the demands, the words and the ties, and their
+        derivatives (rows, k) by the parameters, the orbit going with them."""
         k = len(self.graph.asked.over)
         nodes, _ = Mesh.nodes_of(self.motion)
         state = np.concatenate([self.theta, self.u, nodes])
         data = self.parameters([1.0, 0.0], np.ones(self.graph.scales.numel()))
         _, values, zeros_by, values_by = self.graph.derivatives(state, data)
-        # On a tie there is one equation more than unknowns: none is needed along the others.
-        count = zeros_by.shape[1] - k
-        moved = -solve(zeros_by[:count, k:], zeros_by[:count, :k])
+        moved = -solve(zeros_by[:, k:], zeros_by[:, :k])
         return values.ravel(), values_by[:, :k] + values_by[:, k:] @ moved
 
     def minimise(self, bounds, reach: float, limits, scales, weights) -> Minimum:

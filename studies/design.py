@@ -72,21 +72,22 @@ def _figure(winner: Design, found: list[Design], fronts: dict[int, Front], folde
     winner.orbit.plot(left)
     k, b = winner.parameters["k"], winner.parameters["b"]
     left.set_title(f"least C for {HEIGHT} m: k = {k:.0f} N/m, b = {b:.3g} N/m$^3$", fontsize="medium")
+    colours = {}
     for family, trade in fronts.items():
         heights, forces = -trade.values[:, 0], trade.values[:, 1] / 1e3
         (line,) = right.plot(heights, forces, "o-", ms=3.5, lw=1.2)
-        right.annotate(f"family {family}", (heights[0], forces[0]), (4, 0), textcoords="offset points",
-                       color=line.get_color(), va="center", fontsize="small")  # fmt: skip
-    for design in found:
-        if design.parameters["b"] == OVER["b"][0]:
-            continue  # a straight line: C has no room, and the stars would cover each other
-        force = quantities(design.machine, design.orbit, ["largest_contact_force"])["largest_contact_force"]
-        right.plot(HEIGHT, force / 1e3, "*", color="0.15" if design is winner else "0.6", ms=10, zorder=3)
-        right.annotate(f"C = {design.objective:.3g}", (HEIGHT, force / 1e3), (8, -3), textcoords="offset points",
-                       color="0.3", fontsize="small")  # fmt: skip
+        colours[family] = line.get_color()
+        right.annotate(f"family {family}", (heights[-1], forces[-1]), (0, -13), textcoords="offset points",
+                       color=line.get_color(), ha="center", fontsize="small")  # fmt: skip
+    for design in (design for design in found if design.orbit.family in fronts):
+        force = quantities(design.machine, design.orbit, ["largest_contact_force"])["largest_contact_force"] / 1e3
+        colour = colours[design.orbit.family]
+        right.plot(HEIGHT, force, "*", color=colour, ms=11, zorder=3)
+        right.annotate(f"least C = {design.objective:.3g}", (HEIGHT, force), (-8, -3), textcoords="offset points",
+                       color=colour, ha="right", fontsize="small")  # fmt: skip
     right.set(xlabel="rise of the centre of mass (m)", ylabel="largest contact force (kN)")
     right.set_title(f"fronts with a stroke of at most {STROKE} m", fontsize="medium")
-    right.margins(x=0.15)
+    right.margins(x=0.15, y=0.1)
     folder.mkdir(parents=True, exist_ok=True)
     return save_figure(left, folder / "design.png")
 

@@ -173,6 +173,18 @@ def test_a_motion_that_would_not_be_one_is_held_back():
     assert [active.text for active in best.active] == ["smallest_separation > 0"]
 
 
+def test_an_extreme_at_two_places():
+    """Where the peak force in contact has come down to that in flight, it cannot fall further: a corner."""
+    spring = Hopper("r + a*r**2 + b*r**3", mass_ratio=5.0, rest_length=60.0, parameters={"a": 0.1, "b": 0.1})
+    best = optimize(spring, minimise="largest_spring_force + 0.05*mass_ratio", over={"mass_ratio": (1.0, 100.0)})
+    stiff = spring.with_values(mass_ratio=100.0)
+    in_flight = quantities(stiff, find(stiff), ["largest_spring_force"])["largest_spring_force"]
+    assert best.quantities["largest_spring_force"] == pytest.approx(in_flight, rel=1e-9)
+    in_contact = quantities(best.machine, best.orbit, ["largest_contact_force - 1"])["largest_contact_force - 1"]
+    assert in_contact == pytest.approx(in_flight, rel=1e-9)
+    assert best.active[0].text == "an extreme at two places"
+
+
 def test_varying_gravity_goes_over_into_constant():
     """As the planet grows the design tends to that under constant gravity, found by another statement."""
     texts = {"minimise": "centre_of_mass_rise", "over": {"b": RANGE}, "subject_to": ["stroke >= 6"]}
