@@ -29,8 +29,9 @@ FURTHER = 3
 PER_TURN, FINEST = 8, 2000
 # Below this, in the units of the machine, no lossless launch is looked for.
 SLOWEST = 1e-3
-# A basin is known when a hop more changes it by less, as a share.
-SETTLED = 1e-12
+# A basin is known when one hop more adds less to it, as a share of the launches asked for: near mass ratio 1 it has
+# ever more and ever shorter intervals without end.
+SETTLED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -264,11 +265,11 @@ class ReturnMap:
         return list(zip(ends[turns[::2]].tolist(), ends[turns[1::2]].tolist(), strict=True))
 
     def basin(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> list[tuple[float, float]]:
-        """The intervals of launch speeds between `low` and `high` that come to a lossless hop, in so many hops and as
-        many more as it takes, ascending.
+        """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
 
         Above a lossless launch speed all launches come down to it, up to where the map falls below it: what comes to
-        one in the end comes to one of these intervals before. Raises `InputError` with injection or damping.
+        one in the end comes to one of these intervals before, within at most so many `hops`. Intervals that would add
+        no more than 1e-6 of the range are left out. Raises `InputError` with injection or damping.
         """
         low, high = _limits(low, high)
         if self.inject != 0 or not self.impacts.model.conservative:
@@ -290,7 +291,7 @@ class ReturnMap:
         for _ in range(whole_of("hops", hops, "hops", 0)):
             caught = self._preimages(caught, grid, values)
             total, last = float(np.diff(caught).sum()), total
-            if total - last <= SETTLED * high:
+            if total - last <= SETTLED * (high - low):
                 break
         return [(max(a, low), min(b, high)) for a, b in caught if b > low]
 
