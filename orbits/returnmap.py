@@ -31,7 +31,7 @@ PER_TURN, FINEST = 8, 2000
 SLOWEST = 1e-3
 # A basin is known when one hop more adds less to it, as a share of the launches asked for: near mass ratio 1 it has
 # ever more and ever shorter intervals without end.
-SETTLED = 1e-6
+SETTLED = 1e-5
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,9 @@ class ReturnMap:
         if not (np.isfinite(alpha) & (alpha > 0)).all():
             worst = alpha[~(np.isfinite(alpha) & (alpha > 0))].flat[0]
             raise InputError(f"alpha = {worst:g}; launch speeds are above 0")
-        parts = [self._hop(part) for part in np.array_split(alpha.ravel(), max(1, -(-alpha.size // TOGETHER)))]
+        count = -(-alpha.size // TOGETHER)
+        parts = [self._hop(part) for part in np.array_split(alpha.ravel(), count)] if count else []
+        parts = parts or [(np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0, STATUS))]
         columns = (np.concatenate(column).reshape(alpha.shape) for column in zip(*parts, strict=True))
         return Hops(alpha, *columns)
 
@@ -239,6 +241,17 @@ class ReturnMap:
             except NoOrbit:
                 continue
 
+    def jumps(self, hops: Hops) -> np.ndarray:
+        """After which of the launches of hops (m,), ascending, the map jumps: an impact more or less comes in, and the
+        next launch speeds do not run on."""
+        change = np.abs(np.diff(np.nan_to_num(hops.next, nan=0.0)))
+        beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
+        i = np.flatnonzero((np.diff(hops.impacts) != 0) & (change > beside))  # other jumps are none to be seen
+        same = lambda alpha, which: np.where(self(alpha).impacts == hops.impacts[i[which]], 1.0, -1.0)  # noqa: E731
+        ones = np.ones(len(i))
+        a, b, _, _ = closed(same, hops.alpha[i], hops.alpha[i + 1], ones, -ones)
+        return i[np.abs(self._next(a) - self._next(b)) > JUMP * a]
+
     def preimages(self, edges, low: float, high: float, samples: int = 2000) -> list[tuple[float, float]]:
         """The intervals of launch speeds between `low` and `high` whose next launch speed lies in one of the intervals
         `edges`, ascending.
@@ -269,7 +282,7 @@ class ReturnMap:
 
         Above a lossless launch speed all launches come down to it, up to where the map falls below it: what comes to
         one in the end comes to one of these intervals before, within at most so many `hops`. Intervals that would add
-        no more than 1e-6 of the range are left out. Raises `InputError` with injection or damping.
+        only some 1e-5 of the range are left out. Raises `InputError` with injection or damping.
         """
         low, high = _limits(low, high)
         if self.inject != 0 or not self.impacts.model.conservative:
