@@ -210,8 +210,7 @@ def plot_map(step, low: float, high: float, axes=None, samples: int = 4000, star
     axes = axes or new_axes(5.2, 5.0)
     alpha = np.linspace(low, high, samples)
     found = step(alpha)
-    # the map jumps where an impact more or less comes in between
-    broken = np.flatnonzero(found.impacts[1:] != found.impacts[:-1]) + 1
+    broken = step.jumps(found) + 1
     x, y = (np.insert(values, broken, np.nan) for values in (alpha, found.next))
     axes.plot([low, high], [low, high], color="0.6", lw=0.8, label="identity")
     axes.plot(x, y, color=COLOURS[0], lw=1.6, label="map")
@@ -243,8 +242,14 @@ def plot_simulation(run, axes=None):
         lw = 1 if name == "centre of mass" else 1.8
         axes.plot(time * t, length * height(states), color=colour, lw=lw, label=name)
     _shade_contacts(run, axes, time)
-    impacts = [time * event.time for event in run.events if event.kind == "impact"]
-    axes.plot(impacts, np.zeros(len(impacts)), "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
+    impacts = [event for event in run.events if event.kind == "impact"]
+    _, struck = list(machine.model.heights(machine.values).values())[
+        :2
+    ]  # the lower mass, from which the gap is counted
+    places = [length * float(struck(event.after)) for event in impacts]
+    axes.plot(
+        [time * event.time for event in impacts], places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4
+    )
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set(xlim=(0, time * run.end), xlabel="time" + seconds)
     axes.set_ylabel(("height" if machine.rest_length is not None else "displacement") + metres)

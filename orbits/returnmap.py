@@ -5,20 +5,33 @@ loses is summed from its impacts, not differenced from launch speeds: near a los
 4/3 of the distance, and a difference would be rounding.
 """
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
 
-from .errors import InputError, NoOrbit
+from .errors import FlowError, InputError, NoOrbit
+from .flow import flow
 from .impacts import CAP, LIFTOFF_ORDER, STATUS, Impacts, failed
+from .polynomial import piecewise_roots
 from .question import number_of, whole_of
-from .roots import bracketed_root
+from .roots import closed, resolved
 from .search import find
+from .statements import as_orbit, equations_of, interpret
 
 # Launch speeds that are computed together: few enough to stay in a processor's cache.
 TOGETHER = 1000
-# Families that are looked through for lossless fixed points.
-FAMILIES = 1000
+# Where the map changes by less between neighbouring numbers, as a share, it crosses a level and does not jump past it.
+JUMP = 1e-6
+# Lossless orbits are looked for in so many families beyond the last one found,
+FURTHER = 3
+# ... or with so many launches to half an oscillation, but not more than this.
+PER_TURN, FINEST = 8, 2000
+# Below this, in the units of the machine, no lossless launch is looked for.
+SLOWEST = 1e-3
+# A basin is known when one hop more adds less to it, as a share of the launches asked for: near mass ratio 1 it has
+# ever more and ever shorter intervals without end.
+SETTLED = 1e-5
 
 
 @dataclass(frozen=True)
@@ -82,7 +95,9 @@ class ReturnMap:
         if not (np.isfinite(alpha) & (alpha > 0)).all():
             worst = alpha[~(np.isfinite(alpha) & (alpha > 0))].flat[0]
             raise InputError(f"alpha = {worst:g}; launch speeds are above 0")
-        parts = [self._hop(part) for part in np.array_split(alpha.ravel(), max(1, -(-alpha.size // TOGETHER)))]
+        count = -(-alpha.size // TOGETHER)
+        parts = [self._hop(part) for part in np.array_split(alpha.ravel(), count)] if count else []
+        parts = parts or [(np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0, STATUS))]
         columns = (np.concatenate(column).reshape(alpha.shape) for column in zip(*parts, strict=True))
         return Hops(alpha, *columns)
 
@@ -140,68 +155,172 @@ class ReturnMap:
     def fixed_points(self, low: float, high: float, samples: int = 2000) -> tuple["FixedPoint", ...]:
         """The fixed points of the map between two launch speeds, ascending.
 
-        Lossless ones are those of `find`; the others lie where next - alpha changes its sign between neighbouring
-        launches that come to the same number of impacts, `samples` of them, closer beside lossless ones, where an
-        injection makes two.
+        Without losses beside those of impacts and without injection they are the lossless orbits that are motions:
+        under constant gravity all of them, otherwise those of `find`. Else they lie where the map crosses the identity
+        line, found where next - alpha changes its sign between neighbours of a grid of `samples` launches, closer
+        beside lossless ones, where an injection makes two, and beside its extrema.
         """
-        if not 0 < low < high < np.inf:
-            raise InputError(f"low = {low:g}, high = {high:g}: 0 < low < high is needed")
-        lossless = self._lossless(low, high)
+        low, high = _limits(low, high)
         if self.inject == 0 and self.impacts.model.conservative:
-            return tuple(FixedPoint(alpha, "lossless") for alpha in lossless)
+            return tuple(FixedPoint(alpha, "lossless") for alpha in self._lossless(low, high))
+        gain = lambda alpha, which=None: self._next(alpha) - alpha  # noqa: E731
+        grid, values = self._resolved(low, high, samples, True)
+        values = values - grid
+        i = np.flatnonzero((values[1:] >= 0) != (values[:-1] >= 0))
+        a, b, fa, fb = closed(gain, grid[i], grid[i + 1], values[i], values[i + 1])
+        crosses = np.maximum(np.abs(fa), np.abs(fb)) <= JUMP * a
+        found = np.where(np.abs(fa) <= np.abs(fb), a, b)[crosses]
+        return tuple(FixedPoint(float(alpha), "crossing") for alpha in found)
+
+    def _next(self, alpha) -> np.ndarray:
+        """Next launch speeds, 0 where there are none."""
+        return np.nan_to_num(self(alpha).next, nan=0.0)
+
+    def _resolved(self, low: float, high: float, samples: int, identity: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Launch speeds from `low` to `high` and next ones, 0 where there are none: ever closer beside the lossless
+        ones, where the map has no slope, and beside extrema: those that may touch the identity line, or all."""
         near = np.geomspace(1e-12, high - low, 200)
-        grid = np.unique(
-            np.concatenate([np.linspace(low, high, samples), *(a + s * near for a in lossless for s in (-1, 1))])
-        )
-        grid = grid[(grid >= low) & (grid <= high)]
-        hops = self(grid)
-        gain = hops.next - grid
-        same = (hops.impacts[1:] == hops.impacts[:-1]) & ((gain[1:] >= 0) != (gain[:-1] >= 0))
-        found = []
-        for i in np.flatnonzero(same & np.isfinite(gain[1:]) & np.isfinite(gain[:-1])):
-            ends = grid[i], grid[i + 1], gain[i], gain[i + 1]
-            found.append(
-                FixedPoint(bracketed_root(lambda alpha: float(self(alpha).next) - alpha, *map(float, ends)), "crossing")
-            )
-        return tuple(found)
+        beside = [star + side * near for star in self._lossless(low, high) for side in (-1, 1)]
+        grid = np.concatenate([np.linspace(low, high, whole_of("samples", samples, "launches", 2)), *beside])
+        grid = np.unique(grid[(grid >= low) & (grid <= high)])
+        tilt = float(identity)
+        grid, values = resolved(lambda alpha: self(alpha).next - tilt * alpha, grid, identity)
+        return grid, np.nan_to_num(values + tilt * grid, nan=0.0)
 
     def _lossless(self, low: float, high: float) -> list[float]:
-        """Launch speeds of the lossless orbits that are motions."""
-        if not self.impacts.model.conservative:
+        """Launch speeds of the lossless orbits that are motions, ascending."""
+        model = self.impacts.model
+        if not model.conservative:
             return []
-        found = []
-        for family in range(1, FAMILIES):
+        orbits = self._orbits_all(low, high) if model.reduction and not model.reduction.exact else self._orbits(high)
+        return sorted({orbit.alpha for orbit in orbits if low <= orbit.alpha <= high and orbit.admissible})
+
+    def _orbits(self, high: float):
+        """The orbit that `find` gives of each family, until a few in a row lie beyond `high` or are none."""
+        beyond, family = 0, 1
+        while beyond <= FURTHER:
             try:
                 orbit = find(self.machine, family)
             except NoOrbit:
-                break
-            if orbit.alpha > high:
-                break
-            if orbit.alpha >= low and orbit.admissible:
-                found.append(orbit.alpha)
-        return found
+                orbit = None
+            if orbit and orbit.alpha <= high:
+                beyond = 0
+                yield orbit
+            else:
+                beyond += 1
+            family += 1
+
+    def _orbits_all(self, low: float, high: float):
+        """All orbits under constant gravity: the reduced motion, half a flight of the time alpha, ends at a turn."""
+        model, p = self.impacts.model, self.impacts.p
+        along = flow(model.reduction.statement.arcs[0].phase, tuple(self.impacts.values))
+        (liftoff,) = model.release(np.array([low]), self.impacts.values)
+
+        def half_flight(alpha: float):
+            try:
+                return along.run([liftoff, alpha], p, alpha)[0]
+            except FlowError:
+                return None
+
+        def end_speed(alphas, which=None):
+            return np.array([0.0 if (path := half_flight(alpha)) is None else path.end[1] for alpha in alphas])
+
+        turns = [
+            np.diff([path.times[i] + t for i, t in piecewise_roots(path.coefficients[:, 1], path.steps)])
+            for alpha in np.geomspace(low, high, 5)
+            if (path := half_flight(alpha)) is not None
+        ]
+        shortest = max(np.concatenate([[high - low], *turns]).min(), (high - low) / FINEST)
+        grid, values = resolved(end_speed, np.linspace(low, high, 2 + int(PER_TURN * (high - low) / shortest)), True)
+        i = np.flatnonzero((values[1:] >= 0) != (values[:-1] >= 0))
+        equations = equations_of(model, "relative", tuple(self.impacts.values))
+        for alpha in closed(end_speed, grid[i], grid[i + 1], values[i], values[i + 1])[0]:
+            began = time.perf_counter()
+            try:
+                u, here = equations.newton([liftoff, alpha], p)
+                solution = interpret(model, "relative", equations, u, here, self.impacts.values)
+                yield as_orbit(self.machine, "relative", solution, began)
+            except NoOrbit:
+                continue
+
+    def jumps(self, hops: Hops) -> np.ndarray:
+        """After which of the launches of hops (m,), ascending, the map jumps: an impact more or less comes in, and the
+        next launch speeds do not run on."""
+        change = np.abs(np.diff(np.nan_to_num(hops.next, nan=0.0)))
+        beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
+        i = np.flatnonzero((np.diff(hops.impacts) != 0) & (change > beside))  # other jumps are none to be seen
+        same = lambda alpha, which: np.where(self(alpha).impacts == hops.impacts[i[which]], 1.0, -1.0)  # noqa: E731
+        ones = np.ones(len(i))
+        a, b, _, _ = closed(same, hops.alpha[i], hops.alpha[i + 1], ones, -ones)
+        return i[np.abs(self._next(a) - self._next(b)) > JUMP * a]
 
     def preimages(self, edges, low: float, high: float, samples: int = 2000) -> list[tuple[float, float]]:
         """The intervals of launch speeds between `low` and `high` whose next launch speed lies in one of the intervals
-        `edges`, ends located by bisection on the map's continuous pieces."""
-        grid = np.linspace(low, high, samples)
-        inside = _within(self(grid).next, edges)
-        ends = []
-        for i in np.flatnonzero(inside[1:] != inside[:-1]):
-            a, b = grid[i], grid[i + 1]
-            for _ in range(60):
-                middle = 0.5 * (a + b)
-                if bool(_within(self(middle).next, edges)) == inside[i]:
-                    a = middle
-                else:
-                    b = middle
-            ends.append(0.5 * (a + b))
-        ends = [*([low] if inside[0] else []), *ends, *([high] if inside[-1] else [])]
-        return list(zip(ends[::2], ends[1::2], strict=True))
+        `edges`, ascending.
+
+        They end where the map passes an edge, or jumps; it is known from a grid as in `fixed_points`.
+        """
+        low, high = _limits(low, high)
+        edges = [(number_of("edges", a), number_of("edges", b)) for a, b in edges]
+        if wrong := [pair for pair in edges if not 0 < pair[0] <= pair[1]]:
+            raise InputError(f"edges = {wrong[0]}; the launch speeds of an interval are above 0 and ascend")
+        return self._preimages(edges, *self._resolved(low, high, samples, False))
+
+    def _preimages(self, edges, grid, values) -> list[tuple[float, float]]:
+        """`preimages` by the map's values on a grid that resolves it."""
+        levels = np.unique(edges)
+        above = values[:, None] >= levels
+        i, k = np.nonzero(above[1:] != above[:-1])
+        passes = lambda alpha, which: self._next(alpha) - levels[k[which]]  # noqa: E731
+        ends = closed(passes, grid[i], grid[i + 1], values[i] - levels[k], values[i + 1] - levels[k])[0]
+        ends = np.unique([grid[0], *ends, grid[-1]])
+        ends = ends[np.append(True, np.diff(ends) > 1e-15 * ends[1:])]
+        inside = _within(self._next(0.5 * (ends[1:] + ends[:-1])), edges)
+        turns = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
+        return list(zip(ends[turns[::2]].tolist(), ends[turns[1::2]].tolist(), strict=True))
+
+    def basin(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> list[tuple[float, float]]:
+        """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
+
+        Above a lossless launch speed all launches come down to it, up to where the map falls below it: what comes to
+        one in the end comes to one of these intervals before, within at most so many `hops`. Intervals that would add
+        only some 1e-5 of the range are left out. Raises `InputError` with injection or damping.
+        """
+        low, high = _limits(low, high)
+        if self.inject != 0 or not self.impacts.model.conservative:
+            raise InputError("with injection or damping no hop is lossless, and none comes to one")
+        stars = self._lossless(SLOWEST, high)
+        if not stars or stars[0] >= high:
+            return []
+        grid, values = self._resolved(stars[0], high, samples, False)
+        caught = []
+        for star, end in zip(stars, [*stars[1:], high], strict=True):
+            here = (grid > star) & (grid < end)
+            below = np.flatnonzero(here & (values < star))
+            if len(below):
+                i = below[:1]
+                falls = lambda alpha, which, star=star: self._next(alpha) - star  # noqa: E731
+                end = float(closed(falls, grid[i - 1], grid[i], values[i - 1] - star, values[i] - star)[0][0])
+            caught.append((star, end))
+        total = 0.0
+        for _ in range(whole_of("hops", hops, "hops", 0)):
+            caught = self._preimages(caught, grid, values)
+            total, last = float(np.diff(caught).sum()), total
+            if total - last <= SETTLED * (high - low):
+                break
+        return [(max(a, low), min(b, high)) for a, b in caught if b > low]
+
+
+def _limits(low, high) -> tuple[float, float]:
+    """Two launch speeds, checked."""
+    low, high = number_of("low", low), number_of("high", high)
+    if not 0 < low < high:
+        raise InputError(f"low = {low:g}, high = {high:g}: 0 < low < high is needed")
+    return low, high
 
 
 def _within(values, edges) -> np.ndarray:
-    """Whether values lie in one of some intervals."""
-    return (
-        np.any([(values >= low) & (values <= high) for low, high in edges], axis=0) if len(edges) else values != values
-    )
+    """Whether values (m,) lie in one of some intervals that ascend and do not overlap."""
+    edges = np.reshape(edges, (-1, 2))
+    i = np.searchsorted(edges[:, 0], values, side="right") - 1
+    return (i >= 0) & (values <= edges[i, 1]) if len(edges) else np.zeros(len(values), bool)

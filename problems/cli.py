@@ -72,7 +72,13 @@ def loss_options(command):
         ),
         click.option("--damping", type=click.FloatRange(0), metavar="c", help="Of the damper beside the spring."),
         click.option("--drag", type=click.FloatRange(0), metavar="d", help="On each mass, against its motion."),
-        click.option("--inject", type=float, default=0.0, metavar="EPS", help="Added to every launch speed."),
+        click.option(
+            "--inject",
+            type=float,
+            default=0.0,
+            metavar="EPS",
+            help="Added to every launch speed, in the machine's units.",
+        ),
     ]
     for option in reversed(options):
         command = option(command)
@@ -199,11 +205,19 @@ def _sets(setting: str, name: str) -> bool:
 @orbits.command("map", epilog="\b\nExit code: 0 done, also for hops that come to rest; 2 bad input.")
 @machine_options
 @loss_options
-@click.option("--alpha", required=True, metavar="A|A:B:N", help="A launch speed, or N of them from A to B.")
+@click.option(
+    "--alpha",
+    required=True,
+    metavar="A|A:B:N",
+    help="A launch speed, or N of them from A to B, in the machine's units.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @click.option("--plot", metavar="FILE", help="Write a figure of the map from A to B (.png, .pdf, .svg).")
-def return_map(alpha, inject, as_json, plot, **machine):
+@click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
+def return_map(alpha, inject, as_json, plot, cobweb, **machine):
     """Map launch speeds to the next ones, with the losses and impacts in between."""
+    import numpy as np
+
     from orbits.errors import InputError
     from orbits.orbit import to_json
     from orbits.plot import FIGURES, check_path, plot_map, save_figure
@@ -214,10 +228,14 @@ def return_map(alpha, inject, as_json, plot, **machine):
         check_path(plot, FIGURES)
         if len(speeds) < 2:
             raise InputError(f"--plot needs a range, --alpha A:B:N, not --alpha {alpha}")
+    elif cobweb is not None:
+        raise InputError("--cobweb is drawn into a figure: give --plot FILE too")
+    if cobweb is not None and not (np.isfinite(cobweb) and cobweb > 0):
+        raise InputError(f"--cobweb {cobweb:g}; a launch speed is above 0")
     step = ReturnMap(machine_of(**machine), inject)
     hops = step(speeds)
     if plot is not None:
-        save_figure(plot_map(step, speeds[0], speeds[-1]), plot)
+        save_figure(plot_map(step, speeds[0], speeds[-1], start=cobweb), plot)
     if as_json:
         click.echo(to_json(hops.document()))
         return
@@ -230,9 +248,21 @@ def return_map(alpha, inject, as_json, plot, **machine):
 @orbits.command(epilog="\b\nExit code: 0 done, also when it comes to rest; 2 bad input.")
 @machine_options
 @loss_options
-@click.option("--alpha", type=float, required=True, metavar="A", help="Launch speed at the first lift-off.")
+@click.option(
+    "--alpha",
+    type=float,
+    required=True,
+    metavar="A",
+    help="Launch speed at the first lift-off, in the machine's units.",
+)
 @click.option("--hops", type=click.IntRange(1), metavar="N", help="End after so many lift-offs.")
-@click.option("--time", "end", type=click.FloatRange(0, min_open=True), metavar="T", help="End at this time.")
+@click.option(
+    "--time",
+    "end",
+    type=click.FloatRange(0, min_open=True),
+    metavar="T",
+    help="End at this time, in the machine's units.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @click.option("--plot", metavar="FILE", help="Write a figure (.png, .pdf, .svg).")
 @click.option("--animate", metavar="FILE", help="Write an animation (.gif).")
@@ -300,10 +330,12 @@ def launch_speeds(text: str):
         if len(parts) == 1:
             return np.array([float(text)])
         low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
-        if len(parts) == 3 and count >= 2 and np.isfinite([low, high]).all():
-            return np.linspace(low, high, count)
     except (ValueError, IndexError):
-        pass
+        low = high = count = np.nan
+    if len(parts) == 3 and count >= 2 and np.isfinite([low, high]).all():
+        if not low < high:
+            raise InputError(f"--alpha {text!r}: the range goes up, A < B")
+        return np.linspace(low, high, count)
     raise InputError(f"--alpha {text!r} is neither a number nor a range A:B:N of N launch speeds, from 2")
 
 

@@ -9,46 +9,29 @@ Run: python studies/attraction.py [--output FOLDER] [--quick]
 """
 
 import argparse
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from orbits import ReturnMap
 from orbits.plot import COLOURS, new_row, save_figure
-from orbits.roots import bracketed_root
 from problems import Hopper
 
 LAUNCHES = (4.5, 20.0)
 HOPS = 4000
+# Mass ratios at which the basin is computed instead.
+NEAR_ONE = (0.4, 2.5)
 # Of the experiment: foot over body; the injection per hop, in launch speed; a smooth catch loses less of alpha^2.
 MASS_RATIO, CATCHES, SMOOTH = 0.909, 8, 0.05
 
 
-def catching(step: ReturnMap) -> list[tuple[float, float]]:
-    """The intervals [alpha*, beta] of the lossless fixed points up to the highest launch, none beyond the next one."""
-    stars, found = [point.alpha for point in step.fixed_points(1.0, 1.3 * LAUNCHES[1])], []
-    for star, next_star in pairwise(stars):
-        alpha = np.linspace(star, next_star, 400)[1:-1]
-        below = np.flatnonzero(~(step(alpha).next >= star))
-        if not len(below):
-            found.append((star, next_star))
-            continue
-        low, high = (star + 1e-9 if below[0] == 0 else alpha[below[0] - 1]), alpha[below[0]]
-        excess = lambda alpha, star=star: _next(step, alpha) - star  # noqa: E731
-        found.append((star, bracketed_root(excess, low, high, excess(low), excess(high), width=1e-10)))
-    return found
-
-
-def _next(step: ReturnMap, alpha: float) -> float:
-    following = float(step(alpha).next)
-    return following if np.isfinite(following) else 0.0
-
-
 def attracted(mass_ratio: float, count: int) -> float:
-    """The share of launches, evenly spread, that come to a lossless hop."""
+    """The share of launches that come to a lossless hop: exactly near M = 1, where they lie in few narrow intervals,
+    else of so many, evenly spread."""
     step = ReturnMap(Hopper(mass_ratio=mass_ratio))
-    intervals = catching(step)
+    if NEAR_ONE[0] <= mass_ratio <= NEAR_ONE[1]:
+        return float(np.diff(step.basin(*LAUNCHES)).sum() / np.diff(LAUNCHES)[0])
+    intervals = step.basin(1.0, LAUNCHES[1], hops=0)
     alpha, caught = np.linspace(*LAUNCHES, count), np.zeros(count, bool)
     going = np.arange(count)
     for _ in range(HOPS):
