@@ -24,6 +24,8 @@ from studies import (
     air_track,
     attraction,
     chain,
+    damped_hopper,
+    design,
     existence,
     figure_3,
     figure_4,
@@ -33,6 +35,7 @@ from studies import (
     figure_8,
     gravity_families,
     spring_families,
+    start_up,
 )
 
 FIRST = 4.493409457909064
@@ -50,6 +53,9 @@ FIGURES = (
     ("Beyond: families in varying gravity", gravity_families, True),
     ("Beyond: existence in two parameters", existence, True),
     ("Beyond: chains of masses", chain, True),
+    ("Beyond: what damping costs", damped_hopper, True),
+    ("Beyond: starts and recoveries", start_up, True),
+    ("Beyond: a leg by design", design, True),
 )
 
 
