@@ -49,6 +49,8 @@ BRIEF = 1e3
 # Bounces are summed as a geometric series as soon as the pressing acceleration changes by less than this share in all
 # the time they take: what they do to the motion beside contact is of third order in that time.
 ZENO = 1e-8
+# ... or are this slow beside the state: then they are rounding, and where nothing presses they would never end.
+FAINT = 1e-15
 # Order of the gap's zero at a lift-off.
 LIFTOFF_ORDER = 3
 # Turns of a contact's speed after which it never ends, see `ContactEnd`.
@@ -104,8 +106,9 @@ class Impacts:
             jerk, snap = self.gap_rates(stuck - (e * speed)[:, None] * self.direction)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 wait = 2 * e * np.abs(speed) / (1 - e) / rate if e < 1 else np.full(len(x), np.inf)
-                held &= (rate > 0) & (wait * (np.abs(jerk) + 0.5 * wait * np.abs(snap)) <= ZENO * rate)
-            wait = np.where(held, wait, 0.0)
+                summed = (rate > 0) & (wait * (np.abs(jerk) + 0.5 * wait * np.abs(snap)) <= ZENO * rate)
+            held &= summed | (np.abs(speed) <= FAINT * np.abs(x).max(1))
+            wait = np.where(held & summed, wait, 0.0)
         loss = 0.5 * self.model.impact_mass(self.values) * speed**2 * np.where(held, 1.0, 1 - e**2)
         state = stuck - np.where(held, 0.0, e * speed)[:, None] * self.direction
         return Landing(speed, held, state, loss, wait)

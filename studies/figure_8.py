@@ -1,8 +1,9 @@
 """Fig. 8 of the paper: energy added or taken at every hop, M = 1; and what comes after the fixed point loses stability.
 
 An injection eps lifts the map through the identity line: a stable fixed point above the lossless launch speed, an
-unstable one below. The upper one loses its stability where the map's slope is -1, curve (d); its basin, from the
-unstable fixed point to the launch that maps onto it, is largest there. The paper leaves open what follows. On the
+unstable one below. The upper one loses its stability where the map's slope is -1, curve (d). Its basin, from the
+unstable fixed point to the other launch that maps onto that, grows with eps to both sides: of all injections at which
+the fixed point is stable, up to (d), it is widest at (d). The paper leaves open what follows. On the
 right: hops that repeat every second time, stable up to eps = 0.113429. They do not go on doubling as smooth maps have
 it: the map's tip at the lossless launch has no bounded curvature, and from eps = 0.1119 on hops of period four stand
 beside them, double in turn, become chaotic and vanish at 0.11295. From 0.113429 on the hops are chaotic, with windows,

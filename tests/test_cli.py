@@ -747,7 +747,7 @@ class TestMap:
 
     def test_the_table_and_the_figure(self, orbits, tmp_path):
         figure = tmp_path / "map.png"
-        result = orbits("map --alpha 4:5:3", "--plot", figure)
+        result = orbits("map --alpha 4:5:3 --cobweb 4.6", "--plot", figure)
         assert result.code == 0
         assert result.out.splitlines()[1].split()[-1] == "lifts_off"
         assert figure.stat().st_size > 10_000
@@ -762,6 +762,11 @@ class TestMap:
             ("--alpha 1 --restitution 2", "restitution"),
             ("--alpha 1 --damping -1", "damping"),
             ("--alpha 1 --plot x.png", "needs a range"),
+            ("--alpha 5:1:4", "the range goes up, A < B"),
+            ("--alpha 3:3:4", "the range goes up, A < B"),
+            ("--alpha 3 --inject nan", "inject = nan is not a finite number"),
+            ("--alpha 3:4:9 --cobweb 3.5", "give --plot FILE too"),
+            ("--alpha 3:4:9 --plot x.png --cobweb -1", "a launch speed is above 0"),
         ],
     )
     def test_bad_input(self, orbits, line, words):

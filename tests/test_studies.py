@@ -1,6 +1,7 @@
 """Every study runs in its quick mode, draws its figure, and gives the number it is for."""
 
 import mpmath as mp
+import numpy as np
 import pytest
 
 from orbits import find
@@ -148,6 +149,10 @@ def test_figure_8(tmp_path):
     """Curve (d), and what comes beyond it."""
     numbers = figure_8.main(tmp_path, quick=True)
     assert numbers["eps"] == pytest.approx(0.071587384137, abs=1e-11)
+    lows, highs = np.transpose([figure_8.basin(eps) for eps in np.linspace(0.01, numbers["eps"], 6)])
+    assert (np.diff(lows) < 0).all()
+    assert (np.diff(highs) > 0).all()
+    assert highs[-1] - lows[-1] == pytest.approx(numbers["basin"], rel=1e-12)
     assert numbers["stable"] == pytest.approx(4.541763272853, abs=1e-11)
     assert numbers["unstable"] == pytest.approx(4.481341946645, abs=1e-11)
     assert numbers["last cycle"] == pytest.approx(0.113429246523, abs=1e-10)
