@@ -125,7 +125,7 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
             )
         return _resumed(machine, along, behind, stop, resume, options)
     with interrupts.deferred():
-        orbit = find(machine, family, start=orbit, method=method)
+        orbit = find(machine, family if orbit is None else None, start=orbit, method=method)
         method = "relative" if orbit.method == "closed form" else orbit.method
         curve = Curve(machine, along, method, abs(stop - behind))
         unknowns = unknowns_of(orbit)

@@ -1,4 +1,11 @@
-"""What can go wrong, in the user's terms: every exception of the toolkit derives from `OrbitsError`."""
+"""What can go wrong, in the user's terms, and numbers that are asked for, checked.
+
+Every exception of the toolkit derives from `OrbitsError`.
+"""
+
+from numbers import Real
+
+import numpy as np
 
 
 class OrbitsError(Exception):
@@ -27,3 +34,23 @@ class RunsAway(FlowError):
 
 class BreaksDown(FlowError):
     """A motion comes to a singularity: its steps vanish or are not numbers."""
+
+
+def number_of(name: str, value) -> float:
+    """`value` as a finite float; raises `InputError` that names it."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    try:
+        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else np.nan
+    except OverflowError:
+        number = np.inf
+    if not np.isfinite(number):
+        raise InputError(f"{name} = {value!r} is not a finite number")
+    return number
+
+
+def whole_of(name: str, value, what: str, least: int = 1) -> int:
+    """`value` as a number of `what`, from `least`; raises `InputError` that names it."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise InputError(f"{name} = {value!r}; it is a number of {what}, from {least}")
+    return int(value)

@@ -291,6 +291,11 @@ class Model:
     tension: Callable | None = None
 
     @property
+    def half_unknowns(self) -> tuple[str, ...]:
+        """Names of the unknowns of half an orbit: of the launch, and half the times of the phases that are shot."""
+        return (*self.launch_unknowns, "duration", *(() if self.one_speed else ("contact_duration",)))
+
+    @property
     def one_speed(self) -> bool:
         """Whether a launch is told by its speed alone; then that speed first vanishes again in mid-contact."""
         return len(self.launch_unknowns) == 2

@@ -1,11 +1,8 @@
 """What may be asked of a family: arguments checked, each complaint naming the value and what is allowed."""
 
 from collections.abc import Iterable, Mapping
-from numbers import Real
 
-import numpy as np
-
-from .errors import InputError
+from .errors import InputError, number_of, whole_of
 from .events import MARGINS, SIGNS
 from .family import RESERVED, Point
 from .statements import equations_of
@@ -26,26 +23,6 @@ def options_of(at, watch, longest, most, stop_inadmissible) -> Options:
         if not callable(function) or name in (*MARGINS, *SIGNS, "asked"):
             raise InputError(f"watch '{name}' is a function of the orbit, under a name of its own")
     return Options(values, dict(watch or {}), float(longest), most, bool(stop_inadmissible))
-
-
-def number_of(name: str, value) -> float:
-    """`value` as a finite float; raises `InputError` that names it."""
-    if isinstance(value, np.ndarray) and value.ndim == 0:
-        value = value.item()
-    try:
-        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else np.nan
-    except OverflowError:
-        number = np.inf
-    if not np.isfinite(number):
-        raise InputError(f"{name} = {value!r} is not a finite number")
-    return number
-
-
-def whole_of(name: str, value, what: str, least: int = 1) -> int:
-    """`value` as a number of `what`, from `least`; raises `InputError` that names it."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise InputError(f"{name} = {value!r}; it is a number of {what}, from {least}")
-    return int(value)
 
 
 def known(machine, *names: str):

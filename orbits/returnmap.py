@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .errors import FlowError, InputError, NoOrbit
+from .errors import FlowError, InputError, NoOrbit, number_of, whole_of
 from .flow import flow
 from .impacts import CAP, LIFTOFF_ORDER, STATUS, Impacts, failed
 from .polynomial import piecewise_roots
-from .question import number_of, whole_of
 from .roots import closed, resolved
 from .search import find
 from .statements import as_orbit, equations_of, interpret

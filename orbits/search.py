@@ -7,7 +7,7 @@ import numpy as np
 
 from . import interrupts
 from .certify import count_families
-from .errors import InputError, NoOrbit
+from .errors import FlowError, InputError, NoOrbit, number_of
 from .flow import Motions
 from .model import Model
 from .orbit import Orbit
@@ -19,14 +19,18 @@ MIN_STEP = 1e-4
 # A corrector that moves launch speed or time by a larger share may have jumped to another orbit.
 MAX_CORRECTION = 0.1
 # Orbits that agree to this share are the same.
-SAME = 1e-9
+SAME_ORBIT = 1e-9
+# Times of a start beyond this take long to integrate, and are no machine.
+LONGEST_START = 1e4
+# What a start may say although not every statement asks for it.
+EXTRAS = ("contact_duration", "unfolding")
 METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 10_000
 
 
 def find(
     machine,
-    family: int = 1,
+    family: int | None = None,
     *,
     start: Orbit | Mapping[str, float] | None = None,
     method: str | None = None,
@@ -35,9 +39,10 @@ def find(
     """Find the lossless orbit of a family, with its certificate.
 
     machine : a `problems.Hopper`, a `problems.Juggler`, or anything with their `model`, `values`, `describe`, `units`
-    family : from 1; family n has n + 1 stationary points of the extension from lift-off to mid-flight
+    family : from 1, which is what None means; family n has n + 1 stationary points of the extension from lift-off to
+        mid-flight
     start : an orbit nearby, or the unknowns of a half orbit by name, to start from instead of the model's guess; the
-        family is then whatever it is
+        family is then whatever it is, if it is not given
     method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is the general way, multiple
         shooting by Ipopt
     progress : called with the share of the way done, for what takes long
@@ -50,42 +55,75 @@ def find(
     if not all(hasattr(machine, name) for name in ("model", "values", "describe", "units")):
         raise InputError(f"find takes a machine such as problems.Hopper(), not {type(machine).__name__}")
     with interrupts.deferred():
-        return _find(machine, family, method, progress) if start is None else _find_near(machine, start, method)
+        if start is None:
+            return _find(machine, 1 if family is None else family, method, progress)
+        return _find_near(machine, start, family, method)
 
 
 def find_all(machine, starts: Iterable[Orbit | Mapping[str, float]], *, method: str | None = None) -> tuple[Orbit, ...]:
-    """The different orbits that `find` comes to from several starts, by their launch speeds ascending; starts that lead
-    to none are left out."""
+    """The different orbits that `find` comes to from several starts, by their launch speeds ascending.
+
+    Starts that lead to none are left out; raises `NoOrbit` with the last reason when they all are.
+    """
+    if isinstance(starts, Mapping | Orbit):
+        raise InputError("starts is a list of starts: for one of them there is find(machine, start=...)")
     found: list[Orbit] = []
+    reason = None
     for start in starts:
         try:
             orbit = find(machine, start=start, method=method)
-        except NoOrbit:
+        except NoOrbit as error:
+            reason = error
             continue
         if not any(_same(orbit, other) for other in found):
             found.append(orbit)
+    if not found and reason:
+        raise NoOrbit(f"none of the starts leads to an orbit; the last: {reason}")
     return tuple(sorted(found, key=lambda orbit: orbit.alpha))
 
 
 def _same(a: Orbit, b: Orbit) -> bool:
     x, y = ([orbit.alpha, orbit.flight_time, *orbit.flight(0.0)] for orbit in (a, b))
-    return np.allclose(x, y, rtol=SAME, atol=SAME * max(map(abs, x)))
+    return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
 
 
-def _find_near(machine, start, method) -> Orbit:
+def _find_near(machine, start, family, method) -> Orbit:
     began = time.perf_counter()
     model, p = machine.model, machine.values
     method = _allowed(model, method)
     method = "relative" if method == "closed form" else method
     equations = equations_of(model, method, tuple(p))
-    known = unknowns_of(start) if isinstance(start, Orbit) else dict(start)
+    known = _known(model, start)
     names = equations.statement.unknowns
-    if missing := [name for name in names if name not in {**known, "unfolding": 0.0}]:
+    if missing := [name for name in names if name not in known]:
         raise InputError(f"start has no '{missing[0]}'; the unknowns are {', '.join(names)}")
-    u = np.array([float({"unfolding": 0.0, **known}[name]) for name in names])
+    u = np.array([known[name] for name in names])
     solve_from = equations.multiple_shooting if method == "shooting" else equations.newton
-    u, here = solve_from(u, vector(p))
-    return as_orbit(machine, method, interpret(model, method, equations, u, here, p), began)
+    try:
+        u, here = solve_from(u, vector(p))
+    except FlowError as error:
+        raise NoOrbit(f"the start cannot be followed: {error}") from None
+    orbit = as_orbit(machine, method, interpret(model, method, equations, u, here, p), began)
+    if family is not None and orbit.family != _whole(family):
+        raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
+    return orbit
+
+
+def _known(model: Model, start) -> dict[str, float]:
+    """The unknowns of a start by name; raises `InputError` for what is none."""
+    if isinstance(start, Orbit):
+        if start.flight.names[: len(model.flight.states)] != model.flight.states:
+            raise InputError(f"start is an orbit of another machine, with the states {', '.join(start.flight.names)}")
+        return unknowns_of(start)
+    if not isinstance(start, Mapping):
+        raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")
+    if unknown := [name for name in start if name not in {*model.half_unknowns, *EXTRAS}]:
+        raise InputError(f"start has '{unknown[0]}'; the unknowns are {', '.join(model.half_unknowns)}")
+    known = {"unfolding": 0.0, **{name: number_of(f"start '{name}'", value) for name, value in start.items()}}
+    for name in ("duration", "contact_duration"):
+        if not 0 < known.get(name, 1.0) < LONGEST_START:
+            raise InputError(f"start '{name}' = {known[name]:g}; it lies between 0 and {LONGEST_START:g}")
+    return known
 
 
 def unknowns_of(orbit: Orbit) -> dict[str, float]:
@@ -206,7 +244,7 @@ def _allowed(model: Model, method: str | None) -> str:
     if not possible[method]:
         needs = {
             "closed form": "a straight-line spring and constant gravity",
-            "relative": "constant gravity",
+            "relative": "two masses and constant gravity",
             "half orbit": "a reversor",
         }
         raise InputError(f"method '{method}' needs {needs[method]}; leave it out for the simplest way")

@@ -13,11 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from . import interrupts
-from .errors import FlowError, InputError
+from .errors import FlowError, InputError, number_of, whole_of
 from .flow import Trajectory, first_zero
 from .impacts import CAP, LIFTOFF_ORDER, Impacts, failed
 from .polynomial import lowest
-from .question import number_of, whole_of
 
 # What happens this near to a change of the schedule, beside the time, happens at it: events are known no better.
 TOGETHER = 1e-9

@@ -8,10 +8,9 @@ root of the change, and there is no multiplier: the map goes like C d**(4/3) ins
 import casadi as ca
 import numpy as np
 
-from .errors import FlowError, InputError, NoOrbit
+from .errors import FlowError, InputError, NoOrbit, number_of
 from .flow import first_zero
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts
-from .question import number_of
 
 # An impact slower than this, beside the launch speed, is tangential.
 TANGENTIAL = 1e-7

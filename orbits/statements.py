@@ -49,16 +49,14 @@ def half_orbit(model: Model) -> Statement:
         guard=lambda u, x, p, q: [model.liftoff(u, p, q)],
     )
     if model.one_speed:
-        unknowns = (*model.launch_unknowns, "duration")
-        return Statement("half orbit", unknowns, (flight,), ("alpha", "duration"))
+        return Statement("half orbit", model.half_unknowns, (flight,), ("alpha", "duration"))
     contact = Arc(
         model.contact,
         start=lambda u, before, p: model.touchdown(u, p),
         duration=lambda u, p: u["contact_duration"],
         conditions=rest(contact_reversor(model)),
     )
-    unknowns = (*model.launch_unknowns, "duration", "contact_duration")
-    return Statement("half orbit", unknowns, (flight, contact), ("duration", "contact_duration"))
+    return Statement("half orbit", model.half_unknowns, (flight, contact), ("duration", "contact_duration"))
 
 
 def contact_reversor(model: Model) -> tuple[int, ...]:

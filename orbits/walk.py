@@ -288,7 +288,7 @@ class Walk:
                 return End("degenerate", f"the spring no longer lifts the foot near {name} = {value:.6g}", *found)
             return End("escaped", "the launch speed grows without bound", *found)
         if orbit.alpha < first.alpha / FAR and (found := self.limit(1)) is not None:
-            return End("degenerate", f"the hop shrinks to nothing near {name} = {value:.6g}", *found)
+            return End("degenerate", f"the flight shrinks to nothing near {name} = {value:.6g}", *found)
         return None
 
     def limit(self, power: int) -> tuple[float, float] | None:

@@ -17,18 +17,24 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from orbits import find, follow
 from orbits.errors import FlowError, InputError, NoOrbit
 from orbits.flow import flow
 from orbits.model import Affine, Model, Phase
 
-from .laws import Key, Law, number, parameter_names
+from .laws import Key, Law, from_key, number, parameter_names
 from .relative import liftoff_extension
 from .springs import NAMED, as_spring
 
 MOST_MASSES = 12
 # Roots closer than this, as a share of the times, are one; and hops shorter than that share of the longest have shrunk
 # to nothing, which is a root for many contacts.
-SAME, SMALLEST = 1e-7, 1e-3
+SAME_TIMES, SMALLEST = 1e-7, 1e-3
+# Quasi-random pairs of times taken together, and batches without a new root after which there is none left; steps of
+# Newton's method.
+BATCH, IDLE, NEWTON = 1024, 4, 60
+# The parameter along which springs are brought in, the longest step, as a share, and the most steps.
+BENT, LEADING, MOST = "share_of_the_springs_own_law", 0.1, 100
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,10 @@ class Chain:
     rest_length = None
 
     def __post_init__(self):
+        if np.ndim(self.masses) != 1 or not isinstance(self.parameters, Mapping):
+            raise InputError(
+                "a chain is told by a list of masses, from the top, and a mapping of its springs' parameters"
+            )
         masses = tuple(number(f"m{i}", m, low=0) for i, m in enumerate(self.masses, 1))
         if not 2 <= len(masses) <= MOST_MASSES:
             raise InputError(f"a chain has from 2 to {MOST_MASSES} masses, not {len(masses)}")
@@ -61,7 +71,8 @@ class Chain:
         springs = tuple(self._spring(law) for law in given)
         known = {name: value for law in springs for name, value in law.parameters.items()}
         if unknown := [name for name in self.parameters if name not in known]:
-            raise InputError(f"no spring has a parameter '{unknown[0]}'; they have {', '.join(known) or 'none'}")
+            has = ", ".join([*_mass_names(len(masses)), *known])
+            raise InputError(f"no spring has a parameter '{unknown[0]}'; the chain has {has}")
         if taken := [name for name in known if name in _mass_names(len(masses))]:
             raise InputError(f"'{taken[0]}' is a mass; call the formula's parameter something else")
         if any(law.parameters[name] != known[name] for law in springs for name in law.parameters):
@@ -125,20 +136,33 @@ class Chain:
         named = dict(zip(self.model.flight.states, path.end[: len(rest)].tolist(), strict=False))
         return self._launch(named, half_contact, number("half_flight", half_flight, low=0))
 
-    def starts(self, half_contact: float, half_flight: float, count: int = 500, seed: int = 0) -> list[dict]:
-        """Starts near all lossless hops with phase times up to these that are found from so many quasi-random pairs.
+    def starts(self, half_contact: float, half_flight: float, seed: int = 0) -> list[dict[str, float]]:
+        """Starts for `find_all`: the hops with phase times up to these.
 
-        They are exact for linear springs (`linear_orbits`); others are taken by their slopes at rest.
+        For linear springs they are those of `linear_orbits`. Other springs are brought in step by step, from the linear
+        ones with their slopes at rest, and each hop is followed; those that end on the way are left out, as are hops
+        that no linear one leads to.
         """
         slopes = [float(law.with_slope(0.0)[1]) for law in self.springs]
         for law, slope in zip(self.springs, slopes, strict=True):
             number(f"the slope of spring '{law.text}' at rest", slope, low=0)
-        found = linear_orbits(self.masses, slopes, half_contact, half_flight, count, seed)
         names = self.model.flight.states
-        return [
+        starts = [
             self._launch(dict(zip(names, state.tolist(), strict=True)), contact, flight)
-            for contact, flight, state in found
+            for contact, flight, state in linear_orbits(self.masses, slopes, half_contact, half_flight, seed)
         ]
+        if all(law.key.degree() == 1 for law in self.springs):
+            return starts
+        straight = Chain(self.masses, [_blend(law, slope) for law, slope in zip(self.springs, slopes, strict=True)])
+        led = []
+        for start in starts:
+            try:
+                family = follow(straight, BENT, 1.0, orbit=find(straight, start=start), longest=LEADING, most=MOST)
+            except NoOrbit:
+                continue
+            if family.end.kind == "reached":
+                led.append(dict(zip(self.model.half_unknowns, family[-1].u, strict=True)))
+        return led
 
     def _launch(self, named: Mapping, half_contact: float, half_flight: float) -> dict[str, float]:
         above = len(self.masses) - 1  # the mass above the lowest, whose extension and speed tell the lift-off
@@ -147,37 +171,48 @@ class Chain:
         return {**own, **others, "duration": half_flight, "contact_duration": half_contact}
 
 
+def _blend(law: Law, slope: float) -> Law:
+    """A law that goes from a straight line to a spring's own as the parameter `BENT` goes from 0 to 1."""
+    own = law.expression
+    return Law(
+        law.text, "r", lambda x, p, q: p[BENT] * own(x, p, q) + (1 - p[BENT]) * slope * x, {**law.parameters, BENT: 0.0}
+    )
+
+
 def linear_orbits(
-    masses, stiffnesses, half_contact: float, half_flight: float, count: int, seed: int
+    masses, stiffnesses, half_contact: float, half_flight: float, seed: int = 0
 ) -> list[tuple[float, float, np.ndarray]]:
     """Half the time of contact, of flight, and the flight state (2 N,) at lift-off, of the roots for linear springs.
 
     masses, stiffnesses : (N,), (N - 1,), from the top
     half_contact, half_flight : the longest that are looked for
-    count, seed : of the quasi-random pairs of times from which Newton's method starts
+    seed : of the quasi-random pairs of times from which Newton's method starts, until they find nothing new; of long
+        chains another seed may find some more
 
     From rest each vibration mode is a cosine, so that the speeds at lift-off are a linear function of the positions
     there, by the contact before and by the flight after it. The lowest spring carries the lowest mass, which gives one
     position; that both speeds agree for all masses above it gives the others. What is left are two equations in the two
     times alone: both speeds of that mass agree, and the lowest one has none (Pankov 2021, section 1).
     """
-    from scipy.optimize import root
     from scipy.stats import qmc
 
     chain = _LinearChain(np.array(masses, dtype=float), np.array(stiffnesses, dtype=float))
-    found: list[tuple[float, float, np.ndarray]] = []
-    longest = np.array([half_contact, half_flight])
-    for times in qmc.Sobol(2, seed=seed).random(1 << (int(count) - 1).bit_length())[:count] * longest:
-        answer = root(lambda t: chain.residual(*t), times, tol=1e-14)
-        if not np.abs(answer.fun).max() < 1e-9 * (1 + chain.weights.sum()):
-            continue
-        times, known = answer.x, [np.array(pair[:2]) for pair in found]
-        inside = (times > SMALLEST * longest).all() and (times <= longest).all()
-        if inside and not any(np.abs(times - other).max() < SAME * times.max() for other in known):
-            state = np.column_stack(chain.lifted(*times)[:2]).ravel()
-            if state[-3] > 0:  # else the lowest mass would be pushed into the ground
-                found.append((*times.tolist(), state))
-    return sorted(found, key=lambda pair: pair[:2])
+    longest = np.array([number("half_contact", half_contact, 0, 1e4), number("half_flight", half_flight, 0, 1e4)])
+    pairs, found, idle = qmc.Sobol(2, seed=seed), np.zeros((0, 2)), 0
+    while idle < IDLE:
+        times = chain.roots(pairs.random(BATCH) * longest, longest)
+        times = times[(times > SMALLEST * longest).all(1) & (times <= longest).all(1)]
+        before = len(found)
+        for pair in times:
+            if not len(found) or np.abs(found - pair).max(1).min() > SAME_TIMES * pair.max():
+                found = np.vstack([found, pair])
+        idle = idle + 1 if len(found) == before else 0
+    if not len(found):
+        return []
+    found = found[np.lexsort(found.T[::-1])]
+    after = np.stack(chain.lifted(found)[:2], axis=2).reshape(len(found), -1)
+    # else the lowest mass would be pushed into the ground
+    return [(*times.tolist(), state) for times, state in zip(found, after, strict=True) if state[-3] > 0]
 
 
 class _LinearChain:
@@ -196,32 +231,44 @@ class _LinearChain:
         self.rest = -np.linalg.solve(self.stiffness[:-1, :-1], masses[:-1])
         self.size = n
 
-    def speeds(self, contact: float, flight: float):
-        """Matrices and offsets of the speeds at lift-off as functions of the positions (N,) there: by the contact
-        before, of all masses but the lowest, and by the flight after it, of all."""
-        m, n = self.weights, self.size - 1
+    def lifted(self, times):
+        """Positions and speeds (m, N) at lift-off for half times (m, 2) of contact and flight, the speeds by the flight
+        after it, and those (m, N - 1) by the contact before."""
+        m, n, upper = self.weights, self.size - 1, self.size - 2
+        contact, flight = times[:, :1], times[:, 1:]
         upward = -self.contact * np.tan(self.contact * contact)
-        before = np.zeros((n, n + 1))
-        before[:, :n] = (self.standing * upward) @ self.standing.T * m[:n]
-        after = (self.modes * (self.flight * np.tan(self.flight * flight))) @ self.modes.T * m
-        return before, -before[:, :n] @ self.rest, after, self.modes[:, 0] * (self.modes[:, 0] @ m) * flight
+        before = np.zeros((len(times), n, n + 1), dtype=times.dtype)
+        before[:, :, :n] = (self.standing * upward[:, None]) @ self.standing.T * m[:n]
+        start = -before[:, :, :n] @ self.rest
+        after = (self.modes * (self.flight * np.tan(self.flight * flight))[:, None]) @ self.modes.T * m
+        thrown = self.modes[:, 0] * (self.modes[:, 0] @ m) * flight
+        x = np.zeros((len(times), n + 1), dtype=times.dtype)
+        x[:, upper] = m[-1] / self.k[-1]
+        apart = before[:, :upper] - after[:, :upper]
+        right = thrown[:, :upper] - start[:, :upper] - apart[:, :, upper] * x[:, [upper]]
+        square = apart[:, :, :upper]
+        sound = np.isfinite(square).all((1, 2)) & (np.linalg.det(square) != 0)
+        square = np.where(sound[:, None, None], square, np.eye(upper))
+        x[:, :upper] = np.where(sound[:, None], np.linalg.solve(square, right[..., None])[..., 0], np.nan)
+        return x, (after @ x[..., None])[..., 0] + thrown, (before @ x[..., None])[..., 0] + start
 
-    def lifted(self, contact: float, flight: float):
-        """Positions and speeds (N,) at lift-off, by the flight after it, and speeds by the contact."""
-        before, start, after, thrown = self.speeds(contact, flight)
-        x, upper = np.zeros(self.size), self.size - 2
-        x[upper] = self.weights[-1] / self.k[-1]
-        apart = before[:upper] - after[:upper]
-        x[:upper] = np.linalg.solve(apart[:, :upper], thrown[:upper] - start[:upper] - apart @ x)
-        return x, after @ x + thrown, before @ x + start
+    def residual(self, times):
+        """What is left (m, 2) at lift-off: the two speeds of the mass above the lowest, and that of the lowest."""
+        _, after, before = self.lifted(times)
+        return np.stack([after[:, -2] - before[:, -1], after[:, -1]], axis=1)
 
-    def residual(self, contact: float, flight: float) -> np.ndarray:
-        """What is left at lift-off: the two speeds of the mass above the lowest, and that of the lowest."""
-        try:
-            _, after, before = self.lifted(contact, flight)
-        except np.linalg.LinAlgError:
-            return np.full(2, np.inf)
-        return np.array([after[-2] - before[-1], after[-1]])
+    def roots(self, times, longest) -> np.ndarray:
+        """The roots (r, 2) to which Newton's method comes from half times (m, 2)."""
+        farthest = 0.5 / self.flight.max()  # less than a period, since the equations repeat with it
+        with np.errstate(all="ignore"):  # what comes to a pole of the tangents is left out
+            for _ in range(NEWTON):
+                (a, c), (b, d) = (self.residual(times + 1e-30j * unit).imag.T * 1e30 for unit in np.eye(2))
+                f, g = self.residual(times).T
+                change = np.stack([b * g - d * f, c * f - a * g], axis=1) / (a * d - b * c)[:, None]
+                times = times + np.clip(change, -farthest, farthest)
+                times = times[np.isfinite(times).all(1) & (np.abs(times) < 2 * longest).all(1)]
+            left = self.residual(times)
+        return times[(np.abs(left) < 1e-9 * (1 + self.weights.sum())).all(1)]
 
 
 def _mass_names(count: int) -> tuple[str, ...]:
@@ -246,20 +293,15 @@ def _model(springs: tuple[Key, ...]) -> Model:
         pulls = tensions(positions, p, q)
         return [up - down - p[m] for m, up, down in zip(names, [0, *pulls], [*pulls, 0], strict=True)]
 
-    def flight(x, p, q):
-        pairs = zip(x[1::2], forces(x[::2], p, q), names, strict=True)
+    def field(x, p, q):
+        """Of flight, or of contact, where the lowest mass is not among the states."""
+        positions = [*x[::2], 0.0][:count]
+        pairs = zip(x[1::2], forces(positions, p, q), names, strict=False)
         return [rate for speed, force, m in pairs for rate in (speed, force / p[m])]
 
-    def contact(x, p, q):
-        pairs = zip(x[1::2], forces([*x[::2], 0.0], p, q), names, strict=False)
-        return [rate for speed, force, m in pairs for rate in (speed, force / p[m])]
-
-    def flight_gradient(x, p, q):
-        pairs = zip(x[1::2], forces(x[::2], p, q), names, strict=True)
-        return [part for speed, force, m in pairs for part in (-force, p[m] * speed)]
-
-    def contact_gradient(x, p, q):
-        pairs = zip(x[1::2], forces([*x[::2], 0.0], p, q), names, strict=False)
+    def gradient(x, p, q):
+        positions = [*x[::2], 0.0][:count]
+        pairs = zip(x[1::2], forces(positions, p, q), names, strict=False)
         return [part for speed, force, m in pairs for part in (-force, p[m] * speed)]
 
     def heights(p):
@@ -271,8 +313,6 @@ def _model(springs: tuple[Key, ...]) -> Model:
         raise NoOrbit("the hops of a chain have no family numbers: give `find` a start, as Chain.starts makes them")
 
     def lifted(p):
-        from .laws import from_key
-
         return liftoff_extension(from_key(springs[-1], p), 1.0 - p[names[-1]], "the weight of the lowest mass")
 
     def release(alpha, p):
@@ -284,11 +324,11 @@ def _model(springs: tuple[Key, ...]) -> Model:
     launched = states[:-2]
     return Model(
         name=f"chain of {count} masses",
-        flight=Phase("flight", states, flight),
+        flight=Phase("flight", states, field),
         contact=Phase(
             "contact",
             launched,
-            contact,
+            field,
             {"contact force": lambda x, p, q: p[names[-1]] - springs[-1].expression(x[2 * above], p, q)},
         ),
         launch=lambda u, p: [*(u[own.get(name, name)] for name in launched), 0.0, 0.0],
@@ -301,8 +341,8 @@ def _model(springs: tuple[Key, ...]) -> Model:
             -u[own.get(name, name)] if name.endswith("'") else u[own.get(name, name)] for name in launched
         ],
         embed=np.eye(2 * count, 2 * count - 2),
-        flight_gradient=flight_gradient,
-        contact_gradient=contact_gradient,
+        flight_gradient=gradient,
+        contact_gradient=gradient,
         extension=Affine(tuple(eye[2 * above] - eye[-2])),
         gap=lambda p: Affine(tuple(eye[-2])),
         separation=lambda p: None,

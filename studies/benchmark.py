@@ -269,7 +269,7 @@ def scaling(seconds: float, quick: bool) -> dict[str, dict]:
 
     def chain_hop(count):
         chain = Chain([1.0] * count)
-        start = chain.starts(6.0, 6.0, count=64)[0]
+        start = chain.starts(6.0, 6.0)[0]
         return lambda: find(chain, start=start)
 
     families = [1, 3, 10, 30, 100]

@@ -65,7 +65,7 @@ class TestThreeMasses:
         assert any(abs(orbit.alpha - other.alpha) < 1e-12 for other in three)
 
     def test_every_hop_that_is_found_is_one(self, three):
-        assert len(three) == len({round(orbit.alpha, 9) for orbit in three}) >= 10
+        assert len(three) == len({round(orbit.alpha, 9) for orbit in three}) == 11
         for orbit in three:
             mine = rest_and_times(orbit)
             assert mine == pytest.approx(exactly((1, 1, 1), (1, 1), mine), rel=1e-11)
@@ -78,7 +78,7 @@ class TestThreeMasses:
 
     def test_a_cycle_by_another_integrator(self):
         chain = Chain((2.0, 1.0, 0.5), ["sinh(0.3*r)/0.3", "r + b*r**3"], parameters={"b": 0.02})
-        orbit = next(o for o in find_all(chain, chain.starts(6.0, 6.0)) if o.admissible)
+        orbit = next(o for o in find_all(chain, chain.starts(6.0, 5.0)) if o.admissible)
         m, forces = chain.masses, (lambda r: np.sinh(0.3 * r) / 0.3, lambda r: r + 0.02 * r**3)
 
         def flight(t, x):
@@ -155,9 +155,8 @@ class TestMany:
     @pytest.mark.parametrize("count", [4, 6])
     def test_hops_of_long_chains(self, count):
         chain = Chain([1.0] * count)
-        orbits = find_all(chain, chain.starts(10.0, 10.0, count=200))
-        assert len(orbits) >= 10
-        assert any(orbit.admissible for orbit in orbits)
+        orbits = find_all(chain, chain.starts(6.0, 6.0))
+        assert len(orbits) >= 5
         for orbit in orbits[:2]:
             mine = rest_and_times(orbit)
             assert mine == pytest.approx(exactly([1] * count, [1] * (count - 1), mine), rel=1e-9)
@@ -179,6 +178,37 @@ class TestMany:
         assert family[-1].alpha == pytest.approx(half[-1].alpha, rel=1e-12)
 
 
+class TestStarts:
+    def test_every_seed_finds_all_of_three_masses(self):
+        counts = [len(Chain().starts(8.0, 8.0, seed=seed)) for seed in (1, 2)]
+        assert counts == [11, 11]
+
+    def test_springs_are_brought_in(self):
+        """Hops of hard springs, far from those of the linear ones, checked by another integrator elsewhere."""
+        chain = Chain((1.0, 2.0, 3.0), "r + b*r**3", parameters={"b": 0.1})
+        speeds = [orbit.alpha for orbit in find_all(chain, chain.starts(6.0, 6.0)) if orbit.admissible]
+        assert speeds == pytest.approx([6.10587], abs=1e-5)
+
+    def test_bad_starts_are_named(self, three):
+        orbit = three[0]
+        for start, telling in (
+            (5, "it is an orbit, or a mapping"),
+            ({"alpha": "x"}, "start 'alpha' = 'x'"),
+            ({"speed": 1.0}, "start has 'speed'"),
+            ({"duration": 1e6}, "lies between 0 and 10000"),
+        ):
+            with pytest.raises(InputError, match=telling):
+                find(Chain(), start=start)
+        with pytest.raises(InputError, match="of another machine"):
+            find(Chain((1.0, 1.0, 1.0, 1.0)), start=orbit)
+        with pytest.raises(NoOrbit, match="not 7"):
+            find(Chain(), 7, start=orbit)
+        with pytest.raises(InputError, match="a list of starts"):
+            find_all(Chain(), orbit)
+        with pytest.raises(InputError, match="half_contact"):
+            Chain().starts(-1.0, 3.0)
+
+
 class TestRefusals:
     @pytest.mark.parametrize(
         ("arguments", "telling"),
@@ -187,7 +217,8 @@ class TestRefusals:
             ({"masses": (1.0, -1.0)}, "m2 = -1"),
             ({"springs": ["r", "r", "r"]}, "joined by 2 springs, not 3"),
             ({"springs": "bilinear"}, "smooth"),
-            ({"parameters": {"b": 1.0}}, "no spring has a parameter 'b'"),
+            ({"parameters": {"b": 1.0}}, "no spring has a parameter 'b'; the chain has m1, m2, m3"),
+            ({"masses": 3}, "a list of masses"),
             ({"springs": "m1*r", "parameters": {"m1": 1.0}}, "'m1' is a mass"),
             ({"restitution": 2.0}, "restitution"),
         ],

@@ -268,7 +268,7 @@ def check_with_scipy(orbit, law, family):
     assert sum(t < orbit.alpha * (1 - 1e-6) for t in answer.t_events[0]) == family
 
 
-@pytest.mark.parametrize("family", [0, -1, 1.5, "one", True, None, 10**7])
+@pytest.mark.parametrize("family", [0, -1, 1.5, "one", True, 10**7])
 def test_bad_families(family):
     with pytest.raises(InputError, match="a family is a whole number"):
         find(Hopper(), family)
@@ -279,7 +279,7 @@ def test_bad_methods():
         find(Hopper(), method="newton")
     with pytest.raises(InputError, match="'closed form' needs a straight-line spring"):
         find(Hopper("cubic"), method="closed form")
-    with pytest.raises(InputError, match="'relative' needs constant gravity"):
+    with pytest.raises(InputError, match="'relative' needs two masses and constant gravity"):
         find(Hopper("r", "exp(-z/50)", rest_length=10), method="relative")
 
 
