@@ -26,16 +26,16 @@ def counted(count: int) -> tuple[int, int]:
     return len(orbits), sum(orbit.admissible for orbit in orbits)
 
 
-def losses(orbit, distances) -> np.ndarray:
-    """The energy lost in the next landing of launches this far from a hop in the speed of the mass above the lowest,
-    beside the local law C dE/dalpha d**(4/3)."""
+def losses(orbit, distances, name: str = "alpha") -> np.ndarray:
+    """The energy lost in the next hop by launches this far from a lossless one in one of their unknowns."""
     chain, known = Chain(), dict(zip(("y1", "y1'", "liftoff", "alpha"), orbit(0.0)[:4], strict=True))
-    lost = [
-        sum(event.loss for event in simulate(chain, {**known, "alpha": orbit.alpha + d}, hops=1).events)
-        for d in distances
-    ]
-    law = orbit.certificate.loss_coefficient * chain.masses[1] * orbit.alpha * np.abs(distances) ** (4 / 3)
-    return np.array(lost) / law
+    runs = [simulate(chain, {**known, name: known[name] + d}, hops=1) for d in distances]
+    return np.array([sum(event.loss for event in run.events) for run in runs])
+
+
+def local_law(orbit, distances) -> np.ndarray:
+    """C dE/dalpha d**(4/3) at distances in the speed of the mass above the lowest."""
+    return orbit.certificate.loss_coefficient * Chain().masses[1] * orbit.alpha * np.abs(distances) ** (4 / 3)
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
@@ -49,22 +49,28 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     numbers["alpha"] = first.alpha
     distances = np.geomspace(1e-6, 1e-3, 4)
     for side, d in (("above", distances), ("below", -distances)):
-        ratios = losses(first, d)
+        ratios = losses(first, d) / local_law(first, d)
         numbers[f"law {side}"] = float(ratios[0])
         print(f"  losses {side} the hop beside C d^(4/3): " + ", ".join(f"{ratio:.4f}" for ratio in ratios))
-    one, two, three = new_row(3, 4.6, 4.0)
+    for name in ("y1", "y1'"):
+        some = losses(first, np.array([1e-8, 1e-6]), name)
+        numbers[f"exponent {name}"] = float(np.log10(some[1] / some[0]) / 2)
+        print(f"  losses beside the hop in {name} go with the power {numbers[f'exponent {name}']:.4f}")
+    one, two, three, four = new_row(4, 4.4, 4.0)
     for axes, orbit in ((one, first), (two, second)):
         plot_orbit(orbit, axes).set_title(f"three masses, launch speed {orbit.alpha:.5g}")
     hardening = Chain(springs=HARDENING, parameters={"b": 0.0})
-    for orbit, colour in ((first, COLOURS[0]), (second, COLOURS[1])):
-        for stop in (0.03, -0.05):
-            family = follow(hardening, "b", stop, orbit=orbit, longest=0.05)
-            values, speeds = np.array([(point.value, point.alpha) for point in family]).T
-            good = np.array([point.admissible for point in family])
-            three.plot(values, np.where(good, speeds, np.nan), color=colour, lw=2)
-            three.plot(values, np.where(good, np.nan, speeds), color=colour, lw=1.2, ls="--")
-            print(f"  from {orbit.alpha:.6g} towards b = {stop:g}: {family.end.kind}, {family.end.reason}")
+    for axes, along, stops in ((three, "b", (0.03, -0.05)), (four, "m1", (3.0, 0.3))):
+        for orbit, colour in ((first, COLOURS[0]), (second, COLOURS[1])):
+            for stop in stops:
+                family = follow(hardening, along, stop, orbit=orbit, longest=0.05)
+                values, speeds = np.array([(point.value, point.alpha) for point in family]).T
+                good = np.array([point.admissible for point in family])
+                axes.plot(values, np.where(good, speeds, np.nan), color=colour, lw=2)
+                axes.plot(values, np.where(good, np.nan, speeds), color=colour, lw=1.2, ls="--")
+                print(f"  from {orbit.alpha:.6g} towards {along} = {stop:g}: {family.end.kind}, {family.end.reason}")
     three.set(xlabel="nonlinearity b of r + b r^3", ylabel="launch speed", title="two families", ylim=(0, 12))
+    four.set(xlabel="top mass m1", ylabel="launch speed", title="the same in a mass", ylim=(0, 12))
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(one, folder / 'chain.png')}")
     return numbers

@@ -10,6 +10,7 @@ from studies import (
     air_track,
     asteroid,
     attraction,
+    chain,
     damped_hopper,
     design,
     existence,
@@ -217,3 +218,15 @@ def test_start_up(tmp_path):
     assert numbers["any recovery over d^2"] < numbers["recovery over d^2"]
     assert numbers["missed"] < 1e-8
     assert (tmp_path / "start_up.png").stat().st_size > 10_000
+
+
+def test_chain(tmp_path):
+    """Equal chains of two masses are the hopper; beside a hop of three the loss has the power 4/3 all round."""
+    numbers = chain.main(tmp_path, quick=True)
+    assert (numbers["hops 2"], numbers["motions 2"]) == (4, 4)  # half flights 3.18, 5.46, 7.71, 9.95 of those up to 10
+    assert numbers["alpha"] == pytest.approx(6.347862743800, rel=1e-12)
+    assert numbers["law above"] == pytest.approx(1.0, abs=0.01)
+    assert numbers["law below"] == pytest.approx(10.0, rel=0.01)
+    for name in ("y1", "y1'"):
+        assert numbers[f"exponent {name}"] == pytest.approx(4 / 3, abs=5e-3)
+    assert (tmp_path / "chain.png").stat().st_size > 10_000
