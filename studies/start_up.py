@@ -15,7 +15,7 @@ import numpy as np
 from orbits import NoOrbit, find
 from orbits.plot import COLOURS, SHADE, new_row, save_figure
 from problems import Hopper
-from problems.actuated import missed, recover, rerun, start_up
+from problems.steering import missed, recover, rerun, start_up
 
 MACHINE = Hopper()
 RATE = 6.0

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from orbits import Guess, Input, InputError, NoOrbit, Phase, Stage, find, simulate, steer
 from orbits.impacts import Impacts
-from problems import Actuated, Hopper, Juggler, actuated
+from problems import Actuated, Hopper, Juggler, steering
 
 CART = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])
 EFFORT = {"running": lambda x, p, q: p["f"] ** 2}
@@ -189,15 +189,15 @@ def test_what_has_no_answer(stage, words):
 @pytest.fixture(scope="module")
 def kept():
     """The damped hopper, kept hopping."""
-    return actuated.keep_hopping(Hopper(damping=0.01))
+    return steering.keep_hopping(Hopper(damping=0.01))
 
 
 def test_a_damped_hopper_is_kept_hopping(kept):
     machine = Hopper(damping=0.01)
     assert kept.violation <= 1e-8
     assert kept.error <= 1e-8
-    assert actuated.missed(machine, kept) <= 1e-8
-    done, positive = actuated.work(machine, kept)
+    assert steering.missed(machine, kept) <= 1e-8
+    done, positive = steering.work(machine, kept)
     t = np.linspace(0, kept.legs[0].duration, 20001)
     stretching = kept.legs[0].path(t) @ [0, 1, 0, -1, 0, *[0] * (len(kept.legs[0].path.names) - 5)]
     s = np.linspace(0, kept.legs[1].duration, 20001)
@@ -241,69 +241,69 @@ def test_the_law_of_small_damping():
     others = directions[:, np.append(sizes, [0, 0]) < 1e-9].T  # what neither start nor durations can mend
     lengths = np.repeat(np.divide(times, counts), counts)
     least = np.linalg.lstsq(others @ slopes[:, 5:] / np.sqrt(lengths), others @ slopes[:, 4], rcond=None)[0]
-    tiny = actuated.keep_hopping(Hopper(damping=1e-5), orbit=orbit)
+    tiny = steering.keep_hopping(Hopper(damping=1e-5), orbit=orbit)
     assert tiny.cost == pytest.approx(float(least @ least) * 1e-10, rel=1e-7)
 
 
 def test_the_juggler_costs_what_the_hopper_does(kept):
     """They are one system under constant gravity (section 7)."""
-    assert actuated.keep_hopping(Juggler(damping=0.01)).cost == pytest.approx(kept.cost, rel=1e-9)
+    assert steering.keep_hopping(Juggler(damping=0.01)).cost == pytest.approx(kept.cost, rel=1e-9)
 
 
 def test_another_machine_starts_from_an_answer(kept):
     orbit = find(Hopper())
-    near = actuated.keep_hopping(Hopper(damping=0.0102), orbit=orbit, guess=kept)
-    cold = actuated.keep_hopping(Hopper(damping=0.0102), orbit=orbit)
+    near = steering.keep_hopping(Hopper(damping=0.0102), orbit=orbit, guess=kept)
+    cold = steering.keep_hopping(Hopper(damping=0.0102), orbit=orbit)
     assert near.cost == pytest.approx(cold.cost, rel=1e-9)
     assert near.iterations < cold.iterations
 
 
 def test_a_plastic_landing_costs_less_and_each_cost_is_least_in_its_own(kept):
     machine = Hopper(damping=0.01)
-    plastic = actuated.keep_hopping(machine, lossless=False)
+    plastic = steering.keep_hopping(machine, lossless=False)
     assert plastic.cost < kept.cost
     assert plastic.legs[0].path(plastic.legs[0].duration)[3] < -1e-3
-    run = actuated.rerun(machine, plastic)
+    run = steering.rerun(machine, plastic)
     assert [event.kind for event in run.events][:1] == ["landing"]
     assert run.events[0].loss > 0
-    assert actuated.missed(machine, plastic) <= 1e-8
-    peak = actuated.keep_hopping(machine, cost="peak")
+    assert steering.missed(machine, plastic) <= 1e-8
+    peak = steering.keep_hopping(machine, cost="peak")
     rates = [max(np.abs(leg.inputs.row("w")).max() for leg in found.legs) for found in (kept, peak)]
     assert rates[1] == pytest.approx(peak.parameters["peak"], rel=1e-6)
     assert rates[1] < 0.999 * rates[0]
-    least = actuated.keep_hopping(machine, cost="work", rate=0.1)
-    assert actuated.work(machine, least)[1] < actuated.work(machine, kept)[1]
+    least = steering.keep_hopping(machine, cost="work", rate=0.1)
+    assert steering.work(machine, least)[1] < steering.work(machine, kept)[1]
 
 
 def test_a_varying_gravity_and_a_hard_spring():
     machine = Hopper("cubic", "1/(1+z/R)**2", rest_length=20, damping=0.01, parameters={"beta": 0.05, "R": 150.0})
-    found = actuated.keep_hopping(machine)
+    found = steering.keep_hopping(machine)
     assert found.violation <= 1e-8
-    assert actuated.missed(machine, found) <= 1e-8
+    assert steering.missed(machine, found) <= 1e-8
 
 
 def test_a_start_from_rest():
     """The actuator's work is the energy of the lossless hop, and the machine hops on by itself."""
     machine = Hopper()
-    found = actuated.start_up(machine, 2, rate=4.0, stroke=3.0)
+    found = steering.start_up(machine, 2, rate=4.0, stroke=3.0)
     rules, orbit = Impacts(machine), find(machine)
     energies = [rules.energy(x) for x in (orbit(0.0), [-1.0, 0.0, 0.0, 0.0])]
-    assert actuated.work(machine, found)[0] == pytest.approx(energies[0] - energies[1], rel=1e-9)
+    assert steering.work(machine, found)[0] == pytest.approx(energies[0] - energies[1], rel=1e-9)
     assert found.violation <= 1e-8
-    assert actuated.missed(machine, found) <= 1e-8
-    run = actuated.rerun(machine, found, hops=3)
+    assert steering.missed(machine, found) <= 1e-8
+    run = steering.rerun(machine, found, hops=3)
     assert run.launches == pytest.approx(orbit.alpha, abs=1e-8)
     heights = [leg.path(np.linspace(0, leg.duration, 500))[:, 2] for leg in found.legs]
     assert np.abs(np.concatenate(heights)).max() <= 3 + 1e-8
     with pytest.raises(NoOrbit, match="no motion meets the conditions"):
-        actuated.start_up(machine, 1, stroke=0.5)
+        steering.start_up(machine, 1, stroke=0.5)
 
 
 @pytest.mark.parametrize("lossless", [True, False])
 def test_a_short_launch_is_brought_back(lossless):
     machine, short = Hopper(), 0.1
-    found = actuated.recover(machine, short, lossless=lossless)
-    run = actuated.rerun(machine, found, hops=1)
+    found = steering.recover(machine, short, lossless=lossless)
+    run = steering.rerun(machine, found, hops=1)
     alpha = find(machine).alpha
     assert found.violation <= 1e-8
     assert run.launches == pytest.approx(alpha, abs=1e-8)
@@ -334,13 +334,13 @@ def test_driven_energy_and_schedules():
 @pytest.mark.parametrize(
     ("question", "words"),
     [
-        (lambda: actuated.keep_hopping(Hopper(), cost="money"), "'effort', 'work' or 'peak'"),
-        (lambda: actuated.keep_hopping(Hopper(), cost="work"), "largest rate"),
-        (lambda: actuated.keep_hopping(Hopper(), rate=-1.0), "bound is above 0"),
-        (lambda: actuated.keep_hopping(Hopper(), intervals=1), "at least one each"),
-        (lambda: actuated.keep_hopping(Hopper(restitution=0.5), lossless=False), "bounces"),
-        (lambda: actuated.start_up(Hopper(), 0), "at least one"),
-        (lambda: actuated.recover(Hopper(), 5.0), "some of it is to be left"),
+        (lambda: steering.keep_hopping(Hopper(), cost="money"), "'effort', 'work' or 'peak'"),
+        (lambda: steering.keep_hopping(Hopper(), cost="work"), "largest rate"),
+        (lambda: steering.keep_hopping(Hopper(), rate=-1.0), "bound is above 0"),
+        (lambda: steering.keep_hopping(Hopper(), intervals=1), "at least one each"),
+        (lambda: steering.keep_hopping(Hopper(restitution=0.5), lossless=False), "bounces"),
+        (lambda: steering.start_up(Hopper(), 0), "at least one"),
+        (lambda: steering.recover(Hopper(), 5.0), "some of it is to be left"),
         (lambda: Actuated(Hopper("bilinear")), "piecewise"),
         (lambda: Actuated(3), "whose spring can be moved"),
         (lambda: Actuated(Hopper("r + u*r**3", parameters={"u": 1.0})), "actuator's own name"),
