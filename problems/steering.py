@@ -8,7 +8,7 @@ is refused unless the landing is lossless.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,10 +17,11 @@ from orbits import Control, Guess, Input, InputError, NoOrbit, Orbit, Simulation
 from orbits.flow import flow
 from orbits.model import Affine, Model
 from orbits.polynomial import derivative, piecewise_roots
+from orbits.question import number_of, whole_of
 from orbits.roots import bracketed_root
 
 from .actuated import RATE, Actuated, along
-from .machine import Machine
+from .machine import DAMPERS, Machine
 
 # Positive work is rounded: power P counts as (P + sqrt(P^2 + round^2))/2, with this share of the mean power as `round`.
 ROUND = 0.1
@@ -33,65 +34,76 @@ MARGIN = 1e-7
 SHORTEST, LONGEST = 0.1, 4.0
 # Points of a control interval at which the actuator's power is taken.
 SAMPLES = 40
+# An answer with fewer intervals of control may need one with so many to start from.
+FINE = 40
 
 
 def keep_hopping(
     machine: Machine, *, family: int = 1, cost: str = "effort", lossless: bool = True, intervals: int = 40,
     rate: float = np.inf, stroke: float = np.inf, orbit: Orbit | None = None, guess: Control | None = None,
 ) -> Control:  # fmt: skip
-    """Keep a damped machine hopping periodically at least cost, near its lossless orbit without the damping.
+    """Keep a damped machine hopping periodically at locally least cost, near its lossless orbit without the damping.
 
-    cost : "effort"; "work", the actuator's positive work, rounded by `ROUND`; or "peak", the largest rate. To both a
-        little of the effort is added, see `BESIDE`
+    cost : "effort"; "work", the actuator's positive work; or "peak", the largest rate. These two are found with a
+        little of the effort beside them, see `BESIDE`, and work rounded, see `ROUND`; the answer's `cost` is without
     lossless : whether it has to land so; else the impact takes what it takes, see the module
-    intervals : of flight and contact together
+    intervals : of flight and contact together, on each of which the actuator's rate is held
     rate, stroke : bounds of the actuator's rate, without which no least work exists, and displacement
     orbit : the lossless orbit, found if it is not given
     guess : the answer for a machine nearby
 
-    The stages are a flight from lift-off and the contact after it. Raises as `steer` and `find` do.
+    The stages are a flight from lift-off and the contact after it. A machine that loses nothing needs nothing: its
+    answer is the lossless orbit, whatever is asked. Raises as `steer` and `find` do.
     """
     if cost not in ("effort", "work", "peak"):
         raise InputError(f"cost = {cost!r}; it is 'effort', 'work' or 'peak'")
-    if cost == "work" and not np.isfinite(rate):
+    if cost == "work" and rate == np.inf:
         raise InputError("least positive work is done by jerks: give the largest rate")
-    orbit = orbit or find(machine.with_values(damping=0.0, drag=0.0), family=family)
-    driven = Actuated(machine)
-    hop, values = _hop(driven, orbit, intervals, rate, stroke, cost, lossless, True), driven.still
-    if guess is None and cost != "effort":  # they have corners: from an answer that is near
-        limits = {"lossless": lossless, "intervals": intervals, "rate": rate, "stroke": stroke}
-        guess = keep_hopping(machine, family=family, orbit=orbit, **limits)
+    limits = {"lossless": lossless, "intervals": intervals, "rate": rate, "stroke": stroke}
+    driven, orbit = Actuated(machine), _lossless(machine, family, orbit)
+    hop, values = _hop(driven, orbit, cost=cost, periodic=True, **limits), driven.still
+    if _loses_nothing(machine) and not (lossless and cost == "effort"):
+        return keep_hopping(machine, orbit=orbit, **{**limits, "lossless": True})
+    if cost != "effort":  # they have corners: from an answer that is near
+        guess = guess or keep_hopping(machine, orbit=orbit, **limits)
     if cost == "work":
         values["round"] = ROUND * abs(work(machine, guess)[0]) / guess.end
-    free = {"peak": (0.0, np.inf)} if cost == "peak" else None
-    return _of_family(steer(hop, values, guess=guess or _lossless_guess(driven, orbit), free=free), driven, orbit)
+    starts = [guess] if guess else _starts(driven, orbit, orbit.alpha, lossless)
+    if guess is None and intervals < FINE:
+        starts.append(lambda: keep_hopping(machine, orbit=orbit, **{**limits, "intervals": FINE}))
+    found = _cheapest(hop, values, starts, driven, orbit, lossless, {"peak": (0.0, np.inf)} if cost == "peak" else None)
+    if cost == "work":
+        return replace(found, cost=work(machine, found)[1])
+    return replace(found, cost=found.parameters["peak"]) if cost == "peak" else found
 
 
 def recover(
     machine: Machine, short: float, *, family: int = 1, lossless: bool = True, intervals: int = 40,
     rate: float = np.inf, stroke: float = np.inf, orbit: Orbit | None = None, guess: Control | None = None,
 ) -> Control:  # fmt: skip
-    """Bring a machine from a lift-off `short` of the lossless launch speed back to that in one hop, with least effort.
+    """Bring a machine from a lift-off `short` of the lossless launch speed back to that in one hop, with locally least
+    effort; below 0 the launch is too fast.
 
     The spring's end is at rest at both. Arguments and errors as in `keep_hopping`.
     """
-    orbit = orbit or find(machine.with_values(damping=0.0, drag=0.0), family=family)
-    driven, launch = Actuated(machine), orbit.alpha - float(short)
+    driven, orbit = Actuated(machine), _lossless(machine, family, orbit)
+    launch = orbit.alpha - number_of("short", short)
     if not launch > 0:
         raise InputError(
             f"short = {short:g}: the lossless launch speed is {orbit.alpha:.6g}, and some of it is to be left"
         )
+    lossless = lossless or (short == 0 and _loses_nothing(machine))
     hop = _hop(driven, orbit, intervals, rate, stroke, "effort", lossless, False)
     aims = {"launch": launch, "aim": orbit.alpha, "liftoff": float(machine.model.release(launch, machine.values))}
-    answer = steer(hop, {**driven.still, **aims}, guess=guess or _lossless_guess(driven, orbit))
-    return _of_family(answer, driven, orbit)
+    starts = [guess] if guess else _starts(driven, orbit, launch, lossless)
+    return _cheapest(hop, {**driven.still, **aims}, starts, driven, orbit, lossless)
 
 
 def start_up(
     machine: Machine, pumps: int, *, family: int = 1, intervals: int = 20, rate: float = np.inf,
     stroke: float = np.inf, orbit: Orbit | None = None,
 ) -> Control:  # fmt: skip
-    """Bring a machine from rest in contact onto its lossless orbit with least effort.
+    """Bring a machine from rest in contact onto its lossless orbit with locally least effort.
 
     pumps : how often the upper mass swings down and up again, turning at the ends of each; it lifts off out of the last
     intervals : of each swing
@@ -100,13 +112,39 @@ def start_up(
     The spring's end is at rest at both ends. Raises `InputError` for a number of pumps that cannot be, else as `steer`
     and `find` do.
     """
-    if isinstance(pumps, bool) or int(pumps) != pumps or pumps < 1:
-        raise InputError(f"pumps = {pumps!r}; there is at least one, and no parts of one")
-    orbit = orbit or find(machine.with_values(damping=0.0, drag=0.0), family=family)
-    driven = Actuated(machine)
-    stages = _swings(driven.model, int(pumps), intervals, _limits(driven, rate, stroke), float(orbit.contact_time))
+    pumps, intervals = whole_of("pumps", pumps, "pumps"), whole_of("intervals", intervals, "intervals")
+    driven, orbit = Actuated(machine), _lossless(machine, family, orbit)
+    stages = _swings(driven.model, pumps, intervals, _limits(driven, rate, stroke), float(orbit.contact_time))
     values = {**driven.still, "aim": orbit.alpha, "rest": _rest(driven, orbit)}
-    return steer(stages, values, guess=_pumped(orbit, values["rest"], int(pumps)))
+    return steer(stages, values, guess=_pumped(orbit, values["rest"], pumps))
+
+
+def _lossless(machine: Machine, family: int, orbit: Orbit | None) -> Orbit:
+    """The orbit without the damping, found if it is not given."""
+    return orbit or find(machine.with_values(**dict.fromkeys(DAMPERS, 0.0)), family=family)
+
+
+def _loses_nothing(machine: Machine) -> bool:
+    return not any(getattr(machine, name) for name in DAMPERS)
+
+
+def _starts(driven: Actuated, orbit: Orbit, launch: float, lossless: bool) -> list:
+    """Guesses of a hop, or functions that give one; from the lossless orbit a plastic landing may not be found."""
+    return [_lossless_guess(driven, orbit)] + ([] if lossless else [lambda: _undriven_guess(driven, launch)])
+
+
+def _cheapest(hop, values, starts, driven: Actuated, orbit: Orbit, lossless: bool, free=None) -> Control:
+    """The cheapest answer from several starts; raises what is in the way from the first if there is none."""
+    found, reasons = [], []
+    for start in starts:
+        try:
+            guess = start() if callable(start) else start
+            found.append(_of_family(steer(hop, values, guess=guess, free=free), driven, orbit, lossless))
+        except NoOrbit as reason:
+            reasons.append(reason)
+    if not found:
+        raise reasons[0]
+    return min(found, key=lambda one: one.cost)
 
 
 def rerun(machine: Machine, control: Control, hops: int = 0) -> Simulation:
@@ -184,7 +222,7 @@ class Limits:
 
 def _limits(driven: Actuated, rate: float, stroke: float) -> Limits:
     for name, bound in (("rate", rate), ("stroke", stroke)):
-        if not bound > 0:
+        if not (bound == np.inf or number_of(name, bound) > 0):
             raise InputError(f"{name} = {bound:g}: the actuator's bound is above 0")
     return Limits(float(rate), float(stroke), driven.model.separation(driven.values))
 
@@ -204,13 +242,12 @@ def _hop(driven: Actuated, orbit: Orbit, intervals: int, rate, stroke, cost: str
     """Flight and contact, their intervals shared by duration."""
     if driven.restitution > 0 and not lossless:
         raise InputError(f"restitution = {driven.restitution:g}: it bounces where it lands plastically; set 0 for that")
-    if isinstance(intervals, bool) or int(intervals) != intervals or intervals < 2:
-        raise InputError(f"intervals = {intervals!r}; flight and contact have at least one each, and no parts of one")
+    intervals = whole_of("intervals", intervals, "intervals of flight and contact together", 2)
     times = float(orbit.flight_time), float(orbit.contact_time)
     first = int(np.clip(round(intervals * times[0] / sum(times)), 1, intervals - 1))
     limits, model, values = _limits(driven, rate, stroke), driven.model, driven.values
     gap, impact = model.gap(values), tuple(model.impact(values).tolist())
-    counts = first, int(intervals) - first
+    counts = first, intervals - first
     return _hop_stages(model, gap, impact, counts, times, limits, cost, bool(lossless), periodic)
 
 
@@ -245,6 +282,7 @@ def _hop_stages(model: Model, gap: Affine, impact, counts, times, limits: Limits
         model.flight, counts[0], spans[0], limits.inputs(cost), lifted, landed,
         {"gap": lambda x, p, q: along(gap, x), **limits.path(identity)}, _cost(cost, model, identity),
         (lambda x, p: p["peak"]) if cost == "peak" else (lambda x, p: 0.0),
+        lambda x, p: [] if lossless else [-gap_speed(x, p)],
     )  # fmt: skip
     contact = Stage(
         model.contact, counts[1], spans[1], limits.inputs(cost), stuck, launched,
@@ -253,15 +291,16 @@ def _hop_stages(model: Model, gap: Affine, impact, counts, times, limits: Limits
     return flight, contact
 
 
-def _of_family(answer: Control, driven: Actuated, orbit: Orbit) -> Control:
-    """The answer, if its flight has as many turns of the extension as the orbit's."""
+def _of_family(answer: Control, driven: Actuated, orbit: Orbit, lossless: bool) -> Control:
+    """The answer, if its flight has as many turns of the extension as the orbit's, or, where it may land as it likes
+    and thus earlier or later, one fewer or more."""
     flight = answer.legs[0].path
     series = driven.model.extension.series(flight.coefficients[:, : len(driven.model.flight.states)])
-    turns = len(piecewise_roots(derivative(series), flight.steps))
-    if turns != 2 * orbit.family + 1:
+    turns, wanted = len(piecewise_roots(derivative(series), flight.steps)), 2 * orbit.family + 1
+    if abs(turns - wanted) > (0 if lossless else 1):
         raise NoOrbit(
-            f"the answer's extension turns {turns} times in flight, that of family {orbit.family} "
-            f"{2 * orbit.family + 1} times: it is another kind of hop; start from a nearer guess, or take less damping"
+            f"the answer's extension turns {turns} times in flight, that of family {orbit.family} {wanted} times: it "
+            "is another kind of hop; start from the answer for a machine, or a launch, nearer to the lossless orbit's"
         )
     return answer
 
@@ -272,6 +311,23 @@ def _lossless_guess(driven: Actuated, orbit: Orbit) -> list[Guess]:
     flight = lambda t: np.append(orbit(t), 0.0)  # noqa: E731
     contact = lambda t: onto @ np.append(orbit(orbit.flight_time + t), 0.0)  # noqa: E731
     return [Guess(float(orbit.flight_time), flight), Guess(float(orbit.contact_time), contact)]
+
+
+def _undriven_guess(driven: Actuated, launch: float) -> list[Guess]:
+    """What the machine does by itself: the flight from a launch, and the next contact, which need not join."""
+    run = simulate(driven, launch, hops=1)
+    contacts = [leg for leg in run.legs if leg.phase == "contact"]
+    if run.status != "done" or not contacts:
+        raise NoOrbit(
+            f"from a launch at {launch:.6g} the machine does not hop on by itself: {run.reason or run.status}"
+        )
+    first, last = run.legs[0].path, contacts[0].path
+    ends = (float(path.times[-1]) for path in (first, last))
+    sizes = len(driven.model.embed), driven.model.embed.shape[1]
+    return [
+        Guess(end, lambda t, path=path, size=size: path(t)[:size])
+        for end, path, size in zip(ends, (first, last), sizes, strict=True)
+    ]
 
 
 @lru_cache(maxsize=32)
