@@ -186,7 +186,11 @@ def _steer(stages, parameters, free, guess, tolerance: float) -> Control:
     bounds, fixed = problem.bounds(free), np.array(list(parameters.values()), dtype=float)
     known = guess.answer if isinstance(guess, Control) else None
     if known is None or known.problem.stages != stages or known.problem.names != problem.names:
-        known = Answer(problem, _pack(problem, guess, free, bounds), None, np.zeros(0))
+        x = _pack(problem, guess, free, bounds)
+        size = abs(problem.cost(x, np.concatenate([fixed, [1.0]])))
+        known = Answer(
+            problem, x, None, np.zeros(0), 1.0 if FAR < size < 1 / FAR or not NOTHING < size < np.inf else size
+        )
     first, iterations = known.problem.unpack(known.x), 0
     for rounds in range(1, ROUNDS + 1):
         found = _minimum(known, fixed, bounds)

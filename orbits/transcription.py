@@ -267,6 +267,10 @@ class Transcription:
         """What a constraint is."""
         return self._labels[row]
 
+    def cost(self, x, p) -> float:
+        """What unknowns cost, with `p` as in `minimise`."""
+        return float(self._minimiser.conditions(x, p, 0.0)[0])
+
     def minimise(self, x, p, bounds, multipliers) -> Minimum:
         """The minimum near `x` with parameters, places, and what the cost is counted in, `p`."""
         return self._minimiser(x, p, bounds, np.array(self._limits).T, multipliers)

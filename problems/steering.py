@@ -25,6 +25,9 @@ from .machine import DAMPERS, Machine
 
 # Positive work is rounded: power P counts as (P + sqrt(P^2 + round^2))/2, with this share of the mean power as `round`.
 ROUND = 0.1
+# It is found from where it is rounded more; and to this tolerance, since quadrature is slow near corners, while the
+# motion itself stays smooth.
+ROUNDER, CORNERS = (1.0, 0.3, ROUND), 1e-7
 # What effort counts beside positive work or peak rate, so that it is settled how they are done.
 BESIDE = {"work": 1e-3, "peak": 1e-6}
 # The contact presses by as much, in units of what the actuator's spring pulls, wherever it is to press: open loop it
@@ -66,14 +69,19 @@ def keep_hopping(
         return keep_hopping(machine, orbit=orbit, **{**limits, "lossless": True})
     if cost != "effort":  # they have corners: from an answer that is near
         guess = guess or keep_hopping(machine, orbit=orbit, **limits)
+    if cost == "peak":
+        most = max(float(np.abs(leg.inputs.row(RATE)).max()) for leg in guess.legs)
+        guess = replace(guess, parameters={**guess.parameters, "peak": most})
     if cost == "work":
-        values["round"] = ROUND * abs(work(machine, guess)[0]) / guess.end
+        mean = abs(work(machine, guess)[0]) / guess.end
+        for share in ROUNDER:
+            given = {**values, "round": share * mean}
+            guess = _of_family(steer(hop, given, guess=guess, tolerance=CORNERS), driven, orbit, lossless)
+        return replace(guess, cost=work(machine, guess)[1])
     starts = [guess] if guess else _starts(driven, orbit, orbit.alpha, lossless)
     if guess is None and intervals < FINE:
         starts.append(lambda: keep_hopping(machine, orbit=orbit, **{**limits, "intervals": FINE}))
     found = _cheapest(hop, values, starts, driven, orbit, lossless, {"peak": (0.0, np.inf)} if cost == "peak" else None)
-    if cost == "work":
-        return replace(found, cost=work(machine, found)[1])
     return replace(found, cost=found.parameters["peak"]) if cost == "peak" else found
 
 

@@ -3,7 +3,8 @@
 On the left a start in two pumps and the hops that follow by themselves. In the middle the least effort against the
 number of pumps, for actuators of different strokes: pumping longer hardly helps, since the foot may not leave the
 ground before it is time, which bounds every swing but the last. On the right the least effort to bring back a launch
-speed d short of the lossless one in one hop: it goes with d^2, where such a launch by itself loses 10 C d^(4/3).
+speed d short of the lossless one in one hop: it goes with d^2, where such a launch by itself loses 10 C d^(4/3). A
+launch that is too fast by d has hardly anything to do if it may land as it likes: the impact takes what is too much.
 Run: python studies/start_up.py [--output FOLDER] [--quick]
 """
 
@@ -90,6 +91,14 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         numbers[f"{kind} exponent"] = float(np.log(row[1] / row[0]) / np.log(short[1] / short[0]))
         print(f"  {name}: effort {numbers[f'{kind} over d^2']:.5f} d^2, exponent {numbers[f'{kind} exponent']:.5f}")
         right.semilogx(short, row / short**2, "o-", color=colour, ms=4, label=name)
+    fast = [recover(MACHINE, -d, orbit=orbit, lossless=False) for d in short]
+    row = np.array([answer.cost for answer in fast])
+    worst = max([worst] + [missed(MACHINE, answer) for answer in fast])
+    right.semilogx(short, row / short**2, "o--", color=COLOURS[1], ms=4, label="any landing, too fast by d")
+    numbers["too fast, over any recovery"] = float((row / [answer.cost for answer in answers]).max())
+    print(
+        f"  too fast by d, any landing: at most {numbers['too fast, over any recovery']:.4f} of what short by d takes"
+    )
     right.set(
         xlabel="launch speed short by d", ylabel="least effort / $d^2$", ylim=(0, None), title="recovery in one hop"
     )
