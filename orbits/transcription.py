@@ -21,6 +21,13 @@ from .steps import runge_kutta
 ORDER = 12
 # What is this near to a bound, beside its size or one, is at it: an iteration that fails ends no nearer.
 AT_BOUND = 1e-4
+# Of Ipopt's: where states are large, rounding keeps an iteration from its end, and it would go on for long.
+STALLS = {
+    "ipopt.acceptable_iter": 15,
+    "ipopt.acceptable_tol": 1e-6,
+    "ipopt.acceptable_constr_viol_tol": 1e-10,
+    "ipopt.acceptable_compl_inf_tol": 1e-8,
+}
 # Name of the length of an interval among the parameters; no identifier can be that.
 LENGTH = "interval's length"
 
@@ -196,7 +203,7 @@ class Transcription:
         unknowns = ca.veccat(*[piece for part in parts for piece in part], freed)
         scale = ca.MX.sym("scale")
         data = ca.vertcat(given, shares, scale)
-        self._minimiser = Minimiser(unknowns, data, cost / scale, ca.vertcat(*constraints))
+        self._minimiser = Minimiser(unknowns, data, cost / scale, ca.vertcat(*constraints), STALLS)
 
     def _held(self, values: ca.MX, stage: int, what: str, most: float = np.inf) -> ca.MX:
         """Note that `values` stay between 0 and `most`, and what they are."""

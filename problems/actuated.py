@@ -31,7 +31,9 @@ class Actuated:
 
     def __post_init__(self):
         if not isinstance(self.machine, Machine):
-            raise InputError(f"machine = {self.machine!r} is none whose spring can be moved, as problems.Hopper()")
+            raise InputError(
+                f"a {type(self.machine).__name__} is no machine whose spring can be moved, as problems.Hopper()"
+            )
         if self.machine.spring.pieces:
             raise InputError(f"spring '{self.machine.spring.text}' is piecewise; an actuator needs a smooth law")
         if taken := {END, RATE, "peak"} & self.machine.parameters.keys():
