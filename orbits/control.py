@@ -407,9 +407,9 @@ def _reason(problem: Transcription, found: Minimum) -> str:
     short += [f"; {name} is at its bounds" for name in problem.saturated(parts, found.values)]
     if found.kind == "infeasible":
         return f"no motion meets the conditions: {name} is missed by {off:.2g}{''.join(short)}; widen a bound"
-    what = (
-        f"the conditions hold, but the cost's slope is {found.slope:.1g}"
-        if found.feasible
-        else f"{name} off by {off:.1g}"
-    )
-    return f"no convergence from this guess ({what}){''.join(short)}; start from a nearer motion"
+    if found.feasible:
+        return (
+            f"no convergence from this guess: the conditions hold to {off:.1g}, but the cost's slope is "
+            f"{found.slope:.1g}{''.join(short)}; start from a nearer motion, or let the cost have no corners"
+        )
+    return f"no convergence from this guess ({name} off by {off:.1g}){''.join(short)}; start from a nearer motion"

@@ -36,6 +36,8 @@ OPTIONS = {
 # How far a minimum may be from its conditions, recomputed, whatever Ipopt calls it: what is left of its constraints,
 # and of the gradient of its Lagrangian beside the multipliers.
 FEASIBLE, STATIONARY = 1e-9, 1e-7
+# What is missed by no more does not show that it cannot be met: the iteration may end there for other reasons.
+NEARLY = 1e-6
 # Ends from which no minimum is looked for where the recomputed conditions hold: it stalls at rounding.
 STALLED = ("Search_Direction_Becomes_Too_Small", "Solved_To_Acceptable_Level", "Restoration_Failed")
 # What an iteration that ends without a minimum means.
@@ -127,16 +129,16 @@ class Minimum:
 
     @property
     def feasible(self) -> bool:
-        """Whether the constraints are met."""
-        return bool(self.off.max(initial=0.0) <= FEASIBLE)
+        """Whether the constraints are as good as met."""
+        return bool(self.off.max(initial=0.0) <= NEARLY)
 
     @property
     def reason(self) -> str:
         """Why it is no minimum, "" for one."""
         if self.kind == "minimum":
             return ""
-        what = f"the cost's slope is {self.slope:.1e}" if self.feasible else f"off by {self.off.max(initial=0.0):.1e}"
-        return f"{ENDS[self.kind]} ({what})"
+        slope = f", the cost's slope is {self.slope:.1e}" if self.feasible else ""
+        return f"{ENDS[self.kind]} (off by {self.off.max(initial=0.0):.1e}{slope})"
 
 
 class Minimiser:
@@ -201,7 +203,7 @@ def _kind(status: str, cost: float, off, slope: float) -> str:
         return "bottomless"
     if status == "Invalid_Number_Detected" or not np.isfinite(cost):
         return "undefined"
-    missed = np.abs(off).max(initial=0.0) > FEASIBLE
+    missed = np.abs(off).max(initial=0.0) > NEARLY
     return "infeasible" if missed and status in ("Infeasible_Problem_Detected", "Restoration_Failed") else "stuck"
 
 
