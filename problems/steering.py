@@ -37,8 +37,6 @@ MARGIN = 1e-7
 SHORTEST, LONGEST = 0.1, 4.0
 # Points of a control interval at which the actuator's power is taken.
 SAMPLES = 40
-# An answer with fewer intervals of control may need one with so many to start from.
-FINE = 40
 
 
 def keep_hopping(
@@ -50,7 +48,8 @@ def keep_hopping(
     cost : "effort"; "work", the actuator's positive work; or "peak", the largest rate. These two are found with a
         little of the effort beside them, see `BESIDE`, and work rounded, see `ROUND`; the answer's `cost` is without
     lossless : whether it has to land so; else the impact takes what it takes, see the module
-    intervals : of flight and contact together, on each of which the actuator's rate is held
+    intervals : of flight and contact together, on each of which the actuator's rate is held; with few, about 12 or less,
+        contact presses too little after a lossless landing for an answer to be found
     rate, stroke : bounds of the actuator's rate, without which no least work exists, and displacement
     orbit : the lossless orbit, found if it is not given
     guess : the answer for a machine nearby
@@ -79,8 +78,6 @@ def keep_hopping(
             guess = _of_family(steer(hop, given, guess=guess, tolerance=CORNERS), driven, orbit, lossless)
         return replace(guess, cost=work(machine, guess)[1])
     starts = [guess] if guess else _starts(driven, orbit, orbit.alpha, lossless)
-    if guess is None and intervals < FINE:
-        starts.append(lambda: keep_hopping(machine, orbit=orbit, **{**limits, "intervals": FINE}))
     found = _cheapest(hop, values, starts, driven, orbit, lossless, {"peak": (0.0, np.inf)} if cost == "peak" else None)
     return replace(found, cost=found.parameters["peak"]) if cost == "peak" else found
 
