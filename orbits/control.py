@@ -410,6 +410,6 @@ def _reason(problem: Transcription, found: Minimum) -> str:
     if found.feasible:
         return (
             f"no convergence from this guess: the conditions hold to {off:.1g}, but the cost's slope is "
-            f"{found.slope:.1g}{''.join(short)}; start from a nearer motion, take more intervals, or a cost without corners"
+            f"{found.slope:.1g}{''.join(short)}; start from a nearer motion, take more intervals, or round the cost"
         )
     return f"no convergence from this guess ({name} off by {off:.1g}){''.join(short)}; start from a nearer motion"

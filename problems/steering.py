@@ -48,7 +48,7 @@ def keep_hopping(
     cost : "effort"; "work", the actuator's positive work; or "peak", the largest rate. These two are found with a
         little of the effort beside them, see `BESIDE`, and work rounded, see `ROUND`; the answer's `cost` is without
     lossless : whether it has to land so; else the impact takes what it takes, see the module
-    intervals : of flight and contact together, on each of which the actuator's rate is held; with few, about 12 or less,
+    intervals : of flight and contact together, on each of which the actuator's rate is held; with few, about 12,
         contact presses too little after a lossless landing for an answer to be found
     rate, stroke : bounds of the actuator's rate, without which no least work exists, and displacement
     orbit : the lossless orbit, found if it is not given
@@ -66,8 +66,10 @@ def keep_hopping(
     hop, values = _hop(driven, orbit, cost=cost, periodic=True, **limits), driven.still
     if _loses_nothing(machine) and not (lossless and cost == "effort"):
         return keep_hopping(machine, orbit=orbit, **{**limits, "lossless": True})
-    if cost != "effort":  # they have corners: from an answer that is near
-        guess = guess or keep_hopping(machine, orbit=orbit, **limits)
+    if cost != "effort" and guess is None:  # they have corners: from an answer that is near
+        # Landing as it likes, least effort may be far from least work.
+        near = {**limits, "lossless": lossless or cost == "work"}
+        guess = keep_hopping(machine, orbit=orbit, **near)
     if cost == "peak":
         most = max(float(np.abs(leg.inputs.row(RATE)).max()) for leg in guess.legs)
         guess = replace(guess, parameters={**guess.parameters, "peak": most})

@@ -315,6 +315,7 @@ def test_a_plastic_landing_costs_less_and_each_cost_is_least_in_its_own(kept):
     assert peak.cost == peak.parameters["peak"]
     least = steering.keep_hopping(machine, cost="work", rate=0.1)
     assert least.cost == steering.work(machine, least)[1] < steering.work(machine, kept)[1]
+    assert steering.keep_hopping(machine, cost="work", rate=0.1, lossless=False).cost < least.cost
 
 
 def test_little_damping_costs_its_square_whatever_the_landing():
