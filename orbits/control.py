@@ -11,19 +11,28 @@ solved again (an exchange method: Hettich and Kortanek, "Semi-infinite programmi
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Real
 
 import numpy as np
 
 from .errors import InputError, NoOrbit
 from .flow import Trajectory
 from .nlp import Minimum
+from .question import number_of, whole_of
 from .simulate import Leg
-from .transcription import Stage, Transcription, Travelled, polynomials, transcription, travel
+from .transcription import Stage, Transcription, Travelled, at_bound, polynomials, transcription, travel
 
-# Rounds of asking again between interval ends, and of halving steps, after which it is given up.
-ROUNDS = 30
-# A duration this near to its lower bound, as a share, is at it.
-AT_BOUND = 1e-6
+# Rounds of asking again between interval ends, of halving steps, and of counting the cost in what it turned out to be,
+# after which it is given up; and the most steps of an interval.
+ROUNDS, SUBSTEPS = 30, 64
+# Halvings of all intervals after which the cost is to stay.
+HALVINGS = 8
+# What an answer is solved for to; below this rounding decides whether it is.
+FINEST = 1e-13
+# A cost is counted in units in which it is between this and one over this; what is smaller than the other is nothing.
+FAR, NOTHING = 0.1, 1e-20
+# A duration without an upper bound that grows by this factor has no end.
+AWAY = 1e3
 
 
 @dataclass(frozen=True)
@@ -51,7 +60,7 @@ class Driven(Leg):
 
 @dataclass(frozen=True)
 class Control:
-    """A motion of least cost.
+    """A motion of locally least cost: another guess may lead to one that costs less.
 
     legs : the stages in order
     cost : on the accurate motion
@@ -59,6 +68,8 @@ class Control:
     violation : the most by which the accurate motion misses a condition, leaves a bound, or has below zero what is to
         stay above
     error : the most by which its states, beside their size, or its cost differ from those that were solved for
+    coarseness : the share of the cost by which the last halving of the intervals changed it, NaN if they were kept:
+        violation and error are of this motion, and say nothing of what finer inputs would save
     iterations, rounds : Ipopt's iterations, and the solves in which they were taken
     seconds : taken in all
     status : "optimal"; anything else is raised as an error
@@ -73,6 +84,7 @@ class Control:
     rounds: int
     seconds: float
     status: str = "optimal"
+    coarseness: float = np.nan
     answer: "Answer | None" = field(default=None, repr=False)
 
     @property
@@ -83,6 +95,8 @@ class Control:
     def schedule(self, *names: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """When piecewise constant inputs change, (k + 1,), and their values in between, (k,) each, 0 where a stage does
         not have them: what `simulate` takes."""
+        if strange := set(names).difference(*(leg.inputs.names for leg in self.legs)):
+            raise InputError(f"there is no input '{min(strange)}'")
         rows = {name: [_column(leg.inputs, name) for leg in self.legs] for name in names}
         if varying := [name for name, columns in rows.items() if any(c[:, 1:].any() for c in columns)]:
             raise InputError(f"input '{varying[0]}' varies within an interval: it is no schedule; give it degree 0")
@@ -102,32 +116,69 @@ class Control:
 
 @dataclass(frozen=True)
 class Answer:
-    """What the next solve may start from: the problem, its unknowns, its multipliers, and where paths are asked."""
+    """What the next solve may start from: the problem, its unknowns, its multipliers, where paths are asked, and the
+    unit of its cost: tolerances are absolute, and the effort of a tiny correction is tinier yet."""
 
     problem: Transcription
     x: np.ndarray
     multipliers: tuple[np.ndarray, np.ndarray] | None
     shares: np.ndarray
+    unit: float = 1.0
+
+    def recounted(self, unit: float) -> "Answer":
+        """The same with its cost in another unit."""
+        times = self.unit / unit
+        bound, held = self.multipliers
+        return replace(self, unit=unit, multipliers=(times * bound, times * held))
 
 
 def steer(
     stages: Sequence[Stage], parameters: Mapping[str, float] | None = None, *, guess,
-    free: Mapping[str, tuple[float, float]] | None = None, tolerance: float = 1e-9,
+    free: Mapping[str, tuple[float, float]] | None = None, tolerance: float = 1e-9, refine: float | None = None,
 ) -> Control:  # fmt: skip
-    """Find the motion through `stages`, one after the other, of least cost.
+    """Find a motion through `stages`, one after the other, of locally least cost: none near it costs less.
 
     parameters : values of the names in `p`
     guess : a `Guess` for each stage, or a `Control` nearby, whose multipliers are kept if the stages are the same
     free : bounds of further parameters, which are found too; the guess is the middle, or the bound if one is infinite,
         or what the guess's own `parameters` say
     tolerance : of the answer's violation and error
+    refine : all intervals are halved until the cost changes by no more than this share of it; None keeps them as they
+        are, and how much finer ones would save is not known
 
     Raises `InputError` for bounds that conflict, and `NoOrbit`, saying which condition or bound is in the way, where
-    there is no such motion, a stage collapses, the cost has no lower bound, or nothing is found from the guess.
+    there is no such motion, a stage collapses or runs away, the cost has no lower bound, or nothing is found from the
+    guess.
     """
     began = time.perf_counter()
     stages, parameters, free = tuple(stages), dict(parameters or {}), dict(free or {})
-    _check(stages, parameters, free)
+    _check(stages, parameters, free, tolerance)
+    found = _steer(stages, parameters, free, guess, tolerance)
+    if refine is not None:
+        if not number_of("refine", refine) > tolerance:
+            raise InputError(f"refine = {refine:g}; a share of the cost above the tolerance, {tolerance:g}")
+        found = _halved(found, stages, parameters, free, tolerance, refine)
+    return replace(found, seconds=time.perf_counter() - began)
+
+
+def _halved(found: Control, stages, parameters, free, tolerance: float, refine: float) -> Control:
+    """The answer on intervals halved until its cost stays."""
+    for _ in range(HALVINGS):
+        stages = tuple(replace(stage, intervals=2 * stage.intervals) for stage in stages)
+        finer = _steer(stages, parameters, free, found, tolerance)
+        coarseness = abs(finer.cost - found.cost) / max(abs(finer.cost), NOTHING)
+        taken = found.iterations + finer.iterations, found.rounds + finer.rounds
+        found = replace(finer, coarseness=coarseness, iterations=taken[0], rounds=taken[1])
+        if coarseness <= refine:
+            return found
+    raise NoOrbit(
+        f"the cost still changes by {coarseness:.1e} of it with {stages[0].intervals} intervals in the first stage; "
+        "start with more, let inputs be of a higher degree, or take a larger `refine`"
+    )
+
+
+def _steer(stages, parameters, free, guess, tolerance: float) -> Control:
+    """The answer on the intervals as they are."""
     try:
         problem = transcription(stages, tuple(parameters), tuple(free))
     except KeyError as error:
@@ -135,25 +186,37 @@ def steer(
     bounds, fixed = problem.bounds(free), np.array(list(parameters.values()), dtype=float)
     known = guess.answer if isinstance(guess, Control) else None
     if known is None or known.problem.stages != stages or known.problem.names != problem.names:
-        known = Answer(problem, _pack(problem, guess, free, bounds), None, np.zeros(0))
-    iterations = 0
+        x = _pack(problem, guess, free, bounds)
+        size = abs(problem.cost(x, np.concatenate([fixed, [1.0]])))
+        known = Answer(
+            problem, x, None, np.zeros(0), 1.0 if FAR < size < 1 / FAR or not NOTHING < size < np.inf else size
+        )
+    first, iterations = known.problem.unpack(known.x), 0
     for rounds in range(1, ROUNDS + 1):
         found = _minimum(known, fixed, bounds)
         iterations += found.iterations
         if found.kind != "minimum":
             raise NoOrbit(_reason(known.problem, found))
         known = replace(known, x=found.x, multipliers=found.multipliers)
+        _not_away(stages, first, problem.unpack(known.x))
+        size = abs(found.cost)
+        if size > NOTHING and not FAR < size / known.unit < 1 / FAR:
+            known = known.recounted(size)
+            continue
         here = _travelled(known, found.cost, fixed)
         _not_collapsed(stages, here.parts)
         if here.error <= tolerance and here.violation <= tolerance:
-            seconds = time.perf_counter() - began
             named = dict(zip(problem.names, here.values.tolist(), strict=True))
             found = here.cost, named, here.violation, here.error
-            return Control(here.legs(stages), *found, iterations, rounds, seconds, answer=known)
-        known = _refined(known, here, tolerance)
+            return Control(here.legs(stages), *found, iterations, rounds, 0.0, answer=known)
+        finer = _refined(known, here, tolerance)
+        if max(finer.problem.substeps) > SUBSTEPS:
+            break
+        known = finer
     where = [name for drive in here.driven for name in drive.low(tolerance)]
     raise NoOrbit(
-        f"the motion does not settle to {tolerance:.0e} in {ROUNDS} rounds"
+        f"the motion does not settle to {tolerance:.0e}, it is off by {max(here.error, here.violation):.1e} after "
+        f"{rounds} rounds"
         + (f": {where[0]} still falls below zero between interval ends" if where else "")
         + "; take more intervals or a larger tolerance"
     )
@@ -161,11 +224,11 @@ def steer(
 
 def _minimum(known: Answer, fixed, bounds) -> Minimum:
     """The minimum near what is known, by its multipliers if they help."""
-    x, p = np.clip(known.x, *bounds), np.concatenate([fixed, known.shares])
+    x, p = np.clip(known.x, *bounds), np.concatenate([fixed, known.shares, [known.unit]])
     found = known.problem.minimise(x, p, bounds, known.multipliers)
     if found.kind != "minimum" and known.multipliers is not None:
         found = known.problem.minimise(x, p, bounds, None)
-    return found
+    return replace(found, cost=found.cost * known.unit)
 
 
 @dataclass(frozen=True)
@@ -198,7 +261,9 @@ def _travelled(known: Answer, cost: float, fixed) -> Travels:
     apart = max(drive.apart(nodes) for drive, (_, nodes, _) in zip(driven, parts, strict=True))
     missed = problem.missed(values, [(drive.first, drive.last) for drive in driven])
     violation = max(missed, *(drive.violation for drive in driven))
-    return Travels(parts, values, driven, accurate, max(apart, abs(accurate - cost) / (1.0 + abs(cost))), violation)
+    return Travels(
+        parts, values, driven, accurate, max(apart, abs(accurate - cost) / max(known.unit, abs(cost))), violation
+    )
 
 
 def _refined(known: Answer, here: Travels, tolerance: float) -> Answer:
@@ -212,51 +277,67 @@ def _refined(known: Answer, here: Travels, tolerance: float) -> Answer:
     places = problem.places + tuple((i, interval) for i, interval, _ in dips)
     finer = transcription(problem.stages, problem.fixed, problem.free, substeps, places)
     shares = np.append(known.shares, [share for *_, share in dips])
-    return Answer(finer, known.x, finer.padded(known.multipliers), shares)
+    return replace(known, problem=finer, multipliers=finer.padded(known.multipliers), shares=shares)
 
 
-def _check(stages, parameters, free):
+def _check(stages, parameters, free, tolerance):
     """Raise for what cannot be meant."""
+    if not number_of("tolerance", tolerance) >= FINEST:
+        raise InputError(f"tolerance = {tolerance:g}; rounding allows for {FINEST:g} or more")
     if not stages:
         raise InputError("there are no stages: give at least one")
     for number, stage in enumerate(stages, start=1):
-        where, (low, high) = f"stage {number} ({stage.phase.name})", stage.duration
-        if not 0 < low <= high:
-            raise InputError(f"{where}: duration between {low:g} and {high:g}; it is above 0, and low is below high")
-        if isinstance(stage.intervals, bool) or int(stage.intervals) != stage.intervals or stage.intervals < 1:
-            raise InputError(f"{where}: intervals = {stage.intervals!r}; there is at least one, and no parts of one")
+        where = f"stage {number} ({stage.phase.name})"
+        if _range(f"{where}: duration", stage.duration)[0] <= 0:
+            raise InputError(f"{where}: duration from {stage.duration[0]:g}; it is above 0")
+        whole_of(f"{where}: intervals", stage.intervals, "intervals")
         if stage.phase.pieces:
             raise InputError(f"{where}: its law is piecewise; control needs a law that is smooth, as a formula")
         for name, given in stage.inputs.items():
             if name in parameters or name in free:
                 raise InputError(f"{where}: '{name}' is both an input and a parameter; rename one")
-            if not callable(given.low) and not callable(given.high) and not given.low <= given.high:
-                raise InputError(
-                    f"{where}: input '{name}' lies between {given.low:g} and {given.high:g}: bounds conflict"
-                )
-            if isinstance(given.degree, bool) or int(given.degree) != given.degree or given.degree < 0:
-                raise InputError(f"{where}: input '{name}' has degree {given.degree!r}; degrees are 0, 1, 2, ...")
-    for name, (low, high) in free.items():
+            sides = zip((given.low, given.high), (-np.inf, np.inf), strict=True)
+            _range(f"{where}: input '{name}'", [none if callable(side) else side for side, none in sides])
+            whole_of(f"{where}: degree of input '{name}'", given.degree, "powers", 0)
+    for name, bounds in free.items():
         if name in parameters:
             raise InputError(f"parameter '{name}' has a value and is left free: choose one")
-        if not low <= high:
-            raise InputError(f"parameter '{name}' lies between {low:g} and {high:g}: bounds conflict")
+        _range(f"parameter '{name}'", bounds)
     for name, value in parameters.items():
-        if not np.isfinite(value):
-            raise InputError(f"parameter '{name}' = {value!r} is not a finite number")
+        number_of(f"parameter '{name}'", value)
+
+
+def _range(what: str, bounds) -> tuple[float, float]:
+    """The two bounds, in order; raises `InputError`."""
+    if not isinstance(bounds, tuple | list) or len(bounds) != 2 or not all(isinstance(one, Real) for one in bounds):
+        raise InputError(f"{what}: bounds are a lowest and a highest number, not {bounds!r}")
+    low, high = bounds
+    if not low <= high:
+        raise InputError(f"{what} lies between {low:g} and {high:g}: bounds conflict")
+    return low, high
 
 
 def _pack(problem: Transcription, guess, free, bounds) -> np.ndarray:
     """The unknowns (n,) that a guess means."""
     given = guess.legs if isinstance(guess, Control) else guess
+    if not isinstance(given, tuple | list) or not all(isinstance(one, Guess | Driven) for one in given):
+        raise InputError(f"guess = {guess!r}; it is a Guess for each stage, or a Control")
     known = guess.parameters if isinstance(guess, Control) else {}
     if len(given) != len(problem.stages):
         raise InputError(f"the guess has {len(given)} stages where there are {len(problem.stages)}")
     parts = []
     for stage, one in zip(problem.stages, given, strict=True):
         size, n = len(stage.phase.states), stage.intervals
-        states, inputs = (one.path, _functions(one.inputs)) if isinstance(one, Driven) else (one.states, one.inputs)
-        nodes = np.array([np.asarray(states(t), dtype=float)[:size] for t in np.linspace(0, one.duration, n + 1)])
+        if isinstance(one, Driven):
+            states, inputs = (lambda t, of=one.path, size=size: of(t)[:size]), _functions(one.inputs)
+        else:
+            states, inputs = one.states, one.inputs
+            number_of(f"the guess of the {stage.phase.name}: duration", one.duration)
+            if strange := inputs.keys() - stage.inputs.keys():
+                raise InputError(
+                    f"the guess of the {stage.phase.name} is of an input '{min(strange)}': it has none such"
+                )
+        nodes = np.array([np.asarray(states(t), dtype=float) for t in np.linspace(0, one.duration, n + 1)])
         if nodes.shape != (n + 1, size):
             raise InputError(
                 f"the guess of the {stage.phase.name} is not {size} numbers, {', '.join(stage.phase.states)}"
@@ -286,11 +367,21 @@ def _column(inputs: Trajectory, name: str) -> np.ndarray:
     return inputs.row(name) if name in inputs.names else np.zeros((len(inputs.steps), 1))
 
 
+def _not_away(stages, first, parts):
+    """Raise where a stage that may last forever nearly does, given its first parts."""
+    for number, (stage, (guessed, *_), (duration, *_)) in enumerate(zip(stages, first, parts, strict=True), start=1):
+        if np.isinf(stage.duration[1]) and duration > AWAY * guessed:
+            raise NoOrbit(
+                f"stage {number} ({stage.phase.name}) runs away: it lasts {duration:.2g} already, and the longer it "
+                "lasts the less it costs; bound its duration"
+            )
+
+
 def _not_collapsed(stages, parts):
     """Raise where a stage has shrunk to its lower bound, though it may last longer."""
     for number, (stage, (duration, *_)) in enumerate(zip(stages, parts, strict=True), start=1):
         low, high = stage.duration
-        if low < high and duration <= low * (1 + AT_BOUND):
+        if low < high and at_bound(duration / low, 1.0):
             raise NoOrbit(
                 f"stage {number} ({stage.phase.name}) collapses: least cost is at its shortest duration {low:g}; state "
                 "it without that stage, or fix its duration"
@@ -311,9 +402,14 @@ def _reason(problem: Transcription, found: Minimum) -> str:
     short = [
         f"; stage {i} ({stage.phase.name}) is at its shortest duration {stage.duration[0]:g}"
         for i, (stage, (duration, *_)) in enumerate(zip(problem.stages, parts, strict=True), start=1)
-        if stage.duration[0] < stage.duration[1] and duration <= stage.duration[0] * (1 + 1e-3)
+        if stage.duration[0] < stage.duration[1] and at_bound(duration / stage.duration[0], 1.0)
     ]
-    short += [f"; input '{name}' of stage {i} is at its bounds" for i, name in problem.saturated(parts)]
+    short += [f"; {name} is at its bounds" for name in problem.saturated(parts, found.values)]
     if found.kind == "infeasible":
         return f"no motion meets the conditions: {name} is missed by {off:.2g}{''.join(short)}; widen a bound"
+    if found.feasible:
+        return (
+            f"no convergence from this guess: the conditions hold to {off:.1g}, but the cost's slope is "
+            f"{found.slope:.1g}{''.join(short)}; start from a nearer motion, take more intervals, or round the cost"
+        )
     return f"no convergence from this guess ({name} off by {off:.1g}){''.join(short)}; start from a nearer motion"

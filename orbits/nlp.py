@@ -36,6 +36,8 @@ OPTIONS = {
 # How far a minimum may be from its conditions, recomputed, whatever Ipopt calls it: what is left of its constraints,
 # and of the gradient of its Lagrangian beside the multipliers.
 FEASIBLE, STATIONARY = 1e-9, 1e-7
+# What is missed by no more does not show that it cannot be met: the iteration may end there for other reasons.
+NEARLY = 1e-6
 # Ends from which no minimum is looked for where the recomputed conditions hold: it stalls at rounding.
 STALLED = ("Search_Direction_Becomes_Too_Small", "Solved_To_Acceptable_Level", "Restoration_Failed")
 # What an iteration that ends without a minimum means.
@@ -46,18 +48,18 @@ ENDS = {
     "overdetermined": "more conditions than unknowns",
     "stuck": "no convergence",
 }
-# Costs below this have no lower bound.
-BOTTOMLESS = -1e12
+# Costs, of order one, below this have no lower bound; and unknowns of this size run away, with or without the cost.
+BOTTOMLESS, AWAY = -1e8, 1e12
 MINIMISING = {
     **OPTIONS,
     "ipopt.tol": 1e-11,
     "ipopt.constr_viol_tol": 1e-11,
     "ipopt.compl_inf_tol": 1e-11,
-    "ipopt.dual_inf_tol": 1e-9,
+    "ipopt.dual_inf_tol": 1.0,  # `tol` measures it beside the multipliers, as `STATIONARY` does
     "ipopt.bound_relax_factor": 0.0,  # a bound is a bound
     "ipopt.honor_original_bounds": "yes",
     "ipopt.max_iter": 1000,
-    "ipopt.diverging_iterates_tol": -BOTTOMLESS,
+    "ipopt.diverging_iterates_tol": AWAY,
 }
 # Beside a known answer: the barrier starts where it ended.
 WARM = {
@@ -109,7 +111,9 @@ class Minimum:
     x : (n,)
     cost : there
     multipliers : of the bounds (n,) and of the constraints (m,)
-    off : by how much each constraint is missed, (m,)
+    values : of the constraints, (m,)
+    off : by how much each is missed, (m,)
+    slope : the largest part of the gradient of the Lagrangian, beside the largest multiplier
     kind : "minimum", "infeasible", "bottomless", "undefined", "overdetermined" or "stuck"
     iterations : taken
     """
@@ -117,14 +121,24 @@ class Minimum:
     x: np.ndarray
     cost: float
     multipliers: tuple[np.ndarray, np.ndarray]
+    values: np.ndarray
     off: np.ndarray
+    slope: float
     kind: str
     iterations: int
 
     @property
+    def feasible(self) -> bool:
+        """Whether the constraints are as good as met."""
+        return bool(self.off.max(initial=0.0) <= NEARLY)
+
+    @property
     def reason(self) -> str:
         """Why it is no minimum, "" for one."""
-        return "" if self.kind == "minimum" else f"{ENDS[self.kind]} (off by {self.off.max(initial=0.0):.1e})"
+        if self.kind == "minimum":
+            return ""
+        slope = f", the cost's slope is {self.slope:.1e}" if self.feasible else ""
+        return f"{ENDS[self.kind]} (off by {self.off.max(initial=0.0):.1e}{slope})"
 
 
 class Minimiser:
@@ -153,9 +167,8 @@ class Minimiser:
         solver = self._solver(multipliers is not None)
         known = {} if multipliers is None else dict(zip(("lam_x0", "lam_g0"), multipliers, strict=True))
         (low, high), (least, most) = bounds, limits
-        nothing = Minimum(
-            np.array(guess), np.nan, (np.zeros(len(guess)), np.zeros(len(least))), np.zeros(len(least)), "", 0
-        )
+        zeros = np.zeros(len(least))
+        nothing = Minimum(np.array(guess), np.nan, (np.zeros(len(guess)), zeros), zeros, zeros, 0.0, "", 0)
         if (least == most).sum() > (low < high).sum():
             return replace(nothing, kind="overdetermined")
         try:
@@ -168,10 +181,10 @@ class Minimiser:
         cost, slope, values = (np.array(value).ravel() for value in self.conditions(x, p, lam_g))
         off = np.maximum(np.maximum(least - values, values - most), 0.0)
         stats = solver.stats()
-        kind = _kind(
-            stats["return_status"], float(cost[0]), off, (slope + lam_x) / (1 + np.abs(lam_g).max(initial=0.0))
-        )
-        return Minimum(x, float(cost[0]), (lam_x, lam_g), off, kind, len(stats["iterations"].get("obj", [0])) - 1)
+        tilt = float(np.abs(slope + lam_x).max(initial=0.0) / (1 + np.abs(lam_g).max(initial=0.0)))
+        kind = _kind(stats["return_status"], float(cost[0]), off, tilt)
+        taken = stats.get("iter_count", 0)  # there is none where the guess has no cost
+        return Minimum(x, float(cost[0]), (lam_x, lam_g), values, off, tilt, kind, taken)
 
     def _solver(self, warm: bool) -> ca.Function:
         if warm not in self._solvers:
@@ -180,17 +193,18 @@ class Minimiser:
         return self._solvers[warm]
 
 
-def _kind(status: str, cost: float, off, slope) -> str:
+def _kind(status: str, cost: float, off, slope: float) -> str:
     """What an end of Ipopt's means, its conditions recomputed: not even a success is believed."""
     if status in ("Solve_Succeeded", *STALLED):
-        largest = max(np.abs(off).max(initial=0.0) / FEASIBLE, np.abs(slope).max(initial=0.0) / STATIONARY)
+        largest = max(np.abs(off).max(initial=0.0) / FEASIBLE, slope / STATIONARY)
         if largest <= 1.0:
             return "minimum"
-    if status == "Diverging_Iterates" or cost < BOTTOMLESS:
+    if cost < BOTTOMLESS:
         return "bottomless"
     if status == "Invalid_Number_Detected" or not np.isfinite(cost):
         return "undefined"
-    return "infeasible" if status in ("Infeasible_Problem_Detected", "Restoration_Failed") else "stuck"
+    missed = np.abs(off).max(initial=0.0) > NEARLY
+    return "infeasible" if missed and status in ("Infeasible_Problem_Detected", "Restoration_Failed") else "stuck"
 
 
 class _Watch(ca.Callback):

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from .accuracy import GAUSS_PLACES, GAUSS_WEIGHTS
+from .errors import InputError
 from .flow import Flow, Trajectory, flow
 from .jets import jets
 from .model import Phase
@@ -18,8 +19,15 @@ from .steps import runge_kutta
 
 # Order of the Taylor steps: twelve costs half of what the accurate flow's costs, and steps get shorter where it is low.
 ORDER = 12
-# An input this near to a bound is at it.
+# What is this near to a bound, beside its size or one, is at it: an iteration that fails ends no nearer.
 AT_BOUND = 1e-4
+# Of Ipopt's: where states are large, rounding keeps an iteration from its end, and it would go on for long.
+STALLS = {
+    "ipopt.acceptable_iter": 15,
+    "ipopt.acceptable_tol": 1e-6,
+    "ipopt.acceptable_constr_viol_tol": 1e-10,
+    "ipopt.acceptable_compl_inf_tol": 1e-8,
+}
 # Name of the length of an interval among the parameters; no identifier can be that.
 LENGTH = "interval's length"
 
@@ -50,6 +58,7 @@ class Stage:
     path : named (x, p, q) -> what stays at or above zero
     running : (x, p, q) -> the cost's rate
     final : (x, p) -> cost at its end
+    above : (x, p) -> what is at or above zero at its end
 
     Stages compare by identity: what is built from them is kept for the next call.
     """
@@ -63,11 +72,17 @@ class Stage:
     path: Mapping[str, Callable] = field(default_factory=dict)
     running: Callable = lambda x, p, q: 0.0
     final: Callable = lambda x, p: 0.0
+    above: Callable = lambda x, p: []
 
 
 def coefficient_names(stage: Stage) -> tuple[str, ...]:
     """Names of the Bernstein coefficients of all inputs of a stage, in their order."""
     return tuple(f"{name}[{k}]" for name, given in stage.inputs.items() for k in range(given.degree + 1))
+
+
+def at_bound(value, bound: float):
+    """Whether values (...) are at a bound."""
+    return np.abs(value - bound) <= AT_BOUND * (1.0 + np.abs(bound))
 
 
 @lru_cache(maxsize=64)
@@ -86,7 +101,10 @@ def clocked(stage: Stage) -> Phase:
 
     def field(x, p, q):
         states, named = with_inputs(x, p)
-        rates = [*stage.phase.field(states, named, q), 1.0, stage.running(states, named, q)]
+        given = [*stage.phase.field(states, named, q)]
+        if len(given) != size:
+            raise InputError(f"the field of the {stage.phase.name} gives {len(given)} rates for {size} states")
+        rates = [*given, 1.0, stage.running(states, named, q)]
         return [rate if i == size else p[LENGTH] * rate for i, rate in enumerate(rates)]
 
     watch = {name: lambda x, p, q, of=of: of(*with_inputs(x, p), q) for name, of in stage.path.items()}
@@ -119,18 +137,18 @@ def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
 
 @lru_cache(maxsize=64)
 def _conditions(stage: Stage, names: tuple[str, ...], size_before: int) -> ca.Function:
-    """(first state, last state, last state before, parameters) -> zeros at the start, zeros at the end, final cost,
-    and bounds of inputs, -inf and inf where they are numbers."""
+    """(first state, last state, last state before, parameters) -> zeros at the start, zeros at the end, what is
+    above zero there, final cost, and bounds of inputs, -inf and inf where they are numbers."""
     size = len(stage.phase.states)
     first, last, before, p = (ca.SX.sym("x", k) for k in (size, size, size_before, len(names)))
     named = dict(zip(names, ca.vertsplit(p), strict=True))
     start = stage.start(ca.vertsplit(first), ca.vertsplit(before), named)
-    end, final = stage.end(ca.vertsplit(last), named), stage.final(ca.vertsplit(last), named)
+    end, above, final = (of(ca.vertsplit(last), named) for of in (stage.end, stage.above, stage.final))
     lows, highs = (
         ca.vertcat(*[of(named) if callable(of := getattr(given, side)) else none for given in stage.inputs.values()])
         for side, none in (("low", -np.inf), ("high", np.inf))
     )
-    results = [ca.vertcat(*start), ca.vertcat(*end), final, lows, highs]
+    results = [ca.vertcat(*start), ca.vertcat(*end), ca.vertcat(*above), final, lows, highs]
     return ca.Function("conditions", [first, last, before, p], [ca.densify(ca.SX(result)) for result in results])
 
 
@@ -149,6 +167,7 @@ class Transcription:
         self.shapes = [(len(s.phase.states), s.intervals, len(coefficient_names(s))) for s in stages]
         self._labels: list[str] = []
         self._limits: list[tuple[float, float]] = []
+        self._inner: list[int] = []  # constraints that are paths at interval ends within stages
         self._build()
 
     def _build(self):
@@ -164,21 +183,27 @@ class Transcription:
             ends, costs, path = step(x[:, :-1], ca.DM.ones(1, n), data[i])
             before = parts[i - 1][1][:, -1]
             conditions = _conditions(stage, self.names, before.numel())
-            start, end, final, lows, highs = conditions(x[:, 0], x[:, -1], before, p)
+            start, end, above, final, lows, highs = conditions(x[:, 0], x[:, -1], before, p)
             cost += ca.sum2(costs) + final
             constraints += [
                 self._held(ca.vec(ends - x[:, 1:]), i, "the motion", 0.0),
                 self._held(start, i, "the condition at the start", 0.0),
                 self._held(end, i, "the condition at the end", 0.0),
+                self._held(above, i, "the bound at the end"),
             ]
-            constraints += [self._held(path[k, :-1].T, i, f"'{name}'") for k, name in enumerate(stage.path)]
+            for k, name in enumerate(stage.path):
+                self._inner += range(len(self._labels), len(self._labels) + n - 1)
+                constraints.append(self._held(path[k, :-1].T, i, f"'{name}'"))
             constraints += self._bounded_inputs(i, w, lows, highs)
         for k, (i, interval) in enumerate(self.places):
             step = advance(self.stages[i], self.names, self.substeps[i])
             path = step(parts[i][1][:, interval], shares[k], data[i][:, interval])[2]
+            self._inner += range(len(self._labels), len(self._labels) + path.numel())
             constraints += [self._held(path[j], i, f"'{name}'") for j, name in enumerate(self.stages[i].path)]
         unknowns = ca.veccat(*[piece for part in parts for piece in part], freed)
-        self._minimiser = Minimiser(unknowns, ca.vertcat(given, shares), cost, ca.vertcat(*constraints))
+        scale = ca.MX.sym("scale")
+        data = ca.vertcat(given, shares, scale)
+        self._minimiser = Minimiser(unknowns, data, cost / scale, ca.vertcat(*constraints), STALLS)
 
     def _held(self, values: ca.MX, stage: int, what: str, most: float = np.inf) -> ca.MX:
         """Note that `values` stay between 0 and `most`, and what they are."""
@@ -232,27 +257,29 @@ class Transcription:
         """The free parameters among the unknowns."""
         return x[len(x) - len(self.free) :]
 
-    def saturated(self, parts) -> list[tuple[int, str]]:
-        """Stages, from 1, and names of the inputs that are at a numeric bound on most of their intervals."""
+    def saturated(self, parts, values) -> list[str]:
+        """Inputs that are at a numeric bound on most of their intervals, and paths that are at zero somewhere within
+        their stage, given the parts of the unknowns and the constraints' values."""
         found = []
         for i, (stage, (*_, w)) in enumerate(zip(self.stages, parts, strict=True), start=1):
             row = 0
             for name, given in stage.inputs.items():
                 mine, row = w[row : row + given.degree + 1], row + given.degree + 1
                 bounds = [bound for bound in (given.low, given.high) if not callable(bound) and np.isfinite(bound)]
-                if (
-                    np.mean([np.min(np.abs(np.subtract.outer(mine, bounds)), axis=-1) < AT_BOUND if bounds else 0])
-                    > 0.5
-                ):
-                    found.append((i, name))
-        return found
+                if np.mean([np.any([at_bound(mine, bound) for bound in bounds], axis=0)]) > 0.5:
+                    found.append(f"input '{name}' of stage {i}")
+        return [*found, *dict.fromkeys(self._labels[row] for row in self._inner if values[row] < AT_BOUND)]
 
     def label(self, row: int) -> str:
         """What a constraint is."""
         return self._labels[row]
 
+    def cost(self, x, p) -> float:
+        """What unknowns cost, with `p` as in `minimise`."""
+        return float(self._minimiser.conditions(x, p, 0.0)[0])
+
     def minimise(self, x, p, bounds, multipliers) -> Minimum:
-        """The minimum near `x` with parameters and places `p`."""
+        """The minimum near `x` with parameters, places, and what the cost is counted in, `p`."""
         return self._minimiser(x, p, bounds, np.array(self._limits).T, multipliers)
 
     def padded(self, multipliers):
@@ -268,13 +295,14 @@ class Transcription:
 
     def missed(self, values, ends) -> float:
         """The most by which conditions are missed where stages start and end at states (first, last)."""
-        off = [np.abs(np.array(part)).max(initial=0.0) for found in self._ends(values, ends) for part in found[:2]]
-        return float(max(off))
+        found = [[np.array(part) for part in parts[:3]] for parts in self._ends(values, ends)]
+        off = [np.concatenate([*map(np.abs, zeros), -above], axis=None) for *zeros, above in found]
+        return max(float(part.max(initial=0.0)) for part in off)
 
     def costs(self, values, driven) -> float:
         """The cost of stages travelled accurately."""
         finals = self._ends(values, [(drive.first, drive.last) for drive in driven])
-        return float(sum(float(found[2]) for found in finals) + sum(drive.cost for drive in driven))
+        return float(sum(float(found[3]) for found in finals) + sum(drive.cost for drive in driven))
 
 
 @lru_cache(maxsize=32)

@@ -10,9 +10,9 @@ _HOMES = {
     "Juggler": ".juggler",
     "hopper_in_si": ".units",
     "juggler_in_si": ".units",
-    "actuated": ".actuated",
     "gravity": ".gravity",
     "springs": ".springs",
+    "steering": ".steering",
 }
 
 __all__ = [
@@ -21,11 +21,11 @@ __all__ = [
     "HeavyHand",
     "Hopper",
     "Juggler",
-    "actuated",
     "gravity",
     "hopper_in_si",
     "juggler_in_si",
     "springs",
+    "steering",
 ]
 
 
@@ -34,4 +34,4 @@ def __getattr__(name: str):
     if name not in _HOMES:
         raise AttributeError(f"module 'problems' has no attribute '{name}'")
     module = import_module(_HOMES[name], __name__)
-    return module if name in ("actuated", "gravity", "springs") else getattr(module, name)
+    return module if name in ("gravity", "springs", "steering") else getattr(module, name)

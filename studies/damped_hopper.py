@@ -19,7 +19,7 @@ from orbits import ReturnMap, find
 from orbits.impacts import Impacts
 from orbits.plot import COLOURS, SHADE, new_row, save_figure
 from problems import Hopper
-from problems.actuated import keep_hopping, missed, work
+from problems.steering import keep_hopping, missed, work
 
 SHOWN = 0.01
 

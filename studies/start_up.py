@@ -3,7 +3,8 @@
 On the left a start in two pumps and the hops that follow by themselves. In the middle the least effort against the
 number of pumps, for actuators of different strokes: pumping longer hardly helps, since the foot may not leave the
 ground before it is time, which bounds every swing but the last. On the right the least effort to bring back a launch
-speed d short of the lossless one in one hop: it goes with d^2, where such a launch by itself loses 10 C d^(4/3).
+speed d short of the lossless one in one hop: it goes with d^2, where such a launch by itself loses 10 C d^(4/3). Too
+fast by a small d it takes a few hundredths of that if it may land as it likes: the impact does the rest.
 Run: python studies/start_up.py [--output FOLDER] [--quick]
 """
 
@@ -15,7 +16,7 @@ import numpy as np
 from orbits import NoOrbit, find
 from orbits.plot import COLOURS, SHADE, new_row, save_figure
 from problems import Hopper
-from problems.actuated import missed, recover, rerun, start_up
+from problems.steering import missed, recover, rerun, start_up
 
 MACHINE = Hopper()
 RATE = 6.0
@@ -90,6 +91,13 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         numbers[f"{kind} exponent"] = float(np.log(row[1] / row[0]) / np.log(short[1] / short[0]))
         print(f"  {name}: effort {numbers[f'{kind} over d^2']:.5f} d^2, exponent {numbers[f'{kind} exponent']:.5f}")
         right.semilogx(short, row / short**2, "o-", color=colour, ms=4, label=name)
+    fast = [recover(MACHINE, -d, orbit=orbit, lossless=False) for d in short]
+    row = np.array([answer.cost for answer in fast])
+    worst = max([worst] + [missed(MACHINE, answer) for answer in fast])
+    right.semilogx(short, row / short**2, "o--", color=COLOURS[1], ms=4, label="any landing, too fast by d")
+    share = (row / [answer.cost for answer in answers])[short < 0.11].max()
+    numbers["too fast over any recovery"] = float(share)
+    print(f"  too fast by d up to 0.1, any landing: at most {share:.4f} of what short by d takes")
     right.set(
         xlabel="launch speed short by d", ylabel="least effort / $d^2$", ylim=(0, None), title="recovery in one hop"
     )

@@ -131,12 +131,12 @@ def test_ipopt_reports_what_it_could_not_do():
             (moment, "find(Hopper('r + 0.1*r**3', mass_ratio=0.5), 40, method='shooting')")
             for moment in (0.3, 0.5, 0.7, 1.3)
         ),
-        *((moment, "actuated.start_up(Hopper(), 3, stroke=2.0)") for moment in (0.4, 0.9)),
+        *((moment, "steering.start_up(Hopper(), 3, stroke=2.0)") for moment in (0.4, 0.9)),
     ],
 )
 def test_an_interrupt_ends_the_program_at_once(moment, work):
     """CasADi and Ipopt swallow the signal; the program must not go on, whatever it does just then."""
-    code = "from orbits import find; from problems import Hopper, actuated; print('go', flush=True)\n"
+    code = "from orbits import find; from problems import Hopper, steering; print('go', flush=True)\n"
     code += f"while True: {work}"
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n" + code  # some shells ignore it
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -216,6 +216,7 @@ def test_start_up(tmp_path):
     assert numbers["launches"] < 1e-8
     assert numbers["recovery exponent"] == pytest.approx(2, abs=1e-2)
     assert numbers["any recovery over d^2"] < numbers["recovery over d^2"]
+    assert numbers["too fast over any recovery"] < 0.06
     assert numbers["missed"] < 1e-8
     assert (tmp_path / "start_up.png").stat().st_size > 10_000
 
