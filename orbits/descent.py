@@ -12,17 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import interrupts
-from .brief import Brief, units_of
+from .brief import Asked, Brief, units_of
 from .errors import NoOrbit
 from .model import Model
 from .nlp import Minimum
 from .orbit import Orbit
-from .program import MARGIN, Asked, Scene, scene_of
+from .program import MARGIN, Scene, scene_of
 from .quantities import base_statement
 from .statements import as_orbit, equations_of, interpret, vector
 
-# An orbit so many times as fast or slow as the first, still going, is on its way to infinity or to nothing.
-ESCAPED = 10.0
+# An orbit so many times as fast or slow as the first, still going while the parameters come to rest inside their bounds
+# (by this share of their size and of their way to the bound ahead), is on its way to infinity or to nothing.
+ESCAPED, RESTING = 10.0, 1e-2
 # An orbit that is lost after it has become so many times as fast or long was running off.
 RUNNING = 2.0
 # Programs that lead into a contact that never ends, before that is what the design amounts to.
@@ -95,6 +96,12 @@ class Descent:
         self.seen: list[tuple] = []
         self.span = np.subtract(brief.high, brief.low)
         self.demand()
+        values, slopes = self.scene().evaluated()
+        m = len(brief.constraints)
+        if not np.isfinite(values[: 1 + m]).all():
+            raise NoOrbit(f"'{brief.text}' or a constraint has no value at {_said(machine, brief)}")
+        self.flat = ~slopes[: 1 + m].any(0)
+        self.sizes = self._sizes(values, slopes)
 
     def demand(self):
         """Demand from now on what the orbit lacks to be a motion."""
@@ -110,28 +117,45 @@ class Descent:
         asked = Asked((brief.formula, *(c.formula for c in brief.constraints)), brief.names, tuple(self.demands))
         return scene_of(self.machine, self.orbit, asked, self.units, self.both)
 
+    def _sizes(self, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """What counts as one unit of each constraint, from values and slopes at the start: the larger side of one
+        between formulas; the bound; or, where that is zero, the value, or what the parameters change it by.
+
+        They stay for all programs from one start: one that went with what is left of a constraint would never see it
+        met.
+        """
+        scene, k = self.scene(), len(self.brief.names)
+        words = dict(zip(scene.words, values[len(values) - scene.graph.ties - len(scene.words) :], strict=False))
+        known = self.machine.values | words
+        theta = np.array([self.machine.values[name] for name in self.brief.names])
+        sizes = []
+        for constraint, value, slope in zip(self.brief.constraints, values[1:], slopes[1:], strict=False):
+            terms = constraint.formula.terms
+            bounds = [abs(bound) for bound in (constraint.low, constraint.high) if np.isfinite(bound)]
+            if len(terms) > 1:
+                bounds += [abs(float(term(**{name: known[name] for name in term.names}))) for term in terms]
+            change = np.abs(slope[:k]) * np.where(theta, np.abs(theta), self.span)
+            sizes.append(max(bounds) or max(abs(value), change.max()) or 1.0)
+        return np.array(sizes)
+
     def scales(self, values: np.ndarray) -> np.ndarray:
         """Of the objective (with its sign), the constraints, the landing jerk and the demands, at values of them."""
         m = len(self.brief.constraints)
         if not np.isfinite(values).all():
             raise NoOrbit(f"'{self.brief.text}' or a constraint has no value at {_said(self.machine, self.brief)}")
-        bounds = [max([abs(b) for b in (c.low, c.high) if np.isfinite(b)]) for c in self.brief.constraints]
-        sizes = [b or abs(v) or 1.0 for b, v in zip(bounds, values[1 : 1 + m], strict=True)]
         return np.array([
-            self.brief.sign * (abs(values[0]) or 1.0), *sizes, abs(values[1 + m]), *np.ones(len(values) - m - 2)
+            self.brief.sign * (abs(values[0]) or 1.0), *self.sizes, abs(values[1 + m]), *np.ones(len(values) - m - 2)
         ])  # fmt: skip
 
     def solve(self, scene: Scene, weights) -> tuple[Minimum, np.ndarray]:
         scales = self.scales(scene.evaluated()[0][: scene.graph.scales.numel()])
-        sizes = scales[1 : 1 + len(self.brief.constraints)]
-        limits = [np.array([getattr(c, side) for c in self.brief.constraints]) / sizes for side in ("low", "high")]
+        limits = [np.array([getattr(c, side) for c in self.brief.constraints]) / self.sizes for side in ("low", "high")]
         return scene.minimise((self.brief.low, self.brief.high), self.reach, limits, scales, weights), scales
 
     def lacking(self, scene: Scene) -> np.ndarray:
         """What each constraint is broken by, as a share of its size."""
         values = scene.evaluated()[0]
-        sizes = self.scales(values[: scene.graph.scales.numel()])[1:]
-        stated = zip(self.brief.constraints, values[1:], sizes, strict=False)
+        stated = zip(self.brief.constraints, values[1:], self.sizes, strict=False)
         return np.array([c.excess(float(v)) / size for c, v, size in stated])
 
     def move(self, scene: Scene, x: np.ndarray) -> bool:
@@ -210,7 +234,7 @@ def descend(machine, orbit: Orbit, brief: Brief) -> End:
                 raise _lost(way, reason, collapses) from None
             continue
         stopped = _at_reach(scene, answer, way.reach, brief)
-        if stopped and (ending := way.escaping(ESCAPED)):
+        if stopped and _resting(before, way.machine, brief) and (ending := way.escaping(ESCAPED)):
             raise Unbounded(ending)
         way.demand()
         settled = exact and not stopped and way.places(scene) and way.orbit.admissible
@@ -239,6 +263,15 @@ def descend(machine, orbit: Orbit, brief: Brief) -> End:
 def _moved(before, after, brief: Brief) -> float:
     span = np.subtract(brief.high, brief.low)
     return float(max(abs(after.values[n] - before.values[n]) / s for n, s in zip(brief.names, span, strict=True)))
+
+
+def _resting(before, after, brief: Brief) -> bool:
+    """Whether the parameters hardly move any more, and lie inside their bounds."""
+    for name, low, high in zip(brief.names, brief.low, brief.high, strict=True):
+        was, now = before.values[name], after.values[name]
+        if abs(now - was) > RESTING * min(abs(now), now - low if now < was else high - now):
+            return False
+    return True
 
 
 def _at_reach(scene: Scene, answer: Minimum, reach: float, brief: Brief) -> bool:

@@ -292,8 +292,8 @@ def simulate(alpha, hops, end, inject, as_json, plot, animate, **machine):
 def optimize(file, as_json, plot, save):
     """Find the best design of a machine, or a front of two objectives, as its file asks."""
     from orbits.design import optimize as best_design
-    from orbits.design import pareto
     from orbits.errors import InputError
+    from orbits.front import pareto
     from orbits.orbit import to_json
     from orbits.plot import FIGURES, check_path, plot_front, save_figure
 
