@@ -14,6 +14,8 @@ from .question import known, number_of
 
 # Bounds that are nearer together, as a share of their size, are one: rounding in a motion is no less.
 NARROWEST = 1e-9
+# Bounds whose ratio is so large span decades.
+WIDE = 100.0
 _RELATION = re.compile(r"<=|>=|==")
 
 
@@ -51,6 +53,23 @@ class Brief:
     @property
     def verb(self) -> str:
         return "minimise" if self.sign > 0 else "maximise"
+
+    @property
+    def wide(self) -> np.ndarray:
+        """Which parameters' bounds span decades, (k,): their changes count as shares of their values."""
+        low, high = np.array(self.low), np.array(self.high)
+        return (low > 0) & (high >= WIDE * low)
+
+    def units(self, theta: np.ndarray) -> np.ndarray:
+        """What counts as one unit of each parameter at values (k,): the way between its bounds, or its value."""
+        return np.where(self.wide, np.abs(theta), np.subtract(self.high, self.low))
+
+    def within(self, theta: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+        """The bounds within a reach (1 is all the way, or a decade) of values (k,)."""
+        factor, step = 1 + 9 * reach, reach * np.subtract(self.high, self.low)
+        low = np.where(self.wide, theta / factor, theta - step)
+        high = np.where(self.wide, theta * factor, theta + step)
+        return np.maximum(self.low, low), np.minimum(self.high, high)
 
 
 @dataclass(frozen=True)
@@ -93,7 +112,7 @@ def brief_of(machine, minimise, maximise, over, subject_to) -> Brief:
     equations = [constraint.text for constraint in constraints if constraint.low == constraint.high]
     if len(equations) > len(names):
         raise InputError(
-            f"{len(equations)} equations for {len(names)} of the machine's parameters, {', '.join(map(repr, equations))}: "
+            f"{len(equations)} equations for {len(names)} parameters to design, {', '.join(map(repr, equations))}: "
             "leave out those that follow from others, or design more parameters"
         )
     return Brief(text, formula, 1 if minimise is not None else -1, names, low, high, constraints)

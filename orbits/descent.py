@@ -34,6 +34,8 @@ PENALTY = (1e-3, 1.0)
 MOST_ROUNDS, LEAST_REACH = 25, 1e-4
 # The program and the orbit's own equations agree to this share of the unknowns when its mesh is fine enough.
 AGREE = 1e-11
+# A parameter that Ipopt leaves so little inside its bound, as a share of its unit, is on it.
+ONBOUND = 1e-8
 # A bound or a constraint counts as active within this share of its size.
 ACTIVE = 1e-7
 # What an orbit found anew may move, as a share, before it is another orbit.
@@ -150,7 +152,9 @@ class Descent:
     def solve(self, scene: Scene, weights) -> tuple[Minimum, np.ndarray]:
         scales = self.scales(scene.evaluated()[0][: scene.graph.scales.numel()])
         limits = [np.array([getattr(c, side) for c in self.brief.constraints]) / self.sizes for side in ("low", "high")]
-        return scene.minimise((self.brief.low, self.brief.high), self.reach, limits, scales, weights), scales
+        theta = scene.theta
+        bounds = self.brief.within(theta, self.reach)
+        return scene.minimise(bounds, self.brief.units(theta), self.reach, limits, scales, weights), scales
 
     def lacking(self, scene: Scene) -> np.ndarray:
         """What each constraint is broken by, as a share of its size."""
@@ -163,7 +167,8 @@ class Descent:
         k = len(self.brief.names)
         theta = np.clip(x[:k], self.brief.low, self.brief.high)
         # A parameter that Ipopt leaves just inside its bound is on it.
-        near = np.minimum(theta - self.brief.low, np.array(self.brief.high) - theta) < 1e-9 * self.span
+        units = self.brief.units(theta)
+        near = np.minimum(theta - self.brief.low, np.array(self.brief.high) - theta) < ONBOUND * units
         ends = np.where(theta - self.brief.low < 0.5 * self.span, self.brief.low, self.brief.high)
         theta = np.where(near, ends, theta)
         machine = self.machine.with_values(**dict(zip(self.brief.names, theta.tolist(), strict=True)))
@@ -175,7 +180,7 @@ class Descent:
         if orbit.contact_time is None:
             raise NoOrbit("; ".join(orbit.violations))
         self.machine, self.orbit = machine, orbit
-        return bool(off < AGREE + 10 * np.max(np.abs(theta - x[:k]) / self.span))
+        return bool(off < AGREE + 10 * np.max(np.abs(theta - x[:k]) / units))
 
     def escaping(self, far: float) -> str:
         """Where the orbit is on its way to, when it has become `far` times as fast or long, or as slow or short."""
@@ -192,18 +197,11 @@ class Descent:
                 )
         return ""
 
-    def places(self, scene: Scene) -> bool:
-        """Whether the extremes are where the program has them; where two take turns, they are tied from now on."""
-        fresh = self.scene()
-        if fresh.places == scene.places and fresh.demands == scene.demands:
-            return True
-        if fresh.places in self.seen and fresh.demands == scene.demands:
-            at = dict(zip(scene.places, _times(scene), strict=True))
-            for place, when in at.items():
-                if place not in fresh.places:
-                    self.both[place.extreme] = ((place, when),)
-        self.seen.append(scene.places)
-        return False
+    def tie(self, scene: Scene, fresh: Scene):
+        """Of the places of an extreme that take turns from scene to scene, hold both from now on."""
+        for place, when in zip(scene.places, _times(scene), strict=True):
+            if place not in fresh.places:
+                self.both[place.extreme] = ((place, when),)
 
 
 def _times(scene: Scene) -> list[float]:
@@ -237,9 +235,15 @@ def descend(machine, orbit: Orbit, brief: Brief) -> End:
         if stopped and _resting(before, way.machine, brief) and (ending := way.escaping(ESCAPED)):
             raise Unbounded(ending)
         way.demand()
-        settled = exact and not stopped and way.places(scene) and way.orbit.admissible
+        fresh = way.scene()
+        same = (fresh.places, fresh.demands) == (scene.places, scene.demands)
+        if not same:
+            if exact and not stopped and fresh.places in way.seen and fresh.demands == scene.demands:
+                way.tie(scene, fresh)
+            way.seen.append(scene.places)
+        settled = exact and not stopped and same and way.orbit.admissible
         if weights[1]:
-            lacking = way.lacking(way.scene())
+            lacking = way.lacking(fresh)
             if lacking.sum() <= MET:
                 weights = (1.0, 0.0)
             elif settled and weights[0] and _moved(before, way.machine, brief) <= 1e-3:
@@ -254,15 +258,16 @@ def descend(machine, orbit: Orbit, brief: Brief) -> End:
             if way.reach < LEAST_REACH:
                 raise _lost(way, reason, collapses)
             continue
-        way.reach = min(1.0, 2 * way.reach)
+        # As far as the extremes keep their places; beyond, the program says nothing.
+        way.reach = way.reach / 2 if stopped and not same else min(1.0, 2 * way.reach)
     raise NoOrbit(
         f"no optimum within {MOST_ROUNDS} programs, at {_said(way.machine, brief)}" + (reason and f": {reason}")
     )
 
 
 def _moved(before, after, brief: Brief) -> float:
-    span = np.subtract(brief.high, brief.low)
-    return float(max(abs(after.values[n] - before.values[n]) / s for n, s in zip(brief.names, span, strict=True)))
+    was, now = (np.array([machine.values[name] for name in brief.names]) for machine in (before, after))
+    return float(np.max(np.abs(now - was) / brief.units(was)))
 
 
 def _resting(before, after, brief: Brief) -> bool:
@@ -277,10 +282,12 @@ def _resting(before, after, brief: Brief) -> bool:
 def _at_reach(scene: Scene, answer: Minimum, reach: float, brief: Brief) -> bool:
     """Whether the program was stopped by how far its mesh serves."""
     k, n = len(brief.names), scene.graph.size
-    span = np.subtract(brief.high, brief.low)
-    moved = np.abs(answer.x[:k] - scene.theta) / span
+    theta, units = answer.x[:k], brief.units(scene.theta)
+    low, high = brief.within(scene.theta, reach)
+    # what is left to the end of the reach, where that is none of the bounds asked for
+    left = np.minimum(np.where(low > brief.low, theta - low, np.inf), np.where(high < brief.high, high - theta, np.inf))
     ratio = np.abs(np.log(answer.x[k + 1 : k + n] / scene.u[1:]))
-    return bool((reach < 1 and (moved > 0.999 * reach).any()) or (ratio > 0.999 * np.log1p(min(reach, 1.0))).any())
+    return bool((left < 1e-3 * reach * units).any() or (ratio > 0.999 * np.log1p(min(reach, 1.0))).any())
 
 
 def _lost(way: Descent, reason: str, collapses: int) -> NoOrbit:
@@ -328,15 +335,16 @@ def _ended(way: Descent, scales) -> End:
     values, slopes = scene.evaluated()
     k = len(brief.names)
     theta = scene.theta
-    slope = brief.sign * slopes[0] * way.span / abs(scales[0])
+    unit = brief.units(theta)
+    slope = brief.sign * slopes[0] * unit / abs(scales[0])
     rows, names, free, units = [], [], [], []
-    for i, (name, span) in enumerate(zip(brief.names, way.span, strict=True)):
+    for i, name in enumerate(brief.names):
         for side, bound, relation in ((-1.0, brief.low[i], ">="), (1.0, brief.high[i], "<=")):
-            if abs(theta[i] - bound) <= ACTIVE * span:
+            if abs(theta[i] - bound) <= ACTIVE * unit[i]:
                 rows.append(side * np.eye(k)[i])
                 names.append(f"{name} {relation} {bound:g}")
                 free.append(False)
-                units.append(span)
+                units.append(unit[i])
     violation = 0.0
     stated = [(c.text, c.low, c.high) for c in brief.constraints]
     stated += [(f"{name} > 0", 0.0, np.inf) for name in ("-landing_jerk", *scene.demands)]
@@ -345,13 +353,13 @@ def _ended(way: Descent, scales) -> End:
         violation = max(violation, max(low - value, value - high, 0.0) / scale)
         sides = [(s, b) for s, b in ((-1.0, low), (1.0, high)) if abs(value - b) <= ACTIVE * scale]
         for side, _ in sides[:1]:
-            rows.append(side * row * way.span / scale)
+            rows.append(side * row * unit / scale)
             names.append(text)
             free.append(low == high)
             units.append(scale)
     count = len(values) - scene.graph.ties
     for row in slopes[count:]:  # where two places have the same extreme it may be sought at either
-        rows.append(row * way.span / abs(scales[0]))
+        rows.append(row * unit / abs(scales[0]))
         names.append("an extreme at two places")
         free.append(True)
         units.append(abs(scales[0]))

@@ -200,7 +200,7 @@ def starts_of(machine, brief: Brief, count, seed) -> list[dict]:
 
         drawn = qmc.Sobol(len(low), seed=seed).random(1 << (int(count) - 2).bit_length() if count > 2 else 1)
         # Bounds that span decades are spread by their logarithm.
-        wide = (low > 0) & (high >= 100 * low)
+        wide = brief.wide
         spread = low + drawn * (high - low)
         safe = np.where(low > 0, low, 1.0)
         points += list(np.where(wide, safe * (np.where(wide, high / safe, 1.0)) ** drawn, spread)[: count - 1])

@@ -254,10 +254,12 @@ class Scene:
         moved = -solve(zeros_by[:, k:], zeros_by[:, :k])
         return values.ravel(), values_by[:, :k] + values_by[:, k:] @ moved
 
-    def minimise(self, bounds, reach: float, limits, scales, weights) -> Minimum:
+    def minimise(self, bounds, units, reach: float, limits, scales, weights) -> Minimum:
         """The program solved from here.
 
-        bounds : of the parameters, (low, high); they move no further than `reach` as a share of the way between
+        bounds : of the parameters, (low, high) within reach
+        units : of the parameters
+        reach : by this share may the unknowns grow
         limits : (low, high) of the constraints, in scaled units
         scales : of the formulas and the demands
         weights : of the objective, and of what the constraints are exceeded by; 0 where they may not be
@@ -265,12 +267,10 @@ class Scene:
         g, m, k = self.graph, len(self.graph.asked.formulas) - 1, len(self.graph.asked.over)
         nodes, unit = Mesh.nodes_of(self.motion)
         guess = np.concatenate([self.theta, self.u, nodes, np.zeros(2 * m)])
-        low, high = (np.array(b) for b in bounds)
-        span = high - low
         size = np.maximum(np.abs(self.u), 0.1 * np.abs(self.u).max())
-        scale = np.concatenate([span, size, unit, np.ones(2 * m)])
+        scale = np.concatenate([units, size, unit, np.ones(2 * m)])
         lower, upper = np.full(len(guess), -np.inf), np.full(len(guess), np.inf)
-        lower[:k], upper[:k] = np.maximum(low, self.theta - reach * span), np.minimum(high, self.theta + reach * span)
+        lower[:k], upper[:k] = bounds
         # A mesh serves motions up to so many times as long; all but the lift-off extension are times and a speed.
         factor = 1 + min(reach, 1.0)
         lower[k + 1 : k + g.size], upper[k + 1 : k + g.size] = self.u[1:] / factor, self.u[1:] * factor
