@@ -13,7 +13,7 @@ import numpy as np
 
 from . import interrupts
 from .brief import Asked, Brief, units_of
-from .errors import NoOrbit
+from .errors import InputError, NoOrbit
 from .model import Model
 from .nlp import Minimum
 from .orbit import Orbit
@@ -82,6 +82,7 @@ class End:
     objective: float
     quantities: Mapping[str, float]
     active: tuple[Active, ...]
+    idle: tuple[str, ...]
     kkt: float
 
 
@@ -310,7 +311,7 @@ def _infeasible(way: Descent, lacking: np.ndarray) -> Infeasible:
     bounds = ", ".join(f"{low:g} <= {n} <= {high:g}" for n, low, high in
                        zip(way.brief.names, way.brief.low, way.brief.high, strict=True))  # fmt: skip
     return Infeasible(
-        f"no motion with {bounds} meets the constraints: at best {' and '.join(what)}, with "
+        f"no motion was found with {bounds} that meets the constraints: at best {' and '.join(what)}, with "
         f"{_said(way.machine, way.brief)}; relax it, or widen the bounds",
         float(lacking.sum()),
     )
@@ -370,8 +371,21 @@ def _ended(way: Descent, scales) -> End:
         float(brief.sign * values[0]),
         dict(zip(scene.words, values[count - len(scene.words) : count].tolist(), strict=True)),
         tuple(Active(n, float(x * abs(scales[0]) / u)) for n, x, u in zip(names, multipliers, units, strict=True) if x),
+        _idle(way, slopes[: count - len(scene.words)]),
         max(float(np.abs(left).max()), violation),
     )
+
+
+def _idle(way: Descent, slopes: np.ndarray) -> tuple[str, ...]:
+    """The parameters that nothing asked for depends on: in no formula, and with slopes that vanish exactly, by
+    structure, where the start was as here."""
+    brief = way.brief
+    named = brief.formula.names.union(*(constraint.formula.names for constraint in brief.constraints))
+    flat = way.flat & ~slopes.any(0)
+    idle = tuple(name for name, still in zip(brief.names, flat, strict=True) if still and name not in named)
+    if len(idle) == len(brief.names):
+        raise InputError(f"'{brief.text}' and the constraints do not depend on {', '.join(idle)}: nothing to design")
+    return idle
 
 
 def _multipliers(slope: np.ndarray, rows: list, free: list) -> tuple[np.ndarray, np.ndarray]:

@@ -6,13 +6,13 @@ these by the parameters are exact, and offered on their own.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from . import interrupts
-from .brief import Asked, Brief, brief_of, formula_of, units_of, words_of
+from .brief import Asked, Brief, brief_of, formula_of, free_of, units_of, words_of
 from .descent import Active, End, Infeasible, Unbounded, descend
 from .errors import InputError, NoOrbit, OrbitsError
 from .orbit import Orbit, to_json
@@ -23,6 +23,10 @@ from .search import find
 
 # Starts that are tried, when none are asked for and the first leads to no optimum.
 OTHERS = 3
+
+
+class Nowhere(NoOrbit):
+    """No start leads to an optimum."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,7 @@ class Design:
     verb, text, objective : "minimise" or "maximise", what, and its value
     quantities : the values of all that the question names
     active : constraints, bounds and demands that hold the optimum where it is
+    idle : parameters that nothing asked for depends on; they are as the start had them
     kkt : largest violation of the optimality conditions: the slope of the Lagrangian as a share of the objective over
         each parameter's range, by the implicit function theorem at the certified orbit, and of the constraints
     starts : all that were tried
@@ -59,6 +64,7 @@ class Design:
     objective: float
     quantities: Mapping[str, float]
     active: tuple[Active, ...]
+    idle: tuple[str, ...]
     kkt: float
     starts: tuple[Start, ...]
     seconds: float
@@ -72,6 +78,7 @@ class Design:
             "parameters": dict(self.parameters),
             "quantities": dict(self.quantities),
             "active": [{"text": active.text, "multiplier": active.multiplier} for active in self.active],
+            "idle": list(self.idle),
             "kkt": self.kkt,
             "starts": [
                 {"parameters": dict(s.parameters), "objective": s.objective, "reason": s.reason} for s in self.starts
@@ -86,19 +93,26 @@ class Design:
         lines += [f"  {name:<24}{value:.12g}" for name, value in self.parameters.items()]
         lines += [f"  {name:<24}{value:.12g}" for name, value in self.quantities.items() if name not in self.parameters]
         lines += [f"  {'held by':<24}{a.text}   (gains {a.multiplier:.4g} per unit)" for a in self.active]
+        lines += [f"  {'without effect':<24}{name}" for name in self.idle]
         good = sum(start.objective is not None for start in self.starts)
         lines.append(f"  {'optimality':<24}{self.kkt:.1e}")
         lines.append(f"  {'starts':<24}{good} of {len(self.starts)} led to an optimum, {self.seconds:.2f} s")
+        lines += [f"  {'a start led to none':<24}{s.reason}" for s in self.starts if s.objective is None]
         return "\n".join([*lines, "", str(self.orbit)])
 
     def save(self, path) -> Path:
         """Write the document to a JSON file; returns the path."""
-        path = Path(path)
-        try:
-            path.write_text(to_json(self.document()) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"the design cannot be saved to {path}: {error}") from None
-        return path
+        return written(self.document(), path, "design")
+
+
+def written(document: dict, path, what: str) -> Path:
+    """The path of the JSON file that a document was written to."""
+    path = Path(path)
+    try:
+        path.write_text(to_json(document) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"the {what} cannot be saved to {path}: {error}") from None
+    return path
 
 
 def optimize(
@@ -127,7 +141,7 @@ def optimize(
     formula in SI are designed in SI. The orbit is always held to be a motion. The optimum is local: the best of those
     that the starts lead to.
     Raises `InputError` for a question that cannot be meant, and `NoOrbit` with the reason when no start leads to an
-    optimum: constraints that cannot be met, with what is lacking; an orbit that escapes; a contact that collapses.
+    optimum: constraints met nowhere near, with what is lacking; an orbit that escapes; a contact that collapses.
     """
     with interrupts.deferred():
         brief = brief_of(machine, minimise, maximise, over, subject_to)
@@ -141,10 +155,15 @@ def searched(machine, brief: Brief, family: int, starts: int | None, seed: int, 
         return best_from(machine, brief, family, points, progress)
     except Unbounded:
         raise
-    except NoOrbit:
+    except NoOrbit as error:
         if starts is not None:
             raise
-    return best_from(machine, brief, family, starts_of(machine, brief, 1 + OTHERS, seed), progress)
+        first = error
+    try:
+        best = best_from(machine, brief, family, starts_of(machine, brief, 1 + OTHERS, seed)[1:], progress)
+    except NoOrbit as error:
+        raise _worst([first, error]) from None
+    return replace(best, starts=(Start(points[0], None, str(first)), *best.starts))
 
 
 def best_from(machine, brief: Brief, family: int, points: Sequence[Mapping], progress=None) -> Design:
@@ -168,9 +187,8 @@ def best_from(machine, brief: Brief, family: int, points: Sequence[Mapping], pro
         if progress:
             progress((i + 1) / len(points))
     found = [end for end in ends if isinstance(end, End)]
-    # An objective without bound is what the whole question amounts to, whatever other starts lead to.
-    unbounded = [end for end in ends if isinstance(end, Unbounded)]
-    if unbounded or not found:
+    # That an objective has no bound is concluded from one way of going; an optimum is certified.
+    if not found:
         raise _worst([end for end in ends if isinstance(end, OrbitsError)])
     best = min(found, key=lambda end: end.objective)
     return Design(
@@ -182,6 +200,7 @@ def best_from(machine, brief: Brief, family: int, points: Sequence[Mapping], pro
         objective=best.objective * brief.sign,
         quantities=best.quantities,
         active=best.active,
+        idle=best.idle,
         kkt=best.kkt,
         starts=tuple(tried),
         seconds=time.perf_counter() - began,
@@ -190,8 +209,9 @@ def best_from(machine, brief: Brief, family: int, points: Sequence[Mapping], pro
 
 def starts_of(machine, brief: Brief, count, seed) -> list[dict]:
     """The machine's own parameters, if they lie within the bounds, and further ones spread between these."""
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-        raise InputError(f"starts = {count!r}; it is a whole number from 1")
+    for name, value, least in (("starts", count, 1), ("seed", seed, 0)):
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+            raise InputError(f"{name} = {value!r}; it is a whole number from {least}")
     low, high = np.array(brief.low), np.array(brief.high)
     own = np.array([machine.values[name] for name in brief.names])
     points = [own if ((low <= own) & (own <= high)).all() else 0.5 * (low + high)]
@@ -212,7 +232,8 @@ def _worst(errors: Sequence[OrbitsError]) -> OrbitsError:
     for kind in (Unbounded, Infeasible):
         if some := [error for error in errors if isinstance(error, kind)]:
             return min(some, key=lambda error: error.size)
-    return NoOrbit(f"no start within the bounds leads to an optimum: {errors[0]}")
+    plain = [error for error in errors if isinstance(error, Nowhere)]
+    return plain[0] if plain else Nowhere(f"no start within the bounds leads to an optimum: {errors[0]}")
 
 
 def quantities(machine, orbit: Orbit, names: Sequence[str] | None = None) -> dict[str, float]:
@@ -221,6 +242,8 @@ def quantities(machine, orbit: Orbit, names: Sequence[str] | None = None) -> dic
     In the machine's units, or in SI for a machine stated so. Raises `InputError` for an unknown name.
     """
     names = _owned(machine, orbit, names)
+    if not names:
+        return {}
     asked = Asked(tuple(formula_of(name, words_of(machine), "the quantity") for name in names), ())
     values, _ = scene_of(machine, orbit, asked, units_of(machine)).evaluated()
     return dict(zip(names, values.tolist(), strict=False))
@@ -242,11 +265,14 @@ def sensitivities(
     if not isinstance(orbit, Orbit):
         orbit = find(machine, orbit)
     if names is None:
-        fixed = {machine.model.homotopy} | ({"mass_ratio", "rest_length"} if machine.units else set())
-        names = [name for name in machine.values if name not in fixed]
+        names = free_of(machine)
+    elif isinstance(names, str):
+        raise InputError(f"the names of parameters are a list: ['{names}']")
     machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
     known(machine, *names)
     quantities = _owned(machine, orbit, quantities)
+    if not quantities or not names:
+        return {quantity: {} for quantity in quantities}
     formulas = tuple(formula_of(name, words_of(machine), "the quantity") for name in quantities)
     with interrupts.deferred():
         _, slopes = scene_of(machine, orbit, Asked(formulas, tuple(names)), units_of(machine)).evaluated()
@@ -259,6 +285,8 @@ def _owned(machine, orbit: Orbit, names: Sequence[str] | None) -> Sequence[str]:
     """The names asked for, or all that the orbit has, once it is the machine's own."""
     if dict(orbit.machine) != machine.describe():
         raise InputError(f"the orbit is another machine's: {dict(orbit.machine)}")
+    if isinstance(names, str):
+        raise InputError(f"quantities are a list: ['{names}']")
     if names is not None:
         return list(names)
     model, p = machine.model, machine.values

@@ -3,12 +3,13 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from . import interrupts
 from .brief import Brief, Constraint, brief_of, formula_of, words_of
-from .design import Design, best_from, quantities, searched, sensitivities
+from .design import Design, best_from, quantities, searched, sensitivities, starts_of, written
 from .errors import InputError, OrbitsError
 from .search import find
 
@@ -50,12 +51,16 @@ class Front:
             "seconds": self.seconds,
         }
 
+    def save(self, path) -> Path:
+        """Write the document to a JSON file; returns the path."""
+        return written(self.document(), path, "front")
+
     def __str__(self) -> str:
         names = list(self.designs[0].parameters)
         lines = ["".join(f"{name:>24}" for name in (*self.texts, *names))]
         for design in self.designs:
             lines.append("".join(f"{value:24.12g}" for value in (*design.pair, *design.parameters.values())))
-        lines += [f"none at {self.texts[1]} <= {level:.6g}: {reason}" for level, reason in self.refused]
+        lines += [f"{self.texts[1]} <= {level:.6g}: {reason}" for level, reason in self.refused]
         return "\n".join([*lines, f"{len(self.designs)} certified designs, {self.seconds:.2f} s"])
 
 
@@ -74,10 +79,11 @@ def pareto(
     """The front of two objectives: the designs of which none is better in both than another.
 
     Both ends first; then the first objective is minimised with the second bounded at levels spread evenly between them,
-    each from the design before. The arguments are those of `optimize`; an objective to be large is given as "-alpha".
+    each from the design before, from both ends, and from as many `starts` as are asked for; of what is found, what
+    another design beats is left out. The arguments are those of `optimize`; an objective to be large is "-alpha".
     Raises as `optimize` does where an end has no optimum.
     """
-    if isinstance(minimise, str) or len(minimise) != 2:
+    if isinstance(minimise, str) or not isinstance(minimise, Sequence) or len(minimise) != 2:
         raise InputError(f"minimise = {minimise!r}; a front has two objectives")
     if isinstance(points, bool) or not isinstance(points, int | np.integer) or points < 2:
         raise InputError(f"points = {points!r}; a front has a whole number of them, from 2")
@@ -96,15 +102,17 @@ def pareto(
         levels = np.linspace(high, low, points)[1:-1] if _beats(ends[1].pair[1:], ends[0].pair[1:]) else np.zeros(0)
         for i, level in enumerate(levels.tolist()):
             bounded = replace(first, constraints=(*first.constraints, _bounded(minimise[1], level, machine)))
-            start = {**here.parameters, "orbit": here.orbit}
+            near = [{**d.parameters, "orbit": d.orbit} for d in dict.fromkeys((here, *ends))]
+            near += starts_of(machine, first, starts, seed) if starts else []
             try:
-                here = _both(best_from(here.machine, bounded, family, [start]), minimise)
+                here = _both(best_from(machine, bounded, family, near), minimise)
                 found.append(here)
             except OrbitsError as error:
-                refused.append((level, str(error)))
+                refused.append((level, f"none found from {len(near)} starts: {error}"))
             tell((i + 3) / points)
         found += ends[1:] if len(levels) or points == 2 else []
         best = [d for d in found if not any(_beats(other.pair, d.pair) for other in found)]
+        best.sort(key=lambda design: design.pair)
         return Front(tuple(minimise), tuple(best), tuple(refused), time.perf_counter() - began)
 
 
