@@ -99,12 +99,13 @@ class Descent:
         self.seen: list[tuple] = []
         self.span = np.subtract(brief.high, brief.low)
         self.demand()
-        values, slopes = self.scene().evaluated()
+        scene = self.scene()
+        values, slopes = scene.values, scene.slopes
         m = len(brief.constraints)
         if not np.isfinite(values[: 1 + m]).all():
             raise NoOrbit(f"'{brief.text}' or a constraint has no value at {_said(machine, brief)}")
         self.flat = ~slopes[: 1 + m].any(0)
-        self.sizes = self._sizes(values, slopes)
+        self.sizes = self._sizes(scene)
 
     def demand(self):
         """Demand from now on what the orbit lacks to be a motion."""
@@ -120,19 +121,19 @@ class Descent:
         asked = Asked((brief.formula, *(c.formula for c in brief.constraints)), brief.names, tuple(self.demands))
         return scene_of(self.machine, self.orbit, asked, self.units, self.both)
 
-    def _sizes(self, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-        """What counts as one unit of each constraint, from values and slopes at the start: the larger side of one
+    def _sizes(self, scene: Scene) -> np.ndarray:
+        """What counts as one unit of each constraint, from the scene at the start: the larger side of one
         between formulas; the bound; or, where that is zero, the value, or what the parameters change it by.
 
         They stay for all programs from one start: one that went with what is left of a constraint would never see it
         met.
         """
-        scene, k = self.scene(), len(self.brief.names)
+        values, k = scene.values, len(self.brief.names)
         words = dict(zip(scene.words, values[len(values) - scene.graph.ties - len(scene.words) :], strict=False))
         known = self.machine.values | words
         theta = np.array([self.machine.values[name] for name in self.brief.names])
         sizes = []
-        for constraint, value, slope in zip(self.brief.constraints, values[1:], slopes[1:], strict=False):
+        for constraint, value, slope in zip(self.brief.constraints, values[1:], scene.slopes[1:], strict=False):
             terms = constraint.formula.terms
             bounds = [abs(bound) for bound in (constraint.low, constraint.high) if np.isfinite(bound)]
             if len(terms) > 1:
@@ -151,7 +152,7 @@ class Descent:
         ])  # fmt: skip
 
     def solve(self, scene: Scene, weights) -> tuple[Minimum, np.ndarray]:
-        scales = self.scales(scene.evaluated()[0][: scene.graph.scales.numel()])
+        scales = self.scales(scene.values[: scene.graph.scales.numel()])
         limits = [np.array([getattr(c, side) for c in self.brief.constraints]) / self.sizes for side in ("low", "high")]
         theta = scene.theta
         bounds = self.brief.within(theta, self.reach)
@@ -159,8 +160,7 @@ class Descent:
 
     def lacking(self, scene: Scene) -> np.ndarray:
         """What each constraint is broken by, as a share of its size."""
-        values = scene.evaluated()[0]
-        stated = zip(self.brief.constraints, values[1:], self.sizes, strict=False)
+        stated = zip(self.brief.constraints, scene.values[1:], self.sizes, strict=False)
         return np.array([c.excess(float(v)) / size for c, v, size in stated])
 
     def move(self, scene: Scene, x: np.ndarray) -> bool:
@@ -252,7 +252,7 @@ def descend(machine, orbit: Orbit, brief: Brief) -> End:
             elif settled and not weights[0]:
                 raise _infeasible(way, lacking)
         elif settled and not answer.reason:
-            end = _ended(way, scales)
+            end = _ended(way, fresh, scales)
             if end.kkt <= STATIONARY:
                 return end
             reason, way.reach = f"the optimality conditions are off by {end.kkt:.1e}", way.reach / 4
@@ -302,7 +302,7 @@ def _lost(way: Descent, reason: str, collapses: int) -> NoOrbit:
 
 
 def _infeasible(way: Descent, lacking: np.ndarray) -> Infeasible:
-    values = way.scene().evaluated()[0][1:]
+    values = way.scene().values[1:]
     what = [
         f"'{c.text}' is missed by {c.excess(float(v)):.4g}, at {float(v):.6g}"
         for c, v, lack in zip(way.brief.constraints, values, lacking, strict=False)
@@ -330,10 +330,9 @@ def certified(machine, u) -> tuple[Orbit, np.ndarray]:
     return as_orbit(machine, method, interpret(model, method, equations, u, here, p), began), u
 
 
-def _ended(way: Descent, scales) -> End:
+def _ended(way: Descent, scene: Scene, scales) -> End:
     """The optimum with its conditions, all recomputed at the certified orbit."""
-    brief, scene = way.brief, way.scene()
-    values, slopes = scene.evaluated()
+    brief, values, slopes = way.brief, scene.values, scene.slopes
     k = len(brief.names)
     theta = scene.theta
     unit = brief.units(theta)

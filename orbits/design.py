@@ -245,7 +245,7 @@ def quantities(machine, orbit: Orbit, names: Sequence[str] | None = None) -> dic
     if not names:
         return {}
     asked = Asked(tuple(formula_of(name, words_of(machine), "the quantity") for name in names), ())
-    values, _ = scene_of(machine, orbit, asked, units_of(machine)).evaluated()
+    values = scene_of(machine, orbit, asked, units_of(machine)).values
     return dict(zip(names, values.tolist(), strict=False))
 
 
@@ -275,7 +275,7 @@ def sensitivities(
         return {quantity: {} for quantity in quantities}
     formulas = tuple(formula_of(name, words_of(machine), "the quantity") for name in quantities)
     with interrupts.deferred():
-        _, slopes = scene_of(machine, orbit, Asked(formulas, tuple(names)), units_of(machine)).evaluated()
+        slopes = scene_of(machine, orbit, Asked(formulas, tuple(names)), units_of(machine)).slopes
     return {
         quantity: dict(zip(names, row.tolist(), strict=True)) for quantity, row in zip(quantities, slopes, strict=False)
     }

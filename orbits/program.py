@@ -8,7 +8,7 @@ and small changes do not grow along the motion.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -243,16 +243,24 @@ class Scene:
         fixed, units = list(self.p.values()), [self.units.length, self.units.time, self.units.force]
         return np.concatenate([fixed, units, Mesh.data_of(self.motion), weights, scales])
 
-    def evaluated(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values (rows,) of the formulas, the landing jerk times -1, the demands, the words and the ties, and their
-        derivatives (rows, k) by the parameters, the orbit going with them."""
-        k = len(self.graph.asked.over)
+    @cached_property
+    def _derivatives(self) -> list[np.ndarray]:
         nodes, _ = Mesh.nodes_of(self.motion)
         state = np.concatenate([self.theta, self.u, nodes])
-        data = self.parameters([1.0, 0.0], np.ones(self.graph.scales.numel()))
-        _, values, zeros_by, values_by = self.graph.derivatives(state, data)
+        return self.graph.derivatives(state, self.parameters([1.0, 0.0], np.ones(self.graph.scales.numel())))
+
+    @property
+    def values(self) -> np.ndarray:
+        """Values (rows,) of the formulas, the landing jerk times -1, the demands, the words and the ties."""
+        return self._derivatives[1].ravel()
+
+    @cached_property
+    def slopes(self) -> np.ndarray:
+        """Derivatives (rows, k) of the values by the parameters, the orbit going with them."""
+        _, _, zeros_by, values_by = self._derivatives
+        k = len(self.graph.asked.over)
         moved = -solve(zeros_by[:, k:], zeros_by[:, :k])
-        return values.ravel(), values_by[:, :k] + values_by[:, k:] @ moved
+        return values_by[:, :k] + values_by[:, k:] @ moved
 
     def minimise(self, bounds, units, reach: float, limits, scales, weights) -> Minimum:
         """The program solved from here.
