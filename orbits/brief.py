@@ -121,6 +121,10 @@ def brief_of(machine, minimise, maximise, over, subject_to) -> Brief:
 def words_of(machine) -> list[str]:
     """What a formula of a design may use: quantities of the orbit and parameters of the machine."""
     model, p = machine.model, machine.values
+    if set(model.launch_unknowns) - {"liftoff", "alpha"}:
+        raise InputError(
+            f"a {model.name} cannot be designed: its launch has more unknowns than the lift-off extension and the speed"
+        )
     quantities = quantity_names(model, p)
     parameters = [name for name in p if name != model.homotopy]
     if both := [name for name in parameters if name in quantities]:

@@ -34,6 +34,8 @@ PENALTY = (1e-3, 1.0)
 MOST_ROUNDS, LEAST_REACH = 25, 1e-4
 # The program and the orbit's own equations agree to this share of the unknowns when its mesh is fine enough.
 AGREE = 1e-11
+# A parameter put on its bound, or rounded, takes the orbit along: the unknowns by this many times its share, at most.
+SWING = 10.0
 # A parameter that Ipopt leaves so little inside its bound, as a share of its unit, is on it.
 ONBOUND = 1e-8
 # A bound or a constraint counts as active within this share of its size.
@@ -181,7 +183,7 @@ class Descent:
         if orbit.contact_time is None:
             raise NoOrbit("; ".join(orbit.violations))
         self.machine, self.orbit = machine, orbit
-        return bool(off < AGREE + 10 * np.max(np.abs(theta - x[:k]) / units))
+        return bool(off < AGREE + SWING * np.max(np.abs(theta - x[:k]) / units))
 
     def escaping(self, far: float) -> str:
         """Where the orbit is on its way to, when it has become `far` times as fast or long, or as slow or short."""

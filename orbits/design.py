@@ -262,6 +262,7 @@ def sensitivities(
     family in a parameter they are infinite. Raises `InputError` for an unknown name or another machine's orbit.
     """
     known(machine)
+    words = words_of(machine)
     if not isinstance(orbit, Orbit):
         orbit = find(machine, orbit)
     if names is None:
@@ -273,7 +274,7 @@ def sensitivities(
     quantities = _owned(machine, orbit, quantities)
     if not quantities or not names:
         return {quantity: {} for quantity in quantities}
-    formulas = tuple(formula_of(name, words_of(machine), "the quantity") for name in quantities)
+    formulas = tuple(formula_of(name, words, "the quantity") for name in quantities)
     with interrupts.deferred():
         slopes = scene_of(machine, orbit, Asked(formulas, tuple(names)), units_of(machine)).slopes
     return {

@@ -17,6 +17,9 @@ from .search import find
 SAME, WORTH = 1e-9, 1e-4
 # How far an end of a front is probed for that, as a share of the parameters' range.
 PROBE = 1e-3
+# An objective with a slope changes by PROBE, one that is only curved by PROBE**2 over that way; a flat one by less than
+# this share of the latter.
+FLAT = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +157,7 @@ def _flat(end: Design, brief: Brief, best: int, texts) -> bool:
         value = quantities(machine, orbit, [texts[best]])[texts[best]]
     except OrbitsError:
         return False
-    return abs(value - end.pair[best]) <= 0.1 * PROBE**2 * abs(end.pair[best])
+    return abs(value - end.pair[best]) <= FLAT * PROBE**2 * abs(end.pair[best])
 
 
 def _bounded(text: str, level: float, machine) -> Constraint:

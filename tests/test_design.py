@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit, find, follow, optimize, pareto, quantities, sensitivities
-from problems import Hopper, Juggler, hopper_in_si
+from problems import Chain, Hopper, Juggler, hopper_in_si
 from tests.test_cli import orbits  # noqa: F401 - a fixture
 
 CUBIC = Hopper("r + b*r**3", mass_ratio=0.5, rest_length=20.0, parameters={"b": 0.3})
@@ -338,6 +338,11 @@ def test_machines_that_cannot_be_designed():
         sensitivities(CUBIC, quantities="alpha")
     with pytest.raises(InputError, match="a law in pieces cannot be designed"):
         optimize(Hopper("bilinear"), minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
+    chain = Chain((1.0, 1.0, 1.0), "r + b*r**3", parameters={"b": 0.1})
+    with pytest.raises(InputError, match="a chain of 3 masses cannot be designed"):
+        optimize(chain, minimise="alpha", over={"b": (0.1, 0.2)})
+    with pytest.raises(InputError, match="a chain of 3 masses cannot be designed"):
+        sensitivities(chain)
     with pytest.raises(InputError, match="is no machine"):
         optimize(None, minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
     with pytest.raises(InputError, match="another machine's"):
