@@ -4,11 +4,12 @@ from .branches import follow_branch
 from .continuation import follow, orbit_at, trace
 from .control import Control, Guess, steer
 from .descent import Active
-from .design import Design, Front, optimize, pareto, quantities, sensitivities
+from .design import Design, optimize, quantities, sensitivities
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .existence import Existence, existence
 from .family import End, Event, Family, Point
 from .folds import fold_statement, follow_fold
+from .front import Front, pareto
 from .model import Affine, Arc, Model, Oscillator, Phase, Pieces, Reduction, Statement, Units
 from .orbit import Certificate, Orbit
 from .returnmap import FixedPoint, Hops, ReturnMap

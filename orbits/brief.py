@@ -8,10 +8,14 @@ import numpy as np
 
 from .errors import InputError
 from .formula import Formula, parse, suggest
-from .model import Units
+from .model import Model, Units
 from .quantities import quantity_names
 from .question import known, number_of
 
+# Bounds that are nearer together, as a share of their size, are one: rounding in a motion is no less.
+NARROWEST = 1e-9
+# Bounds whose ratio is so large span decades.
+WIDE = 100.0
 _RELATION = re.compile(r"<=|>=|==")
 
 
@@ -50,26 +54,77 @@ class Brief:
     def verb(self) -> str:
         return "minimise" if self.sign > 0 else "maximise"
 
+    @property
+    def wide(self) -> np.ndarray:
+        """Which parameters' bounds span decades, (k,): their changes count as shares of their values."""
+        low, high = np.array(self.low), np.array(self.high)
+        return (low > 0) & (high >= WIDE * low)
+
+    def units(self, theta: np.ndarray) -> np.ndarray:
+        """What counts as one unit of each parameter at values (k,): the way between its bounds, or its value."""
+        return np.where(self.wide, np.abs(theta), np.subtract(self.high, self.low))
+
+    def within(self, theta: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+        """The bounds within a reach (1 is all the way, or a decade) of values (k,)."""
+        factor, step = 1 + 9 * reach, reach * np.subtract(self.high, self.low)
+        low = np.where(self.wide, theta / factor, theta - step)
+        high = np.where(self.wide, theta * factor, theta + step)
+        return np.maximum(self.low, low), np.minimum(self.high, high)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is to be expressed of an orbit.
+
+    formulas : of quantities and parameters, the objective first
+    over : names of the parameters that vary
+    demands : quantities that must be positive on a motion, beside the landing jerk, which must be negative
+    """
+
+    formulas: tuple[Formula, ...]
+    over: tuple[str, ...]
+    demands: tuple[str, ...] = ()
+
+    def words(self, model: Model, p: Mapping) -> list[str]:
+        """The quantities in use."""
+        used = set(self.demands).union(*(formula.names for formula in self.formulas)) - p.keys()
+        return [name for name in quantity_names(model, p) if name in used]
+
 
 def brief_of(machine, minimise, maximise, over, subject_to) -> Brief:
     """The question in its checked form; raises `InputError` that names what cannot be meant."""
     known(machine)
     if (minimise is None) == (maximise is None):
         raise InputError("a design minimises or maximises one objective: give one of the two")
+    verb = "minimise" if minimise is not None else "maximise"
     text = minimise if minimise is not None else maximise
     words = words_of(machine)
-    formula = formula_of(text, words, "the objective")
+    if not isinstance(text, str):
+        raise InputError(f"{verb} = {text!r}; an objective is a formula, text such as 'loss_coefficient'")
+    formula = smooth_of(text, words, "the objective")
+    if not formula.names:
+        raise InputError(f"the objective '{text}' says nothing of the orbit or the machine")
     if isinstance(subject_to, str) or not isinstance(subject_to, Sequence):
         raise InputError(f"subject_to = {subject_to!r}; it is a list of constraints such as 'stroke <= 0.25'")
     names, low, high = _bounds(machine, over)
     constraints = tuple(constraint_of(text, words) for text in subject_to)
     _agree(constraints)
+    equations = [constraint.text for constraint in constraints if constraint.low == constraint.high]
+    if len(equations) > len(names):
+        raise InputError(
+            f"{len(equations)} equations for {len(names)} parameters to design, {', '.join(map(repr, equations))}: "
+            "leave out those that follow from others, or design more parameters"
+        )
     return Brief(text, formula, 1 if minimise is not None else -1, names, low, high, constraints)
 
 
 def words_of(machine) -> list[str]:
     """What a formula of a design may use: quantities of the orbit and parameters of the machine."""
     model, p = machine.model, machine.values
+    if set(model.launch_unknowns) - {"liftoff", "alpha"}:
+        raise InputError(
+            f"a {model.name} cannot be designed: its launch has more unknowns than the lift-off extension and the speed"
+        )
     quantities = quantity_names(model, p)
     parameters = [name for name in p if name != model.homotopy]
     if both := [name for name in parameters if name in quantities]:
@@ -85,6 +140,17 @@ def formula_of(text, words: Sequence[str], what: str) -> Formula:
     return formula
 
 
+def smooth_of(text, words: Sequence[str], what: str) -> Formula:
+    """A formula as `formula_of`, that has second derivatives."""
+    formula = formula_of(text, words, what)
+    if formula.pieces:
+        raise InputError(
+            f"{what} '{text}': {formula.pieces[0]} is a law in pieces and cannot be designed with: it has no second "
+            "derivatives everywhere; bound it from both sides by constraints instead, or take its square"
+        )
+    return formula
+
+
 def constraint_of(text, words: Sequence[str]) -> Constraint:
     """A constraint from a text with one or two relations: 'a <= 1', 'a == b', '0.1 <= a <= 0.2'."""
     if not isinstance(text, str):
@@ -92,8 +158,11 @@ def constraint_of(text, words: Sequence[str]) -> Constraint:
     sides, relations = _RELATION.split(text), _RELATION.findall(text)
     if not relations or len(sides) > 3 or len(relations) != len(sides) - 1:
         raise InputError(f"the constraint '{text}' is not of the form 'stroke <= 0.25': one of <=, >=, ==, or two <=")
-    formulas = [formula_of(side.strip(), words, f"in the constraint '{text}',") for side in sides]
+    formulas = [smooth_of(side.strip(), words, f"in the constraint '{text}',") for side in sides]
     fixed = [not formula.names for formula in formulas]
+    for side, formula, constant in zip(sides, formulas, fixed, strict=True):
+        if constant and not np.isfinite(float(formula())):
+            raise InputError(f"in the constraint '{text}', '{side.strip()}' is not a finite number")
     if len(sides) == 3:
         if not (fixed[0] and fixed[2]) or len(set(relations)) > 1 or relations[0] == "==":
             raise InputError(f"the constraint '{text}' has two relations: it is of the form '0.1 <= stroke <= 0.25'")
@@ -111,7 +180,7 @@ def constraint_of(text, words: Sequence[str]) -> Constraint:
             middle, bound, relation = parse(f"({left.text}) - ({right.text})"), 0.0, relations[0]
         low = -np.inf if relation == "<=" else bound
         high = np.inf if relation == ">=" else bound
-    if np.isnan([low, high]).any() or low > high:
+    if low > high:
         raise InputError(f"the constraint '{text}' can never hold: {low:g} lies above {high:g}")
     return Constraint(text, middle, low, high)
 
@@ -120,9 +189,9 @@ def _bounds(machine, over) -> tuple[tuple[str, ...], tuple[float, ...], tuple[fl
     if not isinstance(over, Mapping) or not over:
         raise InputError("over names the parameters to design with their bounds: over={'beta': (0, 1)}")
     lows, highs = [], []
-    free = [name for name in machine.values if name != machine.model.homotopy]
+    free = free_of(machine)
     for name, bounds in over.items():
-        if name not in free:
+        if name not in machine.values or name == machine.model.homotopy:
             raise InputError(f"the machine has no parameter '{name}' to design{suggest(str(name), free)}")
         try:
             low, high = bounds
@@ -133,11 +202,21 @@ def _bounds(machine, over) -> tuple[tuple[str, ...], tuple[float, ...], tuple[fl
             raise InputError(
                 f"the bounds of {name} are in conflict: its lower bound {low:g} is not below the upper, {high:g}"
             )
+        if high - low <= NARROWEST * max(abs(low), abs(high)):
+            raise InputError(
+                f"the bounds of {name}, {low!r} and {high!r}, leave no room: state {name} in the machine instead"
+            )
         lows.append(low)
         highs.append(high)
     for values in (lows, highs):
         machine.with_values(**dict(zip(over, values, strict=True)))  # which says what cannot be
     return tuple(over), tuple(lows), tuple(highs)
+
+
+def free_of(machine) -> list[str]:
+    """The parameters that may be varied: in SI a machine's own follow from its masses and lengths."""
+    fixed = {machine.model.homotopy} | ({"mass_ratio", "rest_length"} if machine.units else set())
+    return [name for name in machine.values if name not in fixed]
 
 
 def _agree(constraints: Sequence[Constraint]):

@@ -12,17 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import interrupts
-from .brief import Brief, units_of
-from .errors import NoOrbit
+from .brief import Asked, Brief, units_of
+from .errors import InputError, NoOrbit
 from .model import Model
 from .nlp import Minimum
 from .orbit import Orbit
-from .program import MARGIN, Asked, Scene, scene_of
+from .program import MARGIN, Scene, scene_of
 from .quantities import base_statement
 from .statements import as_orbit, equations_of, interpret, vector
 
-# An orbit so many times as fast or slow as the first, still going, is on its way to infinity or to nothing.
-ESCAPED = 10.0
+# An orbit so many times as fast or slow as the first, still going while the parameters come to rest inside their bounds
+# (by this share of their size and of their way to the bound ahead), is on its way to infinity or to nothing.
+ESCAPED, RESTING = 10.0, 1e-2
 # An orbit that is lost after it has become so many times as fast or long was running off.
 RUNNING = 2.0
 # Programs that lead into a contact that never ends, before that is what the design amounts to.
@@ -33,6 +34,10 @@ PENALTY = (1e-3, 1.0)
 MOST_ROUNDS, LEAST_REACH = 25, 1e-4
 # The program and the orbit's own equations agree to this share of the unknowns when its mesh is fine enough.
 AGREE = 1e-11
+# A parameter put on its bound, or rounded, takes the orbit along: the unknowns by this many times its share, at most.
+SWING = 10.0
+# A parameter that Ipopt leaves so little inside its bound, as a share of its unit, is on it.
+ONBOUND = 1e-8
 # A bound or a constraint counts as active within this share of its size.
 ACTIVE = 1e-7
 # What an orbit found anew may move, as a share, before it is another orbit.
@@ -79,6 +84,7 @@ class End:
     objective: float
     quantities: Mapping[str, float]
     active: tuple[Active, ...]
+    idle: tuple[str, ...]
     kkt: float
 
 
@@ -95,6 +101,13 @@ class Descent:
         self.seen: list[tuple] = []
         self.span = np.subtract(brief.high, brief.low)
         self.demand()
+        scene = self.scene()
+        values, slopes = scene.values, scene.slopes
+        m = len(brief.constraints)
+        if not np.isfinite(values[: 1 + m]).all():
+            raise NoOrbit(f"'{brief.text}' or a constraint has no value at {_said(machine, brief)}")
+        self.flat = ~slopes[: 1 + m].any(0)
+        self.sizes = self._sizes(scene)
 
     def demand(self):
         """Demand from now on what the orbit lacks to be a motion."""
@@ -110,28 +123,46 @@ class Descent:
         asked = Asked((brief.formula, *(c.formula for c in brief.constraints)), brief.names, tuple(self.demands))
         return scene_of(self.machine, self.orbit, asked, self.units, self.both)
 
+    def _sizes(self, scene: Scene) -> np.ndarray:
+        """What counts as one unit of each constraint, from the scene at the start: the larger side of one
+        between formulas; the bound; or, where that is zero, the value, or what the parameters change it by.
+
+        They stay for all programs from one start: one that went with what is left of a constraint would never see it
+        met.
+        """
+        values, k = scene.values, len(self.brief.names)
+        words = dict(zip(scene.words, values[len(values) - scene.graph.ties - len(scene.words) :], strict=False))
+        known = self.machine.values | words
+        theta = np.array([self.machine.values[name] for name in self.brief.names])
+        sizes = []
+        for constraint, value, slope in zip(self.brief.constraints, values[1:], scene.slopes[1:], strict=False):
+            terms = constraint.formula.terms
+            bounds = [abs(bound) for bound in (constraint.low, constraint.high) if np.isfinite(bound)]
+            if len(terms) > 1:
+                bounds += [abs(float(term(**{name: known[name] for name in term.names}))) for term in terms]
+            change = np.abs(slope[:k]) * np.where(theta, np.abs(theta), self.span)
+            sizes.append(max(bounds) or max(abs(value), change.max()) or 1.0)
+        return np.array(sizes)
+
     def scales(self, values: np.ndarray) -> np.ndarray:
         """Of the objective (with its sign), the constraints, the landing jerk and the demands, at values of them."""
         m = len(self.brief.constraints)
         if not np.isfinite(values).all():
             raise NoOrbit(f"'{self.brief.text}' or a constraint has no value at {_said(self.machine, self.brief)}")
-        bounds = [max([abs(b) for b in (c.low, c.high) if np.isfinite(b)]) for c in self.brief.constraints]
-        sizes = [b or abs(v) or 1.0 for b, v in zip(bounds, values[1 : 1 + m], strict=True)]
         return np.array([
-            self.brief.sign * (abs(values[0]) or 1.0), *sizes, abs(values[1 + m]), *np.ones(len(values) - m - 2)
+            self.brief.sign * (abs(values[0]) or 1.0), *self.sizes, abs(values[1 + m]), *np.ones(len(values) - m - 2)
         ])  # fmt: skip
 
     def solve(self, scene: Scene, weights) -> tuple[Minimum, np.ndarray]:
-        scales = self.scales(scene.evaluated()[0][: scene.graph.scales.numel()])
-        sizes = scales[1 : 1 + len(self.brief.constraints)]
-        limits = [np.array([getattr(c, side) for c in self.brief.constraints]) / sizes for side in ("low", "high")]
-        return scene.minimise((self.brief.low, self.brief.high), self.reach, limits, scales, weights), scales
+        scales = self.scales(scene.values[: scene.graph.scales.numel()])
+        limits = [np.array([getattr(c, side) for c in self.brief.constraints]) / self.sizes for side in ("low", "high")]
+        theta = scene.theta
+        bounds = self.brief.within(theta, self.reach)
+        return scene.minimise(bounds, self.brief.units(theta), self.reach, limits, scales, weights), scales
 
     def lacking(self, scene: Scene) -> np.ndarray:
         """What each constraint is broken by, as a share of its size."""
-        values = scene.evaluated()[0]
-        sizes = self.scales(values[: scene.graph.scales.numel()])[1:]
-        stated = zip(self.brief.constraints, values[1:], sizes, strict=False)
+        stated = zip(self.brief.constraints, scene.values[1:], self.sizes, strict=False)
         return np.array([c.excess(float(v)) / size for c, v, size in stated])
 
     def move(self, scene: Scene, x: np.ndarray) -> bool:
@@ -139,7 +170,8 @@ class Descent:
         k = len(self.brief.names)
         theta = np.clip(x[:k], self.brief.low, self.brief.high)
         # A parameter that Ipopt leaves just inside its bound is on it.
-        near = np.minimum(theta - self.brief.low, np.array(self.brief.high) - theta) < 1e-9 * self.span
+        units = self.brief.units(theta)
+        near = np.minimum(theta - self.brief.low, np.array(self.brief.high) - theta) < ONBOUND * units
         ends = np.where(theta - self.brief.low < 0.5 * self.span, self.brief.low, self.brief.high)
         theta = np.where(near, ends, theta)
         machine = self.machine.with_values(**dict(zip(self.brief.names, theta.tolist(), strict=True)))
@@ -151,7 +183,7 @@ class Descent:
         if orbit.contact_time is None:
             raise NoOrbit("; ".join(orbit.violations))
         self.machine, self.orbit = machine, orbit
-        return bool(off < AGREE + 10 * np.max(np.abs(theta - x[:k]) / self.span))
+        return bool(off < AGREE + SWING * np.max(np.abs(theta - x[:k]) / units))
 
     def escaping(self, far: float) -> str:
         """Where the orbit is on its way to, when it has become `far` times as fast or long, or as slow or short."""
@@ -168,18 +200,11 @@ class Descent:
                 )
         return ""
 
-    def places(self, scene: Scene) -> bool:
-        """Whether the extremes are where the program has them; where two take turns, they are tied from now on."""
-        fresh = self.scene()
-        if fresh.places == scene.places and fresh.demands == scene.demands:
-            return True
-        if fresh.places in self.seen and fresh.demands == scene.demands:
-            at = dict(zip(scene.places, _times(scene), strict=True))
-            for place, when in at.items():
-                if place not in fresh.places:
-                    self.both[place.extreme] = ((place, when),)
-        self.seen.append(scene.places)
-        return False
+    def tie(self, scene: Scene, fresh: Scene):
+        """Of the places of an extreme that take turns from scene to scene, hold both from now on."""
+        for place, when in zip(scene.places, _times(scene), strict=True):
+            if place not in fresh.places:
+                self.both[place.extreme] = ((place, when),)
 
 
 def _times(scene: Scene) -> list[float]:
@@ -210,12 +235,18 @@ def descend(machine, orbit: Orbit, brief: Brief) -> End:
                 raise _lost(way, reason, collapses) from None
             continue
         stopped = _at_reach(scene, answer, way.reach, brief)
-        if stopped and (ending := way.escaping(ESCAPED)):
+        if stopped and _resting(before, way.machine, brief) and (ending := way.escaping(ESCAPED)):
             raise Unbounded(ending)
         way.demand()
-        settled = exact and not stopped and way.places(scene) and way.orbit.admissible
+        fresh = way.scene()
+        same = (fresh.places, fresh.demands) == (scene.places, scene.demands)
+        if not same:
+            if exact and not stopped and fresh.places in way.seen and fresh.demands == scene.demands:
+                way.tie(scene, fresh)
+            way.seen.append(scene.places)
+        settled = exact and not stopped and same and way.orbit.admissible
         if weights[1]:
-            lacking = way.lacking(way.scene())
+            lacking = way.lacking(fresh)
             if lacking.sum() <= MET:
                 weights = (1.0, 0.0)
             elif settled and weights[0] and _moved(before, way.machine, brief) <= 1e-3:
@@ -223,31 +254,43 @@ def descend(machine, orbit: Orbit, brief: Brief) -> End:
             elif settled and not weights[0]:
                 raise _infeasible(way, lacking)
         elif settled and not answer.reason:
-            end = _ended(way, scales)
+            end = _ended(way, fresh, scales)
             if end.kkt <= STATIONARY:
                 return end
             reason, way.reach = f"the optimality conditions are off by {end.kkt:.1e}", way.reach / 4
             if way.reach < LEAST_REACH:
                 raise _lost(way, reason, collapses)
             continue
-        way.reach = min(1.0, 2 * way.reach)
+        # As far as the extremes keep their places; beyond, the program says nothing.
+        way.reach = way.reach / 2 if stopped and not same else min(1.0, 2 * way.reach)
     raise NoOrbit(
         f"no optimum within {MOST_ROUNDS} programs, at {_said(way.machine, brief)}" + (reason and f": {reason}")
     )
 
 
 def _moved(before, after, brief: Brief) -> float:
-    span = np.subtract(brief.high, brief.low)
-    return float(max(abs(after.values[n] - before.values[n]) / s for n, s in zip(brief.names, span, strict=True)))
+    was, now = (np.array([machine.values[name] for name in brief.names]) for machine in (before, after))
+    return float(np.max(np.abs(now - was) / brief.units(was)))
+
+
+def _resting(before, after, brief: Brief) -> bool:
+    """Whether the parameters hardly move any more, and lie inside their bounds."""
+    for name, low, high in zip(brief.names, brief.low, brief.high, strict=True):
+        was, now = before.values[name], after.values[name]
+        if abs(now - was) > RESTING * min(abs(now), now - low if now < was else high - now):
+            return False
+    return True
 
 
 def _at_reach(scene: Scene, answer: Minimum, reach: float, brief: Brief) -> bool:
     """Whether the program was stopped by how far its mesh serves."""
     k, n = len(brief.names), scene.graph.size
-    span = np.subtract(brief.high, brief.low)
-    moved = np.abs(answer.x[:k] - scene.theta) / span
+    theta, units = answer.x[:k], brief.units(scene.theta)
+    low, high = brief.within(scene.theta, reach)
+    # what is left to the end of the reach, where that is none of the bounds asked for
+    left = np.minimum(np.where(low > brief.low, theta - low, np.inf), np.where(high < brief.high, high - theta, np.inf))
     ratio = np.abs(np.log(answer.x[k + 1 : k + n] / scene.u[1:]))
-    return bool((reach < 1 and (moved > 0.999 * reach).any()) or (ratio > 0.999 * np.log1p(min(reach, 1.0))).any())
+    return bool((left < 1e-3 * reach * units).any() or (ratio > 0.999 * np.log1p(min(reach, 1.0))).any())
 
 
 def _lost(way: Descent, reason: str, collapses: int) -> NoOrbit:
@@ -261,7 +304,7 @@ def _lost(way: Descent, reason: str, collapses: int) -> NoOrbit:
 
 
 def _infeasible(way: Descent, lacking: np.ndarray) -> Infeasible:
-    values = way.scene().evaluated()[0][1:]
+    values = way.scene().values[1:]
     what = [
         f"'{c.text}' is missed by {c.excess(float(v)):.4g}, at {float(v):.6g}"
         for c, v, lack in zip(way.brief.constraints, values, lacking, strict=False)
@@ -270,7 +313,7 @@ def _infeasible(way: Descent, lacking: np.ndarray) -> Infeasible:
     bounds = ", ".join(f"{low:g} <= {n} <= {high:g}" for n, low, high in
                        zip(way.brief.names, way.brief.low, way.brief.high, strict=True))  # fmt: skip
     return Infeasible(
-        f"no motion with {bounds} meets the constraints: at best {' and '.join(what)}, with "
+        f"no motion was found with {bounds} that meets the constraints: at best {' and '.join(what)}, with "
         f"{_said(way.machine, way.brief)}; relax it, or widen the bounds",
         float(lacking.sum()),
     )
@@ -289,21 +332,21 @@ def certified(machine, u) -> tuple[Orbit, np.ndarray]:
     return as_orbit(machine, method, interpret(model, method, equations, u, here, p), began), u
 
 
-def _ended(way: Descent, scales) -> End:
+def _ended(way: Descent, scene: Scene, scales) -> End:
     """The optimum with its conditions, all recomputed at the certified orbit."""
-    brief, scene = way.brief, way.scene()
-    values, slopes = scene.evaluated()
+    brief, values, slopes = way.brief, scene.values, scene.slopes
     k = len(brief.names)
     theta = scene.theta
-    slope = brief.sign * slopes[0] * way.span / abs(scales[0])
+    unit = brief.units(theta)
+    slope = brief.sign * slopes[0] * unit / abs(scales[0])
     rows, names, free, units = [], [], [], []
-    for i, (name, span) in enumerate(zip(brief.names, way.span, strict=True)):
+    for i, name in enumerate(brief.names):
         for side, bound, relation in ((-1.0, brief.low[i], ">="), (1.0, brief.high[i], "<=")):
-            if abs(theta[i] - bound) <= ACTIVE * span:
+            if abs(theta[i] - bound) <= ACTIVE * unit[i]:
                 rows.append(side * np.eye(k)[i])
                 names.append(f"{name} {relation} {bound:g}")
                 free.append(False)
-                units.append(span)
+                units.append(unit[i])
     violation = 0.0
     stated = [(c.text, c.low, c.high) for c in brief.constraints]
     stated += [(f"{name} > 0", 0.0, np.inf) for name in ("-landing_jerk", *scene.demands)]
@@ -312,13 +355,13 @@ def _ended(way: Descent, scales) -> End:
         violation = max(violation, max(low - value, value - high, 0.0) / scale)
         sides = [(s, b) for s, b in ((-1.0, low), (1.0, high)) if abs(value - b) <= ACTIVE * scale]
         for side, _ in sides[:1]:
-            rows.append(side * row * way.span / scale)
+            rows.append(side * row * unit / scale)
             names.append(text)
             free.append(low == high)
             units.append(scale)
     count = len(values) - scene.graph.ties
     for row in slopes[count:]:  # where two places have the same extreme it may be sought at either
-        rows.append(row * way.span / abs(scales[0]))
+        rows.append(row * unit / abs(scales[0]))
         names.append("an extreme at two places")
         free.append(True)
         units.append(abs(scales[0]))
@@ -329,8 +372,21 @@ def _ended(way: Descent, scales) -> End:
         float(brief.sign * values[0]),
         dict(zip(scene.words, values[count - len(scene.words) : count].tolist(), strict=True)),
         tuple(Active(n, float(x * abs(scales[0]) / u)) for n, x, u in zip(names, multipliers, units, strict=True) if x),
+        _idle(way, slopes[: count - len(scene.words)]),
         max(float(np.abs(left).max()), violation),
     )
+
+
+def _idle(way: Descent, slopes: np.ndarray) -> tuple[str, ...]:
+    """The parameters that nothing asked for depends on: in no formula, and with slopes that vanish exactly, by
+    structure, where the start was as here."""
+    brief = way.brief
+    named = brief.formula.names.union(*(constraint.formula.names for constraint in brief.constraints))
+    flat = way.flat & ~slopes.any(0)
+    idle = tuple(name for name, still in zip(brief.names, flat, strict=True) if still and name not in named)
+    if len(idle) == len(brief.names):
+        raise InputError(f"'{brief.text}' and the constraints do not depend on {', '.join(idle)}: nothing to design")
+    return idle
 
 
 def _multipliers(slope: np.ndarray, rows: list, free: list) -> tuple[np.ndarray, np.ndarray]:

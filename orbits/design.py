@@ -12,21 +12,21 @@ from pathlib import Path
 import numpy as np
 
 from . import interrupts
-from .brief import Brief, Constraint, brief_of, formula_of, units_of, words_of
+from .brief import Asked, Brief, brief_of, formula_of, free_of, units_of, words_of
 from .descent import Active, End, Infeasible, Unbounded, descend
 from .errors import InputError, NoOrbit, OrbitsError
 from .orbit import Orbit, to_json
-from .program import Asked, scene_of
+from .program import scene_of
 from .quantities import locate, parts_of, quantity_names
 from .question import known
 from .search import find
 
 # Starts that are tried, when none are asked for and the first leads to no optimum.
 OTHERS = 3
-# Objectives that differ by a smaller share are the same; one that can gain so much while the other stays, does.
-SAME, WORTH = 1e-9, 1e-4
-# How far an end of a front is probed for that, as a share of the parameters' range.
-PROBE = 1e-3
+
+
+class Nowhere(NoOrbit):
+    """No start leads to an optimum."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,7 @@ class Design:
     verb, text, objective : "minimise" or "maximise", what, and its value
     quantities : the values of all that the question names
     active : constraints, bounds and demands that hold the optimum where it is
+    idle : parameters that nothing asked for depends on; they are as the start had them
     kkt : largest violation of the optimality conditions: the slope of the Lagrangian as a share of the objective over
         each parameter's range, by the implicit function theorem at the certified orbit, and of the constraints
     starts : all that were tried
@@ -63,6 +64,7 @@ class Design:
     objective: float
     quantities: Mapping[str, float]
     active: tuple[Active, ...]
+    idle: tuple[str, ...]
     kkt: float
     starts: tuple[Start, ...]
     seconds: float
@@ -76,6 +78,7 @@ class Design:
             "parameters": dict(self.parameters),
             "quantities": dict(self.quantities),
             "active": [{"text": active.text, "multiplier": active.multiplier} for active in self.active],
+            "idle": list(self.idle),
             "kkt": self.kkt,
             "starts": [
                 {"parameters": dict(s.parameters), "objective": s.objective, "reason": s.reason} for s in self.starts
@@ -90,19 +93,26 @@ class Design:
         lines += [f"  {name:<24}{value:.12g}" for name, value in self.parameters.items()]
         lines += [f"  {name:<24}{value:.12g}" for name, value in self.quantities.items() if name not in self.parameters]
         lines += [f"  {'held by':<24}{a.text}   (gains {a.multiplier:.4g} per unit)" for a in self.active]
+        lines += [f"  {'without effect':<24}{name}" for name in self.idle]
         good = sum(start.objective is not None for start in self.starts)
         lines.append(f"  {'optimality':<24}{self.kkt:.1e}")
         lines.append(f"  {'starts':<24}{good} of {len(self.starts)} led to an optimum, {self.seconds:.2f} s")
+        lines += [f"  {'a start led to none':<24}{s.reason}" for s in self.starts if s.objective is None]
         return "\n".join([*lines, "", str(self.orbit)])
 
     def save(self, path) -> Path:
         """Write the document to a JSON file; returns the path."""
-        path = Path(path)
-        try:
-            path.write_text(to_json(self.document()) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"the design cannot be saved to {path}: {error}") from None
-        return path
+        return written(self.document(), path, "design")
+
+
+def written(document: dict, path, what: str) -> Path:
+    """The path of the JSON file that a document was written to."""
+    path = Path(path)
+    try:
+        path.write_text(to_json(document) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"the {what} cannot be saved to {path}: {error}") from None
+    return path
 
 
 def optimize(
@@ -131,27 +141,32 @@ def optimize(
     formula in SI are designed in SI. The orbit is always held to be a motion. The optimum is local: the best of those
     that the starts lead to.
     Raises `InputError` for a question that cannot be meant, and `NoOrbit` with the reason when no start leads to an
-    optimum: constraints that cannot be met, with what is lacking; an orbit that escapes; a contact that collapses.
+    optimum: constraints met nowhere near, with what is lacking; an orbit that escapes; a contact that collapses.
     """
     with interrupts.deferred():
         brief = brief_of(machine, minimise, maximise, over, subject_to)
-        return _search(machine, brief, family, starts, seed, progress)
+        return searched(machine, brief, family, starts, seed, progress)
 
 
-def _search(machine, brief: Brief, family: int, starts: int | None, seed: int, progress=None) -> Design:
+def searched(machine, brief: Brief, family: int, starts: int | None, seed: int, progress=None) -> Design:
     """The best that so many starts lead to; for None the first, or others where that leads to none."""
-    points = _starts(machine, brief, 1 if starts is None else starts, seed)
+    points = starts_of(machine, brief, 1 if starts is None else starts, seed)
     try:
-        return _optimize(machine, brief, family, points, progress)
+        return best_from(machine, brief, family, points, progress)
     except Unbounded:
         raise
-    except NoOrbit:
+    except NoOrbit as error:
         if starts is not None:
             raise
-    return _optimize(machine, brief, family, _starts(machine, brief, 1 + OTHERS, seed), progress)
+        first = error
+    try:
+        best = best_from(machine, brief, family, starts_of(machine, brief, 1 + OTHERS, seed)[1:], progress)
+    except NoOrbit as error:
+        raise _worst([first, error]) from None
+    return replace(best, starts=(Start(points[0], None, str(first)), *best.starts))
 
 
-def _optimize(machine, brief: Brief, family: int, points: Sequence[Mapping], progress=None) -> Design:
+def best_from(machine, brief: Brief, family: int, points: Sequence[Mapping], progress=None) -> Design:
     """The best that starts lead to; a start is parameters by name, with an "orbit" if one is known."""
     began = time.perf_counter()
     ends: list[End | OrbitsError] = []
@@ -172,9 +187,8 @@ def _optimize(machine, brief: Brief, family: int, points: Sequence[Mapping], pro
         if progress:
             progress((i + 1) / len(points))
     found = [end for end in ends if isinstance(end, End)]
-    # An objective without bound is what the whole question amounts to, whatever other starts lead to.
-    unbounded = [end for end in ends if isinstance(end, Unbounded)]
-    if unbounded or not found:
+    # That an objective has no bound is concluded from one way of going; an optimum is certified.
+    if not found:
         raise _worst([end for end in ends if isinstance(end, OrbitsError)])
     best = min(found, key=lambda end: end.objective)
     return Design(
@@ -186,16 +200,18 @@ def _optimize(machine, brief: Brief, family: int, points: Sequence[Mapping], pro
         objective=best.objective * brief.sign,
         quantities=best.quantities,
         active=best.active,
+        idle=best.idle,
         kkt=best.kkt,
         starts=tuple(tried),
         seconds=time.perf_counter() - began,
     )
 
 
-def _starts(machine, brief: Brief, count, seed) -> list[dict]:
+def starts_of(machine, brief: Brief, count, seed) -> list[dict]:
     """The machine's own parameters, if they lie within the bounds, and further ones spread between these."""
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-        raise InputError(f"starts = {count!r}; it is a whole number from 1")
+    for name, value, least in (("starts", count, 1), ("seed", seed, 0)):
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+            raise InputError(f"{name} = {value!r}; it is a whole number from {least}")
     low, high = np.array(brief.low), np.array(brief.high)
     own = np.array([machine.values[name] for name in brief.names])
     points = [own if ((low <= own) & (own <= high)).all() else 0.5 * (low + high)]
@@ -204,7 +220,7 @@ def _starts(machine, brief: Brief, count, seed) -> list[dict]:
 
         drawn = qmc.Sobol(len(low), seed=seed).random(1 << (int(count) - 2).bit_length() if count > 2 else 1)
         # Bounds that span decades are spread by their logarithm.
-        wide = (low > 0) & (high >= 100 * low)
+        wide = brief.wide
         spread = low + drawn * (high - low)
         safe = np.where(low > 0, low, 1.0)
         points += list(np.where(wide, safe * (np.where(wide, high / safe, 1.0)) ** drawn, spread)[: count - 1])
@@ -216,156 +232,8 @@ def _worst(errors: Sequence[OrbitsError]) -> OrbitsError:
     for kind in (Unbounded, Infeasible):
         if some := [error for error in errors if isinstance(error, kind)]:
             return min(some, key=lambda error: error.size)
-    return NoOrbit(f"no start within the bounds leads to an optimum: {errors[0]}")
-
-
-@dataclass(frozen=True, eq=False)
-class Front:
-    """Designs of which none is better than another in both objectives, the best in the first one first.
-
-    texts : the two objectives, both minimised
-    designs : each certified
-    refused : (level of the second objective, reason) where there is none
-    """
-
-    texts: tuple[str, str]
-    designs: tuple[Design, ...]
-    refused: tuple[tuple[float, str], ...]
-    seconds: float
-
-    @property
-    def values(self) -> np.ndarray:
-        """The objectives (m, 2) of the designs."""
-        return np.array([design.pair for design in self.designs])
-
-    def column(self, name: str) -> np.ndarray:
-        """A parameter of every design."""
-        return np.array([design.parameters[name] for design in self.designs])
-
-    def document(self) -> dict:
-        """The front as the JSON document of the command line."""
-        return {
-            "objectives": list(self.texts),
-            "points": [{"values": list(design.pair), **design.document()} for design in self.designs],
-            "refused": [{"level": level, "reason": reason} for level, reason in self.refused],
-            "seconds": self.seconds,
-        }
-
-    def __str__(self) -> str:
-        names = list(self.designs[0].parameters)
-        lines = ["".join(f"{name:>24}" for name in (*self.texts, *names))]
-        for design in self.designs:
-            lines.append("".join(f"{value:24.12g}" for value in (*design.pair, *design.parameters.values())))
-        lines += [f"none at {self.texts[1]} <= {level:.6g}: {reason}" for level, reason in self.refused]
-        return "\n".join([*lines, f"{len(self.designs)} certified designs, {self.seconds:.2f} s"])
-
-
-def pareto(
-    machine,
-    *,
-    minimise: tuple[str, str],
-    over: Mapping[str, tuple[float, float]],
-    subject_to: Sequence[str] = (),
-    points: int = 9,
-    family: int = 1,
-    starts: int | None = None,
-    seed: int = 0,
-    progress: Callable[[float], None] | None = None,
-) -> Front:
-    """The front of two objectives: the designs of which none is better in both than another.
-
-    Both ends first; then the first objective is minimised with the second bounded at levels spread evenly between them,
-    each from the design before. The arguments are those of `optimize`; an objective to be large is given as "-alpha".
-    Raises as `optimize` does where an end has no optimum.
-    """
-    if isinstance(minimise, str) or len(minimise) != 2:
-        raise InputError(f"minimise = {minimise!r}; a front has two objectives")
-    if isinstance(points, bool) or not isinstance(points, int | np.integer) or points < 2:
-        raise InputError(f"points = {points!r}; a front has a whole number of them, from 2")
-    with interrupts.deferred():
-        began = time.perf_counter()
-        first, second = (brief_of(machine, text, None, over, subject_to) for text in minimise)
-        tell = progress or (lambda share: None)
-        ends = []
-        for i, brief in enumerate((first, second)):
-            best = _both(_search(machine, brief, family, starts, seed), minimise)
-            ends.append(_cornered(best, (second, first)[i], i, machine, family, minimise))
-            tell((i + 1) / points)
-        low, high = ends[1].pair[1], ends[0].pair[1]
-        found, refused, here = [ends[0]], [], ends[0]
-        # Where one design is best in both, there is nothing between.
-        levels = np.linspace(high, low, points)[1:-1] if _beats(ends[1].pair[1:], ends[0].pair[1:]) else np.zeros(0)
-        for i, level in enumerate(levels.tolist()):
-            bounded = replace(first, constraints=(*first.constraints, _bounded(minimise[1], level, machine)))
-            start = {**here.parameters, "orbit": here.orbit}
-            try:
-                here = _both(_optimize(here.machine, bounded, family, [start]), minimise)
-                found.append(here)
-            except OrbitsError as error:
-                refused.append((level, str(error)))
-            tell((i + 3) / points)
-        found += ends[1:] if len(levels) or points == 2 else []
-        best = [d for d in found if not any(_beats(other.pair, d.pair) for other in found)]
-        return Front(tuple(minimise), tuple(best), tuple(refused), time.perf_counter() - began)
-
-
-def _cornered(end: Design, other: Brief, best: int, machine, family: int, texts) -> Design:
-    """An end of a front, or where the other objective has fallen while that of index `best` stays as it is: an end need
-    not be a single design."""
-    if not _flat(end, other, best, texts):
-        return end
-    held = _bounded(texts[best], end.pair[best] + SAME * abs(end.pair[best]), machine)
-    start = {**end.parameters, "orbit": end.orbit}
-    try:
-        further = _both(
-            _optimize(end.machine, replace(other, constraints=(*other.constraints, held)), family, [start]), texts
-        )
-    except OrbitsError:
-        return end
-    gain = end.pair[1 - best] - further.pair[1 - best]
-    return further if gain > WORTH * abs(end.pair[1 - best]) else end
-
-
-def _flat(end: Design, brief: Brief, best: int, texts) -> bool:
-    """Whether the objective of index `best` stays as it is a small way along where the other one falls fastest, with
-    what is active at an end kept active."""
-    span = np.subtract(brief.high, brief.low)
-    known_active = {active.text for active in end.active}
-    held = [c.formula.text for c in brief.constraints if c.text in known_active]
-    slopes = sensitivities(end.machine, end.orbit, brief.names, [texts[1 - best], *held])
-    rows = np.array([[slope[name] for name in brief.names] for slope in slopes.values()]) * span
-    at = np.array([end.parameters[name] for name in brief.names])
-    bounded = np.eye(len(span))[(at == brief.low) | (at == brief.high)]
-    fixed = np.vstack([rows[1:], bounded])
-    way = -rows[0] + (fixed.T @ np.linalg.lstsq(fixed.T, rows[0], rcond=None)[0] if len(fixed) else 0.0)
-    if np.linalg.norm(way) <= 1e-6 * np.linalg.norm(rows[0]):
-        return False
-    there = np.clip(at + PROBE * span * way / np.linalg.norm(way), brief.low, brief.high)
-    machine = end.machine.with_values(**dict(zip(brief.names, there.tolist(), strict=True)))
-    try:
-        orbit = find(machine, end.orbit.family)
-        value = quantities(machine, orbit, [texts[best]])[texts[best]]
-    except OrbitsError:
-        return False
-    return abs(value - end.pair[best]) <= 0.1 * PROBE**2 * abs(end.pair[best])
-
-
-def _bounded(text: str, level: float, machine) -> Constraint:
-    """The constraint that an objective is no more than a level."""
-    return Constraint(f"{text} <= {level:.9g}", formula_of(text, words_of(machine), "the objective"), -np.inf, level)
-
-
-def _beats(one, other) -> bool:
-    """Whether a pair is better in one objective and not worse in the other, by more than rounding."""
-    slack = [2 * SAME * abs(value) for value in other]
-    pairs = list(zip(one, other, slack, strict=True))
-    return all(a <= b + s for a, b, s in pairs) and any(a < b - s for a, b, s in pairs)
-
-
-def _both(design: Design, texts) -> Design:
-    """A design that knows both objectives."""
-    values = quantities(design.machine, design.orbit, texts)
-    return replace(design, pair=tuple(values[text] for text in texts))
+    plain = [error for error in errors if isinstance(error, Nowhere)]
+    return plain[0] if plain else Nowhere(f"no start within the bounds leads to an optimum: {errors[0]}")
 
 
 def quantities(machine, orbit: Orbit, names: Sequence[str] | None = None) -> dict[str, float]:
@@ -374,8 +242,10 @@ def quantities(machine, orbit: Orbit, names: Sequence[str] | None = None) -> dic
     In the machine's units, or in SI for a machine stated so. Raises `InputError` for an unknown name.
     """
     names = _owned(machine, orbit, names)
+    if not names:
+        return {}
     asked = Asked(tuple(formula_of(name, words_of(machine), "the quantity") for name in names), ())
-    values, _ = scene_of(machine, orbit, asked, units_of(machine)).evaluated()
+    values = scene_of(machine, orbit, asked, units_of(machine)).values
     return dict(zip(names, values.tolist(), strict=False))
 
 
@@ -392,17 +262,21 @@ def sensitivities(
     family in a parameter they are infinite. Raises `InputError` for an unknown name or another machine's orbit.
     """
     known(machine)
+    words = words_of(machine)
     if not isinstance(orbit, Orbit):
         orbit = find(machine, orbit)
     if names is None:
-        fixed = {machine.model.homotopy} | ({"mass_ratio", "rest_length"} if machine.units else set())
-        names = [name for name in machine.values if name not in fixed]
+        names = free_of(machine)
+    elif isinstance(names, str):
+        raise InputError(f"the names of parameters are a list: ['{names}']")
     machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
     known(machine, *names)
     quantities = _owned(machine, orbit, quantities)
-    formulas = tuple(formula_of(name, words_of(machine), "the quantity") for name in quantities)
+    if not quantities or not names:
+        return {quantity: {} for quantity in quantities}
+    formulas = tuple(formula_of(name, words, "the quantity") for name in quantities)
     with interrupts.deferred():
-        _, slopes = scene_of(machine, orbit, Asked(formulas, tuple(names)), units_of(machine)).evaluated()
+        slopes = scene_of(machine, orbit, Asked(formulas, tuple(names)), units_of(machine)).slopes
     return {
         quantity: dict(zip(names, row.tolist(), strict=True)) for quantity, row in zip(quantities, slopes, strict=False)
     }
@@ -412,6 +286,8 @@ def _owned(machine, orbit: Orbit, names: Sequence[str] | None) -> Sequence[str]:
     """The names asked for, or all that the orbit has, once it is the machine's own."""
     if dict(orbit.machine) != machine.describe():
         raise InputError(f"the orbit is another machine's: {dict(orbit.machine)}")
+    if isinstance(names, str):
+        raise InputError(f"quantities are a list: ['{names}']")
     if names is not None:
         return list(names)
     model, p = machine.model, machine.values

@@ -69,6 +69,23 @@ class Formula:
         """The names that must be given a value: everything but functions and constants."""
         return frozenset(node[1] for node in _nodes(self.tree) if node[0] == "name" and node[1] not in CONSTANTS)
 
+    @property
+    def pieces(self) -> list[str]:
+        """The functions in it that have no second derivative somewhere, whatever is inside."""
+        return sorted({node[1] for node in _nodes(self.tree) if node[0] == "call" and node[1] in ("abs", "sign")})
+
+    @property
+    def terms(self) -> "list[Formula]":
+        """What it is the sum of: itself, where it is no sum."""
+        terms, waiting = [], [self.tree]
+        while waiting:
+            tree = waiting.pop()
+            if tree[0] in ("+", "-"):
+                waiting += tree[1:]
+            else:
+                terms.append(Formula(self.text, tree))
+        return terms
+
     def __call__(self, /, **values):
         if missing := sorted(self.names - values.keys()):
             raise InputError(f"'{self.text}' needs a value for {', '.join(missing)}")

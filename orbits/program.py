@@ -1,20 +1,22 @@
 """An orbit and its parameters as one nonlinear program, and their derivatives by the implicit function theorem.
 
 Unknowns: the parameters theta, those of the design statement, the states at the nodes of its mesh, and what the
-constraints are exceeded by, which is held at zero except when it is what is minimised.
+constraints are exceeded by, which is held at zero except when it is what is minimised. The mesh is of the motion's own
+Taylor steps, as shares of the arcs' durations: with the states at its nodes as unknowns the derivatives stay sparse,
+and small changes do not grow along the motion.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
 
+from .brief import Asked
 from .errors import NoOrbit
-from .formula import Formula
-from .mesh import Mesh, Motion, travel
-from .model import Model, Units
+from .flow import flow
+from .model import Model, Statement, Units
 from .nlp import Minimiser, Minimum
 from .orbit import Orbit
 from .quantities import (
@@ -26,7 +28,6 @@ from .quantities import (
     locate,
     missing,
     parts_of,
-    quantity_names,
     unit_of,
 )
 from .shooting import solve
@@ -39,6 +40,7 @@ JERK_LEFT = 1e-6
 FARTHEST = 4.0
 # Of Ipopt's: the guess is an orbit already, and so small a program can be solved to rounding.
 NEARBY = {
+    "calc_lam_p": False,  # which is not in use, and would be complained of where a formula has no value
     "ipopt.tol": 1e-13,
     "ipopt.compl_inf_tol": 1e-13,
     "ipopt.max_iter": 80,
@@ -46,25 +48,100 @@ NEARBY = {
     "ipopt.bound_push": 1e-4,
     "ipopt.bound_frac": 1e-4,
 }
+# A mesh has this many times the steps that its motion needs, and a few more, so that it serves the neighbours too; of
+# few numbers of steps, so that the graph is built for few.
+ROOM, SPARE, GROUPS = 1.1, 1, 4
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What is to be expressed of an orbit.
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A statement's arcs travelled at one point.
 
-    formulas : of quantities and parameters, the objective first
-    over : names of the parameters that vary
-    demands : quantities that must be positive on a motion, beside the landing jerk, which must be negative
+    shares : of each arc (N,), the steps as parts of its duration
+    nodes : of each arc (n, N), the states at the steps' ends
+    sizes : of each arc (n,), the largest of each state, at least 1
     """
 
-    formulas: tuple[Formula, ...]
-    over: tuple[str, ...]
-    demands: tuple[str, ...] = ()
+    shares: tuple[np.ndarray, ...]
+    nodes: tuple[np.ndarray, ...]
+    sizes: tuple[np.ndarray, ...]
 
-    def quantities(self, model: Model, p: Mapping) -> list[str]:
-        """The quantities in use."""
-        used = set(self.demands).union(*(formula.names for formula in self.formulas)) - p.keys()
-        return [name for name in quantity_names(model, p) if name in used]
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Steps of each arc."""
+        return tuple(map(len, self.shares))
+
+
+def travel(statement: Statement, u: dict, p: dict) -> Motion:
+    """The motion of a statement at unknowns and parameters by name, on meshes with room for the neighbours'."""
+    shares, nodes, sizes, last = [], [], [], []
+    for arc in statement.arcs:
+        start, duration = [float(x) for x in arc.start(u, last, p)], float(arc.duration(u, p))
+        path, _ = flow(arc.phase, tuple(p)).run(start, np.array(list(p.values())), duration)
+        places = np.linspace(0, len(path.steps), GROUPS * int(np.ceil((ROOM * len(path.steps) + SPARE) / GROUPS)) + 1)
+        times = np.interp(places, np.arange(len(path.times)), path.times)
+        states = path(times[1:])[:, : len(start)]
+        shares.append(np.diff(times) / times[-1])
+        nodes.append(states.T)
+        sizes.append(np.maximum(np.abs(states).max(0), 1.0))
+        last = states[-1].tolist()
+    return Motion(tuple(shares), tuple(nodes), tuple(sizes))
+
+
+class Mesh:
+    """The graph of a statement with `counts` steps of its arcs, at expressions `u` (n,) and `p` (np,) of the unknowns
+    and the parameters.
+
+    nodes : symbol of all nodes, arc by arc and step by step
+    data : symbol of what a motion fixes: shares and sizes, see `data_of`
+    equations : vanish on a solution; of order one: the steps', then the statement's own
+    ends : of each arc, the state at its end
+    """
+
+    def __init__(self, statement: Statement, parameters: tuple[str, ...], counts: Sequence[int], u: ca.MX, p: ca.MX):
+        sizes = [len(arc.phase.states) for arc in statement.arcs]
+        self.nodes = ca.MX.sym("x", sum(n * count for n, count in zip(sizes, counts, strict=True)))
+        self.data = ca.MX.sym("mesh", sum(n + count for n, count in zip(sizes, counts, strict=True)))
+        self.ends: list[ca.MX] = []
+        steps, own, place, at, before = [], [], 0, 0, ca.MX(0, 1)
+        for arc, n, count in zip(statement.arcs, sizes, counts, strict=True):
+            states = ca.reshape(self.nodes[place : place + n * count], n, count)
+            shares, size = self.data[at : at + count].T, self.data[at + count : at + count + n]
+            depart, arrive = ends_of(statement, parameters, arc, before.numel())
+            start, duration = depart(u, before, p)
+            step = flow(arc.phase, parameters).graph.step.map(count)
+            there = step(ca.horzcat(start, states[:, :-1]), duration * shares, ca.repmat(p, 1, count))
+            steps.append(ca.vec((there - states) / size))
+            before = states[:, -1]
+            own.append(arrive(u, start, before, p))
+            self.ends.append(before)
+            place, at = place + n * count, at + count + n
+        self.equations = ca.vertcat(*steps, *own)
+
+    @staticmethod
+    def data_of(motion: Motion) -> np.ndarray:
+        """The values of `data`."""
+        return np.concatenate([part for pair in zip(motion.shares, motion.sizes, strict=True) for part in pair])
+
+    @staticmethod
+    def nodes_of(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+        """The values of `nodes`, and what counts as one unit of each."""
+        values = np.concatenate([nodes.ravel(order="F") for nodes in motion.nodes])
+        units = [np.tile(size, len(shares)) for size, shares in zip(motion.sizes, motion.shares, strict=True)]
+        return values, np.concatenate(units)
+
+
+def ends_of(statement: Statement, parameters: tuple[str, ...], arc, before: int) -> tuple[ca.Function, ca.Function]:
+    """Where an arc starts and for how long, (u, state before, p); and what vanishes at its ends, (u, start, end, p)."""
+    u, p = ca.SX.sym("u", len(statement.unknowns)), ca.SX.sym("p", len(parameters))
+    named = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
+    values = dict(zip(parameters, ca.vertsplit(p), strict=True))
+    last = ca.SX.sym("b", before)
+    x, y = (ca.SX.sym(name, len(arc.phase.states)) for name in "xy")
+    start = ca.vertcat(*arc.start(named, ca.vertsplit(last), values))
+    holds = [*arc.guard(named, ca.vertsplit(x), values, []), *arc.conditions(named, ca.vertsplit(y), values)]
+    depart = ca.Function("depart", [u, last, p], [ca.densify(start), ca.SX(arc.duration(named, values))])
+    return depart, ca.Function("arrive", [u, x, y, p], [ca.densify(ca.vertcat(*holds))])
 
 
 class Graph:
@@ -72,7 +149,7 @@ class Graph:
 
     def __init__(self, model: Model, names: tuple[str, ...], asked: Asked, places: tuple[Place, ...], counts):
         self.asked, self.names = asked, names
-        words = asked.quantities(model, dict.fromkeys(names, 1.0))
+        words = asked.words(model, dict.fromkeys(names, 1.0))
         statement = design_statement(model, any(name in VARIED for name in words), places)
         self.unknowns, self.size = statement.unknowns, len(statement.unknowns)
         k, m = len(asked.over), len(asked.formulas) - 1
@@ -166,21 +243,31 @@ class Scene:
         fixed, units = list(self.p.values()), [self.units.length, self.units.time, self.units.force]
         return np.concatenate([fixed, units, Mesh.data_of(self.motion), weights, scales])
 
-    def evaluated(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values (rows,) of the formulas, the landing jerk times -1, the demands, the words and the ties, and their
-        derivatives (rows, k) by the parameters, the orbit going with them."""
-        k = len(self.graph.asked.over)
+    @cached_property
+    def _derivatives(self) -> list[np.ndarray]:
         nodes, _ = Mesh.nodes_of(self.motion)
         state = np.concatenate([self.theta, self.u, nodes])
-        data = self.parameters([1.0, 0.0], np.ones(self.graph.scales.numel()))
-        _, values, zeros_by, values_by = self.graph.derivatives(state, data)
-        moved = -solve(zeros_by[:, k:], zeros_by[:, :k])
-        return values.ravel(), values_by[:, :k] + values_by[:, k:] @ moved
+        return self.graph.derivatives(state, self.parameters([1.0, 0.0], np.ones(self.graph.scales.numel())))
 
-    def minimise(self, bounds, reach: float, limits, scales, weights) -> Minimum:
+    @property
+    def values(self) -> np.ndarray:
+        """Values (rows,) of the formulas, the landing jerk times -1, the demands, the words and the ties."""
+        return self._derivatives[1].ravel()
+
+    @cached_property
+    def slopes(self) -> np.ndarray:
+        """Derivatives (rows, k) of the values by the parameters, the orbit going with them."""
+        _, _, zeros_by, values_by = self._derivatives
+        k = len(self.graph.asked.over)
+        moved = -solve(zeros_by[:, k:], zeros_by[:, :k])
+        return values_by[:, :k] + values_by[:, k:] @ moved
+
+    def minimise(self, bounds, units, reach: float, limits, scales, weights) -> Minimum:
         """The program solved from here.
 
-        bounds : of the parameters, (low, high); they move no further than `reach` as a share of the way between
+        bounds : of the parameters, (low, high) within reach
+        units : of the parameters
+        reach : by this share may the unknowns grow
         limits : (low, high) of the constraints, in scaled units
         scales : of the formulas and the demands
         weights : of the objective, and of what the constraints are exceeded by; 0 where they may not be
@@ -188,12 +275,10 @@ class Scene:
         g, m, k = self.graph, len(self.graph.asked.formulas) - 1, len(self.graph.asked.over)
         nodes, unit = Mesh.nodes_of(self.motion)
         guess = np.concatenate([self.theta, self.u, nodes, np.zeros(2 * m)])
-        low, high = (np.array(b) for b in bounds)
-        span = high - low
         size = np.maximum(np.abs(self.u), 0.1 * np.abs(self.u).max())
-        scale = np.concatenate([span, size, unit, np.ones(2 * m)])
+        scale = np.concatenate([units, size, unit, np.ones(2 * m)])
         lower, upper = np.full(len(guess), -np.inf), np.full(len(guess), np.inf)
-        lower[:k], upper[:k] = np.maximum(low, self.theta - reach * span), np.minimum(high, self.theta + reach * span)
+        lower[:k], upper[:k] = bounds
         # A mesh serves motions up to so many times as long; all but the lift-off extension are times and a speed.
         factor = 1 + min(reach, 1.0)
         lower[k + 1 : k + g.size], upper[k + 1 : k + g.size] = self.u[1:] / factor, self.u[1:] * factor
@@ -206,7 +291,10 @@ class Scene:
         p = np.concatenate([self.parameters(weights, scales), scale])
         found = g.program(guess / scale, p, (lower / scale, upper / scale), (least, most))
         if found.kind == "undefined":
-            raise NoOrbit("the design cannot be evaluated; state the machine in units nearer to 1")
+            raise NoOrbit(
+                f"{' or '.join(repr(f.text) for f in g.asked.formulas)} has no finite value or slope on the way: keep "
+                "the parameters, by their bounds, where it has; else state the machine in units nearer to 1"
+            )
         return replace(found, x=found.x * scale)
 
 
@@ -221,7 +309,7 @@ def scene_of(machine, orbit: Orbit, asked: Asked, units: Units, both: Mapping[st
         raise NoOrbit("; ".join(orbit.violations))
     demands = tuple(d for d in asked.demands if locate(model, orbit, p, parts_of(d)[0]))
     asked = Asked(asked.formulas, asked.over, demands)
-    words = asked.quantities(model, p)
+    words = asked.words(model, p)
     places, times = [], []
     for part in dict.fromkeys(part for word in words for part in parts_of(word)):
         found = locate(model, orbit, p, part)

@@ -288,12 +288,12 @@ def simulate(alpha, hops, end, inject, as_json, plot, animate, **machine):
 @click.argument("file", metavar="FILE.toml")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @click.option("--plot", metavar="FILE", help="Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
-@click.option("--save", metavar="FILE", help="Save the best orbit (.json), for Orbit.load.")
+@click.option("--save", metavar="FILE", help="Save the design, or the front, as a JSON document.")
 def optimize(file, as_json, plot, save):
     """Find the best design of a machine, or a front of two objectives, as its file asks."""
     from orbits.design import optimize as best_design
-    from orbits.design import pareto
     from orbits.errors import InputError
+    from orbits.front import pareto
     from orbits.orbit import to_json
     from orbits.plot import FIGURES, check_path, plot_front, save_figure
 
@@ -305,8 +305,6 @@ def optimize(file, as_json, plot, save):
     statement = read(file)
     machine, asked = build(statement, file), design(statement, file)
     front = isinstance(asked.get("minimise"), tuple)
-    if front and save is not None:
-        raise InputError("--save keeps one orbit, and a front has many: leave it out, or take --json")
     with progress() as report:
         try:
             found = (pareto if front else best_design)(machine, **asked, progress=report)
@@ -315,7 +313,7 @@ def optimize(file, as_json, plot, save):
     if plot is not None:
         save_figure(plot_front(found) if front else found.orbit.plot(), plot)
     if save is not None:
-        found.orbit.save(save)
+        found.save(save)
     click.echo(to_json(found.document()) if as_json else str(found))
 
 

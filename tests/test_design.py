@@ -5,9 +5,10 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit, find, follow, optimize, pareto, quantities, sensitivities
-from problems import Hopper, Juggler, hopper_in_si
+from problems import Chain, Hopper, Juggler, hopper_in_si
 from tests.test_cli import orbits  # noqa: F401 - a fixture
 
 CUBIC = Hopper("r + b*r**3", mass_ratio=0.5, rest_length=20.0, parameters={"b": 0.3})
@@ -193,6 +194,77 @@ def test_varying_gravity_goes_over_into_constant():
     assert far[0] - flat.parameters["b"] == pytest.approx(10 * (far[1] - flat.parameters["b"]), rel=1e-2)
 
 
+@pytest.mark.parametrize("text", ["stroke - 7 >= 0", "0 <= 2*(stroke - 7)", "stroke/7 >= 1"])
+def test_a_constraint_means_the_same_however_it_is_written(text):
+    """Against b = 0.17580..., the root of stroke = 7 that a bracketing method finds from orbits found anew."""
+
+    def stroke(b):
+        machine = CUBIC.with_values(b=b)
+        return quantities(machine, find(machine), ["stroke"])["stroke"]
+
+    best = optimize(CUBIC, minimise="alpha", over={"b": RANGE}, subject_to=[text], starts=1)
+    assert best.parameters["b"] == pytest.approx(brentq(lambda b: stroke(b) - 7, 0.1, 0.3, xtol=1e-12), rel=1e-9)
+    assert best.kkt < 1e-9
+
+
+def test_an_equation_between_quantities():
+    """The equation leaves one parameter; along it C falls with the mass ratio, here scanned, down to its bound."""
+    machine = CUBIC.with_values(mass_ratio=0.3)
+    over = {"b": RANGE, "mass_ratio": (0.1, 3.0)}
+    best = optimize(machine, minimise="loss_coefficient", over=over, subject_to=["stroke == 2.5*alpha"], starts=1)
+
+    def on_the_way(mass_ratio):
+        def ask(b, text):
+            there = CUBIC.with_values(mass_ratio=mass_ratio, b=b)
+            return quantities(there, find(there), [text])[text]
+
+        b = brentq(lambda b: ask(b, "stroke - 2.5*alpha"), *RANGE, xtol=1e-10)
+        return b, ask(b, "loss_coefficient")
+
+    least = on_the_way(0.1)
+    assert (best.parameters["b"], best.objective) == pytest.approx(least, rel=1e-8)
+    assert best.parameters["mass_ratio"] == 0.1
+    assert min(on_the_way(mass_ratio)[1] for mass_ratio in (0.11, 0.2, 0.5, 0.8)) > least[1]
+
+
+@pytest.mark.parametrize(
+    ("machine", "verb", "name", "bounds", "at", "value"),
+    [
+        (CUBIC, "maximise", "alpha", {"b": (0.02, 1e6)}, 0.02, 4.0233),
+        (CUBIC, "minimise", "alpha", {"b": (1e-6, 1e6)}, 1e6, 0.2509),
+        (Hopper(mass_ratio=0.5), "maximise", "contact_time", {"mass_ratio": (1e-3, 1e3)}, 1e-3, 189.86),
+    ],
+)
+def test_far_away_is_not_without_bound(machine, verb, name, bounds, at, value):
+    """A monotone objective is best on a bound, however many decades away."""
+    best = optimize(machine, **{verb: name}, over=bounds)
+    (parameter,) = bounds
+    assert best.parameters[parameter] == at
+    assert best.objective == pytest.approx(value, abs=1e-2 if value > 100 else 1e-4)
+    there = machine.with_values(**{parameter: at})
+    assert best.objective == pytest.approx(find(there).document()[name], rel=1e-10)
+
+
+def test_a_front_is_that_of_all_its_starts():
+    """From the stiff end alone no light foot is found: what one is capable of beats such designs."""
+    over = {"b": RANGE, "mass_ratio": (0.05, 8.0)}
+    front = pareto(CUBIC, minimise=("stroke", "loss_coefficient"), over=over, points=3)
+    assert not front.refused
+    assert len(front.designs) == 3
+    for b in RANGE:
+        for mass_ratio in (0.05, 0.1, 0.5, 1.0, 8.0):
+            there = CUBIC.with_values(b=b, mass_ratio=mass_ratio)
+            pair = np.array(list(quantities(there, find(there), front.texts).values()))
+            assert not (pair < front.values * (1 - 1e-8)).all(1).any()
+
+
+def test_parameters_without_effect_are_reported():
+    best = optimize(CUBIC, minimise="alpha", over={"b": RANGE, "rest_length": (15.0, 30.0)})
+    assert best.idle == ("rest_length",)
+    assert best.parameters["b"] == RANGE[1]
+    assert "without effect" in str(best)
+
+
 def test_starts_are_seeded():
     asked = {"minimise": "alpha", "over": {"b": RANGE}, "subject_to": ["stroke >= 7"], "starts": 2, "seed": 3}
     one, two = optimize(CUBIC, **asked), optimize(CUBIC, **asked)
@@ -234,6 +306,17 @@ def test_front():
         ({"subject_to": ["1 <= 3"]}, "says nothing"),
         ({"subject_to": "stroke <= 3"}, "a list of constraints"),
         ({"starts": 0}, "starts = 0"),
+        ({"starts": 2, "seed": -1}, "seed = -1; it is a whole number from 0"),
+        ({"starts": 2, "seed": 1.5}, "seed = 1.5"),
+        ({"starts": 2, "seed": "a"}, "seed = 'a'"),
+        ({"minimise": 3}, "minimise = 3; an objective is a formula"),
+        ({"minimise": "3"}, "'3' says nothing of the orbit"),
+        ({"minimise": "abs(b - 1)"}, "abs is a law in pieces"),
+        ({"subject_to": ["sign(alpha - 1) >= 0"]}, "sign is a law in pieces"),
+        ({"subject_to": ["alpha <= 1/0"]}, "'1/0' is not a finite number"),
+        ({"subject_to": ["b == 0.5", "2*b == 1"]}, "2 equations for 1 parameters to design"),
+        ({"over": {"b": (0.3, 0.3 + 1e-13)}}, "leave no room"),
+        ({"over": {"rest_length": (15, 30)}}, "'alpha' and the constraints do not depend on rest_length"),
         ({"family": 0}, "family = 0"),
     ],
 )
@@ -246,14 +329,28 @@ def test_questions_that_cannot_be_meant(asked, words):
 def test_machines_that_cannot_be_designed():
     with pytest.raises(InputError, match="'mass_ratio' of a machine in SI follows from its masses"):
         optimize(LEG, minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
+    with pytest.raises(InputError, match=r"no parameter 'body_mass' to design; known: b, k$"):
+        optimize(LEG, minimise="alpha", over={"body_mass": (1.0, 2.0)})
+    assert quantities(CUBIC, find(CUBIC), []) == {}
+    with pytest.raises(InputError, match="a list"):
+        quantities(CUBIC, find(CUBIC), "alpha")
+    with pytest.raises(InputError, match="a list"):
+        sensitivities(CUBIC, quantities="alpha")
     with pytest.raises(InputError, match="a law in pieces cannot be designed"):
         optimize(Hopper("bilinear"), minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
+    chain = Chain((1.0, 1.0, 1.0), "r + b*r**3", parameters={"b": 0.1})
+    with pytest.raises(InputError, match="a chain of 3 masses cannot be designed"):
+        optimize(chain, minimise="alpha", over={"b": (0.1, 0.2)})
+    with pytest.raises(InputError, match="a chain of 3 masses cannot be designed"):
+        sensitivities(chain)
     with pytest.raises(InputError, match="is no machine"):
         optimize(None, minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
     with pytest.raises(InputError, match="another machine's"):
         sensitivities(CUBIC, find(VARYING))
     with pytest.raises(InputError, match="two objectives"):
         pareto(CUBIC, minimise="alpha", over={"b": RANGE})
+    with pytest.raises(InputError, match="two objectives"):
+        pareto(CUBIC, minimise=3, over={"b": RANGE})
     with pytest.raises(NoOrbit, match="damped machine"):
         optimize(Hopper(damping=0.1), minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
     with pytest.raises(NoOrbit, match="no clearance"):
@@ -279,6 +376,12 @@ def test_objective_without_bound():
         optimize(spring, maximise="alpha", over={"b": (0.05, 0.5)})
     best = optimize(spring, maximise="alpha", over={"b": (0.05, 0.5)}, subject_to=["alpha <= 8"])
     assert best.objective == pytest.approx(8.0, abs=1e-9)
+
+
+def test_a_formula_without_a_value_on_the_way(capfd):
+    with pytest.raises(NoOrbit, match=r"'sqrt\(1-b\)' has no finite value or slope on the way: keep the parameters"):
+        optimize(CUBIC, minimise="sqrt(1-b)", over={"b": RANGE}, starts=1)
+    assert not capfd.readouterr().err
 
 
 def test_phase_that_collapses():
@@ -321,7 +424,7 @@ def test_command_line(orbits, tmp_path):  # noqa: F811
     assert run.document["quantities"]["centre_of_mass_rise"] == pytest.approx(0.2, rel=1e-9)
     assert run.document["orbit"]["admissible"]
     assert (tmp_path / "best.png").stat().st_size > 10_000
-    assert json.loads((tmp_path / "best.json").read_text())["alpha"] == run.document["orbit"]["alpha"]
+    assert json.loads((tmp_path / "best.json").read_text())["orbit"] == run.document["orbit"]
     assert "minimise largest_contact_force" in orbits("optimize", path).out
     assert orbits("find --family 2 --machine", path).code == 0
 
@@ -331,9 +434,10 @@ def test_command_line_of_a_front(orbits, tmp_path):  # noqa: F811
     objectives = '["alpha", "loss_coefficient"]\npoints = 3'
     text = FILE.replace('"largest_contact_force"', objectives).replace(', "centre_of_mass_rise == 0.2"', "")
     path.write_text(text.replace("k = [500, 5e4]\n", "").replace("k = 5000.0", "k = 2e4"))
-    run = orbits(f"optimize '{path}' --json --plot '{tmp_path / 'front.png'}'")
+    run = orbits(f"optimize '{path}' --json --plot '{tmp_path / 'front.png'}' --save '{tmp_path / 'front.json'}'")
     assert run.code == 0
     assert len(run.document["points"]) == 3
+    assert json.loads((tmp_path / "front.json").read_text()) == run.document
     assert (tmp_path / "front.png").stat().st_size > 10_000
 
 
