@@ -15,10 +15,10 @@ from numbers import Real
 
 import numpy as np
 
-from .errors import InputError, NoOrbit
+from . import interrupts
+from .errors import InputError, NoOrbit, number_of, whole_of
 from .flow import Trajectory
 from .nlp import Minimum
-from .question import number_of, whole_of
 from .simulate import Leg
 from .transcription import Stage, Transcription, Travelled, at_bound, polynomials, transcription, travel
 
@@ -153,11 +153,12 @@ def steer(
     began = time.perf_counter()
     stages, parameters, free = tuple(stages), dict(parameters or {}), dict(free or {})
     _check(stages, parameters, free, tolerance)
-    found = _steer(stages, parameters, free, guess, tolerance)
-    if refine is not None:
-        if not number_of("refine", refine) > tolerance:
-            raise InputError(f"refine = {refine:g}; a share of the cost above the tolerance, {tolerance:g}")
-        found = _halved(found, stages, parameters, free, tolerance, refine)
+    if refine is not None and not number_of("refine", refine) > tolerance:
+        raise InputError(f"refine = {refine:g}; a share of the cost above the tolerance, {tolerance:g}")
+    with interrupts.deferred():
+        found = _steer(stages, parameters, free, guess, tolerance)
+        if refine is not None:
+            found = _halved(found, stages, parameters, free, tolerance, refine)
     return replace(found, seconds=time.perf_counter() - began)
 
 
@@ -193,6 +194,7 @@ def _steer(stages, parameters, free, guess, tolerance: float) -> Control:
         )
     first, iterations = known.problem.unpack(known.x), 0
     for rounds in range(1, ROUNDS + 1):
+        interrupts.check()
         found = _minimum(known, fixed, bounds)
         iterations += found.iterations
         if found.kind != "minimum":
