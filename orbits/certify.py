@@ -117,6 +117,15 @@ def certify(model: Model, cases: Sequence[Case]) -> list[Certificate | NoOrbit]:
     return [_certificate(model, *figures) for figures in measured]
 
 
+def loss_coefficient(impact_mass, jerk, gap_slope, power):
+    """C of the one-step map alpha + d -> alpha + d - C d**(4/3), of numbers or expressions.
+
+    Beside a lossless landing the gap goes like gap_slope d - jerk t**3/6: what is left of its speed where that vanishes
+    is lost, and the launch energy changes by `power` with alpha.
+    """
+    return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
+
+
 def _certificate(model: Model, case: Case, family: int, flight, contact, separation, energy) -> Certificate | NoOrbit:
     """The certificate of a case from its figures, each with the violations that it makes."""
     (jerk, clearance, in_flight), (force, peak, in_contact), (least, touching) = flight, contact, separation
@@ -125,7 +134,7 @@ def _certificate(model: Model, case: Case, family: int, flight, contact, separat
     drift = max(change for change, _ in changes) / start
     loss = None
     if jerk > 0 and case.gap_slope != 0:
-        loss = model.impact_mass(case.p) * jerk**2 / 8 * (6 * abs(case.gap_slope) / jerk) ** (4 / 3) / power
+        loss = loss_coefficient(model.impact_mass(case.p), jerk, abs(case.gap_slope), power)
     figures = (case.error, drift, case.residual, jerk, *(x for x in (loss, least, force) if x is not None))
     if not all(map(math.isfinite, figures)):
         return NoOrbit("the orbit cannot be certified: its numbers overflow; state the machine in units nearer to 1")

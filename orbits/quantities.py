@@ -13,6 +13,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from .certify import loss_coefficient
 from .errors import InputError, NoOrbit
 from .flow import Trajectory
 from .model import Affine, Arc, Model, Phase, Statement, Units
@@ -359,7 +360,7 @@ def _loss(model: Model, jerk, slope, u: Mapping, p: Mapping):
     launch = model.launch(u, p)
     gradient = model.flight_gradient(launch, p, [])
     power = sum(g * d for g, d in zip(gradient, _by_alpha(lambda u: model.launch(u, p), u), strict=True))
-    return model.impact_mass(p) * jerk**2 / 8 * (6 * ca.fabs(slope) / jerk) ** (4 / 3) / power
+    return loss_coefficient(model.impact_mass(p), jerk, ca.fabs(slope), power)
 
 
 def missing(model: Model, extreme: str) -> NoOrbit:

@@ -8,6 +8,7 @@ root of the change, and there is no multiplier: the map goes like C d**(4/3) ins
 import casadi as ca
 import numpy as np
 
+from .certify import loss_coefficient
 from .errors import FlowError, InputError, NoOrbit, number_of
 from .flow import first_zero
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts
@@ -67,8 +68,7 @@ def _one_sided(rules: Impacts, alpha: float, x, change) -> str:
     jerk, slope = -rules.gap_rates(x[None])[0, 0], float(np.array(rules.gap.weights) @ change)
     if not jerk > 0 or slope == 0:
         return "nor a power law"
-    mass = rules.model.impact_mass(rules.values)  # `Certificate.loss_coefficient`, from the energy that an impact takes
-    c = mass * jerk**2 / 8 * (6 * abs(slope) / jerk) ** (4 / 3) / (rules.power * alpha)
+    c = loss_coefficient(rules.model.impact_mass(rules.values), jerk, abs(slope), rules.power * alpha)
     first, other = ("+", "-") if slope > 0 else ("-", "+")
     return f"alpha {first} d loses {c:.4g} d**(4/3), alpha {other} d {10 * c:.4g} d**(4/3)"
 
