@@ -76,7 +76,10 @@ def by_another_integrator(machine, family: int) -> Callable:
 
         turn = lambda t, x: extension @ rates(t, x)  # noqa: E731
         half, size = orbit.flight_time / 2, 1 + np.abs(orbit(np.linspace(0, orbit.flight_time, 50))).max()
-        run = solve_ivp(rates, (0, half), orbit(0.0), "DOP853", rtol=1e-12, atol=1e-13 * size, events=turn)
+        with np.errstate(all="ignore"):  # a trial step that overflows is refused by the integrator
+            run = solve_ivp(rates, (0, half), orbit(0.0), "DOP853", rtol=1e-12, atol=1e-13 * size, events=turn)
+        if not run.success:
+            return f"the other integrator gives up: {run.message}"
         rest = np.abs(run.y[1::2, -1]).max()
         turns = np.sum((run.t_events[0] > 1e-9 * half) & (run.t_events[0] < half * (1 - 1e-6)))
         if orbit.family != family:
