@@ -176,6 +176,10 @@ def simulate(
         raise InputError(f"time = {time!r}; it is a number above 0")
     if hops is None and time == np.inf:
         raise InputError("a simulation needs hops or a time at which to end")
+    if inject != 0 and not rules.model.one_speed:
+        raise InputError(
+            f"inject = {inject:g}: a launch of a {rules.model.name} is more than the speed that it adds to"
+        )
     x, alpha, order = _start(rules, inputs(0.0)[0], alpha, state)
     with interrupts.deferred():
         return _Run(rules, inject, hops, float(time), cap, inputs).go(x, order, alpha)

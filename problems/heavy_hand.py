@@ -31,6 +31,10 @@ class HeavyHand(Machine):
         if self.mass_ratio != 1 or self.damped:
             raise InputError("an infinitely heavy hand has no mass ratio, damping or drag")
 
+    def describe(self) -> dict:
+        """The machine as JSON-ready data; its mass ratio is beyond all numbers."""
+        return {**super().describe(), "mass_ratio": None}
+
     def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
         return _model(spring, gravity, has_length)
 

@@ -70,6 +70,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
                 axes.plot(values, np.where(good, np.nan, speeds), color=colour, lw=1.2, ls="--")
                 print(f"  from {orbit.alpha:.6g} towards {along} = {stop:g}: {family.end.kind}, {family.end.reason}")
     three.set(xlabel="nonlinearity b of r + b r^3", ylabel="launch speed", title="two families", ylim=(0, 12))
+    three.set_xticks([0.0, 0.01, 0.02, 0.03])
     four.set(xlabel="top mass m1", ylabel="launch speed", title="the same in a mass", ylim=(0, 12))
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(one, folder / 'chain.png')}")

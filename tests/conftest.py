@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from problems import Hopper
@@ -38,3 +39,23 @@ def name_of(reference: dict) -> str:
 def reference(request) -> dict:
     """Each orbit of the reference file in turn."""
     return request.param
+
+
+def grazing_flights(count: int, seed: int):
+    """Flight states (m, 4) of the linear hopper of equal masses, about `count`, whose gap has a lowest interior point
+    1e-8 to 1e-1 above the ground or below it; when that comes (m,); and whether it is below (m,)."""
+    rng = np.random.default_rng(seed)
+    size = rng.uniform(1.5, 6.0, count)
+    depth = 10.0 ** rng.uniform(-8, -1, count) * rng.choice([-1, 1], count)
+    # gap (1 + M) = w + u t - t^2/2 - size cos t bends up while cos t > 1/size; it is lowest at some time in between,
+    # and the flight starts before that on the same arc, so that the gap falls all the way
+    half = np.arccos(1 / size)
+    lowest = rng.uniform(-0.5, 0.9, count) * half
+    start = lowest - rng.uniform(0.3, 1.0, count) * (lowest + half)
+    u = lowest - size * np.sin(lowest)
+    w = 2 * depth - (u * lowest - lowest**2 / 2 - size * np.cos(lowest))
+    r, v = size * np.cos(start), -size * np.sin(start)
+    w, u = w + u * start - start**2 / 2, u - start
+    states = np.column_stack([(w + r) / 2, (u + v) / 2, (w - r) / 2, (u - v) / 2])
+    above = states[:, 2] > 0
+    return states[above], (lowest - start)[above], depth[above] < 0

@@ -149,6 +149,8 @@ class TestSimulation:
             simulate(Chain(), 4.0, hops=1)
         with pytest.raises(InputError, match="more than a speed"):
             ReturnMap(Chain())
+        with pytest.raises(InputError, match=r"inject = 0\.1"):
+            simulate(Chain(), {"y1": 0.5, "y1'": 3.0, "liftoff": 1.0, "alpha": 4.0}, hops=1, inject=0.1)
 
 
 class TestMany:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import grazing_flights
 from matplotlib.figure import Figure
 
 from orbits import InputError, NoOrbit, ReturnMap, find, simulate
@@ -137,27 +138,15 @@ def test_hopper_and_juggler_move_alike(law):
 
 @pytest.mark.parametrize("spring", ["r + 1e-30*sin(r)", "bilinear"])
 def test_grazing_by_taylor_and_piecewise(spring):
-    """Flights whose gap has a lowest interior point 1e-8 to 1e-1 above the ground or below it; the spring's force is
-    that of the straight line, its flow is not in closed form."""
-    rng = np.random.default_rng(12)
-    count = 400 if spring != "bilinear" else 100
-    size = rng.uniform(1.5, 6.0, count)
-    depth = 10.0 ** rng.uniform(-8, -1, count) * rng.choice([-1, 1], count)
-    half = np.arccos(1 / size)
-    lowest = rng.uniform(-0.5, 0.9, count) * half
-    start = lowest - rng.uniform(0.3, 1.0, count) * (lowest + half)
-    u = lowest - size * np.sin(lowest)
-    w = 2 * depth - (u * lowest - lowest**2 / 2 - size * np.cos(lowest))
-    r, v = size * np.cos(start), -size * np.sin(start)
-    w, u = w + u * start - start**2 / 2, u - start
-    states = np.column_stack([(w + r) / 2, (u + v) / 2, (w - r) / 2, (u - v) / 2])
-    above = np.flatnonzero(states[:, 2] > 0)
+    """The spring's force is that of the straight line, its flow is not in closed form."""
+    states, lowest, below = grazing_flights(400 if spring != "bilinear" else 100, seed=12)
     more = {"parameters": {"ratio": 1.0, "gap": 0.5}} if spring == "bilinear" else {}
     rules = Impacts(Hopper(spring, **more))
     assert rules.flight.method == "Taylor"
-    times, _, failed = rules.flight.first_zeros(states[above], rules.p, rules.gap, 1e3)
+    times, _, failed = rules.flight.first_zeros(states, rules.p, rules.gap, 1e3)
     assert not failed
-    assert ((times < (lowest - start)[above]) == (depth[above] < 0)).all()
+    assert ((times < lowest) == below).all()
+    assert bool(rules.flight.phase.pieces) == (spring == "bilinear")
 
 
 @pytest.mark.parametrize(

@@ -280,3 +280,4 @@ class TestHeavyHand:
     def test_takes_no_mass_ratio(self):
         with pytest.raises(InputError, match="no mass ratio"):
             HeavyHand(mass_ratio=2.0)
+        assert find(HeavyHand()).machine["mass_ratio"] is None

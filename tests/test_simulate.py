@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import grazing_flights
 
 from orbits import InputError, find, simulate
 from orbits.impacts import Impacts
@@ -9,27 +10,12 @@ from problems import Hopper, Juggler
 
 
 def test_no_grazing_pair_is_missed_and_none_is_invented():
-    """10,000 flights whose gap has a lowest interior point 1e-8 to 1e-1 above the ground or below it."""
-    rng = np.random.default_rng(11)
-    count = 12_000
-    size = rng.uniform(1.5, 6.0, count)
-    depth = 10.0 ** rng.uniform(-8, -1, count) * rng.choice([-1, 1], count)
-    # gap (1 + M) = w + u t - t^2/2 - size cos t bends up while cos t > 1/size; it is lowest at some time in between,
-    # and the flight starts before that on the same arc, so that the gap falls all the way
-    half = np.arccos(1 / size)
-    lowest = rng.uniform(-0.5, 0.9, count) * half
-    start = lowest - rng.uniform(0.3, 1.0, count) * (lowest + half)
-    u = lowest - size * np.sin(lowest)
-    w = 2 * depth - (u * lowest - lowest**2 / 2 - size * np.cos(lowest))
-    r, v = size * np.cos(start), -size * np.sin(start)
-    w, u = w + u * start - start**2 / 2, u - start
-    states = np.column_stack([(w + r) / 2, (u + v) / 2, (w - r) / 2, (u - v) / 2])
-    above = np.flatnonzero(states[:, 2] > 0)[:10_000]
-    assert len(above) == 10_000
+    states, lowest, below = (part[:10_000] for part in grazing_flights(12_000, seed=11))
+    assert len(states) == 10_000
     rules = Impacts(Hopper())
-    times, rows, _ = rules.flight.first_zeros(states[above], rules.p, rules.gap, 1e3)
+    times, rows, _ = rules.flight.first_zeros(states, rules.p, rules.gap, 1e3)
     assert np.isfinite(times).all()
-    assert ((times < (lowest - start)[above]) == (depth[above] < 0)).all()
+    assert ((times < lowest) == below).all()
     assert np.abs(rows[:, 2]).max() < 1e-13
 
 
