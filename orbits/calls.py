@@ -82,14 +82,21 @@ def compiler() -> str | None:
     return next((path for name in names if (path := shutil.which(name))), None)
 
 
+def lengths(function: ca.Function) -> list[int]:
+    """Instructions of each piece of straight-line code in a function."""
+    return [part.n_instructions() for part in (function, *function.find_functions()) if part.is_a("SXFunction")]
+
+
 def _effort(function: ca.Function) -> str:
     """More than -O1 makes long straight-line code no faster, and its time grows with the square of the length."""
-    return "-O1" if function.n_instructions() < LONG else "-O0"
+    return "-O1" if max(lengths(function), default=0) < LONG else "-O0"
 
 
 def compile_seconds(function: ca.Function) -> float:
     """About how long `compile_function` takes (measured with gcc 12 on a 2024 server core)."""
-    return function.n_instructions() * (1.3e-4 if function.n_instructions() < LONG else 6e-5)
+    if _effort(function) == "-O0":
+        return 6e-5 * sum(lengths(function))
+    return 0.05 + sum(n * (6e-5 + 3e-9 * n) for n in lengths(function))
 
 
 def _library(function: ca.Function, path: str) -> Path:

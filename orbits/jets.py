@@ -55,6 +55,37 @@ def jets(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> ca.SX:
     return ca.vertcat(*rows)
 
 
+def variations(field: ca.Function, varied: tuple[int, ...], order: int) -> tuple[ca.Function, ca.Function]:
+    """The series of `jets` and, of one column after another, those of dx' = f_x dx + f_p dp.
+
+    varied : the rows of dp that are given, the others being zero
+
+    Returns (x, p) -> coefficients (order + 1, n + m), those of the entries of f_x and f_p; and (the latter, dx (n,), dp
+    (rows,)) -> coefficients (order + 1, n).
+    """
+    x, p = field.sx_in(0), field.sx_in(1)
+    rates, watched = field(x, p)
+    n, m = rates.numel(), watched.numel()
+    slopes = ca.horzcat(ca.jacobian(rates, x), ca.jacobian(rates, p)[:, list(varied)])
+    known = ca.vertcat(*slopes.nonzeros())
+    c = jets(ca.Function("variations", [x, p], [rates, ca.vertcat(watched, known)]), x, p, order)
+    entries = ca.sparsify(c[n + m :, :])
+    series = ca.Function("series", [x, p], [ca.densify(c[: n + m, :].T), entries])
+
+    a = ca.SX.sym("a", entries.sparsity())
+    dx, dp = ca.SX.sym("dx", n), ca.SX.sym("dp", len(varied))
+    moved = [[value] for value in ca.vertsplit(dx)] + [[value, *[ca.SX(0)] * order] for value in ca.vertsplit(dp)]
+    places = list(zip(*slopes.sparsity().get_triplet(), strict=True))
+    for k in range(order):
+        rise = [ca.SX(0)] * n
+        for entry, (i, j) in enumerate(places):
+            rise[i] += _convolve(a[entry, :], moved[j], 0, k, k)
+        for i in range(n):
+            moved[i].append(rise[i] / (k + 1))
+    column = ca.densify(ca.horzcat(*[ca.vertcat(*row) for row in moved[:n]]))
+    return series, ca.Function("column", [a, dx, dp], [column])
+
+
 class _Series(list):
     """Coefficients found so far; `aside` keeps the series a recursion carries along (cos beside sin)."""
 

@@ -7,8 +7,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from .calls import Call, Calls, compile_function, compile_seconds, compiled_before
-from .jets import covers, jets
+from .calls import Call, Calls, compile_function, compile_seconds, compiled_before, lengths
+from .jets import covers, jets, variations
 
 ORDER = 28
 # Truncation of a step against the state's size: a tenth of the rounding of the sum.
@@ -17,7 +17,7 @@ TOLERANCE = 1e-17
 DEFECT = 1e-10
 # A step shorter than this, beside the time, is a singularity.
 SHORTEST = 1e-15
-SECONDS_PER_INSTRUCTION = 5e-9
+SECONDS_PER_INSTRUCTION = 2e-9
 # Share of the time to compile after which a library compiled before is looked for.
 LOOK = 0.02
 
@@ -57,42 +57,50 @@ class Taylor:
     """Taylor steps, several in one call: coefficients of the state and its sensitivities, each step as long as their
     last two terms allow.
 
-    The sensitivities' series come from the variational equations dx' = f_x dx + f_p dp, whose coefficients all columns
-    share; `varied` are the rows of dp that are not zero.
+    The sensitivities' series come from the variational equations dx' = f_x dx + f_p dp: first those of f_x and f_p, then
+    with them one column after another; `varied` are the rows of dp that are not zero.
     """
 
     def __init__(self, graph: Graph, columns: int, varied: tuple[int, ...] = ()):
-        x, p, n = graph.x, graph.p, graph.size
+        n, size = graph.size, graph.p.numel()
         self.n, self.columns, self.varied = n, columns, list(varied)
-        dx, dp = ca.SX.sym("dx", n, columns), ca.SX.sym("dp", len(varied), columns)
-        z, data = ca.vertcat(x, ca.vec(dx)), ca.vertcat(p, ca.vec(dp))
-        rates, watched = graph.field(x, p)
+        self.rows = n + graph.field.numel_out(1)
+        z, data = ca.MX.sym("z", n * (1 + columns)), ca.MX.sym("p", size + len(varied) * columns)
+        x, dx = z[:n], ca.reshape(z[n:], n, columns)
+        p, dp = data[:size], ca.reshape(data[size:], len(varied), columns)
         if columns:
-            slopes = ca.jacobian(rates, x) @ dx + ca.jacobian(rates, p)[:, self.varied] @ dp
-            rates = ca.densify(ca.vertcat(rates, ca.vec(slopes)))
-        c = jets(ca.Function("variations", [z, data], [rates, watched]), z, data, ORDER) if columns else graph.series
-        size = n * (1 + columns)
-        state, moving, watched = c[:n, :], c[:size, :], c[size:, :]
-        self.rows = n + watched.shape[0]
-        longest = ca.SX.sym("h")
-        scale = ca.norm_inf(ca.vec(state[:, :2]))
-        h = ca.fmin(longest, _trusted_length(state, 0))
-        if varied:  # the series of f_p may end sooner than that of f
-            h = ca.fmin(h, _trusted_length(c[n:size, :], ca.norm_inf(ca.vec(dp))))
-        powers = _powers(h)
-        terms = state @ ca.diag(powers)
-        results = [moving @ powers, ca.vertcat(state, watched).T, c[n:size, :].T]
-        results.append(ca.vertcat(h, self._defect(graph, terms, h) / scale))
-        self.one = ca.Function("taylor", [z, data, longest], [ca.densify(result) for result in results])
+            series, column = variations(graph.field, varied, ORDER)
+            c, slopes = series(x, p)
+            dc = ca.horzcat(*[column(slopes, dx[:, j], dp[:, j]) for j in range(columns)])
+            again = (columns - 1) * column.n_instructions()
+        else:
+            c = ca.Function("series", [graph.x, graph.p], [ca.densify(graph.series.T)])(x, p)
+            dc, again = ca.MX(ORDER + 1, 0), 0
+        longest = ca.MX.sym("h")
+        powers, made = self._measure(graph)(c[:, :n], dc, p, ca.vec(dp), longest)
+        ends = (powers.T @ ca.horzcat(c[:, :n], dc)).T
+        self.one = ca.Function("taylor", [z, data, longest], [ends, c, dc, made])
         # Once interpreting has taken as long as compiling would, compile: that is never worse than twice the best. A
         # little earlier see whether it has been compiled before.
         self.patience, self.asked = LOOK * compile_seconds(self.one), False
-        self.seconds = self.one.n_instructions() * SECONDS_PER_INSTRUCTION
+        self.seconds = (sum(lengths(self.one)) + again) * SECONDS_PER_INSTRUCTION
         self.lock = threading.RLock()  # a thread may compile while others step
         self.compiled = False
         self.usual = 4  # steps of a motion, about
         self._calls: dict[int, Call] = {}
         self._all: dict[int, Calls] = {}
+
+    def _measure(self, graph: Graph) -> ca.Function:
+        """(coefficients of the states (K + 1, n), of the sensitivities (K + 1, n * columns), p, dp, longest step) ->
+        the powers (K + 1,) of the step's length; that length, and how far the step is from solving the equation."""
+        c, dc = ca.SX.sym("c", ORDER + 1, self.n), ca.SX.sym("dc", ORDER + 1, self.n * self.columns)
+        dp, longest = ca.SX.sym("dp", len(self.varied) * self.columns), ca.SX.sym("h")
+        h = ca.fmin(longest, _trusted_length(c, 0))
+        if self.varied:  # the series of f_p may end sooner than that of f
+            h = ca.fmin(h, _trusted_length(dc, ca.norm_inf(dp)))
+        powers = _powers(h)
+        defect = self._defect(graph, ca.diag(powers) @ c, h) / ca.norm_inf(ca.vec(c[:2, :]))
+        return ca.Function("measure", [c, dc, graph.p, dp, longest], [powers, ca.vertcat(h, defect)])
 
     @staticmethod
     def _defect(graph: Graph, terms: ca.SX, h: ca.SX) -> ca.SX:
@@ -103,8 +111,8 @@ class Taylor:
         orders, defects = np.arange(ORDER + 1), []
         for part in (0.25, 0.5, 0.75, 1.0):
             scale = part**orders
-            rate = terms @ ca.DM(orders * scale) / part
-            defects.append(ca.norm_inf(rate - h * graph.field(terms @ ca.DM(scale), graph.p)[0]))
+            rate = terms.T @ ca.DM(orders * scale) / part
+            defects.append(ca.norm_inf(rate - h * graph.field(terms.T @ ca.DM(scale), graph.p)[0]))
         return ca.mmax(ca.vertcat(*defects))
 
     def advance(self, x, p, dx, dp, count: int, longest: float, hint=None):
@@ -175,8 +183,8 @@ class Taylor:
 
 
 def _trusted_length(c: ca.SX, size) -> ca.SX:
-    """The step at which the last two terms of series (rows, ORDER + 1) vanish beside the first two and `size`."""
-    scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (c[:, :2], c[:, -2], c[:, -1]))
+    """The step at which the last two terms of series (ORDER + 1, rows) vanish beside the first two and `size`."""
+    scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (c[:2, :], c[-2, :], c[-1, :]))
     bound = TOLERANCE * (scale + size)
     return ca.fmin((bound / before) ** (1 / (ORDER - 1)), (bound / last) ** (1 / ORDER))
 
