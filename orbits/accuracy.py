@@ -9,7 +9,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from .calls import Call, Calls
+from .calls import Call
 from .errors import NoOrbit
 from .flow import Flow, Motions, Trajectory
 from .polynomial import powers
@@ -110,7 +110,7 @@ def _defects(along: Flow, points: Sequence[tuple]) -> list[np.ndarray]:
     scaled = c * powers(h, c.shape[2])[:, None]
     states = (scaled @ powers(GAUSS_PLACES, c.shape[2]).T).swapaxes(1, 2)
     data = np.repeat(np.array([p for _, p, _, _ in points]), motions.counts * GAUSS, axis=0)
-    rates = _field(along)(states.reshape(-1, n), data)[0].reshape(-1, GAUSS, n)
+    rates = along.fields(states.reshape(-1, n), data)[0].reshape(-1, GAUSS, n)
     ends = motions.finals[:, :n]
     transitions = np.stack([here.transitions[0][:, :n] for _, _, here, _ in points])
     after, carried = np.roll(c[:, :, 0], -1, axis=0), np.concatenate([path.variations[:, :, :n, 0] for path in paths])
@@ -120,13 +120,6 @@ def _defects(along: Flow, points: Sequence[tuple]) -> list[np.ndarray]:
     at_start = np.add.reduceat(solve(carried, defects[..., None])[..., 0], motions.first)
     wrong = np.einsum("pij,pj->pi", transitions, at_start)
     return [here.residual - here.holds[0] @ end for (_, _, here, _), end in zip(points, wrong, strict=True)]
-
-
-@lru_cache(maxsize=64)
-def _field(along: Flow) -> Calls:
-    """A flow's field at several points, (x, parameters)."""
-    graph = along.graph
-    return Calls(ca.Function("field", [graph.x, graph.p], [ca.densify(graph.field(graph.x, graph.p)[0])]))
 
 
 def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:

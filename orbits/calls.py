@@ -48,6 +48,12 @@ class Call:
             return [result.copy() for result in self.results]
 
 
+def room_for(count: int) -> int:
+    """A number of points, not much more than `count`: of few numbers, so that what is built for each can be kept."""
+    unit = max(1, 1 << (count - 1).bit_length() >> 3)
+    return -(-count // unit) * unit
+
+
 class Calls:
     """A CasADi function at several points in one `Call`: arguments (m, size) make results (m, rows, columns)."""
 
@@ -59,8 +65,7 @@ class Calls:
     def __call__(self, *arguments) -> list[np.ndarray]:
         """Results of each point; an argument (1, size) is that of all."""
         count = max(len(argument) for argument in arguments)
-        unit = max(1, 1 << (count - 1).bit_length() >> 3)
-        room = -(-count // unit) * unit  # few sizes, each kept
+        room = room_for(count)
         if room not in self._calls:
             self._calls[room] = Call(self.function.map(room) if room > 1 else self.function)
         call = self._calls[room]

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from .accuracy import EPS, FAR, GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS, NARROW
-from .calls import Calls
+from .elementwise import Rows
 from .errors import FlowError, NoOrbit, OutOfRange
 from .flow import Flow, Motions, Trajectory, first_zero, flow
 from .model import Affine, Model, Phase
@@ -260,12 +260,12 @@ def _contact_forces(model: Model, cases: Sequence[Case], contacts: Motions | Non
 
 
 @lru_cache(maxsize=64)
-def gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> Calls:
+def gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> Rows:
     """An energy gradient of a model at several points, (x, parameters with the data of a piece)."""
     along = flow(phase, parameters)
     x = ca.SX.sym("x", along.size)
     p = ca.SX.sym("p", len(parameters) + (phase.pieces.size if phase.pieces else 0))
-    return Calls(ca.Function("gradient", [x, p], [ca.densify(ca.vertcat(*gradient(*along.symbols(x, p))))]))
+    return Rows(ca.Function("gradient", [x, p], [ca.vertcat(*gradient(*along.symbols(x, p)))]))
 
 
 def _energies(model: Model, cases: Sequence[Case], flights: Motions, contacts: Motions | None) -> list[tuple]:
@@ -306,5 +306,5 @@ def _work(phase: Phase, gradient: Callable, motions: Motions, cases: Sequence[Ca
     before = np.where(motions.first > 0, changes[motions.first - 1], 0.0)
     largest = motions.largest(changes - np.repeat(before, motions.counts))
     floors = EPS * motions.largest(nodes) * motions.largest(rates)
-    starts = call(nodes[motions.first], data[motions.first])[0][:, :, 0]
+    (starts,) = call(nodes[motions.first], data[motions.first])
     return list(zip(largest.tolist(), floors.tolist(), strict=True)), starts

@@ -18,7 +18,7 @@ from .errors import NoOrbit, OrbitsError
 from .family import Point
 from .flow import Trajectory
 from .orbit import Certificate, Orbit
-from .shooting import Evaluation, solve
+from .shooting import STALLED, Evaluation, solve
 from .statements import as_cases, as_orbit, equations_of, interpret, interpret_all
 
 # A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
@@ -34,8 +34,11 @@ class At:
     x : (n + 1,), the unknowns and the parameter's value
     tangent : (n + 1,), of length 1 in units of the curve's size
     turn : determinant of the equations' derivatives and the tangent, which changes sign at a branch point
-    here : the equations there
+    here : the equations at the corrector's last guess
+    moved : (n + 1,), from there to the point
     length : along the curve from the point before
+    parts : of the step that ends here, each a point
+    asked : whether the parameter's value was asked for
     point : the certified orbit without its motion, None until it has been checked
     signs : on which side of every event it is, once it has been asked
     """
@@ -44,7 +47,10 @@ class At:
     tangent: np.ndarray
     turn: float
     here: Evaluation
+    moved: np.ndarray
     length: float = 0.0
+    parts: int = 1
+    asked: bool = False
     point: Point | None = None
     signs: tuple | None = None
 
@@ -88,27 +94,27 @@ class Curve:
     def correct(self, guess, row, level: float, before) -> At:
         """The point of the curve where row . X = level, by Newton's method from `guess`; its tangent goes on from
         `before`. Raises `NoOrbit` where that does not converge at once."""
-        return self.correct_all(guess[None], row, np.array([level]), before)[0]
+        return self.correct_all(guess[None], row[None], np.array([level]), before[None])[0]
 
-    def correct_all(self, guesses, row, levels, before) -> list[At]:
-        """`correct` of several guesses (m, n + 1) at levels (m,)."""
+    def correct_all(self, guesses, rows, levels, before) -> list[At]:
+        """`correct` of several guesses (m, n + 1), at levels (m,) of rows (m, n + 1), tangents `before` (m, n + 1)."""
         xs, sizes = guesses.copy(), self.size(guesses)
         count, n = xs.shape[0], xs.shape[1] - 1
         heres: list = [None] * count
-        square, steps = np.empty((count, n + 1, n + 1)), np.zeros_like(xs)
-        square[:, n] = row
+        square, lack, steps = np.empty((count, n + 1, n + 1)), np.empty((count, n + 1, 1)), np.zeros_like(xs)
+        square[:, n] = rows
         left, last = np.arange(count), np.full(count, np.inf)
         for _ in range(8):
             for i, here in zip(left, self.evaluate(xs[left]), strict=True):
-                heres[i], square[i, :n] = here, here.jacobian
-            lack = np.column_stack([np.array([-heres[i].residual for i in left]), levels[left] - xs[left] @ row])
-            steps[left] = solve(square[left], lack[..., None])[..., 0]
+                heres[i], square[i, :n], lack[i, :n, 0] = here, here.jacobian, -here.residual
+            lack[left, n, 0] = levels[left] - np.einsum("mi,mi->m", xs[left], square[left, n])
+            steps[left] = solve(square[left], lack[left])[..., 0]
             lengths = np.max(np.abs(steps[left]) / sizes[left], axis=1)
             xs[left] += steps[left]
             open_ = [j for j, i in enumerate(left) if not heres[i].settles(lengths[j], last[i])]
             if not open_:
                 break
-            if not (lengths[open_] < 0.5 * last[left[open_]]).all():
+            if not (lengths[open_] < STALLED * last[left[open_]]).all():
                 raise NoOrbit("the corrector does not converge")
             last[left] = lengths
             left = left[open_]
@@ -117,13 +123,12 @@ class Curve:
         tangents = solve(square, np.eye(n + 1)[:, [n]])[..., 0]
         sizes = self.size(xs)
         scaled = tangents / sizes
-        tangents /= (np.linalg.norm(scaled, axis=1) * np.sign((scaled / sizes) @ before))[:, None]
+        tangents /= (np.linalg.norm(scaled, axis=1) * np.sign(np.einsum("mi,mi->m", scaled / sizes, before)))[:, None]
         if not np.isfinite(tangents).all():
             raise NoOrbit("the curve has no direction here")
         square[:, n] = tangents / sizes**2
         turns = np.linalg.det(square * sizes[:, None, :])
-        heres = self.equations.moved_all(heres, xs[:, :-1], self.p(xs), steps)
-        return [At(*known) for known in zip(xs, tangents, turns.tolist(), heres, strict=True)]
+        return [At(*known) for known in zip(xs, tangents, turns.tolist(), heres, steps, strict=True)]
 
     def checked(self, ats: Sequence[At]) -> list[At | OrbitsError]:
         """The points certified, all together; in the place of one that cannot be, the error that says why."""
@@ -157,11 +162,12 @@ class Curve:
         """Of each point the unknowns and parameters of the machine's own equations, `orbits`; the equations there; and
         the tangent as a row where it is that of a fold, since errors are measured across the curve there."""
         xs = np.array([at.x for at in ats])
-        across = np.array([at.tangent for at in ats]) / self.size(xs) ** 2
+        across, ps = np.array([at.tangent for at in ats]) / self.size(xs) ** 2, self.p(xs)
         folds = np.abs(across[:, -1]) * self.span < AT_A_FOLD
+        heres = self.equations.moved_all([at.here for at in ats], xs[:, :-1], ps, [at.moved for at in ats])
         return [
-            (at.x[:-1], p, at.here, row if fold else None)
-            for at, p, row, fold in zip(ats, self.p(xs), across, folds, strict=True)
+            (x[:-1], p, here, row if fold else None)
+            for x, p, here, row, fold in zip(xs, ps, heres, across, folds, strict=True)
         ]
 
     def values(self, p) -> dict[str, float]:

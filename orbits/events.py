@@ -127,7 +127,7 @@ class Stretch:
         s[-1] = s[0]
         tangent = beside[1].tangent + beside[2].tangent
         here = replace(here, jacobian=(u * s) @ v[: len(s)] / size)
-        return share, At(x, tangent / np.linalg.norm(tangent / size), 0.0, here)
+        return share, At(x, tangent / np.linalg.norm(tangent / size), 0.0, here, np.zeros_like(x))
 
     def _between(self, value: float) -> bool:
         return min(self.a.value, self.b.value) < value < max(self.a.value, self.b.value)

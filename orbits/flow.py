@@ -17,7 +17,8 @@ import casadi as ca
 import numpy as np
 
 from . import interrupts
-from .calls import Call, Calls
+from .calls import Call
+from .elementwise import Rows
 from .errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from .model import Affine, Phase
 from .polynomial import Pile, evaluate, piecewise_roots, roots, shifted
@@ -416,8 +417,7 @@ class Flow:
 
     def field(self, xs, p) -> tuple[np.ndarray, np.ndarray]:
         """Rates (m, n) and watched quantities (m, k) at states (m, n), with parameters (np,) of all."""
-        rates, watched = self._fields(xs, self.data(xs, p))
-        return rates[:, :, 0], watched[:, :, 0]
+        return tuple(self.fields(xs, self.data(xs, p)))
 
     def data(self, xs, p) -> np.ndarray:
         """Parameters with the data of the piece of each state (m, n): (m, np + nq), or (1, np) where there are none."""
@@ -426,9 +426,9 @@ class Flow:
         return np.array([[*p, *self.piece_data(x, p)[0]] for x in xs])
 
     @cached_property
-    def _fields(self) -> Calls:
-        x, p = self.graph.x, self.graph.p
-        return Calls(ca.Function("field", [x, p], [ca.densify(result) for result in self.graph.field(x, p)]))
+    def fields(self) -> Rows:
+        """The field at several points, (x, parameters with the data of a piece) -> rates, watched quantities."""
+        return Rows(self.graph.field)
 
     def piece_data(self, x, p) -> tuple[np.ndarray, np.ndarray]:
         """Data (nq,) of the piece at state `x` and its derivatives (nq, np)."""

@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 
 from .accuracy import GAUSS_PLACES, GAUSS_WEIGHTS
-from .calls import Calls
 from .certify import gradients
+from .elementwise import Rows
 from .errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway
 from .flow import Flow, Trajectory, flow
 from .model import Affine
@@ -188,7 +188,7 @@ class Impacts:
         widths = np.diff(edges)
         points = (edges[:-1, None] + widths[:, None] * GAUSS_PLACES).reshape(-1, 1) * x
         call = gradients(self.model.flight, self.model.flight_gradient, tuple(self.values))
-        rates = call(points, self.flight.data(points, self.p))[0][:, :, 0]
+        (rates,) = call(points, self.flight.data(points, self.p))
         return float((widths[:, None] * GAUSS_WEIGHTS).ravel() @ (rates @ x))
 
     @cached_property
@@ -223,16 +223,16 @@ class Impacts:
 
     def gap_rates(self, x) -> np.ndarray:
         """Third and fourth derivative (2, m) of the gap in time at flight states (m, n)."""
-        return self._gap_rates(x, self.flight.data(x, self.p))[0][:, :, 0].T
+        return self._gap_rates(x, self.flight.data(x, self.p))[0].T
 
     @cached_property
-    def _gap_rates(self) -> Calls:
+    def _gap_rates(self) -> Rows:
         graph = self.flight.graph
         field = graph.field(graph.x, graph.p)[0]
         rates = [ca.DM(self.gap_speed).T @ field]
         for _ in range(2):
             rates.append(ca.jtimes(rates[-1], graph.x, field))
-        return Calls(ca.Function("gap_rates", [graph.x, graph.p], [ca.densify(ca.vertcat(*rates[1:]))]))
+        return Rows(ca.Function("gap_rates", [graph.x, graph.p], [ca.vertcat(*rates[1:])]))
 
     @cached_property
     def direction(self) -> np.ndarray:

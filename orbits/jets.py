@@ -7,6 +7,8 @@ The graph of f is walked once per order with the classical product, quotient and
 
 import casadi as ca
 
+from .elementwise import single_assignment
+
 # Operations that have no Taylor series everywhere: comparison, absolute value, switches, splines.
 _NAMES = """
     CONST INPUT OUTPUT PARAMETER ASSIGN ADD SUB MUL DIV NEG SQ TWICE INV SQRT POW CONSTPOW EXP EXPM1 LOG LOG1P
@@ -27,7 +29,7 @@ def jets(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> ca.SX:
     Returns an SX matrix (n + m, order + 1); column k holds the coefficients of t**k.
     """
     n, m = field.numel_out(0), field.numel_out(1)
-    program = _single_assignment(field)
+    program = single_assignment(field)
     series = [_Series() for _ in program]
     state = [[x[i]] for i in range(n)]
     watched = [[] for _ in range(m)]
@@ -93,21 +95,6 @@ class _Series(list):
 
     def constant(self) -> bool:
         return all(c.is_zero() for c in self[1:])
-
-
-def _single_assignment(field: ca.Function) -> list[tuple]:
-    """The function's instructions with work slots renamed, so that each result has a place of its own."""
-    slot, program = {}, []
-    for i in range(field.n_instructions()):
-        op, source, target = field.instruction_id(i), field.instruction_input(i), field.instruction_output(i)
-        constant = field.instruction_constant(i) if op == ca.OP_CONST else None
-        if op == ca.OP_OUTPUT:
-            program.append((op, (slot[source[0]], *target), None))
-            continue
-        arguments = tuple(source) if op == ca.OP_INPUT else tuple(slot[s] for s in source)
-        slot[target[0]] = len(program)
-        program.append((op, arguments, constant))
-    return program
 
 
 def _convolve(a, b, low: int, high: int, k: int) -> ca.SX:
@@ -227,7 +214,7 @@ def _advance(program: list[tuple], series: list[_Series], inputs: tuple, k: int)
 
 def _program(function, count: int) -> list[tuple]:
     symbols = [ca.SX.sym("a") for _ in range(count)]
-    return _single_assignment(ca.Function("f", symbols, [function(*symbols)]))
+    return single_assignment(ca.Function("f", symbols, [function(*symbols)]))
 
 
 def _derivative(function):

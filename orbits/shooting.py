@@ -16,10 +16,12 @@ from .model import Arc, Statement
 from .polynomial import derivative, evaluate
 from .steps import DEFECT
 
-# A relative Newton step this small is the last, if its square, grown over the motion, is below rounding: that is the
-# next one.
-QUADRATIC = 1e-9
-ROUNDING = 1e-17
+# A relative Newton step is the last if it changes the end of the motion by less than this: the next one, its square, is
+# below rounding.
+LAST = 1e-8
+# ... or if it is this small and shrinks no more than by this factor: then it is rounding. (Towards a solution still far
+# off, in a motion that grows small changes, they shrink by a half each.)
+SMALL, STALLED = 1e-9, 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +52,7 @@ class Evaluation:
 
     def settles(self, size: float, last: float) -> bool:
         """Whether a relative Newton step is the last one worth taking; `last` is the one before."""
-        return size < QUADRATIC and (size * size * self.growth < ROUNDING or size > 0.1 * last)
+        return size * max(self.growth, 1.0) < LAST or (size < SMALL and size > STALLED * last)
 
 
 @lru_cache(maxsize=64)

@@ -57,8 +57,8 @@ class Taylor:
     """Taylor steps, several in one call: coefficients of the state and its sensitivities, each step as long as their
     last two terms allow.
 
-    The sensitivities' series come from the variational equations dx' = f_x dx + f_p dp: first those of f_x and f_p, then
-    with them one column after another; `varied` are the rows of dp that are not zero.
+    The sensitivities' series come from the variational equations dx' = f_x dx + f_p dp: first those of f_x and f_p,
+    then with them one column after another; `varied` are the rows of dp that are not zero.
     """
 
     def __init__(self, graph: Graph, columns: int, varied: tuple[int, ...] = ()):

@@ -2,8 +2,8 @@
 
 A step of length s along the unit tangent t from X0 is the solution of F(X) = 0, t . (X - X0) = s. Its prediction is the
 Hermite interpolant of the last points and tangents; a corrector that has to go far may have found another curve, and
-the step is refused. Then the curve is solved again between the step's ends, at one place at least and as closely as
-asked: the interpolant through both ends must lead there too.
+the step is refused. Then the curve is solved again between the ends of several steps, at one place of each at least and
+as closely as asked: the interpolant through the ends must lead there too.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -20,8 +20,8 @@ from .orbit import Orbit
 # In shares of the curve's own size: the first step, the shortest, the longest where points are asked for more closely,
 # and what a corrector may move of a step's length.
 FIRST, SHORTEST, LONGEST, FARTHEST = 5e-3, 1e-5, 0.2, 1e-2
-# What the step control aims at for the corrector: then its second step is its last.
-AIM = 1e-6
+# What the step control aims at for the change of a motion's end by the corrector's first step: its second is its last.
+AIM = 1e-4
 # The largest angle between two tangents, in radians.
 LARGEST_TURN = 0.25
 # An orbit this many times faster, longer or smaller than the first is on its way to infinity or to nothing, if the
@@ -40,8 +40,12 @@ STEEP = 0.1
 SAME = 1e-9
 # Refusals that end the walk, where so many good points make up for one: what rounding blurs is not crawled along.
 PATIENCE, REST = 16, 20
-# Points of the curve that a prediction rests on, and points that are certified together.
-MEMORY, TOGETHER = 4, 40
+# Points of the curve that a prediction rests on, and points that are solved between steps and certified together.
+MEMORY, TOGETHER = 4, 80
+# Points on either side that those between two rest on.
+SIDE = 3
+# Of a step's points, none but those asked for lie this near to another, as a share of their distance.
+APART = 0.1
 
 
 @dataclass(frozen=True)
@@ -58,8 +62,8 @@ class Options:
 class Walk:
     """Steps along a curve from a point of it, with what happens in each.
 
-    Points are certified several at a time; where one cannot be, or is of another family, the steps are taken again
-    from before it, shorter and one by one.
+    Points are solved between the ends of steps and certified several at a time; where one cannot be, or is of another
+    family, the steps are taken again from before it, shorter and one by one.
     """
 
     def __init__(self, curve: Curve, first: At, behind: float, stop: float, options: Options, earlier=()):
@@ -81,7 +85,13 @@ class Walk:
             yield End("stopped", "no motion to begin with: " + self.first.point.violations[0])
             return
         while True:
-            ahead, knots, failure = self.steps()
+            knots, failure = self.steps()
+            ahead, rest = self.believable(knots)
+            if rest:
+                knots, failure, self.count = knots[: -len(rest)], None, 1
+                self.length = rest[0].length * rest[0].parts * (1.0 if knots else 0.5)
+                if not knots:
+                    continue
             good, refusal = self.certified(ahead)
             refused = ahead[len(good)] if refusal else None
             for there in good:
@@ -103,6 +113,8 @@ class Walk:
                     yield Event(kind, index, at.point)
                 index += 1
                 yield there
+                if there.asked:
+                    yield Event("asked", index, there.point)
                 self.seen.append((there.point.alpha, there.value))
                 self.last = there
                 if end := end or self.far(there):
@@ -110,7 +122,7 @@ class Walk:
                     return
             if refusal is None and failure is None:
                 self.knots = [*self.knots, *knots][-MEMORY:]
-                self.count = min(2 * self.count, TOGETHER)
+                self.count = min(4 * self.count, TOGETHER)
                 continue
             done = [at for at in knots if at in good[: good.index(refused)]] if refused in good else knots
             self.knots = [*self.knots, *(at for at in done if at.point)]
@@ -124,22 +136,73 @@ class Walk:
                 yield self.lost(str(refusal or failure))
                 return
 
-    def steps(self) -> tuple[list[At], list[At], OrbitsError | None]:
-        """The next few points, not certified yet; those of them that steps end with; and the error that allows no
-        more."""
-        ahead: list[At] = []
+    def steps(self) -> tuple[list[At], OrbitsError | None]:
+        """The ends of the next few steps, not certified yet; and the error that allows no more."""
         knots: list[At] = []
-        while len(ahead) < self.count:
+        while sum(at.parts for at in knots) < self.count:
             try:
-                points = self.step([*self.knots, *knots][-MEMORY:])
+                at = self.step([*self.knots, *knots][-MEMORY:])
             except OrbitsError as error:
-                return ahead, knots, error
-            knots.append(points[-1])
-            for at in points:
-                ahead.append(at)
-                if not self.within(at) or at.here.growth > LARGEST_GROWTH:
-                    return ahead, knots, None
-        return ahead, knots, None
+                return knots, error
+            knots.append(at)
+            if not self.within(at) or at.here.growth > LARGEST_GROWTH:
+                break
+        return knots, None
+
+    def believable(self, knots: list[At]) -> tuple[list[At], list[At]]:
+        """The points of the first of the steps that end with `knots`, as far as the curve can be solved between them;
+        and the ends of the others."""
+        count = len(knots)
+        while count:
+            try:
+                return self.filled(knots[:count]), knots[count:]
+            except OrbitsError:
+                count //= 2
+        return [], knots
+
+    def filled(self, knots: list[At]) -> list[At]:
+        """The points of steps that end with `knots`: these, and those between, solved all together. Raises `NoOrbit`
+        when one of them may lie on another curve."""
+        chain, first = [*self.knots, *knots], len(self.knots)
+        legs = [self._between(chain, i) for i in range(first, len(chain))]
+        befores = [chain[i].tangent for i, leg in enumerate(legs, start=first - 1) for _ in leg]
+        places = [np.array(part) for part in zip(*(place for leg in legs for place in leg), strict=True)]
+        solved = iter(self.curve.correct_all(*places[:3], np.array(befores)) if places else ())
+        points, guesses, lengths = [], [], []
+        for leg, end in zip(legs, knots, strict=True):
+            for guess, _, level, asked in leg:
+                at = next(solved)
+                if asked:
+                    at.x[-1], at.asked = level, True
+                points.append(at)
+                guesses.append(guess)
+            points.append(end)
+            guesses.append(end.x)
+            lengths += [end.length] * (len(leg) + 1)
+        self.trusted(self.knots[-1], points, np.array(guesses), np.array(lengths))
+        return points
+
+    def _between(self, chain: list[At], i: int) -> list[tuple]:
+        """Where the curve is solved on the way to point i of a chain from the one before, in order: guess, row and
+        level as in `Curve.correct_all`, and whether the parameter's value was asked for. Such values are among them
+        unless it turns round on the way."""
+        a, b = chain[i - 1 : i + 1]
+        row = (b.x - a.x) / self.curve.size(a.x) ** 2
+        row /= row @ (b.x - a.x)
+        low, high = sorted((a.value, b.value))
+        asked = np.array([value for value in self.options.at if low < value < high])
+        places = []
+        if len(asked) and self.count > 1 and a.tangent[-1] * b.tangent[-1] > 0:
+            ahead = np.eye(len(row))[-1]
+            guesses = Interpolant(_around(chain, i, ahead), ahead)(asked)
+            places = [(guess, ahead, value, True) for guess, value in zip(guesses, asked, strict=True)]
+        taken = np.array([row @ (guess - a.x) for guess, *_ in places])
+        shares = np.arange(1, b.parts) / b.parts
+        shares = shares[(np.abs(shares[:, None] - taken) * b.parts > APART).all(1)]
+        levels = row @ a.x + shares
+        guesses = Interpolant(_around(chain, i, row), row)(levels)
+        places += [(guess, row, level, False) for guess, level in zip(guesses, levels, strict=True)]
+        return sorted(places, key=lambda place: row @ place[0])
 
     def certified(self, ahead: list[At]) -> tuple[list[At], OrbitsError | None]:
         """The points that are certified, up to the first that is not, and its error."""
@@ -181,9 +244,8 @@ class Walk:
         """How much of the parameter's way lies behind a value."""
         return (value - self.origin.value) / (self.stop - self.origin.value)
 
-    def step(self, knots: list[At]) -> list[At]:
-        """The points up to the end of a step, with control of its length; raises the reason when none is short
-        enough."""
+    def step(self, knots: list[At]) -> At:
+        """The end of a step, with control of its length; raises the reason when none is short enough."""
         failure, rate = NoOrbit("no step is short enough"), knots[-1].tangent[-1]
         bound = self.bounds[int(rate > 0)]
         while self.length > SHORTEST:
@@ -198,7 +260,7 @@ class Walk:
             except OrbitsError as error:
                 failure, self.length = error, 0.5 * self.length
         try:
-            return [self._rescued(knots)]
+            return self._rescued(knots)
         except OrbitsError:
             raise failure from None
 
@@ -212,16 +274,16 @@ class Walk:
         guess = Interpolant([last], row)(np.array([row @ last.x + FIRST]))  # the others may lie too close
         u, _ = curve.equations.multiple_shooting(guess[0, :-1], curve.p(guess)[0])
         point = curve.correct(np.append(u, guess[0, -1]), np.eye(len(last.x))[-1], guess[0, -1], last.tangent)
-        self.trusted(last, [point], guess, FIRST)
+        self.trusted(last, [point], guess, np.array([FIRST]))
         self.length = FIRST
         return point
 
-    def _stepped(self, knots: list[At], length: float, value: float | None = None) -> list[At]:
-        """The points up to the end of a step of given length, or of about that where the parameter has a value; raises
-        `NoOrbit` when one may lie on another curve."""
+    def _stepped(self, knots: list[At], length: float, value: float | None = None) -> At:
+        """The end of a step of given length, or of about that where the parameter has a value; raises `NoOrbit` when it
+        may lie on another curve."""
         last = knots[-1]
         row = last.tangent / self.curve.size(last.x) ** 2
-        used = _behind(knots, row)
+        used = _run(knots[::-1], row, -1)[::-1]
         level = row @ last.x + length
         guess = Interpolant(used, row)(np.array([level]))
         if value is None:
@@ -230,35 +292,33 @@ class Walk:
             guess[0] += last.tangent * (value - guess[0, -1]) / last.tangent[-1]
             end = self.curve.correct(guess[0], np.eye(len(guess[0]))[-1], value, last.tangent)
             end.x[-1] = value
-        moved = self.trusted(last, [end], guess, length)
-        row = (end.x - last.x) / self.curve.size(last.x) ** 2
-        row /= row @ (end.x - last.x)
-        count = max(2, int(np.ceil(length / self.options.longest)))
-        levels = row @ last.x + np.arange(1, count) / count
-        guesses = Interpolant([*_behind(used, row), end], row)(levels)
-        points = [*self.curve.correct_all(guesses, row, levels, last.tangent), end]
-        self.trusted(last, points, np.vstack([guesses, end.x]), length / count)
-        longer = (AIM / max(moved, 1e-300)) ** (1 / (2 * len(used)))
+        moved = self.trusted(last, [end], guess, np.array([length]))
+        end.parts = max(2, int(np.ceil(length / self.options.longest)))
+        end.length = length / end.parts
+        if self.count == 1:
+            self.filled([end])
+        longer = (AIM / max(moved * end.here.growth, 1e-300)) ** (1 / (2 * len(used)))
         longest = max(LONGEST, self.options.longest)
         self.length = min(max(self.length, length) * min(max(0.9 * longer, 0.3), 2.0), longest)
-        return points
+        return end
 
-    def trusted(self, last: At, points: list[At], guesses, length: float) -> float:
-        """How far the corrector went from guesses to points a `length` apart; raises `NoOrbit` when one of them may lie
-        on another curve."""
+    def trusted(self, last: At, points: list[At], guesses, lengths) -> float:
+        """How far the corrector went from guesses (m, n + 1) to points `lengths` (m,) apart; raises `NoOrbit` when one
+        of them may lie on another curve."""
         sizes = self.curve.size(guesses)
-        moved = float(np.linalg.norm((np.array([at.x for at in points]) - guesses) / sizes, axis=1).max())
+        moved = np.linalg.norm((np.array([at.x for at in points]) - guesses) / sizes, axis=1)
         tangents = np.array([at.tangent for at in (last, *points)])
         a, b = tangents[:-1] / sizes, tangents[1:] / sizes
         cosines = np.einsum("mi,mi->m", a, b) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
         turned = float(np.arccos(np.clip(cosines.min(), -1.0, 1.0)))
-        if moved > FARTHEST * length or turned > LARGEST_TURN:
+        if (moved > FARTHEST * lengths).any() or turned > LARGEST_TURN:
             raise NoOrbit(
-                f"the corrector moves {moved:.1e} in a step of {length:.1e}, the tangent turns by {turned:.2g}"
+                f"the corrector moves {moved.max():.1e} in a step of {lengths.min():.1e}, "
+                f"the tangent turns by {turned:.2g}"
             )
-        for at in points:
+        for at, length in zip(points, lengths.tolist(), strict=True):
             at.length = length
-        return moved
+        return float(moved.max())
 
     def closed(self, a: At, b: At) -> At | None:
         """The first point of all, if the curve passes it again between two."""
@@ -338,11 +398,17 @@ class Walk:
         return End("stuck", where)
 
 
-def _behind(knots: Sequence[At], row) -> list[At]:
-    """The last of some points as far back as the curve goes forward along a row."""
-    used = [knots[-1]]
-    for at in reversed(knots[:-1]):
-        if not row @ at.tangent > 0.3 * (row @ knots[-1].tangent) or row @ (at.x - used[0].x) >= 0:
+def _run(points: Sequence[At], row, side: int) -> list[At]:
+    """The first of some points, as far as the curve through them keeps its direction along a row, forwards (side 1) or
+    backwards (-1)."""
+    used, rate = [points[0]], row @ points[0].tangent
+    for at in points[1:]:
+        if not rate * (row @ at.tangent) > 0.3 * rate**2 or side * rate * (row @ (at.x - used[-1].x)) <= 0:
             break
-        used.insert(0, at)
+        used.append(at)
     return used
+
+
+def _around(chain: Sequence[At], i: int, row) -> list[At]:
+    """Some points of a chain on either side of the way to its point i from the one before, in order."""
+    return [*_run(chain[max(i - SIDE, 0) : i][::-1], row, -1)[::-1], *_run(chain[i : i + SIDE], row, 1)]

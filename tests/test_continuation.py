@@ -143,7 +143,7 @@ def test_the_interpolant_has_its_order():
     """Six data of an exponential curve: the error falls with the sixth power."""
 
     def at(t: float) -> At:
-        return At(np.array([np.exp(t), t]), 0.3 * np.array([np.exp(t), 1.0]), 1.0, None)
+        return At(np.array([np.exp(t), t]), 0.3 * np.array([np.exp(t), 1.0]), 1.0, None, np.zeros(2))
 
     errors = []
     for h in (0.2, 0.1):
