@@ -63,11 +63,12 @@ def follow(
 
 def record_of(walk: Walk, resume: Family | None = None, output=None, progress=None) -> Family:
     """The family that a walk finds; the others as in `follow`."""
-    with Record(walk, resume, output) as growing:
-        for item in _uninterrupted(walk):
+    with Record(walk, resume, output) as growing, interrupts.deferred():
+        for item in walk:
             growing.add(item)
             if progress and isinstance(item, At):
                 progress(walk.share(item.value))
+            interrupts.check()
         return growing.whole()
 
 

@@ -34,10 +34,18 @@ class Stretch:
 
     def __init__(self, curve: Curve, a: At, b: At):
         self.curve, self.a, self.b = curve, a, b
-        size = curve.size(a.x)
-        chord = (b.x - a.x) / size
-        self.row = chord / (chord @ chord) / size
-        self.start = self.row @ a.x
+
+    @cached_property
+    def row(self) -> np.ndarray:
+        """Measures the share of the chord, (n + 1,)."""
+        size = self.curve.size(self.a.x)
+        chord = (self.b.x - self.a.x) / size
+        return chord / (chord @ chord) / size
+
+    @property
+    def start(self) -> float:
+        """The level of the row at the first point."""
+        return float(self.row @ self.a.x)
 
     @cached_property
     def _path(self) -> Interpolant:

@@ -4,12 +4,20 @@ import os
 import platform
 import tempfile
 from dataclasses import replace
+from functools import cache
 from importlib.metadata import version
 
 from .curve import At
 from .errors import InputError
 from .family import ENDINGS, Event, Family, check_ending, record
 from .walk import Walk
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Of what computes."""
+    found = {name: version(name) for name in ("persistent-orbits", "casadi", "numpy")}
+    return {**found, "python": platform.python_version()}
 
 
 class Record:
@@ -28,13 +36,11 @@ class Record:
             "watch": list(options.watch),
             "stop_inadmissible": options.stop_inadmissible,
         }
-        versions = {name: version(name) for name in ("persistent-orbits", "casadi", "numpy")}
-        versions["python"] = platform.python_version()
         machine = walk.curve.machine.describe() if resume is None else resume.machine
         # A resumed family has its last point from the walk, solved again.
         points = resume.points[:-1] if resume else ()
         events = tuple(event for event in resume.events if event.after < len(points)) if resume else ()
-        self.family = Family(walk.curve.along, machine, points, events, None, settings, versions)
+        self.family = Family(walk.curve.along, machine, points, events, None, settings, versions())
         self.points, self.events, self.end = list(points), list(events), None
         self.offset = len(points)
         self.file = None

@@ -96,12 +96,12 @@ class Walk:
             refused = ahead[len(good)] if refusal else None
             for there in good:
                 try:
-                    end_point, end = self.ended(there)
-                    happening = Stretch(self.curve, self.last, end_point).events(self.options.at, self.options.watch)
+                    stretch, end = self.ended(Stretch(self.curve, self.last, there))
+                    happening = stretch.events(self.options.at, self.options.watch)
                 except OrbitsError as error:
                     refusal, refused = NoOrbit(f"what happens next cannot be located ({error})"), there
                     break
-                there = end_point
+                there = stretch.b
                 passed = sum(kind == "asked" for kind, _ in happening)
                 if index + passed + 1 >= self.options.most:
                     yield End("stopped", f"after {index + 1} points: no more than {self.options.most} were asked for")
@@ -221,12 +221,11 @@ class Walk:
         """Whether a point lies between the bounds."""
         return self.bounds[0] < at.value < self.bounds[1]
 
-    def ended(self, there: At) -> tuple[At, End | None]:
-        """The next point, or where the curve ends before it."""
-        here = self.last
+    def ended(self, stretch: Stretch) -> tuple[Stretch, End | None]:
+        """A stretch from the last point to the next, or to where the curve ends before that."""
+        curve, here, there = self.curve, stretch.a, stretch.b
         if again := self.closed(here, there):
-            return again, End("closed", "the curve comes back to its first orbit")
-        stretch = Stretch(self.curve, here, there)
+            return Stretch(curve, here, again), End("closed", "the curve comes back to its first orbit")
         if self.within(there) and stretch.fold is not None:  # a fold between may lie beyond a bound
             fold = stretch(stretch.fold)
             there = there if self.within(fold) else fold
@@ -235,10 +234,10 @@ class Walk:
             back = " again, on another sheet" if bound == self.origin.value else ""
             sheets = stretch.sheets()[-1 if here.value == bound else 0 :]  # not the sheet that starts there
             sheet = next((part for part in sheets if part.reaches(bound)), sheets[-1])
-            return sheet.landed(bound), End("reached", f"{self.curve.along} = {bound:g}{back}")
+            return Stretch(curve, here, sheet.landed(bound)), End("reached", f"{curve.along} = {bound:g}{back}")
         if self.options.stop_inadmissible and not there.point.admissible:
-            return there, End("stopped", "no motion from here: " + there.point.violations[0])
-        return there, None
+            return stretch, End("stopped", "no motion from here: " + there.point.violations[0])
+        return stretch, None
 
     def share(self, value: float) -> float:
         """How much of the parameter's way lies behind a value."""
