@@ -166,7 +166,7 @@ class Flow:
         arguments = self.symbols(x, p)
         rates = ca.vertcat(*self.phase.field(*arguments))
         watched = ca.vertcat(*[quantity(*arguments) for quantity in self.phase.watch.values()])
-        return Graph(ca.Function("field", [x, p], [rates, watched]), x, p)
+        return Graph(ca.Function("field", [x, p], ca.cse([rates, watched])), x, p)
 
     def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
         """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""
@@ -268,16 +268,18 @@ class Flow:
             answers[j] = Trajectory(np.array([0.0, *times[j, :i], start + end]), c[j, : i + 1], self.names)
         return answers
 
-    def first_zeros(self, starts, p, quantity: Affine, limit, skip=0, rising: bool = False):
+    def first_zeros(self, starts, p, quantity: Affine, limit, skip=0, rising: bool = False, over=None):
         """When an affine function of the rows first changes its sign on motions from states (m, n), and where.
 
         p : parameters (np,) of all
         limit : times (m,) by which that must happen
         skip : orders (m,) of the zeros that it starts from, which are divided out exactly
         rising : count only changes from minus to plus
+        over : of Taylor's steps, another affine function and a number: once that has changed its sign so often, what
+            has not happened never will
 
-        Returns times (m,), NaN where it does not happen; rows (m, rows) there; and by index the `FlowError` of each
-        motion that cannot be carried on so far.
+        Returns times (m,), NaN where it does not happen and infinity where it never will; rows (m, rows) there; and by
+        index the `FlowError` of each motion that cannot be carried on so far.
         """
         starts = np.asarray(starts, dtype=float)
         skip, limit = (np.broadcast_to(values, len(starts)) for values in (skip, limit))
@@ -291,7 +293,7 @@ class Flow:
             known = limit, skip, rising, began
             self._zeros_one_by_one(np.arange(len(starts)), starts, p, quantity, *known, times, rows, failed)
         else:
-            self._taylor_zeros(starts, p, quantity, limit, skip, rising, times, rows, failed)
+            self._taylor_zeros(starts, p, quantity, limit, skip, rising, over, times, rows, failed)
         return times, rows, failed
 
     def _closed_zeros(self, starts, p, quantity, limit, skip, rising, times, rows):
@@ -315,9 +317,10 @@ class Flow:
         for i, (slope, value) in enumerate(form.watch.values(), start=self.size):
             rows[:, i] = slope * rows[:, 0] + value
 
-    def _taylor_zeros(self, starts, p, quantity, limit, skip, rising, times, rows, failed):
+    def _taylor_zeros(self, starts, p, quantity, limit, skip, rising, over, times, rows, failed):
         """`first_zeros` of motions by Taylor steps, into the arrays and `failed`."""
         going, x, began = np.arange(len(starts)), starts, np.zeros(len(starts))
+        changes = np.zeros(len(starts), int)
         while len(going):
             interrupts.check()
             steps, c, trusted = self.scheme(0).advance_all(x, np.tile(p, (len(x), 1)), LOOK_AHEAD)
@@ -342,6 +345,12 @@ class Flow:
             began = began + ends[:, -1]
             left = began < limit[going]
             left[owner] = False
+            if over:
+                series = over[0].series(c[:, :, : len(over[0].weights)]).reshape(-1, c.shape[3])
+                turned = Pile(series, steps.ravel(), np.full(len(going), steps.shape[1])).roots()[0]
+                changes[going] += np.bincount(turned, minlength=len(going))
+                never = left & (changes[going] >= over[1])
+                times[going[never]], left[never] = np.inf, False
             going, x, began = going[left], last[left], began[left]
 
     def _zeros_one_by_one(self, indices, x, p, quantity, limit, skip, rising, began, times, rows, failed):

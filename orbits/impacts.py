@@ -147,21 +147,16 @@ class Impacts:
 
     def stand_all(self, ys) -> tuple[np.ndarray, np.ndarray]:
         """How contacts from states (m, k) end, "lifts_off" or a status (m,), and where (m, k)."""
-        contact, speed, force = self.contact, self.model.contact_speed, contact_force(self.contact.size)
-        status, ends = np.full(len(ys), "rests", dtype=STATUS), np.full(ys.shape, np.nan)
-        standing, y = np.arange(len(ys)), ys
-        for turn in range(TURNS if speed else 0):
-            brief = BRIEF * (1 + np.abs(y).max(1))
-            turns, rows, _ = contact.first_zeros(y, self.p, speed, brief, min(turn, 1))
-            times, last, _ = contact.first_zeros(y, self.p, force, np.where(np.isnan(turns), brief, turns))
-            lifts, slow = ~np.isnan(times), np.isnan(times) & np.isnan(turns)
-            status[standing[lifts]], ends[standing[lifts]] = "lifts_off", last[lifts, : contact.size]
-            status[standing[slow]] = ""
-            on = ~(lifts | slow)
-            standing, y = standing[on], rows[on, : contact.size]
-            if not len(standing):
-                break
-        for i in range(len(ys)) if not speed else np.flatnonzero(status == ""):
+        contact, speed = self.contact, self.model.contact_speed
+        status, ends = np.full(len(ys), "", dtype=STATUS), np.full(ys.shape, np.nan)
+        if speed and contact.method == "Taylor" and not contact.phase.pieces:
+            limit = BRIEF * (1 + np.abs(ys).max(1))
+            known = contact_force(contact.size), limit
+            times, rows, _ = contact.first_zeros(ys, self.p, *known, over=(speed, TURNS))
+            lifts = np.isfinite(times)
+            status[lifts], ends[lifts] = "lifts_off", rows[lifts, : contact.size]
+            status[np.isinf(times)] = "rests"
+        for i in np.flatnonzero(status == ""):
             path, status[i], _ = self.stand(ys[i])
             if status[i] == "lifts_off":
                 ends[i] = path.end[: contact.size]

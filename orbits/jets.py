@@ -70,7 +70,8 @@ def variations(field: ca.Function, varied: tuple[int, ...], order: int) -> tuple
     n, m = rates.numel(), watched.numel()
     slopes = ca.horzcat(ca.jacobian(rates, x), ca.jacobian(rates, p)[:, list(varied)])
     known = ca.vertcat(*slopes.nonzeros())
-    c = jets(ca.Function("variations", [x, p], [rates, ca.vertcat(watched, known)]), x, p, order)
+    together = ca.Function("variations", [x, p], ca.cse([rates, ca.vertcat(watched, known)]))
+    c = jets(together, x, p, order)
     entries = ca.sparsify(c[n + m :, :])
     series = ca.Function("series", [x, p], [ca.densify(c[: n + m, :].T), entries])
 
@@ -89,9 +90,20 @@ def variations(field: ca.Function, varied: tuple[int, ...], order: int) -> tuple
 
 
 class _Series(list):
-    """Coefficients found so far; `aside` keeps the series a recursion carries along (cos beside sin)."""
+    """Coefficients found so far; `aside` keeps the series a recursion carries along (cos beside sin), `slopes` the
+    multiples j a[j] that it uses again and again."""
 
     aside = None
+
+    def __init__(self, coefficients=()):
+        super().__init__(coefficients)
+        self.slopes: dict[int, ca.SX] = {}
+
+    def slope(self, j: int) -> ca.SX:
+        """j a[j], coefficient j - 1 of the derivative."""
+        if j not in self.slopes:
+            self.slopes[j] = j * self[j]
+        return self.slopes[j]
 
     def constant(self) -> bool:
         return all(c.is_zero() for c in self[1:])
@@ -110,7 +122,7 @@ def _weighted(a, b, k: int) -> ca.SX:
     terms = [j for j in range(1, k + 1) if not (a[j].is_zero() or b[k - j].is_zero())]
     if not terms:
         return ca.SX(0)
-    return ca.dot(ca.DM(terms) / k * ca.vertcat(*[a[j] for j in terms]), ca.vertcat(*[b[k - j] for j in terms]))
+    return ca.dot(ca.vertcat(*[a.slope(j) for j in terms]), ca.vertcat(*[b[k - j] for j in terms])) / k
 
 
 def _coefficient(op: int, arguments: list, out: _Series, k: int) -> ca.SX:

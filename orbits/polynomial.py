@@ -14,6 +14,8 @@ import numpy as np
 MAX_DEPTH = 40
 # So many roots are quicker found one by one.
 FEW = 6
+# From so many numbers on their powers are quicker found by doubling.
+MANY = 200
 
 
 @cache
@@ -28,8 +30,15 @@ def powers(t, count: int) -> np.ndarray:
     """t**0 ... t**(count - 1) (..., count) by multiplication, many times faster than by `**`."""
     t = np.asarray(t, dtype=float)
     values = np.empty((*t.shape, count))
-    values[..., 0], values[..., 1:] = 1.0, t[..., None]
-    return np.multiply.accumulate(values, axis=-1, out=values)
+    if t.size < MANY:
+        values[..., 0], values[..., 1:] = 1.0, t[..., None]
+        return np.multiply.accumulate(values, axis=-1, out=values)
+    values[..., 0], factor, done = 1.0, t[..., None], 1
+    while done < count:  # as many again, times a power
+        more = min(done, count - done)
+        np.multiply(values[..., :more], factor, out=values[..., done : done + more])
+        factor, done = factor * factor, done + more
+    return values
 
 
 def bernstein(coefficients, h):
