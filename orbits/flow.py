@@ -288,7 +288,7 @@ class Flow:
         failed: dict[int, FlowError] = {}
         if self.phase.closed_form:
             self._closed_zeros(starts, p, quantity, limit, skip, rising, times, rows)
-        elif self.phase.pieces or not self.graph.has_series:
+        elif not self.graph.has_series:
             began = np.zeros(len(starts))
             known = limit, skip, rising, began
             self._zeros_one_by_one(np.arange(len(starts)), starts, p, quantity, *known, times, rows, failed)
@@ -320,22 +320,22 @@ class Flow:
     def _taylor_zeros(self, starts, p, quantity, limit, skip, rising, over, times, rows, failed):
         """`first_zeros` of motions by Taylor steps, into the arrays and `failed`."""
         going, x, began = np.arange(len(starts)), starts, np.zeros(len(starts))
-        changes = np.zeros(len(starts), int)
+        changes, tracks = np.zeros(len(starts), int), _Tracks(self, p, starts)
         while len(going):
             interrupts.check()
-            steps, c, trusted = self.scheme(0).advance_all(x, np.tile(p, (len(x), 1)), LOOK_AHEAD)
+            steps, c, trusted = self.scheme(0).advance_all(x, tracks.data, 1 if self.phase.pieces else LOOK_AHEAD)
+            steps = tracks.cut(c, steps)
             last = evaluate(c[:, -1, : self.size], steps[:, -1:])
-            slow = ~(trusted.all(1) & (np.abs(last).max(1) < RUNAWAY))
+            slow = ~(trusted.all(1) & (np.abs(last).max(1) < RUNAWAY) & tracks.inside)
             if slow.any():
                 skipped = np.where(began[slow] == 0, skip[going[slow]], 0)
                 known = limit[going[slow]], skipped, rising, began[slow]
                 self._zeros_one_by_one(going[slow], x[slow], p, quantity, *known, times, rows, failed)
                 going, last, began, steps, c = (part[~slow] for part in (going, last, began, steps, c))
+                tracks.keep(~slow)
                 if not len(going):
                     break
-            series = quantity.series(c[:, :, : len(quantity.weights)]).reshape(-1, c.shape[3])
-            pile = Pile(series, steps.ravel(), np.full(len(going), steps.shape[1]))
-            owner, piece, t = pile.roots(np.where(began == 0, skip[going], 0), rising)
+            owner, piece, t = self._piled(quantity, c, steps).roots(np.where(began == 0, skip[going], 0), rising)
             owner, first = np.unique(owner, return_index=True)
             piece, t = piece[first], t[first]
             ends = np.cumsum(steps, axis=1)
@@ -346,12 +346,19 @@ class Flow:
             left = began < limit[going]
             left[owner] = False
             if over:
-                series = over[0].series(c[:, :, : len(over[0].weights)]).reshape(-1, c.shape[3])
-                turned = Pile(series, steps.ravel(), np.full(len(going), steps.shape[1])).roots()[0]
-                changes[going] += np.bincount(turned, minlength=len(going))
+                changed = self._piled(over[0], c, steps).roots()[0]
+                changes[going] += np.bincount(changed, minlength=len(going))
                 never = left & (changes[going] >= over[1])
                 times[going[never]], left[never] = np.inf, False
             going, x, began = going[left], last[left], began[left]
+            tracks.enter()
+            tracks.keep(left)
+
+    @staticmethod
+    def _piled(quantity: Affine, c, steps) -> Pile:
+        """An affine function of the rows of several motions of as many steps each, (m, count, rows, K + 1)."""
+        series = quantity.series(c[:, :, : len(quantity.weights)]).reshape(-1, c.shape[3])
+        return Pile(series, steps.ravel(), np.full(len(steps), steps.shape[1]))
 
     def _zeros_one_by_one(self, indices, x, p, quantity, limit, skip, rising, began, times, rows, failed):
         """`first_zeros` of some motions, which have lasted for the times `began`, step by step, into the arrays and
@@ -591,3 +598,67 @@ class _Track:
     def _outside(self, place: float) -> str:
         low, high = self.breaks[0], self.breaks[-1]
         return f"the {self.pieces.label} reaches {place:.6g}, outside the law's range [{low:.6g}, {high:.6g}]"
+
+
+class _Tracks:
+    """The pieces of the field that several motions are on, as `_Track` of one."""
+
+    def __init__(self, flow: "Flow", p, x):
+        self.pieces, self.p = flow.phase.pieces, p
+        self.index = self.crossed = np.zeros(len(x), int)
+        if self.pieces is None:
+            return
+        self.breaks, self.table, _ = flow.piece_table(p)
+        self.weights = np.array(self.pieces.coordinate)
+        places = x @ self.weights
+        index = np.clip(np.searchsorted(self.breaks, places, "right") - 1, 0, len(self.table) - 1)
+        for i in np.flatnonzero((places == self.breaks[index]) & (index > 0)):
+            index[i] -= self.weights @ flow.rates(x[i], np.concatenate([p, self.table[index[i]]])) < 0
+        self.index = np.where((places < self.breaks[0]) | (places > self.breaks[-1]), -1, index)
+        self.level = np.where(np.isin(places, self.breaks), places, np.nan)
+
+    @property
+    def inside(self) -> np.ndarray:
+        """Which of them (m,) have a piece."""
+        return np.ones(len(self.index), bool) if self.pieces is None else self._known == self.index
+
+    @property
+    def _known(self) -> np.ndarray:
+        return np.clip(self.index, 0, len(self.table) - 1)
+
+    @property
+    def data(self) -> np.ndarray:
+        """Parameters with the data of the pieces, (m, np + nq)."""
+        data = np.tile(self.p, (len(self.index), 1))
+        return data if self.pieces is None else np.hstack([data, self.table[self._known]])
+
+    def cut(self, c, steps) -> np.ndarray:
+        """Steps (m, 1) with coefficients (m, 1, rows, K + 1) shortened to where they come to an end of their pieces."""
+        self.crossed = np.zeros(len(steps), int)
+        if self.pieces is None:
+            return steps
+        lengths = steps[:, 0].copy()
+        along = np.einsum("i,mik->mk", self.weights, c[:, 0, : len(self.weights)])
+        for side in (0, 1):
+            level = self.breaks[self._known + side]
+            distance = along.copy()
+            distance[:, 0] -= level
+            distance[~np.isfinite(level)] = 1.0
+            owner, _, t = Pile(distance, lengths, np.ones(len(lengths), int)).roots((level == self.level).astype(int))
+            owner, first = np.unique(owner, return_index=True)
+            hit = t[first] < lengths[owner]
+            lengths[owner[hit]], self.crossed[owner[hit]] = t[first][hit], 2 * side - 1
+        return lengths[:, None]
+
+    def enter(self):
+        """Go on in the next pieces where an end has been crossed."""
+        if self.pieces is not None:
+            ahead = self.index + self.crossed
+            passed = self.breaks[np.maximum(self.index, ahead)]
+            self.index, self.level = ahead, np.where(self.crossed != 0, passed, np.nan)
+
+    def keep(self, which):
+        """Go on with some of them."""
+        self.index, self.crossed = self.index[which], self.crossed[which]
+        if self.pieces is not None:
+            self.level = self.level[which]

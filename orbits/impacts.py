@@ -149,7 +149,7 @@ class Impacts:
         """How contacts from states (m, k) end, "lifts_off" or a status (m,), and where (m, k)."""
         contact, speed = self.contact, self.model.contact_speed
         status, ends = np.full(len(ys), "", dtype=STATUS), np.full(ys.shape, np.nan)
-        if speed and contact.method == "Taylor" and not contact.phase.pieces:
+        if speed and contact.method == "Taylor":
             limit = BRIEF * (1 + np.abs(ys).max(1))
             known = contact_force(contact.size), limit
             times, rows, _ = contact.first_zeros(ys, self.p, *known, over=(speed, TURNS))
