@@ -11,7 +11,8 @@ import numpy as np
 
 from .calls import Call
 from .errors import NoOrbit
-from .flow import Flow, Motions, Trajectory
+from .flow import Flow
+from .motions import Motions, Trajectory
 from .polynomial import powers
 from .shooting import Evaluation, Shooting, solve
 from .steps import runge_kutta

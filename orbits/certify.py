@@ -14,8 +14,9 @@ import numpy as np
 from .accuracy import EPS, FAR, GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS, NARROW
 from .elementwise import Rows
 from .errors import FlowError, NoOrbit, OutOfRange
-from .flow import Flow, Motions, Trajectory, first_zero, flow
+from .flow import Flow, first_zero, flow
 from .model import Affine, Model, Phase
+from .motions import Motions, Trajectory
 from .orbit import Certificate
 from .polynomial import derivative, evaluate
 

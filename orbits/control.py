@@ -17,7 +17,7 @@ import numpy as np
 
 from . import interrupts
 from .errors import InputError, NoOrbit, number_of, whole_of
-from .flow import Trajectory
+from .motions import Trajectory
 from .nlp import Minimum
 from .simulate import Leg
 from .transcription import Stage, Transcription, Travelled, at_bound, polynomials, transcription, travel

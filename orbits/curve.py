@@ -16,7 +16,7 @@ from .accuracy import error_bounds
 from .certify import Case, certify
 from .errors import NoOrbit, OrbitsError
 from .family import Point
-from .flow import Trajectory
+from .motions import Trajectory
 from .orbit import Certificate, Orbit
 from .shooting import STALLED, Evaluation, solve
 from .statements import as_cases, as_orbit, equations_of, interpret, interpret_all

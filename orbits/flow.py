@@ -9,8 +9,7 @@ Three ways, the first that the phase allows:
 Steps are chosen from the error, never by the caller, and end on the breakpoints of a piecewise field.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import cached_property, lru_cache
 
 import casadi as ca
@@ -19,9 +18,11 @@ import numpy as np
 from . import interrupts
 from .calls import Call
 from .elementwise import Rows
-from .errors import BreaksDown, FlowError, OutOfRange, RunsAway
+from .errors import BreaksDown, FlowError, RunsAway
 from .model import Affine, Phase
-from .polynomial import Pile, evaluate, piecewise_roots, roots, shifted
+from .motions import Motions, Trajectory
+from .pieces import Track, Tracks
+from .polynomial import Pile, evaluate, piecewise_roots
 from .steps import ORDER, SHORTEST, Graph, RungeKutta, Taylor
 
 MAX_STEPS = 200_000
@@ -35,112 +36,6 @@ MOST_AT_ONCE = 64
 # A motion in closed form is asked for zeros by steps in units of its time, whose series of this order has converged, so
 # many at a time.
 CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 4
-# How near to a break the field is asked for its limits there, which are extrapolated to second order.
-NEARBY = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """A motion as Taylor polynomials: on times[i] <= t <= times[i + 1] the rows are sums of
-    c[i, :, k] (t - times[i])**k.
-
-    times : (N + 1,)
-    coefficients : (N, n + m, K + 1), the n states, then the m watched quantities
-    names : of the rows
-    variations : (N, n, columns, K + 1), the states' derivatives with respect to whatever was varied, None without
-    """
-
-    times: np.ndarray
-    coefficients: np.ndarray
-    names: tuple[str, ...]
-    variations: np.ndarray | None = None
-
-    def __post_init__(self):
-        self.times.setflags(write=False)
-        self.coefficients.setflags(write=False)
-
-    def moved(self, change, longer: float) -> "Trajectory":
-        """The states' motion for a small `change` (columns,) of what was varied, and so much longer; to first order."""
-        states = self.variations.shape[1]
-        coefficients = self.coefficients[:, :states] + np.einsum("nick,c->nik", self.variations, change)
-        times = np.append(self.times[:-1], self.times[-1] + longer)
-        return Trajectory(times, coefficients, self.names[:states], self.variations)
-
-    def __call__(self, t):
-        """Rows (..., n + m) at times `t` (...), which lie within the trajectory's."""
-        t = np.asarray(t, dtype=float)
-        piece = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
-        return evaluate(self.coefficients[piece], (t - self.times[piece])[..., None])
-
-    @cached_property
-    def steps(self) -> np.ndarray:
-        """Lengths (N,) of the polynomials' intervals."""
-        return self.times[1:] - self.times[:-1]
-
-    @cached_property
-    def end(self) -> np.ndarray:
-        """Rows (n + m,) at the last time."""
-        return evaluate(self.coefficients[-1], self.times[-1] - self.times[-2])
-
-    def split(self, t: float) -> tuple["Trajectory", "Trajectory"]:
-        """The motion up to time `t`, and the rest told backwards from its end."""
-        i = int(np.clip(np.searchsorted(self.times, t) - 1, 0, len(self.times) - 2))
-        h = t - self.times[i]
-        first = Trajectory(np.append(self.times[: i + 1], t), self.coefficients[: i + 1], self.names)
-        rest = np.concatenate([shifted(self.coefficients[i : i + 1], np.array([h])), self.coefficients[i + 1 :]])
-        times = np.append(t, self.times[i + 1 :])
-        ends = shifted(rest, np.diff(times)) * (-1.0) ** np.arange(rest.shape[2])
-        return first, Trajectory(times[-1] - times[::-1], ends[::-1], self.names)
-
-    def row(self, name: str) -> np.ndarray:
-        """Coefficients (N, K + 1) of one row."""
-        return self.coefficients[:, self.names.index(name)]
-
-
-class Motions:
-    """Motions of one phase, their steps joined, to be asked all together; quantities are per step (N, ...).
-
-    counts : (m,), steps of each; `first` and `last` (m,) are where they begin and end
-    owner : (N,), the motion that a step belongs to
-    ends : (m,), times
-    """
-
-    def __init__(self, paths: Sequence[Trajectory]):
-        self.names = paths[0].names
-        self.counts = np.array([len(path.times) - 1 for path in paths])
-        self.last = np.cumsum(self.counts) - 1
-        self.first = self.last - self.counts + 1
-        self.owner = np.repeat(np.arange(len(paths)), self.counts)
-        self.coefficients = np.concatenate([path.coefficients for path in paths])
-        self.starts = np.concatenate([path.times[:-1] for path in paths])
-        self.steps = np.concatenate([path.times[1:] for path in paths]) - self.starts
-        self.ends = np.array([path.times[-1] for path in paths])
-
-    def series(self, quantity: Affine | Sequence[Affine]) -> np.ndarray:
-        """Coefficients (N, K + 1) of an affine function of the first rows, the same or one for each motion."""
-        if isinstance(quantity, Affine):
-            return quantity.series(self.coefficients[:, : len(quantity.weights)])
-        weights = np.array([each.weights for each in quantity])[self.owner]
-        along = (weights[:, None] @ self.coefficients[:, : weights.shape[1]])[:, 0]
-        along[:, 0] += np.array([each.offset for each in quantity])[self.owner]
-        return along
-
-    def pile(self, series) -> Pile:
-        """The piecewise polynomials of `series` (N, K + 1), one for each motion."""
-        return Pile(series, self.steps, self.counts)
-
-    def time(self, owner, piece, t) -> np.ndarray:
-        """The times (r,) of places in motions, as a `Pile` tells them."""
-        return self.starts[self.first[owner] + piece] + t
-
-    def largest(self, values) -> np.ndarray:
-        """Of each motion the largest absolute value (m,) of any of `values` (N, ...)."""
-        return np.maximum.reduceat(np.abs(values).reshape(len(values), -1).max(1), self.first)
-
-    @cached_property
-    def finals(self) -> np.ndarray:
-        """The rows (m, rows) at the end of each."""
-        return evaluate(self.coefficients[self.last], self.steps[self.last, None])
 
 
 @lru_cache(maxsize=64)
@@ -214,7 +109,7 @@ class Flow:
         if self.phase.closed_form and (parameter_seeds is None or not parameter_seeds.any()):
             return self._closed_form(x, p, duration, seeds, stop)
         columns = 0 if seeds is None else seeds.shape[1]
-        track = _Track(self, p, x, columns, parameter_seeds)
+        track = Track(self, p, x, columns, parameter_seeds)
         scheme = self.scheme(columns, track.varied())
         times, pieces, slopes, h, variations = [0.0], [], [], None, seeds
         while times[-1] < duration:
@@ -320,7 +215,7 @@ class Flow:
     def _taylor_zeros(self, starts, p, quantity, limit, skip, rising, over, times, rows, failed):
         """`first_zeros` of motions by Taylor steps, into the arrays and `failed`."""
         going, x, began = np.arange(len(starts)), starts, np.zeros(len(starts))
-        changes, tracks = np.zeros(len(starts), int), _Tracks(self, p, starts)
+        changes, tracks = np.zeros(len(starts), int), Tracks(self, p, starts)
         while len(going):
             interrupts.check()
             steps, c, trusted = self.scheme(0).advance_all(x, tracks.data, 1 if self.phase.pieces else LOOK_AHEAD)
@@ -382,7 +277,7 @@ class Flow:
         return steps[:count], c[:count]
 
     @staticmethod
-    def _cut(c, steps, left: float, track: "_Track", stop):
+    def _cut(c, steps, left: float, track: Track, stop):
         """How many steps to take, the length of the last, the end of a piece crossed there, and whether to stop."""
         count, cut, crossed, halted = len(steps), steps[-1], 0, False
         reached = np.cumsum(steps)
@@ -516,149 +411,3 @@ def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> C
 def _chunk(left: float, h: float) -> int:
     """How many steps to take at once: a power of two, about as many as are left."""
     return int(2 ** np.ceil(np.log2(np.clip(left / h, 1, LOOK_AHEAD))))
-
-
-class _Track:
-    """The piece of the field that the motion is on: its data, and where it ends."""
-
-    def __init__(self, flow: "Flow", p, x, columns: int, parameter_seeds):
-        self.flow, self.pieces = flow, flow.phase.pieces
-        self.data = p
-        self.seeds = np.zeros((len(p), columns)) if parameter_seeds is None else parameter_seeds
-        self.p, self.parameter_seeds = p, self.seeds
-        if self.pieces is None:
-            return
-        self.breaks, self.table, self.slopes = flow.piece_table(p)
-        self.weights = np.array(self.pieces.coordinate)
-        place = float(self.weights @ x)
-        if not self.breaks[0] <= place <= self.breaks[-1]:
-            raise OutOfRange(self._outside(place))
-        index = flow.piece(x, self.breaks)
-        self._set(index)
-        self.level = place if place in self.breaks else None
-        if place == self.breaks[index] and index > 0 and self.weights @ flow.rates(x, self.data) < 0:
-            self._set(index - 1)
-
-    def varied(self) -> tuple[int, ...]:
-        """Rows of the seeds that are not zero, on whatever piece."""
-        rows = np.flatnonzero(self.parameter_seeds.any(1))
-        data = range(len(self.parameter_seeds), len(self.seeds)) if len(rows) else ()
-        return (*map(int, rows), *data)
-
-    def _set(self, index: int):
-        self.index = index
-        self.data = np.concatenate([self.p, self.table[index]])
-        self.seeds = np.vstack([self.parameter_seeds, self.slopes[index] @ self.parameter_seeds])
-
-    def cut(self, c, h: float) -> tuple[float, int]:
-        """The step shortened to the piece's end, and which end that is: -1 lower, +1 upper, 0 neither."""
-        if self.pieces is None:
-            return h, 0
-        along = self.weights @ c[: self.flow.size]
-        crossed = 0
-        for side, level in ((-1, self.breaks[self.index]), (1, self.breaks[self.index + 1])):
-            if not np.isfinite(level):
-                continue
-            distance = along.copy()
-            distance[0] -= level
-            found = roots(distance[1:] if level == self.level else distance, h)
-            if found and found[0] < h:
-                h, crossed = found[0], side
-        self.level = None
-        return h, crossed
-
-    def enter(self, side: int, x, variations):
-        """Go on in the next piece, above (+1) or below (-1); returns the variations (n, columns) beyond the break.
-
-        Where the field jumps there, a change of the time of crossing changes the state by the jump (saltation).
-        """
-        index = self.index + side
-        if not 0 <= index < len(self.table):
-            raise OutOfRange(self._outside(float(self.weights @ x)))
-        self.level = self.breaks[max(index, self.index)]
-        before = self.data
-        self._set(index)
-        if variations is None:
-            return None
-        earlier = self.weights @ variations / (self.weights @ self.flow.rates(x, before))
-        return variations + np.outer(self._jump(x, before, side), earlier)
-
-    def _jump(self, x, before, side: int) -> np.ndarray:
-        """How much the field (n,) changes across the break at `x`. Without data of the pieces a law does not know on
-        which side of the break it is: then extrapolated from both sides."""
-        if self.pieces.size:
-            return self.flow.rates(x, self.data) - self.flow.rates(x, before)
-        room = np.diff(self.breaks).min()
-        away = side * NEARBY * min(1 + abs(self.level), room) * self.weights / (self.weights @ self.weights)
-        near, far = (
-            self.flow.rates(x + k * away, self.data) - self.flow.rates(x - k * away, before) for k in (1.0, 2.0)
-        )
-        return 2 * near - far
-
-    def _outside(self, place: float) -> str:
-        low, high = self.breaks[0], self.breaks[-1]
-        return f"the {self.pieces.label} reaches {place:.6g}, outside the law's range [{low:.6g}, {high:.6g}]"
-
-
-class _Tracks:
-    """The pieces of the field that several motions are on, as `_Track` of one."""
-
-    def __init__(self, flow: "Flow", p, x):
-        self.pieces, self.p = flow.phase.pieces, p
-        self.index = self.crossed = np.zeros(len(x), int)
-        if self.pieces is None:
-            return
-        self.breaks, self.table, _ = flow.piece_table(p)
-        self.weights = np.array(self.pieces.coordinate)
-        places = x @ self.weights
-        index = np.clip(np.searchsorted(self.breaks, places, "right") - 1, 0, len(self.table) - 1)
-        for i in np.flatnonzero((places == self.breaks[index]) & (index > 0)):
-            index[i] -= self.weights @ flow.rates(x[i], np.concatenate([p, self.table[index[i]]])) < 0
-        self.index = np.where((places < self.breaks[0]) | (places > self.breaks[-1]), -1, index)
-        self.level = np.where(np.isin(places, self.breaks), places, np.nan)
-
-    @property
-    def inside(self) -> np.ndarray:
-        """Which of them (m,) have a piece."""
-        return np.ones(len(self.index), bool) if self.pieces is None else self._known == self.index
-
-    @property
-    def _known(self) -> np.ndarray:
-        return np.clip(self.index, 0, len(self.table) - 1)
-
-    @property
-    def data(self) -> np.ndarray:
-        """Parameters with the data of the pieces, (m, np + nq)."""
-        data = np.tile(self.p, (len(self.index), 1))
-        return data if self.pieces is None else np.hstack([data, self.table[self._known]])
-
-    def cut(self, c, steps) -> np.ndarray:
-        """Steps (m, 1) with coefficients (m, 1, rows, K + 1) shortened to where they come to an end of their pieces."""
-        self.crossed = np.zeros(len(steps), int)
-        if self.pieces is None:
-            return steps
-        lengths = steps[:, 0].copy()
-        along = np.einsum("i,mik->mk", self.weights, c[:, 0, : len(self.weights)])
-        for side in (0, 1):
-            level = self.breaks[self._known + side]
-            distance = along.copy()
-            distance[:, 0] -= level
-            distance[~np.isfinite(level)] = 1.0
-            owner, _, t = Pile(distance, lengths, np.ones(len(lengths), int)).roots((level == self.level).astype(int))
-            owner, first = np.unique(owner, return_index=True)
-            hit = t[first] < lengths[owner]
-            lengths[owner[hit]], self.crossed[owner[hit]] = t[first][hit], 2 * side - 1
-        return lengths[:, None]
-
-    def enter(self):
-        """Go on in the next pieces where an end has been crossed."""
-        if self.pieces is not None:
-            ahead = self.index + self.crossed
-            passed = self.breaks[np.maximum(self.index, ahead)]
-            self.index, self.level = ahead, np.where(self.crossed != 0, passed, np.nan)
-
-    def keep(self, which):
-        """Go on with some of them."""
-        self.index, self.crossed = self.index[which], self.crossed[which]
-        if self.pieces is not None:
-            self.level = self.level[which]

@@ -19,8 +19,9 @@ from .accuracy import GAUSS_PLACES, GAUSS_WEIGHTS
 from .certify import gradients
 from .elementwise import Rows
 from .errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway
-from .flow import Flow, Trajectory, flow
+from .flow import Flow, flow
 from .model import Affine
+from .motions import Trajectory
 from .polynomial import piecewise_roots
 from .statements import vector
 

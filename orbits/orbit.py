@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from .errors import InputError
-from .flow import Trajectory
 from .model import Affine, Units
+from .motions import Trajectory
 from .polynomial import lowest
 
 FORMAT = "persistent-orbits orbit 1"

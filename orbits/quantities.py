@@ -15,8 +15,8 @@ import numpy as np
 
 from .certify import loss_coefficient
 from .errors import InputError, NoOrbit
-from .flow import Trajectory
 from .model import Affine, Arc, Model, Phase, Statement, Units
+from .motions import Trajectory
 from .orbit import Orbit
 from .roots import bracketed_root
 from .statements import half_orbit

@@ -8,8 +8,8 @@ import numpy as np
 from . import interrupts
 from .certify import count_families
 from .errors import FlowError, InputError, NoOrbit, number_of
-from .flow import Motions
 from .model import Model
+from .motions import Motions
 from .orbit import Orbit
 from .shooting import Shooting, solve
 from .statements import Solution, as_orbit, equations_of, in_flight_states, interpret, vector

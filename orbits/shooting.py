@@ -11,8 +11,9 @@ import numpy as np
 from . import nlp
 from .calls import Call, Calls
 from .errors import FlowError, NoOrbit
-from .flow import Flow, Trajectory, flow
+from .flow import Flow, flow
 from .model import Arc, Statement
+from .motions import Trajectory
 from .polynomial import derivative, evaluate
 from .steps import DEFECT
 

@@ -14,8 +14,9 @@ import numpy as np
 
 from . import interrupts
 from .errors import FlowError, InputError, number_of, whole_of
-from .flow import Trajectory, first_zero
+from .flow import first_zero
 from .impacts import CAP, LIFTOFF_ORDER, Impacts, failed
+from .motions import Trajectory
 from .polynomial import lowest
 
 # What happens this near to a change of the schedule, beside the time, happens at it: events are known no better.

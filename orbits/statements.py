@@ -10,8 +10,8 @@ import numpy as np
 from .accuracy import error_bound
 from .certify import Case, certify, follow_contacts
 from .errors import NoOrbit
-from .flow import Trajectory
 from .model import Arc, Model, Phase, Statement
+from .motions import Trajectory
 from .orbit import Orbit, Shape
 from .shooting import Evaluation, Shooting, shooting, solve
 

@@ -10,9 +10,10 @@ import numpy as np
 
 from .accuracy import GAUSS_PLACES, GAUSS_WEIGHTS
 from .errors import InputError
-from .flow import Flow, Trajectory, flow
+from .flow import Flow, flow
 from .jets import jets
 from .model import Phase
+from .motions import Trajectory
 from .nlp import Minimiser, Minimum
 from .polynomial import Pile, powers
 from .steps import runge_kutta

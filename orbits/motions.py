@@ -1,0 +1,114 @@
+"""Motions as piecewise Taylor polynomials, one by one and many together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from .model import Affine
+from .polynomial import Pile, evaluate, shifted
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A motion as Taylor polynomials: on times[i] <= t <= times[i + 1] the rows are sums of
+    c[i, :, k] (t - times[i])**k.
+
+    times : (N + 1,)
+    coefficients : (N, n + m, K + 1), the n states, then the m watched quantities
+    names : of the rows
+    variations : (N, n, columns, K + 1), the states' derivatives with respect to whatever was varied, None without
+    """
+
+    times: np.ndarray
+    coefficients: np.ndarray
+    names: tuple[str, ...]
+    variations: np.ndarray | None = None
+
+    def __post_init__(self):
+        self.times.setflags(write=False)
+        self.coefficients.setflags(write=False)
+
+    def moved(self, change, longer: float) -> "Trajectory":
+        """The states' motion for a small `change` (columns,) of what was varied, and so much longer; to first order."""
+        states = self.variations.shape[1]
+        coefficients = self.coefficients[:, :states] + np.einsum("nick,c->nik", self.variations, change)
+        times = np.append(self.times[:-1], self.times[-1] + longer)
+        return Trajectory(times, coefficients, self.names[:states], self.variations)
+
+    def __call__(self, t):
+        """Rows (..., n + m) at times `t` (...), which lie within the trajectory's."""
+        t = np.asarray(t, dtype=float)
+        piece = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
+        return evaluate(self.coefficients[piece], (t - self.times[piece])[..., None])
+
+    @cached_property
+    def steps(self) -> np.ndarray:
+        """Lengths (N,) of the polynomials' intervals."""
+        return self.times[1:] - self.times[:-1]
+
+    @cached_property
+    def end(self) -> np.ndarray:
+        """Rows (n + m,) at the last time."""
+        return evaluate(self.coefficients[-1], self.times[-1] - self.times[-2])
+
+    def split(self, t: float) -> tuple["Trajectory", "Trajectory"]:
+        """The motion up to time `t`, and the rest told backwards from its end."""
+        i = int(np.clip(np.searchsorted(self.times, t) - 1, 0, len(self.times) - 2))
+        h = t - self.times[i]
+        first = Trajectory(np.append(self.times[: i + 1], t), self.coefficients[: i + 1], self.names)
+        rest = np.concatenate([shifted(self.coefficients[i : i + 1], np.array([h])), self.coefficients[i + 1 :]])
+        times = np.append(t, self.times[i + 1 :])
+        ends = shifted(rest, np.diff(times)) * (-1.0) ** np.arange(rest.shape[2])
+        return first, Trajectory(times[-1] - times[::-1], ends[::-1], self.names)
+
+    def row(self, name: str) -> np.ndarray:
+        """Coefficients (N, K + 1) of one row."""
+        return self.coefficients[:, self.names.index(name)]
+
+
+class Motions:
+    """Motions of one phase, their steps joined, to be asked all together; quantities are per step (N, ...).
+
+    counts : (m,), steps of each; `first` and `last` (m,) are where they begin and end
+    owner : (N,), the motion that a step belongs to
+    ends : (m,), times
+    """
+
+    def __init__(self, paths: Sequence[Trajectory]):
+        self.names = paths[0].names
+        self.counts = np.array([len(path.times) - 1 for path in paths])
+        self.last = np.cumsum(self.counts) - 1
+        self.first = self.last - self.counts + 1
+        self.owner = np.repeat(np.arange(len(paths)), self.counts)
+        self.coefficients = np.concatenate([path.coefficients for path in paths])
+        self.starts = np.concatenate([path.times[:-1] for path in paths])
+        self.steps = np.concatenate([path.times[1:] for path in paths]) - self.starts
+        self.ends = np.array([path.times[-1] for path in paths])
+
+    def series(self, quantity: Affine | Sequence[Affine]) -> np.ndarray:
+        """Coefficients (N, K + 1) of an affine function of the first rows, the same or one for each motion."""
+        if isinstance(quantity, Affine):
+            return quantity.series(self.coefficients[:, : len(quantity.weights)])
+        weights = np.array([each.weights for each in quantity])[self.owner]
+        along = (weights[:, None] @ self.coefficients[:, : weights.shape[1]])[:, 0]
+        along[:, 0] += np.array([each.offset for each in quantity])[self.owner]
+        return along
+
+    def pile(self, series) -> Pile:
+        """The piecewise polynomials of `series` (N, K + 1), one for each motion."""
+        return Pile(series, self.steps, self.counts)
+
+    def time(self, owner, piece, t) -> np.ndarray:
+        """The times (r,) of places in motions, as a `Pile` tells them."""
+        return self.starts[self.first[owner] + piece] + t
+
+    def largest(self, values) -> np.ndarray:
+        """Of each motion the largest absolute value (m,) of any of `values` (N, ...)."""
+        return np.maximum.reduceat(np.abs(values).reshape(len(values), -1).max(1), self.first)
+
+    @cached_property
+    def finals(self) -> np.ndarray:
+        """The rows (m, rows) at the end of each."""
+        return evaluate(self.coefficients[self.last], self.steps[self.last, None])

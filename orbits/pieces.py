@@ -1,0 +1,155 @@
+"""On which piece of a piecewise field a motion is, where that ends, and what comes after."""
+
+import numpy as np
+
+from .errors import OutOfRange
+from .polynomial import Pile, roots
+
+# How near to a break the field is asked for its limits there, which are extrapolated to second order.
+NEARBY = 1e-6
+
+
+class Track:
+    """The piece of the field that the motion is on: its data, and where it ends."""
+
+    def __init__(self, flow, p, x, columns: int, parameter_seeds):
+        self.flow, self.pieces = flow, flow.phase.pieces
+        self.data = p
+        self.seeds = np.zeros((len(p), columns)) if parameter_seeds is None else parameter_seeds
+        self.p, self.parameter_seeds = p, self.seeds
+        if self.pieces is None:
+            return
+        self.breaks, self.table, self.slopes = flow.piece_table(p)
+        self.weights = np.array(self.pieces.coordinate)
+        place = float(self.weights @ x)
+        if not self.breaks[0] <= place <= self.breaks[-1]:
+            raise OutOfRange(self._outside(place))
+        index = flow.piece(x, self.breaks)
+        self._set(index)
+        self.level = place if place in self.breaks else None
+        if place == self.breaks[index] and index > 0 and self.weights @ flow.rates(x, self.data) < 0:
+            self._set(index - 1)
+
+    def varied(self) -> tuple[int, ...]:
+        """Rows of the seeds that are not zero, on whatever piece."""
+        rows = np.flatnonzero(self.parameter_seeds.any(1))
+        data = range(len(self.parameter_seeds), len(self.seeds)) if len(rows) else ()
+        return (*map(int, rows), *data)
+
+    def _set(self, index: int):
+        self.index = index
+        self.data = np.concatenate([self.p, self.table[index]])
+        self.seeds = np.vstack([self.parameter_seeds, self.slopes[index] @ self.parameter_seeds])
+
+    def cut(self, c, h: float) -> tuple[float, int]:
+        """The step shortened to the piece's end, and which end that is: -1 lower, +1 upper, 0 neither."""
+        if self.pieces is None:
+            return h, 0
+        along = self.weights @ c[: self.flow.size]
+        crossed = 0
+        for side, level in ((-1, self.breaks[self.index]), (1, self.breaks[self.index + 1])):
+            if not np.isfinite(level):
+                continue
+            distance = along.copy()
+            distance[0] -= level
+            found = roots(distance[1:] if level == self.level else distance, h)
+            if found and found[0] < h:
+                h, crossed = found[0], side
+        self.level = None
+        return h, crossed
+
+    def enter(self, side: int, x, variations):
+        """Go on in the next piece, above (+1) or below (-1); returns the variations (n, columns) beyond the break.
+
+        Where the field jumps there, a change of the time of crossing changes the state by the jump (saltation).
+        """
+        index = self.index + side
+        if not 0 <= index < len(self.table):
+            raise OutOfRange(self._outside(float(self.weights @ x)))
+        self.level = self.breaks[max(index, self.index)]
+        before = self.data
+        self._set(index)
+        if variations is None:
+            return None
+        earlier = self.weights @ variations / (self.weights @ self.flow.rates(x, before))
+        return variations + np.outer(self._jump(x, before, side), earlier)
+
+    def _jump(self, x, before, side: int) -> np.ndarray:
+        """How much the field (n,) changes across the break at `x`. Without data of the pieces a law does not know on
+        which side of the break it is: then extrapolated from both sides."""
+        if self.pieces.size:
+            return self.flow.rates(x, self.data) - self.flow.rates(x, before)
+        room = np.diff(self.breaks).min()
+        away = side * NEARBY * min(1 + abs(self.level), room) * self.weights / (self.weights @ self.weights)
+        near, far = (
+            self.flow.rates(x + k * away, self.data) - self.flow.rates(x - k * away, before) for k in (1.0, 2.0)
+        )
+        return 2 * near - far
+
+    def _outside(self, place: float) -> str:
+        low, high = self.breaks[0], self.breaks[-1]
+        return f"the {self.pieces.label} reaches {place:.6g}, outside the law's range [{low:.6g}, {high:.6g}]"
+
+
+class Tracks:
+    """The pieces of the field that several motions are on, as `Track` of one."""
+
+    def __init__(self, flow, p, x):
+        self.pieces, self.p = flow.phase.pieces, p
+        self.index = self.crossed = np.zeros(len(x), int)
+        if self.pieces is None:
+            return
+        self.breaks, self.table, _ = flow.piece_table(p)
+        self.weights = np.array(self.pieces.coordinate)
+        places = x @ self.weights
+        index = np.clip(np.searchsorted(self.breaks, places, "right") - 1, 0, len(self.table) - 1)
+        for i in np.flatnonzero((places == self.breaks[index]) & (index > 0)):
+            index[i] -= self.weights @ flow.rates(x[i], np.concatenate([p, self.table[index[i]]])) < 0
+        self.index = np.where((places < self.breaks[0]) | (places > self.breaks[-1]), -1, index)
+        self.level = np.where(np.isin(places, self.breaks), places, np.nan)
+
+    @property
+    def inside(self) -> np.ndarray:
+        """Which of them (m,) have a piece."""
+        return np.ones(len(self.index), bool) if self.pieces is None else self._known == self.index
+
+    @property
+    def _known(self) -> np.ndarray:
+        return np.clip(self.index, 0, len(self.table) - 1)
+
+    @property
+    def data(self) -> np.ndarray:
+        """Parameters with the data of the pieces, (m, np + nq)."""
+        data = np.tile(self.p, (len(self.index), 1))
+        return data if self.pieces is None else np.hstack([data, self.table[self._known]])
+
+    def cut(self, c, steps) -> np.ndarray:
+        """Steps (m, 1) with coefficients (m, 1, rows, K + 1) shortened to where they come to an end of their pieces."""
+        self.crossed = np.zeros(len(steps), int)
+        if self.pieces is None:
+            return steps
+        lengths = steps[:, 0].copy()
+        along = np.einsum("i,mik->mk", self.weights, c[:, 0, : len(self.weights)])
+        for side in (0, 1):
+            level = self.breaks[self._known + side]
+            distance = along.copy()
+            distance[:, 0] -= level
+            distance[~np.isfinite(level)] = 1.0
+            owner, _, t = Pile(distance, lengths, np.ones(len(lengths), int)).roots((level == self.level).astype(int))
+            owner, first = np.unique(owner, return_index=True)
+            hit = t[first] < lengths[owner]
+            lengths[owner[hit]], self.crossed[owner[hit]] = t[first][hit], 2 * side - 1
+        return lengths[:, None]
+
+    def enter(self):
+        """Go on in the next pieces where an end has been crossed."""
+        if self.pieces is not None:
+            ahead = self.index + self.crossed
+            passed = self.breaks[np.maximum(self.index, ahead)]
+            self.index, self.level = ahead, np.where(self.crossed != 0, passed, np.nan)
+
+    def keep(self, which):
+        """Go on with some of them."""
+        self.index, self.crossed = self.index[which], self.crossed[which]
+        if self.pieces is not None:
+            self.level = self.level[which]
