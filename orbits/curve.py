@@ -226,7 +226,7 @@ def _on(path: Trajectory, mesh: np.ndarray) -> bool:
 def _finer(times: np.ndarray) -> np.ndarray:
     """A motion's nodes as shares of its duration, a little closer, so that its neighbours can use them too."""
     count = len(times) - 1
-    places = np.linspace(0, count, int(1.25 * count) + 3)
+    places = np.linspace(0, count, int(1.15 * count) + 2)
     return np.interp(places, np.arange(count + 1), times) / times[-1]
 
 
