@@ -43,9 +43,11 @@ def new_row(count: int, width: float = 4.2, height: float = 3.6, rows: int = 1):
     first = new_axes(width * count, height * rows)
     figure = first.figure
     first.remove()
+    figure.get_layout_engine().set(h_pad=0.08, w_pad=0.08)
     axes = figure.subplots(rows, count)
     for one in np.ravel(axes):
         one.spines[["top", "right"]].set_visible(False)
+        one.locator_params(axis="x", nbins=6)
     return axes
 
 
@@ -184,9 +186,11 @@ def plot_existence(diagram, axes=None):
         axes.plot(*zip(*folds, strict=True), "o", color="0.15", mfc="white", ms=3.5, label="fold", zorder=4)
     for label, colour in (("motions", COLOURS[0]), ("no motions", PALE)):
         axes.fill_between([], [], color=colour, label=label)
+    if any(map(diagram.unknown, range(len(values)))):
+        axes.fill_between([], [], fc="none", ec="0.8", hatch="///", lw=0, label="not known")
     axes.set(xlabel=diagram.along, ylabel=diagram.across)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3)
+    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4)
     return axes
 
 

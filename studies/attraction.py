@@ -81,7 +81,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, list]:
     left, right = new_row(2, 4.8, 3.8)
     left.semilogx(ratios, shares, "o-", color=COLOURS[0], ms=4)
     left.set(xlabel="mass ratio M", ylabel="share of launches attracted", ylim=(0, 1.05))
-    right.plot(injections, errors, "o-", color=COLOURS[1], ms=4)
+    right.loglog(injections, errors, "o-", color=COLOURS[1], ms=4)
     right.set(xlabel="injection at every hop", ylabel="error allowed", title=f"eight catches, M = {MASS_RATIO:g}")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(left, folder / 'attraction.png')}")
