@@ -51,7 +51,7 @@ class Flow:
         self.phase, self.parameters = phase, tuple(parameters)
         self.size = len(phase.states)
         self.names = (*phase.states, *phase.watch)
-        self._schemes: dict[tuple, Taylor | RungeKutta] = {}
+        self.schemes: dict[tuple, Taylor | RungeKutta] = {}
 
     @cached_property
     def graph(self) -> Graph:
@@ -79,17 +79,17 @@ class Flow:
     @property
     def compiled(self) -> bool:
         """Whether stepping has taken long enough to be compiled."""
-        return any(isinstance(scheme, Taylor) and scheme.compiled for scheme in self._schemes.values())
+        return any(isinstance(scheme, Taylor) and scheme.compiled for scheme in self.schemes.values())
 
     def scheme(self, columns: int, varied: tuple[int, ...] = ()):
         """The stepping scheme that carries so many sensitivities along, built on first use.
 
         varied : rows of the parameters, with the data of a piece, whose seeds are not zero
         """
-        if (columns, varied) not in self._schemes:
+        if (columns, varied) not in self.schemes:
             form = Taylor if self.graph.has_series else RungeKutta
-            self._schemes[columns, varied] = form(self.graph, columns, varied)
-        return self._schemes[columns, varied]
+            self.schemes[columns, varied] = form(self.graph, columns, varied)
+        return self.schemes[columns, varied]
 
     def run(self, start, p, duration=np.inf, seeds=None, parameter_seeds=None, stop: Callable | None = None):
         """Travel from `start` (n,) for `duration`, or until `stop` says so.

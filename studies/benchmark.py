@@ -7,24 +7,31 @@ Run: python studies/benchmark.py [--output FOLDER] [--quick]
 """
 
 import argparse
+import contextlib
 import json
 import platform
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import root
 
 from orbits import METHODS, InputError, ReturnMap, find, follow
 from orbits.flow import Flow
 from orbits.plot import COLOURS, new_row, save_figure
+from orbits.statements import equations_of
+from orbits.steps import RungeKutta
 from problems import Chain, Hopper
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
+
+from studies import peers
 
 # Launch speeds in 30 digits: a root of tan; quadrature of the energy integral; Taylor series in 40 digits.
 SCENES = {
@@ -38,7 +45,28 @@ SCENES = {
     "stiff, r + 50 r^3": (Hopper("cubic", parameters={"beta": 50.0}), 1, "1.29941926357377987165046227552"),
     "cubic, family 40": (Hopper("cubic", parameters={"beta": 0.3}), 40, "30.5394714933042621033602393326"),
 }
+# Losses (in the square of the launch speed) of launches that land once, by the scene: by Taylor series in 40 digits.
+LOSSES = {
+    "linear": {
+        4.5: "0.0433979761034926648291169509558",
+        4.6: "1.86746556959198037510190444789",
+        5.5: "28.6850589823529348231332917599",
+    },
+    "cubic": {
+        3.0: "0.942783659457491841535091127985",
+        3.25: "9.08580852934471158337211783861",
+        3.5: "13.7611432397845077387401245239",
+    },
+    "sinh, inverse-square gravity": {
+        3.25: "0.744085578957362002044424888738",
+        3.5: "8.40005146362737811671659427546",
+        3.75: "14.6577156381007974819548649155",
+    },
+}
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+# How near a family's points lie. Maps and families are asked so often before they are timed, until all is compiled that
+# repays it.
+LONGEST, WARM = 0.0125, 50
 
 
 def timed(function: Callable, seconds: float) -> tuple[float, object]:
@@ -51,8 +79,9 @@ def timed(function: Callable, seconds: float) -> tuple[float, object]:
     return float(np.median(times)), answer
 
 
-def orbits_of(machine, family: int, exact: float, seconds: float, tolerances) -> list[dict]:
-    """An orbit by every way of the toolkit, certified, and by shooting with scipy and CasADi's Opti."""
+def orbits_of(machine, family: int, exact: float, seconds: float, quick: bool) -> list[dict]:
+    """An orbit by every way of the toolkit, certified, and by its peers from a guess within 1e-4."""
+    some = quick and family > 1  # of high families peers take seconds
     rows = []
     for method in METHODS:
         try:
@@ -65,95 +94,34 @@ def orbits_of(machine, family: int, exact: float, seconds: float, tolerances) ->
     took, orbit = timed(lambda: find(machine, start=near), seconds)
     rows.append({"way": "warm", "seconds": took, "error": abs(orbit.alpha - exact), "claimed": orbit.error})
     start = np.array([orbit.alpha, orbit.flight_time / 2]) * (1 + 1e-4)
-    for tolerance in tolerances:
-        took, alpha = timed(lambda tol=tolerance: by_scipy(machine, start, tol), seconds)
-        rows.append({"way": "scipy DOP853 + root", "seconds": took, "error": abs(alpha - exact), "setting": tolerance})
-    for steps in (50, 200, 800) if family == 1 else (1600,):
-        solver = opti(machine, steps)
-        took, alpha = timed(lambda s=solver: s(*start), seconds)
-        rows.append({"way": "Opti, RK4", "seconds": took, "error": abs(alpha - exact), "setting": steps})
+    for way, (make, settings) in peers.ORBITS.items():
+        for setting in settings[: 1 if some else None : 2 if quick else 1]:
+            with contextlib.suppress(ImportError, RuntimeError):  # not installed, or without an answer: family 40
+                solver = make(machine, setting)
+                took, alpha = timed(lambda s=solver: s(*start), seconds)
+                rows.append({"way": way, "seconds": took, "error": abs(alpha - exact), "setting": setting})
     return rows
 
 
-def by_scipy(machine, start, tolerance: float) -> float:
-    """The launch speed by shooting to rest in mid-flight: DOP853 and the hybrid method, from alpha and half time."""
-    field, p, x0 = numeric_field(machine), list(machine.values.values()), find_liftoff(machine)
-
-    def rest(u):
-        run = solve_ivp(
-            lambda t, x: field(x, p).full().ravel(),
-            (0, u[1]),
-            [x0, u[0], 0, 0],
-            "DOP853",
-            rtol=tolerance,
-            atol=tolerance,
-        )
-        return run.y[1::2, -1]
-
-    return float(root(rest, start, tol=tolerance).x[0])
-
-
-def numeric_field(machine) -> ca.Function:
-    x, p = ca.SX.sym("x", 4), ca.SX.sym("p", len(machine.values))
-    named = dict(zip(machine.values, ca.vertsplit(p), strict=True))
-    return ca.Function("f", [x, p], [ca.vertcat(*machine.model.flight.field(ca.vertsplit(x), named, []))])
-
-
-def find_liftoff(machine) -> float:
-    return float(machine.model.release(np.array([1.0]), machine.values)[0])
-
-
-def opti(machine, steps: int) -> Callable:
-    """(alpha, half time) -> launch speed, by multiple shooting with so many RK4 steps, written with CasADi's Opti."""
-    field, p, x0 = numeric_field(machine), list(machine.values.values()), find_liftoff(machine)
-    problem = ca.Opti()
-    x, alpha, duration = problem.variable(4, steps + 1), problem.variable(), problem.variable()
-    h = duration / steps
-    a, b = ca.MX.sym("a", 4), ca.MX.sym("b")
-    k1 = field(a, p)
-    k2 = field(a + b / 2 * k1, p)
-    k3 = field(a + b / 2 * k2, p)
-    k4 = field(a + b * k3, p)
-    step = ca.Function("rk4", [a, b], [a + b / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
-    problem.subject_to(x[:, 1:] == step.map(steps)(x[:, :-1], ca.repmat(h, 1, steps)))
-    problem.subject_to(x[:, 0] == ca.vertcat(x0, alpha, 0, 0))
-    problem.subject_to(x[1::2, -1] == 0)
-    problem.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes", "tol": 1e-12})
-
-    def solve(speed, half):
-        run = solve_ivp(lambda t, y: field(y, p).full().ravel(), (0, half), [x0, speed, 0, 0], rtol=1e-6,
-                        t_eval=np.linspace(0, half, steps + 1))  # fmt: skip
-        problem.set_initial(x, run.y)
-        problem.set_initial(alpha, speed)
-        problem.set_initial(duration, half)
-        return float(problem.solve().value(alpha))
-
-    return solve
-
-
 def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
-    """Half the flight with its 4 by 4 transition matrix; the error is that of the energy's conservation and of rest in
-    mid-flight."""
+    """Half the flight with its 4 by 4 transition matrix; the error is that of rest in mid-flight."""
     names, p = tuple(machine.values), np.array(list(machine.values.values()))
     start, half, rows = orbit(0.0), orbit.flight_time / 2, []
     seeds = np.eye(4)
-    for way in ("Taylor, virtual machine", "Taylor, compiled"):
-        along = Flow(machine.model.flight, names)
-        if along.method == "Taylor":
-            scheme = along.scheme(4)
-            scheme.patience, asked = np.inf, False
-            if way.endswith("compiled"):
-                while (not scheme.compiled and scheme.patience < np.inf) or not asked:
-                    scheme.patience, asked = -1.0, True
-                    scheme.spend(0)
-                if not scheme.compiled:
-                    continue
-        elif way.endswith("compiled"):
+    phase = replace(machine.model.flight, closed_form=None)
+    for way in ("Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8"):
+        along = Flow(phase, names)
+        if way.startswith("Runge-Kutta"):
+            along.schemes[4, ()] = RungeKutta(along.graph, 4)
+        elif not _compiled(along.scheme(4), way.endswith("compiled")):
             continue
         took, (path, _) = timed(lambda a=along: a.run(start, p, half, seeds), seconds)
-        name = way if along.method == "Taylor" else along.method
-        rows.append({"way": name, "seconds": took, "error": float(np.abs(path.end[1:4:2]).max())})
-    field = numeric_field(machine)
+        rows.append({"way": way, "seconds": took, "error": float(np.abs(path.end[1:4:2]).max())})
+    with contextlib.suppress(ImportError):
+        along = peers.flow_by_heyoka(machine)
+        took, (end, _) = timed(lambda: along(start, half), seconds)
+        rows.append({"way": "heyoka", "seconds": took, "error": float(np.abs(end[1:4:2]).max())})
+    field = peers.numeric_field(machine)
     x, q = ca.SX.sym("x", 4), ca.SX.sym("p", len(p))
     slope = ca.Function("slope", [x, q], [ca.jacobian(field(x, q), x)])
 
@@ -172,58 +140,90 @@ def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
     return rows
 
 
-def maps_of(machine, seconds: float) -> list[dict]:
-    """The return map at 1000 launches, per launch; by scipy's events at 20 of them."""
-    step, alpha = ReturnMap(machine), np.linspace(3.5, 8.0, 1000)
-    step(alpha)
-    took, hops = timed(lambda: step(alpha), seconds)
-    rows = [{"way": "return map, 1000 at a time", "seconds": took / alpha.size, "error": 0.0}]
-    took, _ = timed(lambda: step(float(alpha[500])), seconds)
-    rows.append({"way": "return map, one", "seconds": took, "error": 0.0})
-    field, p = numeric_field(machine), list(machine.values.values())
+def _compiled(scheme, wanted: bool) -> bool:
+    """Have a scheme compiled, or see that it never is; False when it should be and there is no compiler."""
+    scheme.patience, asked = np.inf, False
+    while wanted and not scheme.compiled and (scheme.patience < np.inf or not asked):
+        scheme.patience, asked = -1.0, True
+        scheme.spend(0)
+    return scheme.compiled or not wanted
+
+
+def maps_of(machine, losses: dict[float, str], seconds: float) -> list[dict]:
+    """The return map at 1000 launches, per launch, and at one; a landing by scipy's events."""
+    step, alpha, known = ReturnMap(machine), np.linspace(3.5, 8.0, 1000), np.array(list(losses))
+    true = np.array([float(loss) for loss in losses.values()])
+    for _ in range(WARM):
+        step(alpha)
+    error = float(np.abs(step(known).loss - true).max())
+    many, _ = timed(lambda: step(alpha), seconds)
+    one, _ = timed(lambda: step(float(alpha[500])), seconds)
+    field, p = peers.numeric_field(machine), list(machine.values.values())
     lands = lambda t, x: x[2] if t > 1e-3 else 1.0  # noqa: E731
     lands.terminal, lands.direction = True, -1
-    few, liftoff = np.flatnonzero(hops.impacts == 1)[:20], find_liftoff(machine)
 
     def landing():
-        speeds = []
-        for a in alpha[few]:
-            options = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-10, "events": lands}
-            run = solve_ivp(lambda t, x: field(x, p).full().ravel(), (0, 60), [liftoff, a, 0, 0], **options)
-            speeds.append(run.y[3, -1])
-        return np.array(speeds)
+        options = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-10, "events": lands}
+        rates = lambda t, x: field(x, p).full().ravel()  # noqa: E731
+        return np.array([solve_ivp(rates, (0, 60), peers.launch(machine, a), **options).y[3, -1] for a in known])
 
     took, speeds = timed(landing, seconds)
-    error = np.abs(machine.mass_ratio * speeds**2 - hops.loss[few]).max()
-    rows.append({"way": "scipy events, flight alone", "seconds": took / max(len(few), 1), "error": float(error)})
-    return rows
+    return [
+        {"way": "return map, 1000 at a time", "seconds": many / alpha.size, "error": error},
+        {"way": "return map, one", "seconds": one, "error": error},
+        {
+            "way": "scipy events, flight alone",
+            "seconds": took / known.size,
+            "error": float(np.abs(machine.mass_ratio * speeds**2 - true).max()),
+        },
+    ]
 
 
-def family_of(seconds: float) -> list[dict]:
-    """The cubic family from beta = 0 to 5, per point, certified; and by stepping scipy's shooting."""
+def families_of(seconds: float, quick: bool) -> dict[str, list[dict]]:
+    """The cubic family from beta = 0 to 5, and that of sinh in inverse-square gravity from b = 0.1 to 2: per point,
+    certified; the equations of a point with their derivatives, once; and the first by stepping scipy's shooting."""
     golden = {0.5: 2.7218099551244222, 1.0: 2.4464033594052791, 2.0: 2.1928659123582987, 5.0: 1.8928045469451067}
-    machine = Hopper("cubic", parameters={"beta": 0.0})
-
-    def walk():
-        return follow(machine, "beta", 5.0, at=tuple(golden))
-
-    walk()
-    took, family = timed(walk, seconds)
-    error = max(abs(point.alpha - golden[point.value]) for point in family if point.value in golden)
-    rows = [{"way": "follow, certified", "seconds": took / len(family), "error": error}]
+    machine, _, exact = SCENES["sinh, inverse-square gravity"]
+    found = {
+        "cubic": _followed(Hopper("cubic", parameters={"beta": 0.0}), "beta", 5.0, golden, seconds),
+        "sinh, inverse-square gravity": _followed(machine.with_values(b=0.1), "b", 2.0, {0.5: float(exact)}, seconds),
+    }
+    if quick:
+        return found
 
     def stepping():
         u, worst = np.array([4.493409457909064, 4.493409457909064]), 0.0
         values = np.unique(np.r_[np.linspace(0, 1, 30), np.linspace(1, 5, 30), list(golden)])
         for value in values[1:]:
-            there = machine.with_values(beta=value)
-            u = np.full(2, by_scipy(there, u, 1e-12))
+            there = Hopper("cubic", parameters={"beta": value})
+            u = np.full(2, peers.by_scipy(there, 1e-12)(*u))
             worst = max(worst, abs(u[0] - golden.get(value, u[0])))
         return len(values), worst
 
     took, (count, error) = timed(stepping, 0.0)
-    rows.append({"way": "scipy, stepped", "seconds": took / count, "error": error})
-    return rows
+    found["cubic"].append({"way": "scipy, stepped", "seconds": took / count, "error": error})
+    return found
+
+
+def _followed(machine, along: str, stop: float, golden: dict[float, float], seconds: float) -> list[dict]:
+    def walk():
+        return follow(machine, along, stop, at=tuple(golden), longest=LONGEST)
+
+    for _ in range(WARM):
+        walk()
+    took, family = timed(walk, seconds)
+    error = max(abs(point.alpha - golden[point.value]) for point in family if point.value in golden)
+    equations = equations_of(machine.model, family.settings["method"], tuple(machine.values))
+    points = family.points[-40:]
+    us = np.array([point.u for point in points])
+    ps = np.array([list(machine.with_values(**{along: point.value}).values.values()) for point in points])
+    meshes = [path.times / path.times[-1] for path in equations.evaluate(us[-1], ps[-1], (along,)).trajectories]
+    meshes = [np.interp(np.linspace(0, 1, len(mesh) + 2), np.linspace(0, 1, len(mesh)), mesh) for mesh in meshes]
+    once, _ = timed(lambda: equations.evaluate_all(us, ps, (along,), meshes), seconds)
+    return [
+        {"way": "follow, certified", "seconds": took / len(family), "error": error, "points": len(family)},
+        {"way": "the equations once", "seconds": once / len(points), "error": 0.0},
+    ]
 
 
 COLD = """
@@ -307,7 +307,8 @@ def draw(results: dict):
     """The work-precision pictures, one for each scene, the cold starts and the scaling."""
     axes = new_row(4, 4.3, 3.7, rows=2).ravel()
     looks = {way: ("o", colour) for way, colour in zip((*METHODS, "warm"), COLOURS, strict=False)}
-    looks |= {"scipy DOP853 + root": ("s-", "0.35"), "Opti, RK4": ("^-", "0.6")}
+    looks |= {"scipy DOP853 + root": ("s-", "0.35"), "Opti, RK4": ("^-", "0.6"), "rockit, RK4": ("v-", "0.75")}
+    looks["heyoka + Newton"] = ("D", "0.2")
     for one, (name, rows) in zip(axes, results["orbits"].items(), strict=False):
         for way in dict.fromkeys(row["way"] for row in rows):
             points = np.array([(row["error"], row["seconds"]) for row in rows if row["way"] == way])
@@ -333,24 +334,44 @@ def draw(results: dict):
     return axes[0]
 
 
-def main(folder: Path, quick: bool = False) -> dict:
+def rows_of(results: dict) -> dict[str, dict]:
+    """Every row that was measured, by what it is of."""
+    found = {}
+    for part in ("orbits", "flows", "maps", "families"):
+        for scene, rows in results[part].items():
+            for row in rows:
+                found[" | ".join([part, scene, row["way"], *([str(row["setting"])] if "setting" in row else [])])] = row
+    return found
+
+
+def compare(results: dict, before: dict):
+    """Print what has become faster or slower since an earlier run, on the same machine or by the loop's speed."""
+    earlier, speed = rows_of(before), results["environment"]["loop of 1e6"] / before["environment"]["loop of 1e6"]
+    print(f"\n  against the earlier run, whose machine took {1 / speed:.2f} of the time for a plain loop:")
+    for name, row in rows_of(results).items():
+        if name in earlier:
+            ratio = earlier[name]["seconds"] * speed / row["seconds"]
+            print(f"  {name:<76}{1e3 * row['seconds']:10.4f} ms, {ratio:5.2f} times as fast")
+
+
+def main(folder: Path, quick: bool = False, against: Path | None = None) -> dict:
     seconds = 0.05 if quick else 1.0
+    before = json.loads(against.read_text(encoding="utf-8")) if against else None
     results = {"environment": environment(), "orbits": {}, "flows": {}, "cold": {}}
-    tolerances = TOLERANCES[::2] if quick else TOLERANCES
     for name, (machine, family, exact) in SCENES.items():
-        some = tolerances[:1] if quick and family > 1 else tolerances
-        results["orbits"][name] = orbits_of(machine, family, float(exact), seconds, some)
-        results["flows"][name] = flows_of(machine, find(machine, family), seconds, some)
+        some = quick and family > 1
+        results["orbits"][name] = orbits_of(machine, family, float(exact), seconds, quick)
+        results["flows"][name] = flows_of(machine, find(machine, family), seconds, TOLERANCES[:: 4 if some else 1])
         results["cold"][name] = cold(machine, family)
-        for row in results["orbits"][name] + results["flows"][name]:
-            print(f"  {name:<30}{row['way']:<26}{1e3 * row['seconds']:10.3f} ms{row['error']:12.1e}")
-    results["maps"] = maps_of(Hopper(), seconds)
-    results["family"] = family_of(seconds)
-    for row in results["maps"] + results["family"]:
-        print(f"  {'':<30}{row['way']:<26}{1e3 * row['seconds']:10.4f} ms{row['error']:12.1e}")
+    results["maps"] = {name: maps_of(SCENES[name][0], losses, seconds) for name, losses in LOSSES.items()}
+    results["families"] = families_of(seconds, quick)
+    for name, row in rows_of(results).items():
+        print(f"  {name:<76}{1e3 * row['seconds']:10.4f} ms{row['error']:12.1e}")
     results["scaling"] = scaling(seconds, quick)
     for name, found in results["scaling"].items():
         print(f"  time of an orbit goes with {name} to the power {found['exponent']:.2f}")
+    if before:
+        compare(results, before)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "benchmark.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
     print(f"\n  figure: {save_figure(draw(results), folder / 'benchmark.png')}")
@@ -361,5 +382,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figures and the JSON file")
     parser.add_argument("--quick", action="store_true", help="short repeats, under a minute")
+    parser.add_argument("--against", type=Path, help="benchmark.json of an earlier run, to compare with")
     arguments = parser.parse_args()
-    main(arguments.output, arguments.quick)
+    main(arguments.output, arguments.quick, arguments.against)

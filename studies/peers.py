@@ -1,0 +1,162 @@
+"""The same orbits and flows by other software: scipy, CasADi's Opti and, where they are installed, rockit and heyoka.
+
+Each is told what a user of it would tell it: the flight's equations, the launch, rest in mid-flight, and a guess.
+"""
+
+import contextlib
+import io
+import operator
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+from orbits.elementwise import single_assignment
+
+# Ipopt's answers are taken to its tolerance; it prints nothing.
+IPOPT = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-12}
+
+
+def numeric_field(machine) -> ca.Function:
+    """The flight's rates, (states (4,), parameters) -> (4,)."""
+    x, p = ca.SX.sym("x", 4), ca.SX.sym("p", len(machine.values))
+    named = dict(zip(machine.values, ca.vertsplit(p), strict=True))
+    return ca.Function("f", [x, p], [ca.vertcat(*machine.model.flight.field(ca.vertsplit(x), named, []))])
+
+
+def launch(machine, alpha: float) -> list[float]:
+    """The flight state at lift-off."""
+    return [float(machine.model.release(np.array([1.0]), machine.values)[0]), alpha, 0.0, 0.0]
+
+
+def by_scipy(machine, tolerance: float) -> Callable:
+    """(alpha, half time) -> launch speed, by DOP853 and the hybrid method."""
+    field, p = numeric_field(machine), list(machine.values.values())
+
+    def rest(u):
+        rates = lambda t, x: field(x, p).full().ravel()  # noqa: E731
+        return solve_ivp(rates, (0, u[1]), launch(machine, u[0]), "DOP853", rtol=tolerance, atol=tolerance).y[1::2, -1]
+
+    return lambda *start: float(root(rest, start, tol=tolerance).x[0])
+
+
+def guess_on(machine, alpha: float, half: float, steps: int) -> np.ndarray:
+    """The flight (4, steps + 1) from a guess, to a few digits."""
+    field, p = numeric_field(machine), list(machine.values.values())
+    times = np.linspace(0, half, steps + 1)
+    return solve_ivp(
+        lambda t, x: field(x, p).full().ravel(), (0, half), launch(machine, alpha), rtol=1e-6, t_eval=times
+    ).y
+
+
+def by_opti(machine, steps: int) -> Callable:
+    """(alpha, half time) -> launch speed, by multiple shooting with so many RK4 steps, written with CasADi's Opti."""
+    field, p = numeric_field(machine), list(machine.values.values())
+    problem = ca.Opti()
+    x, alpha, duration = problem.variable(4, steps + 1), problem.variable(), problem.variable()
+    a, b = ca.MX.sym("a", 4), ca.MX.sym("b")
+    k1 = field(a, p)
+    k2 = field(a + b / 2 * k1, p)
+    k3 = field(a + b / 2 * k2, p)
+    k4 = field(a + b * k3, p)
+    step = ca.Function("rk4", [a, b], [a + b / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
+    problem.subject_to(x[:, 1:] == step.map(steps)(x[:, :-1], ca.repmat(duration / steps, 1, steps)))
+    problem.subject_to(x[:, 0] == ca.vertcat(launch(machine, 0.0)[0], alpha, 0, 0))
+    problem.subject_to(x[1::2, -1] == 0)
+    problem.solver("ipopt", IPOPT)
+
+    def solve(speed, half):
+        problem.set_initial(x, guess_on(machine, speed, half, steps))
+        problem.set_initial(alpha, speed)
+        problem.set_initial(duration, half)
+        return float(problem.solve().value(alpha))
+
+    return solve
+
+
+def by_rockit(machine, steps: int) -> Callable:
+    """(alpha, half time) -> launch speed, by rockit's multiple shooting with so many RK4 steps; raises `ImportError`
+    without rockit."""
+    from rockit import FreeTime, MultipleShooting, Ocp
+
+    field, p = numeric_field(machine), list(machine.values.values())
+
+    def solve(speed, half):
+        problem = Ocp(T=FreeTime(half))
+        x = problem.state(4)
+        problem.set_der(x, field(x, p))
+        problem.subject_to(problem.at_t0(x)[[0, 2, 3]] == ca.DM(launch(machine, 0.0))[[0, 2, 3]])
+        problem.subject_to(problem.at_tf(x)[[1, 3]] == 0)
+        problem.set_initial(x, guess_on(machine, speed, half, steps))
+        problem.solver("ipopt", IPOPT)
+        problem.method(MultipleShooting(N=steps, M=1, intg="rk"))
+        with contextlib.redirect_stdout(io.StringIO()):
+            solution = problem.solve()
+        return float(solution.value(problem.at_t0(x))[1])
+
+    return solve
+
+
+def flow_by_heyoka(machine) -> Callable:
+    """(start (4,), time) -> the state and its transition matrix there, (4,) and (4, 4), by heyoka's Taylor method on
+    the variational equations, compiled, at its tightest tolerance; raises `ImportError` without heyoka."""
+    import heyoka as hy
+
+    unary = {ca.OP_NEG: operator.neg, ca.OP_SQ: lambda a: a * a, ca.OP_TWICE: lambda a: 2.0 * a}
+    unary |= {ca.OP_INV: lambda a: 1.0 / a, ca.OP_SQRT: hy.sqrt, ca.OP_EXP: hy.exp, ca.OP_TANH: hy.tanh}
+    unary |= {ca.OP_SIN: hy.sin, ca.OP_COS: hy.cos, ca.OP_SINH: hy.sinh, ca.OP_COSH: hy.cosh}
+    binary = {ca.OP_ADD: operator.add, ca.OP_SUB: operator.sub, ca.OP_MUL: operator.mul, ca.OP_DIV: operator.truediv}
+    binary |= {ca.OP_POW: operator.pow, ca.OP_CONSTPOW: operator.pow}
+    states, p = hy.make_vars(*"abcd"), list(machine.values.values())
+    values: list = []
+    rates: dict = {}
+    for op, places, constant in single_assignment(numeric_field(machine)):
+        if op == ca.OP_OUTPUT:
+            rates[places[2]] = values[places[0]]
+        elif op == ca.OP_INPUT:
+            value = states[places[1]] if places[0] == 0 else hy.expression(float(p[places[1]]))
+        elif op == ca.OP_CONST:
+            value = hy.expression(float(constant))
+        else:
+            value = (unary if len(places) == 1 else binary)[op](*(values[place] for place in places))
+        values.append(value)
+    system = hy.var_ode_sys([(state, rates[i]) for i, state in enumerate(states)], hy.var_args.vars, order=1)
+    integrator = hy.taylor_adaptive(system, [0.0] * 4, compact_mode=False)
+
+    def run(start, duration):
+        integrator.time = 0.0
+        integrator.state[:] = np.concatenate([start, np.eye(4).ravel()])
+        integrator.propagate_until(duration)
+        return integrator.state[:4].copy(), integrator.state[4:].reshape(4, 4).copy()
+
+    return run
+
+
+def by_heyoka(machine, _=None) -> Callable:
+    """(alpha, half time) -> launch speed, by Newton's method on heyoka's flow; raises `ImportError` without heyoka."""
+    flow, field, p = flow_by_heyoka(machine), numeric_field(machine), list(machine.values.values())
+
+    def solve(*start):
+        u = np.array(start)
+        for _ in range(20):
+            x, transition = flow(launch(machine, u[0]), u[1])
+            slopes = np.column_stack([transition[1::2, 1], field(x, p).full().ravel()[1::2]])
+            change = np.linalg.solve(slopes, -x[1::2])
+            u = u + change
+            if np.abs(change).max() < 1e-13 * np.abs(u).max():
+                break
+        return float(u[0])
+
+    return solve
+
+
+# What an orbit is found by, and with which settings: tolerances, numbers of steps, or none. Building is not counted
+# where the solver is built before it is asked.
+ORBITS = {
+    "scipy DOP853 + root": (by_scipy, (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
+    "Opti, RK4": (by_opti, (50, 200, 800)),
+    "rockit, RK4": (by_rockit, (50, 200)),
+    "heyoka + Newton": (by_heyoka, (None,)),
+}
