@@ -185,18 +185,15 @@ def liftoff_extension(law: Law, load: float, what: str) -> float:
     below = float(law(start)) < level
     grid = start + DISTANCES if below else start - DISTANCES
     grid = np.clip(grid, low, high)
-    values = law(grid)
-    finite = np.isfinite(values)
+    finite = np.isfinite(law(grid))
     known = len(grid) if finite.all() else int(np.argmin(finite))
     if known == 0:
         raise InputError(f"spring '{law.text}' has no force at rest (r = {start:g})")
-    grid, values = grid[:known], values[:known]
+    grid = _with_turns(law, grid[:known])
+    values = law(grid)
     if float(values[0]) == level:
         return _cleanly(law, start, what)
     crossed = np.flatnonzero((values >= level) == below)
-    if not len(crossed):
-        grid, values = _zoom(law, grid, values, below)
-        crossed = np.flatnonzero((values >= level) == below)
     if not len(crossed):
         extreme = values.max() if below else values.min()
         side = f"largest tension {extreme:.4g}" if below else f"least force {extreme:.4g}"
@@ -231,13 +228,17 @@ def _cleanly(law: Law, liftoff: float, what: str) -> float:
     return liftoff
 
 
-def _zoom(law: Law, grid, values, below: bool):
-    """Sample ever closer round the extreme value: a maximum that barely reaches the level lies between samples."""
-    for _ in range(6):
-        i = int(np.argmax(values) if below else np.argmin(values))
-        grid = np.linspace(grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], 201)
-        values = law(grid)
-    return grid, values
+def _with_turns(law: Law, grid) -> np.ndarray:
+    """A grid away from rest, and where between its places the force turns back: a maximum that barely reaches the level
+    lies between samples."""
+    slopes = law.with_slope(grid)[1]
+    cells = np.flatnonzero((slopes[:-1] > 0) & (slopes[1:] <= 0))
+    inner, outer = grid[cells], grid[cells + 1]
+    for _ in range(60):
+        middle = 0.5 * (inner + outer)
+        rises = law.with_slope(middle)[1] > 0
+        inner, outer = np.where(rises, middle, inner), np.where(rises, outer, middle)
+    return np.insert(grid, cells + 1, inner)
 
 
 def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:

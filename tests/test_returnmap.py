@@ -1,15 +1,14 @@
 """The return map against stored values, 45-digit arithmetic, its local law, the simulator and differences."""
 
 import json
-from itertools import pairwise
 
-import mpmath as mp
 import numpy as np
 import pytest
 from conftest import DATA
 
 from orbits import InputError, NoOrbit, ReturnMap, find, multiplier, simulate
 from problems import HeavyHand, Hopper, Juggler
+from studies.oracle import landed
 
 STORED = json.loads((DATA / "return_map.json").read_text(encoding="utf-8"))
 ALPHA = 4.493409457909064
@@ -27,54 +26,6 @@ def test_stored_values(stored):
         assert np.isnan(hops.next)
 
 
-def exactly(alpha: float, mass_ratio: float) -> tuple[float, int]:
-    """Loss and impacts of the linear hopper in 45 digits: the gap is a parabola less a cosine, convex and concave in
-    turn between known times."""
-    with mp.workdps(45):
-        M, loss, impacts = mp.mpf(mass_ratio), mp.mpf(0), 0
-        r, v, w, u = mp.mpf(1), mp.mpf(alpha), mp.mpf(1), mp.mpf(alpha)
-        while True:
-            size, phase = mp.hypot(r, v), mp.atan2(v, r)
-            gap = lambda t: w + u * t - t * t / 2 - size * mp.cos(t - phase)  # noqa: B023, E731
-            rate = lambda t: u - t + size * mp.sin(t - phase)  # noqa: B023, E731
-            t = _first_zero(gap, rate, size, phase)
-            impacts += 1
-            height = (w + u * t - t * t / 2 + M * size * mp.cos(t - phase)) / (1 + M)
-            speed = (u - t - M * size * mp.sin(t - phase)) / (1 + M)
-            loss += M * (rate(t) / (1 + M)) ** 2
-            r, v, w, u = height, speed, height, speed
-            if height <= 1:
-                return float(loss), impacts
-
-
-def _first_zero(gap, rate, size, phase):
-    turn = mp.acos(1 / size) if size > 1 else 0
-    bends = sorted(phase + side * turn + 2 * mp.pi * j for side in (-1, 1) for j in range(-2, 40))
-    places = [mp.mpf(0), *(t for t in bends if t > mp.mpf(10) ** -25)]
-    for low, high in pairwise(places):
-        if gap(high) < 0:
-            start = low or _halved(lambda t: gap(t) > 0, high)
-            return _bisected(gap, start, high)
-        if low and rate(low) < 0 < rate(high):  # convex, down and up again: it may dip
-            bottom = _bisected(lambda t: -rate(t), low, high)
-            if gap(bottom) < 0:
-                return _bisected(gap, low, bottom)
-    raise AssertionError("no zero")
-
-
-def _halved(true, t):
-    while not true(t):
-        t /= 2
-    return t
-
-
-def _bisected(positive, a, b):
-    for _ in range(150):
-        middle = (a + b) / 2
-        a, b = (middle, b) if positive(middle) > 0 else (a, middle)
-    return (a + b) / 2
-
-
 @pytest.mark.parametrize("mass_ratio", [1e-3, 0.1, 1.0, 10.0, 1e3])
 def test_the_loss_beside_a_lossless_orbit(mass_ratio):
     """Relative accuracy falls with the distance only as rounding of the launch speed makes it."""
@@ -82,7 +33,7 @@ def test_the_loss_beside_a_lossless_orbit(mass_ratio):
     alphas = ALPHA + distances
     hops = ReturnMap(Hopper(mass_ratio=mass_ratio))(alphas)
     for alpha, distance, loss, impacts in zip(alphas, distances, hops.loss, hops.impacts, strict=True):
-        expected, count = exactly(alpha, mass_ratio)
+        expected, count = landed(alpha, mass_ratio)
         assert loss == pytest.approx(expected, rel=1e-13 + 1e-15 / abs(distance))
         assert impacts == count
 
