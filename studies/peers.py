@@ -26,32 +26,43 @@ def numeric_field(machine) -> ca.Function:
     return ca.Function("f", [x, p], [ca.vertcat(*machine.model.flight.field(ca.vertsplit(x), named, []))])
 
 
-def launch(machine, alpha: float) -> list[float]:
-    """The flight state at lift-off."""
-    return [float(machine.model.release(np.array([1.0]), machine.values)[0]), alpha, 0.0, 0.0]
+def rates_of(force: Callable, weight: Callable | None = None, length: float = 0.0) -> Callable:
+    """(t, x) -> the rates of the hopper's flight with equal masses, in plain Python, which scipy is quickest with.
+
+    weight : of the height above ground, which is that of the foot or `length` and that of the body
+    """
+
+    def rates(t, x):
+        tension = force(x[0] - x[2])
+        body, foot = (weight(length + x[0]), weight(x[2])) if weight else (1.0, 1.0)
+        return [x[1], -0.5 * (tension + body), x[3], 0.5 * (tension - foot)]
+
+    return rates
 
 
-def by_scipy(machine, tolerance: float) -> Callable:
-    """(alpha, half time) -> launch speed, by DOP853 and the hybrid method."""
-    field, p = numeric_field(machine), list(machine.values.values())
+def liftoff(machine) -> float:
+    """The extension at lift-off."""
+    return float(machine.model.release(np.array([1.0]), machine.values)[0])
+
+
+def by_scipy(rates: Callable, extension: float, tolerance: float) -> Callable:
+    """(alpha, half time) -> launch speed, by DOP853 and the hybrid method, without derivatives."""
 
     def rest(u):
-        rates = lambda t, x: field(x, p).full().ravel()  # noqa: E731
-        return solve_ivp(rates, (0, u[1]), launch(machine, u[0]), "DOP853", rtol=tolerance, atol=tolerance).y[1::2, -1]
+        run = solve_ivp(rates, (0, u[1]), [extension, u[0], 0.0, 0.0], "DOP853", rtol=tolerance, atol=tolerance)
+        return run.y[1::2, -1]
 
     return lambda *start: float(root(rest, start, tol=tolerance).x[0])
 
 
-def guess_on(machine, alpha: float, half: float, steps: int) -> np.ndarray:
+def guess_on(machine, start, half: float, steps: int) -> np.ndarray:
     """The flight (4, steps + 1) from a guess, to a few digits."""
     field, p = numeric_field(machine), list(machine.values.values())
-    times = np.linspace(0, half, steps + 1)
-    return solve_ivp(
-        lambda t, x: field(x, p).full().ravel(), (0, half), launch(machine, alpha), rtol=1e-6, t_eval=times
-    ).y
+    rates = lambda t, x: field(x, p).full().ravel()  # noqa: E731
+    return solve_ivp(rates, (0, half), start, rtol=1e-6, t_eval=np.linspace(0, half, steps + 1)).y
 
 
-def by_opti(machine, steps: int) -> Callable:
+def by_opti(machine, extension: float, steps: int) -> Callable:
     """(alpha, half time) -> launch speed, by multiple shooting with so many RK4 steps, written with CasADi's Opti."""
     field, p = numeric_field(machine), list(machine.values.values())
     problem = ca.Opti()
@@ -63,12 +74,12 @@ def by_opti(machine, steps: int) -> Callable:
     k4 = field(a + b * k3, p)
     step = ca.Function("rk4", [a, b], [a + b / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
     problem.subject_to(x[:, 1:] == step.map(steps)(x[:, :-1], ca.repmat(duration / steps, 1, steps)))
-    problem.subject_to(x[:, 0] == ca.vertcat(launch(machine, 0.0)[0], alpha, 0, 0))
+    problem.subject_to(x[:, 0] == ca.vertcat(extension, alpha, 0, 0))
     problem.subject_to(x[1::2, -1] == 0)
     problem.solver("ipopt", IPOPT)
 
     def solve(speed, half):
-        problem.set_initial(x, guess_on(machine, speed, half, steps))
+        problem.set_initial(x, guess_on(machine, [extension, speed, 0, 0], half, steps))
         problem.set_initial(alpha, speed)
         problem.set_initial(duration, half)
         return float(problem.solve().value(alpha))
@@ -76,7 +87,7 @@ def by_opti(machine, steps: int) -> Callable:
     return solve
 
 
-def by_rockit(machine, steps: int) -> Callable:
+def by_rockit(machine, extension: float, steps: int) -> Callable:
     """(alpha, half time) -> launch speed, by rockit's multiple shooting with so many RK4 steps; raises `ImportError`
     without rockit."""
     from rockit import FreeTime, MultipleShooting, Ocp
@@ -87,9 +98,9 @@ def by_rockit(machine, steps: int) -> Callable:
         problem = Ocp(T=FreeTime(half))
         x = problem.state(4)
         problem.set_der(x, field(x, p))
-        problem.subject_to(problem.at_t0(x)[[0, 2, 3]] == ca.DM(launch(machine, 0.0))[[0, 2, 3]])
+        problem.subject_to(problem.at_t0(x)[[0, 2, 3]] == ca.DM([extension, 0, 0]))
         problem.subject_to(problem.at_tf(x)[[1, 3]] == 0)
-        problem.set_initial(x, guess_on(machine, speed, half, steps))
+        problem.set_initial(x, guess_on(machine, [extension, speed, 0, 0], half, steps))
         problem.solver("ipopt", IPOPT)
         problem.method(MultipleShooting(N=steps, M=1, intg="rk"))
         with contextlib.redirect_stdout(io.StringIO()):
@@ -134,14 +145,14 @@ def flow_by_heyoka(machine) -> Callable:
     return run
 
 
-def by_heyoka(machine, _=None) -> Callable:
+def by_heyoka(machine, extension: float, _=None) -> Callable:
     """(alpha, half time) -> launch speed, by Newton's method on heyoka's flow; raises `ImportError` without heyoka."""
     flow, field, p = flow_by_heyoka(machine), numeric_field(machine), list(machine.values.values())
 
     def solve(*start):
         u = np.array(start)
         for _ in range(20):
-            x, transition = flow(launch(machine, u[0]), u[1])
+            x, transition = flow([extension, u[0], 0, 0], u[1])
             slopes = np.column_stack([transition[1::2, 1], field(x, p).full().ravel()[1::2]])
             change = np.linalg.solve(slopes, -x[1::2])
             u = u + change
