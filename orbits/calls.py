@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 # Instructions from which on optimisation takes longer than it repays.
-LONG = 12_000
+LONG = 20_000
 
 
 class Call:
