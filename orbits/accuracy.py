@@ -32,7 +32,8 @@ GAUSS_PLACES += 0.5
 WORST_ERROR, FAR = 1e-11, 1e4
 EPS = float(np.finfo(float).eps)
 NARROW = (
-    ". The motion crosses something narrower than an integration step: smooth the law, or give breakpoints to "
+    ". Either it hangs at an unstable equilibrium, where rounding decides, or it crosses something narrower than an "
+    "integration step: smooth the law, or give breakpoints to "
     "springs.function"
 )
 

@@ -425,3 +425,7 @@ def _failed(message: str, code: int) -> int:
 
         click.echo(json.dumps({"error": message, "exit_code": code}))
     return code
+
+
+if __name__ == "__main__":
+    main()

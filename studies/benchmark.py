@@ -380,13 +380,13 @@ def rows_of(results: dict) -> dict[str, dict]:
 
 
 def compare(results: dict, before: dict):
-    """Print what has become faster or slower since an earlier run, on the same machine or by the loop's speed."""
-    earlier, speed = rows_of(before), results["environment"]["loop of 1e6"] / before["environment"]["loop of 1e6"]
-    print(f"\n  against the earlier run, whose machine took {1 / speed:.2f} of the time for a plain loop:")
+    """Print what has become faster or slower since an earlier run on the same machine."""
+    earlier, loops = rows_of(before), [run["environment"]["loop of 1e6"] for run in (before, results)]
+    print(f"\n  against the earlier run (a plain loop took {1e3 * loops[0]:.0f} ms then, {1e3 * loops[1]:.0f} ms now):")
     for name, row in rows_of(results).items():
         if name in earlier:
-            ratio = earlier[name]["seconds"] * speed / row["seconds"]
-            print(f"  {name:<76}{1e3 * row['seconds']:10.4f} ms, {ratio:5.2f} times as fast")
+            then, now = 1e3 * earlier[name]["seconds"], 1e3 * row["seconds"]
+            print(f"  {name:<76}{then:10.4f} ms, now{now:10.4f} ms: {then / now:5.2f} times as fast")
 
 
 def main(folder: Path, quick: bool = False, against: Path | None = None) -> dict:
