@@ -170,5 +170,5 @@ def _resumed(machine, along, behind, stop, resume: Family, options: Options) -> 
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
     with interrupts.deferred():
         row = tangent / curve.size(x) ** 2
-        first = curve.check(curve.correct(x, row, row @ x, tangent))
+        first = curve.onto(curve.correct(x, row, row @ x, tangent), last.value)
     return Walk(curve, first, behind, stop, options, resume.points[:-1])

@@ -38,7 +38,6 @@ class At:
     moved : (n + 1,), from there to the point
     length : along the curve from the point before
     parts : of the step that ends here, each a point
-    asked : whether the parameter's value was asked for
     point : the certified orbit without its motion, None until it has been checked
     signs : on which side of every event it is, once it has been asked
     """
@@ -50,7 +49,6 @@ class At:
     moved: np.ndarray
     length: float = 0.0
     parts: int = 1
-    asked: bool = False
     point: Point | None = None
     signs: tuple | None = None
 

@@ -18,11 +18,11 @@ import numpy as np
 from . import interrupts
 from .calls import Call
 from .elementwise import Rows
-from .errors import BreaksDown, FlowError, RunsAway
+from .errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from .model import Affine, Phase
 from .motions import Motions, Trajectory
 from .pieces import Track, Tracks
-from .polynomial import Pile, evaluate, piecewise_roots
+from .polynomial import Crossings, Pile, evaluate
 from .steps import ORDER, SHORTEST, Graph, RungeKutta, Taylor
 
 MAX_STEPS = 200_000
@@ -170,8 +170,8 @@ class Flow:
         limit : times (m,) by which that must happen
         skip : orders (m,) of the zeros that it starts from, which are divided out exactly
         rising : count only changes from minus to plus
-        over : of Taylor's steps, another affine function and a number: once that has changed its sign so often, what
-            has not happened never will
+        over : another affine function and a number: once that has changed its sign so often, what has not happened
+            never will; only known of motions that are followed together, by Taylor's steps
 
         Returns times (m,), NaN where it does not happen and infinity where it never will; rows (m, rows) there; and by
         index the `FlowError` of each motion that cannot be carried on so far.
@@ -195,13 +195,16 @@ class Flow:
         """`first_zeros` of motions in closed form, into the arrays."""
         form = self.phase.closed_form(dict(zip(self.parameters, p, strict=True)))
         length, going, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(starts)), 0.0
+        signs = np.zeros(len(starts))
         while len(going):
             interrupts.check()
             states = form.state(starts[going].T[:, :, None], began + length * np.arange(CLOSED_BLOCK))
             c = form.along(quantity.weights, states.reshape(len(states), -1), CLOSED_ORDER)
             c[:, 0] += quantity.offset
             counts = np.full(len(going), CLOSED_BLOCK)
-            owner, piece, t = Pile(c, np.full(len(c), length), counts).roots(skip[going] if began == 0 else 0, rising)
+            pile = Pile(c, np.full(len(c), length), counts)
+            owner, piece, t = pile.roots(skip[going] if began == 0 else 0, rising, signs[going])
+            signs[going] = pile.after
             owner, first = np.unique(owner, return_index=True)
             found = began + length * piece[first] + t[first]
             hits = going[owner]
@@ -215,13 +218,19 @@ class Flow:
     def _taylor_zeros(self, starts, p, quantity, limit, skip, rising, over, times, rows, failed):
         """`first_zeros` of motions by Taylor steps, into the arrays and `failed`."""
         going, x, began = np.arange(len(starts)), starts, np.zeros(len(starts))
-        changes, tracks = np.zeros(len(starts), int), Tracks(self, p, starts)
-        while len(going):
+        changes, signs, tracks = np.zeros(len(starts), int), np.zeros((2, len(starts))), Tracks(self, p, starts)
+        for _ in range(MAX_STEPS):
+            for i in np.flatnonzero(~tracks.inside):
+                failed[int(going[i])] = OutOfRange(tracks.outside(x[i]))
+            going, x, began = (part[tracks.inside] for part in (going, x, began))
+            tracks.keep(tracks.inside)
+            if not len(going):
+                return
             interrupts.check()
             steps, c, trusted = self.scheme(0).advance_all(x, tracks.data, 1 if self.phase.pieces else LOOK_AHEAD)
             steps = tracks.cut(c, steps)
             last = evaluate(c[:, -1, : self.size], steps[:, -1:])
-            slow = ~(trusted.all(1) & (np.abs(last).max(1) < RUNAWAY) & tracks.inside)
+            slow = ~(trusted.all(1) & (np.abs(last).max(1) < RUNAWAY))
             if slow.any():
                 skipped = np.where(began[slow] == 0, skip[going[slow]], 0)
                 known = limit[going[slow]], skipped, rising, began[slow]
@@ -229,8 +238,10 @@ class Flow:
                 going, last, began, steps, c = (part[~slow] for part in (going, last, began, steps, c))
                 tracks.keep(~slow)
                 if not len(going):
-                    break
-            owner, piece, t = self._piled(quantity, c, steps).roots(np.where(began == 0, skip[going], 0), rising)
+                    return
+            pile = self._piled(quantity, c, steps)
+            owner, piece, t = pile.roots(np.where(began == 0, skip[going], 0), rising, signs[0, going])
+            signs[0, going] = pile.after
             owner, first = np.unique(owner, return_index=True)
             piece, t = piece[first], t[first]
             ends = np.cumsum(steps, axis=1)
@@ -241,13 +252,15 @@ class Flow:
             left = began < limit[going]
             left[owner] = False
             if over:
-                changed = self._piled(over[0], c, steps).roots()[0]
-                changes[going] += np.bincount(changed, minlength=len(going))
+                pile = self._piled(over[0], c, steps)
+                changes[going] += np.bincount(pile.roots(before=signs[1, going])[0], minlength=len(going))
+                signs[1, going] = pile.after
                 never = left & (changes[going] >= over[1])
                 times[going[never]], left[never] = np.inf, False
             going, x, began = going[left], last[left], began[left]
-            tracks.enter()
-            tracks.keep(left)
+            tracks.enter(left)
+        for i in going:
+            failed[int(i)] = FlowError(f"the {self.phase.name} takes too many steps")
 
     @staticmethod
     def _piled(quantity: Affine, c, steps) -> Pile:
@@ -396,13 +409,10 @@ def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> C
 
     `skip_start` is the order of a zero known to stand at the very start; it is divided out exactly there.
     """
-    skip = skip_start
+    crossings = Crossings(skip_start, rising)
 
     def stop(coefficients, steps):
-        nonlocal skip
-        series = quantity.series(coefficients[:, : len(quantity.weights)])
-        found = piecewise_roots(series, steps, skip, rising)
-        skip = 0
+        found = crossings(quantity.series(coefficients[:, : len(quantity.weights)]), steps)
         return found[0] if found else None
 
     return stop

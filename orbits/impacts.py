@@ -22,7 +22,7 @@ from .errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway
 from .flow import Flow, flow
 from .model import Affine
 from .motions import Trajectory
-from .polynomial import piecewise_roots
+from .polynomial import Crossings
 from .statements import vector
 
 # Straight pieces of the way to a state on which its energy is integrated.
@@ -260,10 +260,11 @@ class ContactEnd:
 
     def __init__(self, size: int, speed: Affine | None):
         self.size, self.force, self.speed = size, contact_force(size), speed
+        self.zeros, self.turns = Crossings(), Crossings()
         self.turns_left, self.how = TURNS, None
 
     def __call__(self, c, steps):
-        force = piecewise_roots(self.force.series(c), steps)[:1]
+        force = self.zeros(self.force.series(c), steps)[:1]
         over = self._over(c, steps) if self.speed else []
         first = min([*force, *over], default=None)
         self.how = None if first is None else "lifts_off" if force and first == force[0] else "rests"
@@ -271,7 +272,7 @@ class ContactEnd:
 
     def _over(self, c, steps) -> list[tuple[int, float]]:
         """Where it is known that the force never ends it: the last turn, or where an overdamped contact is still."""
-        turns = piecewise_roots(self.speed.series(c[:, : len(self.speed.weights)]), steps)
+        turns = self.turns(self.speed.series(c[:, : len(self.speed.weights)]), steps)
         last, self.turns_left = turns[self.turns_left - 1 : self.turns_left], self.turns_left - len(turns)
         still = np.flatnonzero(np.abs(c[:, : self.size, 1]).max(1) < STILL)[:1]
         return [*last, *((int(i), float(steps[i])) for i in still)]

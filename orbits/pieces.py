@@ -22,13 +22,10 @@ class Track:
         self.breaks, self.table, self.slopes = flow.piece_table(p)
         self.weights = np.array(self.pieces.coordinate)
         place = float(self.weights @ x)
-        if not self.breaks[0] <= place <= self.breaks[-1]:
-            raise OutOfRange(self._outside(place))
-        index = flow.piece(x, self.breaks)
+        if (index := first_piece(flow, p, x)) < 0:
+            raise OutOfRange(_outside(self.pieces, self.breaks, place))
         self._set(index)
         self.level = place if place in self.breaks else None
-        if place == self.breaks[index] and index > 0 and self.weights @ flow.rates(x, self.data) < 0:
-            self._set(index - 1)
 
     def varied(self) -> tuple[int, ...]:
         """Rows of the seeds that are not zero, on whatever piece."""
@@ -52,7 +49,8 @@ class Track:
                 continue
             distance = along.copy()
             distance[0] -= level
-            found = roots(distance[1:] if level == self.level else distance, h)
+            order = max(int(np.argmax(distance[1:] != 0)), 0) + 1 if level == self.level else 0
+            found = roots(distance[order:], h)
             if found and found[0] < h:
                 h, crossed = found[0], side
         self.level = None
@@ -65,7 +63,7 @@ class Track:
         """
         index = self.index + side
         if not 0 <= index < len(self.table):
-            raise OutOfRange(self._outside(float(self.weights @ x)))
+            raise OutOfRange(_outside(self.pieces, self.breaks, float(self.weights @ x)))
         self.level = self.breaks[max(index, self.index)]
         before = self.data
         self._set(index)
@@ -86,10 +84,6 @@ class Track:
         )
         return 2 * near - far
 
-    def _outside(self, place: float) -> str:
-        low, high = self.breaks[0], self.breaks[-1]
-        return f"the {self.pieces.label} reaches {place:.6g}, outside the law's range [{low:.6g}, {high:.6g}]"
-
 
 class Tracks:
     """The pieces of the field that several motions are on, as `Track` of one."""
@@ -102,11 +96,14 @@ class Tracks:
         self.breaks, self.table, _ = flow.piece_table(p)
         self.weights = np.array(self.pieces.coordinate)
         places = x @ self.weights
-        index = np.clip(np.searchsorted(self.breaks, places, "right") - 1, 0, len(self.table) - 1)
-        for i in np.flatnonzero((places == self.breaks[index]) & (index > 0)):
-            index[i] -= self.weights @ flow.rates(x[i], np.concatenate([p, self.table[index[i]]])) < 0
-        self.index = np.where((places < self.breaks[0]) | (places > self.breaks[-1]), -1, index)
-        self.level = np.where(np.isin(places, self.breaks), places, np.nan)
+        self.index = np.searchsorted(self.breaks, places, "right") - 1
+        on = np.isin(places, self.breaks)
+        self.index[on] = [first_piece(flow, p, one) for one in x[on]]
+        self.level = np.where(on, places, np.nan)
+
+    def outside(self, x) -> str:
+        """What to say of a state (n,) that is on no piece."""
+        return _outside(self.pieces, self.breaks, float(self.weights @ x))
 
     @property
     def inside(self) -> np.ndarray:
@@ -135,21 +132,47 @@ class Tracks:
             distance = along.copy()
             distance[:, 0] -= level
             distance[~np.isfinite(level)] = 1.0
-            owner, _, t = Pile(distance, lengths, np.ones(len(lengths), int)).roots((level == self.level).astype(int))
+            orders = np.where(level == self.level, (distance[:, 1:] != 0).argmax(1) + 1, 0)
+            owner, _, t = Pile(distance, lengths, np.ones(len(lengths), int)).roots(orders)
             owner, first = np.unique(owner, return_index=True)
             hit = t[first] < lengths[owner]
             lengths[owner[hit]], self.crossed[owner[hit]] = t[first][hit], 2 * side - 1
         return lengths[:, None]
 
-    def enter(self):
-        """Go on in the next pieces where an end has been crossed."""
+    def enter(self, which):
+        """Go on with some of them, in the next pieces where an end has been crossed."""
         if self.pieces is not None:
             ahead = self.index + self.crossed
             passed = self.breaks[np.maximum(self.index, ahead)]
             self.index, self.level = ahead, np.where(self.crossed != 0, passed, np.nan)
+        self.keep(which)
 
     def keep(self, which):
         """Go on with some of them."""
         self.index, self.crossed = self.index[which], self.crossed[which]
         if self.pieces is not None:
             self.level = self.level[which]
+
+
+def first_piece(flow, p, x) -> int:
+    """Index of the piece that the motion from a state begins on, -1 where there is none. On a break it is the one that
+    the motion goes to: by its rate or, where that vanishes, by the rate's own, since positions change by speeds."""
+    breaks, table, _ = flow.piece_table(p)
+    weights = np.array(flow.phase.pieces.coordinate)
+    place = float(weights @ x)
+    if not breaks[0] <= place <= breaks[-1]:
+        return -1
+    index = flow.piece(x, breaks)
+    if place in breaks:
+        data = np.concatenate([p, table[index]])
+        rates = flow.rates(x, data)
+        heading = weights @ rates or weights @ (flow.rates(x + rates, data) - rates)
+        if place == breaks[index] and heading < 0:
+            index -= 1
+        elif place == breaks[index + 1] and heading > 0:
+            index += 1
+    return index if 0 <= index < len(table) else -1
+
+
+def _outside(pieces, breaks, place: float) -> str:
+    return f"the {pieces.label} reaches {place:.6g}, outside the law's range [{breaks[0]:.6g}, {breaks[-1]:.6g}]"

@@ -14,6 +14,8 @@ import numpy as np
 MAX_DEPTH = 40
 # So many roots are quicker found one by one.
 FEW = 6
+# Stands for a zero that is the end of something negative.
+TINY = 1e-300
 # From so many numbers on their powers are quicker found by doubling.
 MANY = 200
 
@@ -37,7 +39,8 @@ def powers(t, count: int) -> np.ndarray:
     while done < count:  # as many again, times a power
         more = min(done, count - done)
         np.multiply(values[..., :more], factor, out=values[..., done : done + more])
-        factor, done = factor * factor, done + more
+        done += more
+        factor = factor * factor if done < count else factor
     return values
 
 
@@ -91,8 +94,22 @@ def roots(coefficients, h: float) -> list[float]:
 
 def piecewise_roots(coefficients, steps, start: int = 0, rising: bool = False) -> list[tuple[int, float]]:
     """Roots (piece, time in it) of a continuous piecewise polynomial, in order; arguments as in `Pile`."""
-    _, pieces, times = Pile(coefficients, steps, np.array([len(steps)])).roots(start, rising)
-    return list(zip(pieces.tolist(), times.tolist(), strict=True))
+    return Crossings(start, rising)(coefficients, steps)
+
+
+class Crossings:
+    """Roots of a continuous piecewise polynomial that comes in blocks, each asked for in its turn; where two blocks
+    join, as where two pieces do, both sides agree on the sign."""
+
+    def __init__(self, start: int = 0, rising: bool = False):
+        self.start, self.rising, self.before = start, rising, None
+
+    def __call__(self, coefficients, steps) -> list[tuple[int, float]]:
+        """Those (piece, time in it) of the next block, in order."""
+        pile = Pile(coefficients, steps, np.array([len(steps)]))
+        _, pieces, times = pile.roots(self.start, self.rising, self.before)
+        self.start, self.before = 0, pile.after
+        return list(zip(pieces.tolist(), times.tolist(), strict=True))
 
 
 def lowest(coefficients, steps) -> tuple[float, int, float]:
@@ -105,19 +122,22 @@ class Pile:
     """Several continuous piecewise polynomials, asked together: one takes hardly less time than twenty.
 
     coefficients (N, K + 1) and steps (N,) of all pieces, `counts` (m,) of which belong to each in turn
+    after : once its roots have been asked for, the sign (m,) at the end of each, 1 or -1
     """
 
     def __init__(self, coefficients, steps, counts):
         self.coefficients, self.steps = coefficients, steps
-        self.first = np.cumsum(counts) - counts
+        self.last = np.cumsum(counts) - 1
+        self.first = self.last - counts + 1
         self.owner = np.repeat(np.arange(len(counts)), counts)
 
-    def roots(self, start=0, rising: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def roots(self, start=0, rising: bool = False, before=None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """All roots, in order: which polynomial's (r,), the piece of it (r,), the time in that (r,).
 
         start : the order of a zero known to stand at the very beginning of each, divided out exactly and not reported;
             one for all or (m,)
         rising : report only where the sign goes from minus to plus
+        before : the sign (m,) that each ended with, where it goes on from an earlier one; 0 where it begins
         """
         series = self.coefficients
         if np.any(start):
@@ -131,6 +151,11 @@ class Pile:
         # At a joint both sides must agree on the sign, or rounding would lose a root there or find it twice.
         joint = self.owner[1:] == self.owner[:-1]
         values[:-1, -1] = np.where(joint, series[1:, 0], values[:-1, -1])
+        if before is not None:
+            first = values[self.first, 0]
+            values[self.first, 0] = np.where(before * first < 0, before * np.abs(first), first)
+            values[self.first, 0] = np.where((before < 0) & (first == 0), -TINY, values[self.first, 0])
+        self.after = np.where(values[self.last, -1] >= 0, 1.0, -1.0)
         changes = (values[:, 1:] >= 0) != (values[:, :-1] >= 0)
         several = changes.sum(1)
         single = np.flatnonzero((several == 1) & ((values[:, -1] >= 0) | (not rising)))

@@ -39,8 +39,9 @@ class Record:
         machine = walk.curve.machine.describe() if resume is None else resume.machine
         # A resumed family has its last point from the walk, solved again.
         points = resume.points[:-1] if resume else ()
-        events = tuple(event for event in resume.events if event.after < len(points)) if resume else ()
-        self.family = Family(walk.curve.along, machine, points, events, None, settings, versions())
+        kept = resume.events if resume else ()  # but what comes after the last point, which is not it itself
+        events = tuple(event for event in kept if event.after < len(points) + (event.kind == "asked"))
+        self.family = Family(walk.curve.along, machine, points, events, None, settings, dict(versions()))
         self.points, self.events, self.end = list(points), list(events), None
         self.offset = len(points)
         self.file = None

@@ -9,6 +9,7 @@ import numpy as np
 
 from .calls import Call, Calls, compile_function, compile_seconds, compiled_before, lengths
 from .jets import covers, jets, variations
+from .polynomial import TINY
 
 ORDER = 28
 # Truncation of a step against the state's size: a tenth of the rounding of the sum.
@@ -99,7 +100,8 @@ class Taylor:
         if self.varied:  # the series of f_p may end sooner than that of f
             h = ca.fmin(h, _trusted_length(dc, ca.norm_inf(dp)))
         powers = _powers(h)
-        defect = self._defect(graph, ca.diag(powers) @ c, h) / ca.norm_inf(ca.vec(c[:2, :]))
+        size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # a motion at rest at the origin has none
+        defect = self._defect(graph, ca.diag(powers) @ c, h) / size
         return ca.Function("measure", [c, dc, graph.p, dp, longest], [powers, ca.vertcat(h, defect)])
 
     @staticmethod

@@ -20,8 +20,9 @@ from .orbit import Orbit
 # In shares of the curve's own size: the first step, the shortest, the longest where points are asked for more closely,
 # and what a corrector may move of a step's length.
 FIRST, SHORTEST, LONGEST, FARTHEST = 5e-3, 1e-5, 0.2, 1e-2
-# What the step control aims at for the change of a motion's end by the corrector's first step: its second is its last.
-AIM = 1e-4
+# What the step control aims at for the corrector's first step, times the root of the motion's growth: then its second
+# is mostly its last.
+AIM = 1e-5
 # The largest angle between two tangents, in radians.
 LARGEST_TURN = 0.25
 # An orbit this many times faster, longer or smaller than the first is on its way to infinity or to nothing, if the
@@ -113,7 +114,7 @@ class Walk:
                     yield Event(kind, index, at.point)
                 index += 1
                 yield there
-                if there.asked:
+                if end is None and there.value in self.options.at:
                     yield Event("asked", index, there.point)
                 self.seen.append((there.point.alpha, there.value))
                 self.last = there
@@ -122,10 +123,10 @@ class Walk:
                     return
             if refusal is None and failure is None:
                 self.knots = [*self.knots, *knots][-MEMORY:]
-                self.count = min(4 * self.count, TOGETHER)
+                self.count = 1 if rest else min(4 * self.count, TOGETHER)
                 continue
-            done = [at for at in knots if at in good[: good.index(refused)]] if refused in good else knots
-            self.knots = [*self.knots, *(at for at in done if at.point)]
+            done = good[: good.index(refused)] if refused in good else good
+            self.knots = [*self.knots, *(at for at in knots if at in done)]
             if self.knots[-1] is not self.last:
                 self.knots.append(self.last)
             self.knots, self.count = self.knots[-MEMORY:], 1
@@ -173,7 +174,7 @@ class Walk:
             for guess, _, level, asked in leg:
                 at = next(solved)
                 if asked:
-                    at.x[-1], at.asked = level, True
+                    at.x[-1] = level
                 points.append(at)
                 guesses.append(guess)
             points.append(end)
@@ -190,7 +191,7 @@ class Walk:
         row = (b.x - a.x) / self.curve.size(a.x) ** 2
         row /= row @ (b.x - a.x)
         low, high = sorted((a.value, b.value))
-        asked = np.array([value for value in self.options.at if low < value < high])
+        asked = np.array([value for value in self.options.at if low < value < high and value != self.origin.value])
         places = []
         if len(asked) and self.count > 1 and a.tangent[-1] * b.tangent[-1] > 0:
             ahead = np.eye(len(row))[-1]
@@ -296,7 +297,7 @@ class Walk:
         end.length = length / end.parts
         if self.count == 1:
             self.filled([end])
-        longer = (AIM / max(moved * end.here.growth, 1e-300)) ** (1 / (2 * len(used)))
+        longer = (AIM / max(moved * np.sqrt(end.here.growth), 1e-300)) ** (1 / (2 * len(used)))
         longest = max(LONGEST, self.options.longest)
         self.length = min(max(self.length, length) * min(max(0.9 * longer, 0.3), 2.0), longest)
         return end
@@ -326,7 +327,7 @@ class Walk:
         size, origin = self.curve.size(a.x), np.array([*self.origin.u, self.origin.value])
         chord, away = (b.x - a.x) / size, (origin - a.x) / size
         share = float(away @ chord / (chord @ chord))
-        if a.point is self.origin or not 0 < share <= 1 or np.linalg.norm(away) > 2 * np.linalg.norm(chord):
+        if a.point is self.origin or not 0 < share <= 1 + SAME or np.linalg.norm(away) > 2 * np.linalg.norm(chord):
             return None
         at = Stretch(self.curve, a, b)(share)
         again = np.max(np.abs(at.x - origin) / size) < SAME and at.tangent @ np.array(self.origin.tangent) > 0

@@ -13,7 +13,7 @@ import numpy as np
 from orbits.errors import FlowError, InputError, NoOrbit, OutOfRange
 from orbits.flow import flow
 from orbits.model import Arc, Oscillator, Phase, Pieces, Reduction, Statement, Thrown
-from orbits.polynomial import piecewise_roots
+from orbits.polynomial import Crossings
 from orbits.roots import bracketed_root
 
 from .laws import Key, Law, from_key
@@ -244,10 +244,10 @@ def _with_turns(law: Law, grid) -> np.ndarray:
 def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
     """Time from lift-off to the first turn of the extension, and half its period; infinite when it does not return
     in a thousand times as long. Raises `FlowError` when it cannot be carried on."""
-    turns, clock = [], [0.0]
+    turns, clock, crossings = [], [0.0], Crossings()
 
     def second_turn(coefficients, steps):
-        for i, t in piecewise_roots(coefficients[:, 1], steps):
+        for i, t in crossings(coefficients[:, 1], steps):
             turns.append(clock[0] + steps[:i].sum() + t)
             if len(turns) == 2:
                 return i, t

@@ -500,3 +500,29 @@ def test_what_cannot_be_resumed_or_watched_is_said(softening):
         follow(Hopper("r + alpha*r**3", parameters={"alpha": 0.1}), "alpha", 1.0)
     with pytest.raises(InputError, match="no parameter"):
         follow(Hopper("cubic"), ["beta"], 1.0)
+
+
+def test_asked_values_on_a_closed_curve():
+    """The start among them, which is none to come to; the others on both sheets."""
+    isola = Hopper("r + (b - q**2)*r**3", rest_length=30.0, parameters={"b": FOLD + 4e-4, "q": 0.0})
+    family = follow(isola, "q", (-0.1, 0.1), at=[0.0, 0.01, -0.01], most=600)
+    assert family.end.kind == "closed"
+    assert sorted(point.value for point in events(family, "asked")) == [-0.01, -0.01, 0.0, 0.01, 0.01]
+
+
+def test_every_asked_value_is_an_event_once():
+    """Those too that a step happens to end on."""
+    asked = 1 + np.arange(1, 101) / 100  # the last is where the curve ends
+    family = follow(Hopper("r"), "mass_ratio", 2.0, at=asked)
+    assert [point.value for point in events(family, "asked")] == asked[:-1].tolist()
+    assert all(family[event.after].value == event.point.value for event in family.events)
+
+
+def test_a_family_resumed_at_an_asked_value():
+    """Wherever it stopped: each value once, as an event and as a point."""
+    asked = tuple(np.linspace(0.1, 0.9, 9))
+    for most in range(2, 16):
+        first = follow(Hopper("cubic"), "beta", 1.0, 0.0, at=asked, most=most)
+        whole = follow(Hopper("cubic"), "beta", 1.0, 0.0, at=asked, resume=first)
+        assert [point.value for point in events(whole, "asked")] == list(asked)
+        assert (np.diff(whole.column("beta")) > 1e-9).all()
