@@ -185,12 +185,12 @@ def liftoff_extension(law: Law, load: float, what: str) -> float:
     below = float(law(start)) < level
     grid = start + DISTANCES if below else start - DISTANCES
     grid = np.clip(grid, low, high)
-    finite = np.isfinite(law(grid))
+    values, slopes = law.with_slope(grid)
+    finite = np.isfinite(values)
     known = len(grid) if finite.all() else int(np.argmin(finite))
     if known == 0:
         raise InputError(f"spring '{law.text}' has no force at rest (r = {start:g})")
-    grid = _with_turns(law, grid[:known])
-    values = law(grid)
+    grid, values = _with_turns(law, grid[:known], values[:known], slopes[:known])
     if float(values[0]) == level:
         return _cleanly(law, start, what)
     crossed = np.flatnonzero((values >= level) == below)
@@ -228,17 +228,18 @@ def _cleanly(law: Law, liftoff: float, what: str) -> float:
     return liftoff
 
 
-def _with_turns(law: Law, grid) -> np.ndarray:
-    """A grid away from rest, and where between its places the force turns back: a maximum that barely reaches the level
-    lies between samples."""
-    slopes = law.with_slope(grid)[1]
+def _with_turns(law: Law, grid, values, slopes) -> tuple[np.ndarray, np.ndarray]:
+    """A grid away from rest with its forces, and where between its places the force turns back: a maximum that barely
+    reaches the level lies between samples."""
     cells = np.flatnonzero((slopes[:-1] > 0) & (slopes[1:] <= 0))
+    if not len(cells):
+        return grid, values
     inner, outer = grid[cells], grid[cells + 1]
     for _ in range(60):
         middle = 0.5 * (inner + outer)
         rises = law.with_slope(middle)[1] > 0
         inner, outer = np.where(rises, middle, inner), np.where(rises, outer, middle)
-    return np.insert(grid, cells + 1, inner)
+    return np.insert(grid, cells + 1, inner), np.insert(values, cells + 1, law(inner))
 
 
 def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:

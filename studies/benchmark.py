@@ -21,6 +21,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from importlib import metadata
+from itertools import cycle
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # one core: ratios of busy ones mean little
@@ -335,28 +336,32 @@ def environment() -> dict:
 
 
 def draw(results: dict):
-    """The work-precision pictures, one for each scene, the cold starts and the scaling."""
-    axes = new_row(4, 4.3, 3.7, rows=2).ravel()
-    looks = {way: ("o", colour) for way, colour in zip((*METHODS, "warm"), COLOURS, strict=False)}
-    looks |= {"scipy DOP853 + root": ("s-", "0.35"), "Opti, RK4": ("^-", "0.6"), "rockit, RK4": ("v-", "0.75")}
-    looks["heyoka + Newton"] = ("D", "0.2")
-    for one, (name, rows) in zip(axes, results["orbits"].items(), strict=False):
-        for way in dict.fromkeys(row["way"] for row in rows):
+    """Work against precision of orbits, flows, maps and families; the cold starts and the scaling."""
+    axes = new_row(4, 4.3, 3.7, rows=3).ravel()
+    ours = (*METHODS, "warm", "Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8")
+    ours += ("return map, 1000 at a time", "return map, one", "follow, certified")
+    looks = {way: ("o", colour) for way, colour in zip(ours, cycle(COLOURS), strict=False)}
+    looks |= {"Opti, RK4": ("^-", "0.6"), "rockit, RK4": ("v-", "0.75"), "heyoka + Newton": ("D", "0.2")}
+    looks |= {"heyoka": ("D", "0.2")} | dict.fromkeys(("scipy DOP853 + root", "scipy DOP853"), ("s-", "0.35"))
+    looks |= dict.fromkeys(("scipy events, flight alone", "scipy, stepped"), ("s", "0.35"))
+
+    def scatter(one, rows, title, unit):
+        for way in dict.fromkeys(row["way"] for row in rows if row["way"] in looks):
             points = np.array([(row["error"], row["seconds"]) for row in rows if row["way"] == way])
             style, colour = looks[way]
             one.loglog(np.maximum(points[:, 0], 1e-16), 1e3 * points[:, 1], style, color=colour, ms=5, label=way)
-        one.set(title=name, xlabel="true error of alpha", ylabel="ms an orbit", xlim=(3e-17, 1))
-    axes[0].legend(frameon=False, fontsize="x-small")
+        one.set(title=title, xlabel="true error", ylabel=f"ms {unit}", xlim=(3e-17, 1))
+        one.legend(frameon=False, fontsize=5.5)
+
+    for one, (name, rows) in zip(axes, results["orbits"].items(), strict=False):
+        scatter(one, rows, name, "an orbit")
     bars, base = axes[5], np.zeros(len(SCENES))
     for part, colour in zip(("import", "build", "solve", "certify"), COLOURS, strict=False):
         values = np.array([1e3 * results["cold"][name][part] for name in SCENES])
         bars.barh(range(len(SCENES)), values, left=base, color=colour, label=part)
         base = base + values
-    bars.set(
-        yticks=range(len(SCENES)),
-        yticklabels=[name.replace("inverse-square ", "") for name in SCENES],
-        xlabel="ms, cold start",
-    )
+    names = [name.replace("inverse-square ", "") for name in SCENES]
+    bars.set(yticks=range(len(SCENES)), yticklabels=names, xlabel="ms, cold start")
     bars.legend(frameon=False, fontsize="x-small")
     for one, names in ((axes[6], ("family", "stiffness")), (axes[7], ("masses of a chain", "shooting nodes"))):
         for name in names:
@@ -366,6 +371,10 @@ def draw(results: dict):
         one.set(ylabel="ms an orbit", xlabel=" or ".join(names))
         one.xaxis.set_minor_formatter("")
         one.legend(frameon=False, fontsize="x-small")
+    for one, name in zip(axes[8:10], list(SCENES)[1:3], strict=True):
+        scatter(one, results["flows"][name], f"{name.split(',')[0]}: half a flight and its slopes", "a flow")
+    scatter(axes[10], results["maps"]["cubic"], "cubic: the return map", "a launch")
+    scatter(axes[11], results["families"]["cubic"], "cubic: a family", "a point")
     return axes[0]
 
 

@@ -16,7 +16,13 @@ from scipy.optimize import root
 from orbits.elementwise import single_assignment
 
 # Ipopt's answers are taken to its tolerance; it prints nothing.
-IPOPT = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-12}
+IPOPT = {
+    "print_time": False,
+    "show_eval_warnings": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.tol": 1e-12,
+}
 
 
 def numeric_field(machine) -> ca.Function:
