@@ -36,6 +36,7 @@ class At:
     turn : determinant of the equations' derivatives and the tangent, which changes sign at a branch point
     here : the equations at the corrector's last guess
     moved : (n + 1,), from there to the point
+    meshes : nodes that serve the motions there and beside, as in `Shooting.evaluate`, None where there are none
     length : along the curve from the point before
     parts : of the step that ends here, each a point
     point : the certified orbit without its motion, None until it has been checked
@@ -47,6 +48,7 @@ class At:
     turn: float
     here: Evaluation
     moved: np.ndarray
+    meshes: list | None = None
     length: float = 0.0
     parts: int = 1
     point: Point | None = None
@@ -126,7 +128,8 @@ class Curve:
             raise NoOrbit("the curve has no direction here")
         square[:, n] = tangents / sizes**2
         turns = np.linalg.det(square * sizes[:, None, :])
-        return [At(*known) for known in zip(xs, tangents, turns.tolist(), heres, steps, strict=True)]
+        known = zip(xs, tangents, turns.tolist(), heres, steps, strict=True)
+        return [At(*each, meshes=self.meshes) for each in known]
 
     def checked(self, ats: Sequence[At]) -> list[At | OrbitsError]:
         """The points certified, all together; in the place of one that cannot be, the error that says why."""

@@ -8,6 +8,7 @@ as closely as asked: the interpolant through the ends must lead there too.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 
@@ -166,13 +167,19 @@ class Walk:
         when one of them may lie on another curve."""
         chain, first = [*self.knots, *knots], len(self.knots)
         legs = [self._between(chain, i) for i in range(first, len(chain))]
-        befores = [chain[i].tangent for i, leg in enumerate(legs, start=first - 1) for _ in leg]
-        places = [np.array(part) for part in zip(*(place for leg in legs for place in leg), strict=True)]
-        solved = iter(self.curve.correct_all(*places[:3], np.array(befores)) if places else ())
-        points, guesses, lengths = [], [], []
+        solved: list[At] = []
+        for _, same in groupby(range(len(legs)), key=lambda i: id(knots[i].meshes)):
+            some = list(same)
+            places = [(*place, chain[first + i - 1].tangent) for i in some for place in legs[i]]
+            self.curve.meshes = knots[some[0]].meshes
+            if places:
+                guesses, rows, levels, _, befores = map(np.array, zip(*places, strict=True))
+                solved += self.curve.correct_all(guesses, rows, levels, befores)
+        self.curve.meshes = knots[-1].meshes
+        points, guesses, lengths, ready = [], [], [], iter(solved)
         for leg, end in zip(legs, knots, strict=True):
             for guess, _, level, asked in leg:
-                at = next(solved)
+                at = next(ready)
                 if asked:
                     at.x[-1] = level
                 points.append(at)

@@ -70,7 +70,7 @@ def tolerance(inject: float, trials: int, seed: int = 3) -> float:
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, list]:
-    ratios = np.logspace(-3, 3, 7 if quick else 25)
+    ratios = np.logspace(-3, 3, 5 if quick else 25)
     shares = [attracted(M, 60 if quick else 300) for M in ratios]
     injections = np.array([0.01, 0.03]) if quick else np.geomspace(0.002, 0.07, 12)
     errors = [tolerance(eps, 200 if quick else 1000) for eps in injections]
