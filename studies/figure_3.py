@@ -1,6 +1,6 @@
 """Fig. 3 of the paper: a lossless orbit of the hopper, and of the juggler, over flight and contact, M = 1.
 
-With equal masses the ball moves as the hopper's centre of mass does, in flight and in contact (eq. 6).
+With equal masses the ball moves twice as far as the hopper's centre of mass, in flight and in contact (eq. 6).
 Run: python studies/figure_3.py [--output FOLDER]
 """
 

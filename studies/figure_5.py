@@ -52,7 +52,9 @@ def main(folder: Path) -> dict[str, float]:
     alpha = np.linspace(2.9, 3.8, 1200)
     other.plot(alpha, heavy(alpha).impacts, color=COLOURS[1], lw=0.8)
     other.set_ylabel("impacts", color=COLOURS[1])
-    for axes, words in zip(panels.flat, ("M = 1", "M = 1, enlarged", f"M = {LIGHT:g}", f"M = {HEAVY:g}"), strict=True):
+    for axes, words in zip(
+        panels.flat, ("(a) M = 1", "(b) M = 1, enlarged", f"(c) M = {LIGHT:g}", f"(d) M = {HEAVY:g}"), strict=True
+    ):
         axes.set_title(words, fontsize="medium")
     numbers = {
         "next at 4": float(ReturnMap(Hopper())(4.0).next),

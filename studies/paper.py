@@ -373,7 +373,7 @@ border-bottom:1px solid #ddd;text-align:left}.n{text-align:right;white-space:now
 .no{background:#fbd9d0}img{max-width:100%}"""
 
 
-def page(parts: list[tuple[Part, list[Claim], list[tuple[str, str, Path]]]]) -> str:
+def page(parts: list[tuple[Part, list[Claim], list[tuple[str, str, Path]]]], quick: bool) -> str:
     """The page: part by part what it is about, its claims, and its figures with what their studies are for."""
     rows = [row for _, own, _ in parts for row in own]
     lines = [
@@ -383,7 +383,9 @@ def page(parts: list[tuple[Part, list[Claim], list[tuple[str, str, Path]]]]) -> 
         "<p>A. Chatterjee, R. Pratap, C. K. Reddy and A. Ruina, <i>Persistent passive hopping and juggling is possible "
         "even with plastic collisions</i>, Int. J. Robotics Research 21 (2002) 621-634.</p>",
         f"<p>{sum(row.ok for row in rows)} of {len(rows)} claims hold. The error of each is to be at most what stands "
-        "beside it: a unit of the last digit printed, or rounding where the claim is exact.</p>",
+        "beside it: a unit of the last digit printed, or rounding where the claim is exact."
+        + (" The figures are drafts, of fewer points and families than their words say." if quick else "")
+        + "</p>",
     ]
     for part, own, figures in parts:
         lines.append(f"<h2>{html.escape(part.title)}</h2><p>{html.escape(part.words)}</p>{_table(own)}")
@@ -419,7 +421,7 @@ def _table(rows: list[Claim]) -> str:
 def _text(value: float | bool) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.1e}" if 0 < abs(value) < 1e-8 else f"{value:.12g}"
+    return f"{value:.1e}" if 0 < abs(value) < 1e-8 else f"{value + 0.0:.12g}"
 
 
 def claims() -> list[Claim]:
@@ -440,7 +442,7 @@ def main(folder: Path, quick: bool = False) -> list[Claim]:
             words = " ".join(study.__doc__.split("Run:")[0].split())
             figures.append((title, words, folder / f"{study.__name__.split('.')[-1]}.png"))
         parts.append((part, rows, figures))
-    path.write_text(page(parts), encoding="utf-8")
+    path.write_text(page(parts, quick), encoding="utf-8")
     rows = [row for _, own, _ in parts for row in own]
     print(f"\n  {sum(row.ok for row in rows)} of {len(rows)} claims hold; page: {path}")
     return rows
