@@ -49,7 +49,7 @@ class Track:
                 continue
             distance = along.copy()
             distance[0] -= level
-            order = max(int(np.argmax(distance[1:] != 0)), 0) + 1 if level == self.level else 0
+            order = int(np.argmax(distance[1:] != 0)) + 1 if level == self.level else 0
             found = roots(distance[order:], h)
             if found and found[0] < h:
                 h, crossed = found[0], side

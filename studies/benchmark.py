@@ -93,7 +93,6 @@ LOSSES = {
         1.5: "2.67039382116499487223151824434",
     },
 }
-TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 # How near a family's points lie. Maps and families are asked so often before they are timed, until all is compiled that
 # repays it.
 LONGEST, WARM = 0.0125, 50
@@ -424,7 +423,9 @@ def main(folder: Path, quick: bool = False, against: Path | None = None) -> dict
     for name, (machine, family, exact, rates) in SCENES.items():
         some = quick and family > 1
         results["orbits"][name] = orbits_of(machine, family, exact, rates, seconds, quick)
-        results["flows"][name] = flows_of(machine, find(machine, family), seconds, TOLERANCES[:: 4 if some else 1])
+        results["flows"][name] = flows_of(
+            machine, find(machine, family), seconds, peers.TOLERANCES[:: 4 if some else 1]
+        )
         results["cold"][name] = cold(machine, family)
     results["maps"] = {
         name: maps_of(SCENES[name][0], SCENES[name][3], LOSSES[name], seconds)

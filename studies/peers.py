@@ -15,6 +15,8 @@ from scipy.optimize import root
 
 from orbits.elementwise import single_assignment
 
+# That scipy is asked with.
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 # Ipopt's answers are taken to its tolerance; it prints nothing.
 IPOPT = {
     "print_time": False,
@@ -172,7 +174,7 @@ def by_heyoka(machine, extension: float, _=None) -> Callable:
 # What an orbit is found by, and with which settings: tolerances, numbers of steps, or none. Building is not counted
 # where the solver is built before it is asked.
 ORBITS = {
-    "scipy DOP853 + root": (by_scipy, (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
+    "scipy DOP853 + root": (by_scipy, TOLERANCES),
     "Opti, RK4": (by_opti, (50, 200, 800)),
     "rockit, RK4": (by_rockit, (50, 200)),
     "heyoka + Newton": (by_heyoka, (None,)),
