@@ -3,7 +3,6 @@
 Nothing here reuses the equations that were solved, except to push a defect through their Jacobian.
 """
 
-from collections.abc import Sequence
 from functools import lru_cache
 
 import casadi as ca
@@ -12,7 +11,7 @@ import numpy as np
 from .calls import Call
 from .errors import NoOrbit
 from .flow import Flow
-from .motions import Motions, Trajectory
+from .motions import Trajectory
 from .polynomial import powers
 from .shooting import Evaluation, Shooting, solve
 from .steps import runge_kutta
@@ -38,90 +37,72 @@ NARROW = (
 )
 
 
-def error_bound(equations: Shooting, u, p, here: Evaluation) -> float:
-    """Bound on the error of the unknown "alpha".
+def error_bounds(equations: Shooting, us, ps, here: Evaluation, closing=None, quickly: bool = False) -> np.ndarray:
+    """Bounds (m,) on the errors of the unknown "alpha" in solutions (m, n), with parameters (m, np), of the equations
+    `stacked` there.
 
-    The motion is integrated again by another method with smaller steps; what the equations then lack goes through the
-    inverse Jacobian. To it comes the rounding that both integrations may share: a random walk of half a unit in the
-    last place of the state a step, through the same inverse, and grown by the flow where that grows (in a long flight
-    of a nonlinear spring a change of amplitude becomes one of phase).
-    """
-    (bound,) = _bounds(equations, [(u, p, here, None)], [_measured(equations, u, p, here)])
-    if isinstance(bound, NoOrbit):
-        raise bound
-    return bound
+    The motion is integrated again by another method with smaller steps, or `quickly`, where the flow allows it, the
+    field is integrated along each step's polynomial by Gauss's rule, and what the step's end lacks is carried on to the
+    arc's end. What the equations then lack goes through the inverse Jacobian. To it comes the rounding that both
+    integrations may share: a random walk of half a unit in the last place of the state a step, through the same
+    inverse, and grown by the flow where that grows (in a long flight of a nonlinear spring a change of amplitude
+    becomes one of phase).
 
+    closing : rows (m, n + 1) that close the equations where a parameter is varied too, the last unit vector for errors
+        at the parameter's value
 
-def error_bounds(equations: Shooting, points: Sequence[tuple]) -> list[float | NoOrbit]:
-    """`error_bound` of many points (u, p, here, across), by a quicker check where their flow allows it.
-
-    The field is integrated along each step's polynomial by Gauss's rule; what the step's end lacks is carried on to the
-    arc's end.
-
-    across : a row (n + 1,) that closes the equations where a parameter is varied too: the error is then that across
-        the curve of solutions, which at a fold is the only one there is; None for that at the parameter's value
+    Raises `NoOrbit` about the first of the solutions whose error is too large.
     """
     (along,) = equations.flows if len(equations.flows) == 1 else (None,)
-    quick = along is not None and along.method == "Taylor" and along.phase.pieces is None
-    residuals = _defects(along, points) if quick else [np.array([np.nan])] * len(points)
-    residuals = [
-        residual if np.isfinite(residual).all() else _measured(equations, *point[:3])
-        for residual, point in zip(residuals, points, strict=True)
-    ]
-    return _bounds(equations, points, residuals)
+    quickly = quickly and along is not None and along.method == "Taylor" and along.phase.pieces is None
+    residuals = _defects(along, ps, here) if quickly else np.full_like(here.residual, np.nan)
+    for i in np.flatnonzero(~np.isfinite(residuals).all(1)):
+        paths = tuple(motions[i] for motions in here.trajectories)
+        try:
+            residuals[i] = equations.residual(us[i], ps[i], paths, _another_way)
+        except NoOrbit as error:
+            raise error.about(i) from None
+    return _bounds(equations, us, here, closing, residuals)
 
 
-def _measured(equations: Shooting, u, p, here: Evaluation) -> np.ndarray:
-    """The residual (n,) with the motion integrated in another way."""
-    return equations.residual(u, p, here.trajectories, _another_way)
-
-
-def _bounds(equations: Shooting, points: Sequence[tuple], residuals) -> list[float | NoOrbit]:
-    """What residuals (n,) measured in another way mean for "alpha", with their floors; as in `error_bounds`."""
+def _bounds(equations: Shooting, us, here: Evaluation, closing, residuals) -> np.ndarray:
+    """What residuals (m, n) measured in another way mean for "alpha", with their floors; as in `error_bounds`."""
     n, index = equations.size, equations.statement.unknowns.index("alpha")
-    heres = [here for _, _, here, _ in points]
-    square = np.array([here.jacobian for here in heres])
-    if square.shape[2] > n:
-        closing = [np.eye(n + 1)[n] if across is None else across for *_, across in points]
-        square = np.concatenate([square, np.array(closing)[:, None]], axis=1)
+    square = here.jacobian if closing is None else np.concatenate([here.jacobian, closing[:, None]], axis=1)
     inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[:, [index]])[:, :n, 0]  # the inverse's row of alpha
-    noise = np.zeros(len(points))
-    for i, along in enumerate(equations.flows):
-        motions = Motions([here.trajectories[i] for here in heres])
+    noise = np.zeros(len(us))
+    for along, motions, transition, start in zip(
+        equations.flows, here.trajectories, here.transitions, here.starts, strict=True
+    ):
         size = motions.largest(motions.coefficients[:, : along.size, 0])
-        moved = np.array([here.transitions[i] for here in heres]) @ np.array([here.starts[i] for here in heres])
-        growth = np.maximum(1.0, np.linalg.norm(moved[:, :, :n], axis=(1, 2)) / SHEAR)
+        growth = np.maximum(1.0, np.linalg.norm((transition @ start)[:, :, :n], axis=(1, 2)) / SHEAR)
         walk = np.sqrt(motions.counts)
         noise += EPS / 2 * size * walk * (1 + walk / LONG_WALK) * growth
     # The check has roundings of its own, of the size of what it measures: as much again.
-    alpha = np.array([u[index] for u, *_ in points])
-    found = 2 * np.abs(np.einsum("mi,mi->m", inverse, np.array(residuals)))
+    alpha = us[:, index]
+    found = 2 * np.abs(np.einsum("mi,mi->m", inverse, residuals))
     floor = np.linalg.norm(inverse, axis=1) * noise + np.spacing(alpha)
-    doubtful = found > np.maximum(WORST_ERROR * alpha, FAR * floor)
-    return [
-        NoOrbit(f"the orbit cannot be certified: launch speed {a:.6g} may be off by {f:.1e}{NARROW}") if bad else bound
-        for bad, a, f, bound in zip(doubtful, alpha, found, (found + floor).tolist(), strict=True)
-    ]
+    for i in np.flatnonzero(found > np.maximum(WORST_ERROR * alpha, FAR * floor)):
+        off = f"launch speed {alpha[i]:.6g} may be off by {found[i]:.1e}"
+        raise NoOrbit(f"the orbit cannot be certified: {off}{NARROW}").about(i)
+    return found + floor
 
 
-def _defects(along: Flow, points: Sequence[tuple]) -> list[np.ndarray]:
-    """Of each point the residual that its equations have when the defects of the steps are made good."""
-    n, paths = along.size, [here.trajectories[0] for _, _, here, _ in points]
-    motions = Motions(paths)
-    c, h, last = motions.coefficients[:, :n], motions.steps, motions.last
+def _defects(along: Flow, ps, here: Evaluation) -> np.ndarray:
+    """The residuals (m, n) that the equations have when the defects of the steps are made good."""
+    (motions,), (transition,), (holds,) = here.trajectories, here.transitions, here.holds
+    n, h, last = along.size, motions.steps, motions.last
+    c = motions.coefficients[:, :n]
     scaled = c * powers(h, c.shape[2])[:, None]
     states = (scaled @ powers(GAUSS_PLACES, c.shape[2]).T).swapaxes(1, 2)
-    data = np.repeat(np.array([p for _, p, _, _ in points]), motions.counts * GAUSS, axis=0)
+    data = np.repeat(ps, motions.counts * GAUSS, axis=0)
     rates = along.fields(states.reshape(-1, n), data)[0].reshape(-1, GAUSS, n)
-    ends = motions.finals[:, :n]
-    transitions = np.stack([here.transitions[0][:, :n] for _, _, here, _ in points])
-    after, carried = np.roll(c[:, :, 0], -1, axis=0), np.concatenate([path.variations[:, :, :n, 0] for path in paths])
-    after[last], carried = ends, np.roll(carried, -1, axis=0)
-    carried[last] = transitions
+    after, carried = np.roll(c[:, :, 0], -1, axis=0), np.roll(motions.variations[:, :, :n, 0], -1, axis=0)
+    after[last], carried[last] = motions.finals[:, :n], transition[:, :, :n]
     defects = after - c[:, :, 0] - h[:, None] * (GAUSS_WEIGHTS @ rates)
     at_start = np.add.reduceat(solve(carried, defects[..., None])[..., 0], motions.first)
-    wrong = np.einsum("pij,pj->pi", transitions, at_start)
-    return [here.residual - here.holds[0] @ end for (_, _, here, _), end in zip(points, wrong, strict=True)]
+    wrong = np.einsum("pij,pj->pi", transition[:, :, :n], at_start)
+    return here.residual - np.einsum("pij,pj->pi", holds, wrong)
 
 
 def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:

@@ -3,10 +3,9 @@
 Orbits of one model are checked together, since most of the time would else go into asking for one after the other.
 """
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -14,9 +13,9 @@ import numpy as np
 from .accuracy import EPS, FAR, GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS, NARROW
 from .elementwise import Rows
 from .errors import FlowError, NoOrbit, OutOfRange
-from .flow import Flow, first_zero, flow
+from .flow import first_zero, flow
 from .model import Affine, Model, Phase
-from .motions import Motions, Trajectory
+from .motions import Motions
 from .orbit import Certificate
 from .polynomial import derivative, evaluate
 
@@ -25,97 +24,150 @@ from .polynomial import derivative, evaluate
 WORST_DRIFT = 1e-8
 # A turn this near to the middle of the motion, as a share of its time, is the middle itself.
 MIDDLE = 1e-7
-
-
-def follow_contacts(model: Model, orbits: Sequence[tuple]) -> list[tuple[Trajectory | None, str]]:
-    """The contacts after the lossless landings of orbits (u, p, limit), unknowns and parameters by name.
-
-    Each up to its middle or, where nothing mirrors it, up to lift-off; None with the reason when it has not come there
-    within the time `limit`. Where no speed tells the middle, it is at that time.
-    """
-    along = flow(model.contact, tuple(orbits[0][1]))
-    if not model.one_speed:
-        return [_half_contact(model, along, *orbit) for orbit in orbits]
-    starts = np.array([model.touchdown(u, p) for u, p, _ in orbits], dtype=float)
-    ps = np.array([list(p.values()) for _, p, _ in orbits])
-    # Without a mirror image the force ends the contact, the first watched row; its zero at landing is left out.
-    end = (model.contact_speed, 0) if model.reversor else (Affine((0.0,) * along.size + (1.0,)), 1)
-    found = along.until_zero(starts, ps, *end)
-    return [
-        (path, "")
-        if path and path.times[-1] < limit
-        else _slow_contact(model, along, start, p, limit, first_zero(*end))
-        for path, start, p, (_, _, limit) in zip(found, starts, ps, orbits, strict=True)
-    ]
-
-
-def _half_contact(model: Model, along: Flow, u, p, duration: float) -> tuple[Trajectory | None, str]:
-    """One of `follow_contacts`, for a known time."""
-    try:
-        return along.run(model.touchdown(u, p), list(p.values()), duration)[0], ""
-    except FlowError:
-        return None, model.violations["end"]
-
-
-def _slow_contact(model: Model, along: Flow, start, p, limit: float, stop: Callable) -> tuple[Trajectory | None, str]:
-    """One of `follow_contacts`, step by step."""
-    try:
-        path, _ = along.run(start, p, limit, stop=stop)
-    except OutOfRange as error:
-        return None, f"contact: {error}"
-    except FlowError:
-        return None, model.violations["end"]
-    return (path, "") if path.times[-1] < limit else (None, model.violations["end"])
+# Stands for a least value that does not exist.
+NONE = np.inf
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
-    """A solved orbit to be checked.
+class Cases:
+    """Solved orbits (m) of one model, to be checked together.
 
-    u, p : unknowns and parameters by name
-    parts : the flight from lift-off to its middle, and, where it is not its mirror image, from landing backwards
-    contact : as `follow_contacts` gives it, None when it does not end, and then `stopped` says why
-    gap_slope : derivative with respect to alpha of the gap at the orbit's landing time
-    residual, error : of the equations, and of alpha
+    u, p : unknowns and parameters by name, (m,) each
+    parts : of each flight the motion from lift-off to its middle and, where it is not its mirror image, the one from
+        landing backwards
+    gap_slope : (m,), derivative with respect to alpha of the gap at the orbit's landing time
+    residual, error : (m,), largest of the equations, and bound on the error of alpha
+    standing : (k,), the orbits whose contact ends; `contacts` are theirs, each up to its middle or, where nothing
+        mirrors it, up to lift-off
+    stopped : by index of the others, why theirs does not
     """
 
-    u: Mapping[str, float]
-    p: Mapping[str, float]
-    parts: tuple[Trajectory, ...]
-    contact: Trajectory | None
-    stopped: str
-    gap_slope: float
-    residual: float
-    error: float
+    u: Mapping[str, np.ndarray]
+    p: Mapping[str, np.ndarray]
+    parts: Motions
+    gap_slope: np.ndarray
+    residual: np.ndarray
+    error: np.ndarray
+    standing: np.ndarray
+    contacts: Motions | None
+    stopped: Mapping[int, str]
+
+    def __len__(self) -> int:
+        return len(self.error)
 
     @property
-    def flight_time(self) -> float:
-        """Time of the whole flight; a single part is half of it."""
-        return float(sum(part.times[-1] for part in self.parts)) * (2 if len(self.parts) == 1 else 1)
+    def count(self) -> int:
+        """Parts of each flight; one is half of it."""
+        return len(self.parts) // len(self)
 
-    @property
-    def contact_time(self) -> float | None:
-        """Time of the whole contact, None when it does not end."""
-        return None if self.contact is None else float(self.contact.times[-1]) * (2 if len(self.parts) == 1 else 1)
+    @cached_property
+    def flight_times(self) -> np.ndarray:
+        """Times (m,) of whole flights."""
+        return self.parts.ends.reshape(len(self), -1).sum(1) * (2 if self.count == 1 else 1)
+
+    @cached_property
+    def contact_times(self) -> np.ndarray:
+        """Times (m,) of whole contacts, `NONE` of those that do not end."""
+        times = np.full(len(self), NONE)
+        if self.contacts:
+            times[self.standing] = self.contacts.ends * (2 if self.count == 1 else 1)
+        return times
+
+    @cached_property
+    def p_of_parts(self) -> Mapping[str, np.ndarray]:
+        """The parameters of each of the `parts`."""
+        return {name: np.repeat(values, self.count) for name, values in self.p.items()}
+
+    @cached_property
+    def p_of_contacts(self) -> Mapping[str, np.ndarray]:
+        """The parameters of each of the `contacts`."""
+        return {name: values[self.standing] for name, values in self.p.items()}
 
 
-def certify(model: Model, cases: Sequence[Case]) -> list[Certificate | NoOrbit]:
-    """Check orbits of one model: the certificate of each, or the error that tells why there is none."""
-    if not cases:
-        return []
-    flights = Motions([part for case in cases for part in case.parts])
-    standing = [case for case in cases if case.contact is not None]
-    contacts = Motions([case.contact for case in standing]) if standing else None
-    measured = zip(
-        cases,
-        count_families(model, flights, len(cases[0].parts)),
-        _flights(model, cases, flights),
-        _contact_forces(model, cases, contacts),
-        _separations(model, cases, flights, contacts),
-        _energies(model, cases, flights, contacts),
-        strict=True,
-    )
-    return [_certificate(model, *figures) for figures in measured]
+def columns(values: Iterable, dtype=float) -> np.ndarray:
+    """Rows (m, n) of n values, each (m,) or one for all."""
+    return np.stack(np.broadcast_arrays(*values), axis=1).astype(dtype, copy=False)
+
+
+def follow_contacts(model: Model, u: Mapping, p: Mapping, limits) -> tuple[np.ndarray, Motions | None, dict[int, str]]:
+    """The contacts after the lossless landings of orbits: `standing`, `contacts` and `stopped` of `Cases`.
+
+    u, p : unknowns and parameters by name, (m,) each
+    limits : times (m,) within which a contact ends; where no speed tells its middle, it is at that time
+    """
+    along, starts, ps = flow(model.contact, tuple(p)), columns(model.touchdown(u, p)), columns(p.values())
+    # Without a mirror image the force ends the contact, the first watched row; its zero at landing is left out.
+    end = (model.contact_speed, 0) if model.reversor else (Affine((0.0,) * along.size + (1.0,)), 1)
+    standing, contacts = along.until_zero(starts, ps, *end) if model.one_speed else (np.zeros(0, int), None)
+    if len(standing) == len(starts) and (contacts.ends < limits).all():
+        return standing, contacts, {}
+    found = {int(i): contacts[j] for j, i in enumerate(standing) if contacts.ends[j] < limits[i]}
+    stopped: dict[int, str] = {}
+    for i in sorted({*range(len(starts))} - found.keys()):
+        stop = first_zero(*end) if model.one_speed else None
+        try:
+            path, _ = along.run(starts[i], ps[i], limits[i], stop=stop)
+        except FlowError as error:
+            stopped[i] = f"contact: {error}" if isinstance(error, OutOfRange) else model.violations["end"]
+            continue
+        if stop and not path.times[-1] < limits[i]:
+            stopped[i] = model.violations["end"]
+        else:
+            found[i] = path
+    order = sorted(found)
+    return np.array(order, int), Motions.of([found[i] for i in order]) if found else None, stopped
+
+
+def certify(model: Model, cases: Cases) -> list[Certificate]:
+    """The certificates of orbits of one model; raises `NoOrbit` about the first that can have none."""
+    violations: list[list[str]] = [[] for _ in range(len(cases))]
+    jerk, clearance = _flights(model, cases, violations)
+    force, peak = _contact_forces(model, cases, violations)
+    separation = _separations(model, cases, violations)
+    power, changes, floors = _energies(model, cases)
+    with np.errstate(all="ignore"):
+        launch = 0.5 * cases.u["alpha"] * power
+        drift = changes.max(1) / launch
+        loss = _losses(model, cases, jerk, power)
+    sound = np.isfinite([cases.error, cases.residual, drift, jerk]).all(0)
+    sound &= np.array([np.isfinite(values) | (values == NONE) for values in (loss, separation, force)]).all(0)
+    leaps = (changes > np.maximum(WORST_DRIFT * launch[:, None], FAR * floors)).any(1)
+    for i in np.flatnonzero(~sound | leaps):
+        reason = "its numbers overflow; state the machine in units nearer to 1"
+        if sound[i]:
+            reason = f"its energy drifts by {drift[i]:.1e}{NARROW}"
+        raise NoOrbit(f"the orbit cannot be certified: {reason}").about(i)
+    sides = np.where(cases.gap_slope > 0, "above", "below")
+    figures = {
+        "family": count_families(model, cases.parts, cases.count),
+        "residual": cases.residual.tolist(),
+        "error": cases.error.tolist(),
+        "energy_drift": drift.tolist(),
+        "clearance": known(clearance),
+        "smallest_separation": known(separation),
+        "smallest_contact_force": known(force),
+        "largest_contact_force": known(peak),
+        "landing_jerk": (-jerk).tolist(),
+        "loss_coefficient": known(loss),
+        "stable_side": np.where(loss == NONE, None, sides).tolist(),
+        "violations": map(tuple, violations),
+        "unfolding": cases.u["unfolding"].tolist() if "unfolding" in cases.u else [None] * len(cases),
+    }
+    return [Certificate(**dict(zip(figures, row, strict=True))) for row in zip(*figures.values(), strict=True)]
+
+
+def known(values) -> list[float | None]:
+    """Numbers (m,), None for `NONE`."""
+    return [None if value == NONE else value for value in values.tolist()]
+
+
+def _losses(model: Model, cases: Cases, jerk, power) -> np.ndarray:
+    """Loss coefficients (m,), `NONE` where the gap opens the wrong way or does not change with the launch speed."""
+    found, some = np.full(len(cases), NONE), (jerk > 0) & (cases.gap_slope != 0)
+    if some.any():
+        mass = model.impact_mass({name: values[some] for name, values in cases.p.items()})
+        found[some] = loss_coefficient(mass, jerk[some], np.abs(cases.gap_slope[some]), power[some])
+    return found
 
 
 def loss_coefficient(impact_mass, jerk, gap_slope, power):
@@ -127,52 +179,24 @@ def loss_coefficient(impact_mass, jerk, gap_slope, power):
     return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
 
 
-def _certificate(model: Model, case: Case, family: int, flight, contact, separation, energy) -> Certificate | NoOrbit:
-    """The certificate of a case from its figures, each with the violations that it makes."""
-    (jerk, clearance, in_flight), (force, peak, in_contact), (least, touching) = flight, contact, separation
-    power, changes = energy
-    start = 0.5 * case.u["alpha"] * power
-    drift = max(change for change, _ in changes) / start
-    loss = None
-    if jerk > 0 and case.gap_slope != 0:
-        loss = loss_coefficient(model.impact_mass(case.p), jerk, abs(case.gap_slope), power)
-    figures = (case.error, drift, case.residual, jerk, *(x for x in (loss, least, force) if x is not None))
-    if not all(map(math.isfinite, figures)):
-        return NoOrbit("the orbit cannot be certified: its numbers overflow; state the machine in units nearer to 1")
-    if any(change > max(WORST_DRIFT * start, FAR * floor) for change, floor in changes):
-        return NoOrbit(f"the orbit cannot be certified: its energy drifts by {drift:.1e}{NARROW}")
-    return Certificate(
-        family=family,
-        residual=float(case.residual),
-        error=float(case.error),
-        energy_drift=float(drift),
-        clearance=clearance,
-        smallest_separation=least,
-        smallest_contact_force=force,
-        largest_contact_force=peak,
-        landing_jerk=-float(jerk),
-        loss_coefficient=loss and float(loss),
-        stable_side=loss and ("above" if case.gap_slope > 0 else "below"),
-        violations=(*in_flight, *in_contact, *touching),
-        unfolding=case.u.get("unfolding"),
-    )
-
-
-def count_families(model: Model, flights: Motions, parts: int) -> list[int]:
-    """Stationary points of the extension after lift-off up to and with mid-flight, less one; `parts` of a flight, as in
-    `Case`, follow each other."""
+def count_families(model: Model, flights: Motions, count: int) -> list[int]:
+    """Stationary points of the extension after lift-off up to and with mid-flight, less one; of `count` parts of each
+    flight, as in `Cases`."""
     owner, piece, t = flights.pile(derivative(flights.series(model.extension))).roots()
     inside = flights.time(owner, piece, t) < flights.ends[owner] * (1 - MIDDLE)  # the root left out is mid-flight
-    turns = np.bincount(owner[inside] // parts, minlength=len(flights.ends) // parts)
-    return (turns // parts).tolist()
+    turns = np.bincount(owner[inside] // count, minlength=len(flights) // count)
+    return (turns // count).tolist()
 
 
-def _flights(model: Model, cases: Sequence[Case], flights: Motions) -> list[tuple]:
-    """Of each case the landing jerk (times -1), the lowest interior minimum of the gap (None without one), and the
-    violations in flight. Each part starts from a zero of order three of the gap, which is divided out exactly."""
-    parts = len(cases[0].parts)
-    gaps = flights.series([model.gap(case.p) for case in cases for _ in case.parts])
-    jerks = (6 * gaps[flights.first, 3]).reshape(-1, parts).min(1)
+# What is checked, each with the violations (m lists) to add to.
+
+
+def _flights(model: Model, cases: Cases, violations) -> tuple[np.ndarray, np.ndarray]:
+    """Landing jerks (m,) times -1, and lowest interior minima of the gaps (m,), `NONE` without one. Each part of a
+    flight starts from a zero of order three of the gap, which is divided out exactly."""
+    flights = cases.parts
+    gaps = flights.series(model.gap(cases.p_of_parts))
+    jerk = (6 * gaps[flights.first, 3]).reshape(-1, cases.count).min(1)
     owner, piece, t = flights.pile(derivative(gaps)).roots(start=2, rising=True)
     when = flights.time(owner, piece, t)
     inside = when < flights.ends[owner] * (1 - MIDDLE)
@@ -184,80 +208,80 @@ def _flights(model: Model, cases: Sequence[Case], flights: Motions) -> list[tupl
     ends = np.flatnonzero((bend > 0) & (np.abs(rate) * flights.ends < 1e-6 * flights.largest(gaps[:, :1])))
     owner, when = np.append(owner[inside], ends), np.append(when[inside], flights.ends[ends])
     heights = np.append(heights[inside], middle[ends])
-    lowest: list = [(None, None)] * len(cases)
-    for i in np.argsort(-heights):  # the lowest last
-        index, backwards = divmod(int(owner[i]), parts)
-        lowest[index] = float(heights[i]), cases[index].flight_time - when[i] if backwards else when[i]
-    answers = []
-    for jerk, (clearance, at) in zip(jerks.tolist(), lowest, strict=True):
-        violations = []
-        if jerk <= 0:
-            violations.append(f"the gap opens the wrong way at landing (landing jerk {-jerk:.3g}, must be negative)")
-        if clearance is not None and clearance <= 0:
-            violations.append(f"{model.violations['gap']} at t = {at:.6g} of the flight (height {clearance:.3g})")
-        answers.append((jerk, clearance, violations))
-    return answers
+    lowest, times = np.full(len(flights), NONE), np.zeros(len(flights))
+    order = np.argsort(-heights)  # of several in a part the last counts
+    lowest[owner[order]], times[owner[order]] = heights[order], when[order]
+    clearance, when = _least(cases, lowest, times)
+    for i in np.flatnonzero(jerk <= 0):
+        violations[i].append(f"the gap opens the wrong way at landing (landing jerk {-jerk[i]:.3g}, must be negative)")
+    for i in np.flatnonzero(clearance <= 0):
+        where = f"t = {when[i]:.6g} of the flight (height {clearance[i]:.3g})"
+        violations[i].append(f"{model.violations['gap']} at {where}")
+    return jerk, clearance
 
 
-def _separations(model: Model, cases: Sequence[Case], flights: Motions, contacts: Motions | None) -> list[tuple]:
-    """Of each case the least separation over the cycle, None where no length is stated or the contact does not end,
-    and the violation where it is not positive."""
-    if model.separation(cases[0].p) is None:
-        return [(None, [])] * len(cases)
-    distances, parts = [model.separation(case.p) for case in cases], len(cases[0].parts)
-    least, piece, t = flights.pile(flights.series([d for d in distances for _ in range(parts)])).lowest()
-    when = flights.time(np.arange(len(least)), piece, t)
-    found = [min(range(i, i + parts), key=least.__getitem__) for i in range(0, len(least), parts)]
-    answers: list = []
-    for case, i in zip(cases, found, strict=True):
-        answers.append((float(least[i]), case.flight_time - when[i] if i % parts else when[i], "flight"))
-    standing = [i for i, case in enumerate(cases) if case.contact is not None]
-    if standing:
-        embedded = [Affine(tuple(np.array(distances[i].weights) @ model.embed), distances[i].offset) for i in standing]
-        least, piece, t = contacts.pile(contacts.series(embedded)).lowest()
-        when = contacts.time(np.arange(len(least)), piece, t)
-        for i, *other in zip(standing, least.tolist(), when, strict=True):
-            answers[i] = min(answers[i], (*other, "contact"))
-    word = model.violations["separation"]
-    return [
-        (
-            least if case.contact is not None else None,
-            [] if least > 0 else [f"{word} at t = {when:.6g} of the {where} (separation {least:.3g})"],
-        )
-        for case, (least, when, where) in zip(cases, answers, strict=True)
-    ]
+def _least(cases: Cases, values, times) -> tuple[np.ndarray, np.ndarray]:
+    """Of each flight the least (m,) of `values`, one of each part, and when (m,) that is, from `times` in the parts."""
+    values, times = values.reshape(-1, cases.count), times.reshape(-1, cases.count)
+    part, each = values.argmin(1), np.arange(len(values))
+    when = times[each, part]
+    return values[each, part], np.where(part == 0, when, cases.flight_times - when)
 
 
-def _contact_forces(model: Model, cases: Sequence[Case], contacts: Motions | None) -> list[tuple]:
-    """Of each case the lowest interior minimum of the force over the (half) contact, None without one, its peak, and a
-    violation where it pulls or the contact does not end. The force starts from a simple zero, which is divided out
-    exactly; a whole contact ends on another."""
-    answers: list = [(None, None, [case.stopped]) for case in cases]
-    if contacts is None:
-        return answers
-    half, pulls = model.reversor is not None, model.violations["pull"]
+def _separations(model: Model, cases: Cases, violations) -> np.ndarray:
+    """Least separations (m,) over the cycles, `NONE` where no length is stated or the contact does not end."""
+    flights, contacts, standing = cases.parts, cases.contacts, cases.standing
+    found = np.full(len(cases), NONE)
+    if (distance := model.separation(cases.p_of_parts)) is None:
+        return found
+    low, piece, t = flights.pile(flights.series(distance)).lowest()
+    least, when = _least(cases, low, flights.time(np.arange(len(flights)), piece, t))
+    standing_lower = np.zeros(len(cases), bool)
+    if contacts:
+        low, piece, t = contacts.pile(contacts.series(model.separation(cases.p_of_contacts), model.embed)).lowest()
+        lower = low < least[standing]
+        these = standing[lower]
+        least[these], standing_lower[these] = low[lower], True
+        when[these] = contacts.time(np.flatnonzero(lower), piece[lower], t[lower])
+    for i in np.flatnonzero(~(least > 0)):
+        where = f"t = {when[i]:.6g} of the {'contact' if standing_lower[i] else 'flight'}"
+        violations[i].append(f"{model.violations['separation']} at {where} (separation {least[i]:.3g})")
+    found[standing] = least[standing]
+    return found
+
+
+def _contact_forces(model: Model, cases: Cases, violations) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest interior minima (m,) of the forces over the (half) contacts, `NONE` without one, and their peaks (m,),
+    `NONE` where the contact does not end. The force starts from a simple zero, which is divided out exactly; a whole
+    contact ends on another."""
+    least, peaks = np.full((2, len(cases)), NONE)
+    for i, reason in cases.stopped.items():
+        violations[i].append(reason)
+    if not cases.contacts:
+        return least, peaks
+    contacts, half, pulls = cases.contacts, model.reversor is not None, model.violations["pull"]
     force = contacts.coefficients[:, contacts.names.index("contact force")]
     before = contacts.ends * (1 - MIDDLE)
     owner, piece, t = contacts.pile(derivative(force)).roots(rising=True)
     inside = contacts.time(owner, piece, t) < before[owner]
-    least = np.full(len(before), np.inf)
-    np.minimum.at(least, owner[inside], evaluate(force[contacts.first[owner] + piece], t)[inside])
+    low = np.full(len(contacts), NONE)
+    np.minimum.at(low, owner[inside], evaluate(force[contacts.first[owner] + piece], t)[inside])
     if half:  # mid-contact itself
         last, h = force[contacts.last], contacts.steps[contacts.last]
         rising = evaluate(derivative(derivative(last)), h) > 0
-        least = np.where(rising, np.minimum(least, evaluate(last, h)), least)
+        low = np.where(rising, np.minimum(low, evaluate(last, h)), low)
+    least[cases.standing], peaks[cases.standing] = low, -contacts.pile(-force).lowest()[0]
     owner, piece, t = contacts.pile(force).roots(start=1)
     when = contacts.time(owner, piece, t)
-    crossed = {int(o): time for o, time in zip(owner[::-1], when[::-1], strict=True) if half or time < before[o]}
-    peaks = -contacts.pile(-force).lowest()[0]
-    rates = force[contacts.first, 1]
-    standing = [i for i, case in enumerate(cases) if case.contact is not None]
-    for j, (i, low, peak) in enumerate(zip(standing, least.tolist(), peaks.tolist(), strict=True)):
-        violations = [f"{pulls} in contact at t = {crossed[j]:.6g}"] if j in crossed else []
-        if not violations and rates[j] <= 0:
-            violations = [f"{pulls} as soon as the contact begins"]
-        answers[i] = (low if low < np.inf else None, peak, violations)
-    return answers
+    inside = half | (when < before[owner])
+    pulling, first = np.unique(owner[inside], return_index=True)
+    for i, at in zip(cases.standing[pulling], when[inside][first], strict=True):
+        violations[i].append(f"{pulls} in contact at t = {at:.6g}")
+    at_once = force[contacts.first, 1] <= 0
+    at_once[pulling] = False
+    for i in cases.standing[at_once]:
+        violations[i].append(f"{pulls} as soon as the contact begins")
+    return least, peaks
 
 
 @lru_cache(maxsize=64)
@@ -269,43 +293,38 @@ def gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> 
     return Rows(ca.Function("gradient", [x, p], [ca.vertcat(*gradient(*along.symbols(x, p)))]))
 
 
-def _energies(model: Model, cases: Sequence[Case], flights: Motions, contacts: Motions | None) -> list[tuple]:
-    """Of each case dE/dalpha at launch, and for each of its motions the largest change of energy, with what rounding of
-    the states makes of it."""
-    parts, standing = len(cases[0].parts), [case for case in cases if case.contact is not None]
-    owners = [case for case in cases for _ in case.parts]
-    changes, starts = _work(model.flight, model.flight_gradient, flights, owners)
-    others = iter(_work(model.contact, model.contact_gradient, contacts, standing)[0] if standing else ())
+def _energies(model: Model, cases: Cases) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """dE/dalpha at launch (m,); of each part of the flight and of the contact the largest change of energy
+    (m, count + 1), and what rounding of the states makes of it."""
+    changes, floors = np.zeros((2, len(cases), cases.count + 1))
+    *flown, starts = _work(model.flight, model.flight_gradient, cases.parts, cases.p_of_parts)
+    changes[:, :-1], floors[:, :-1] = (values.reshape(len(cases), -1) for values in flown)
+    if cases.contacts:
+        stood = _work(model.contact, model.contact_gradient, cases.contacts, cases.p_of_contacts)
+        changes[cases.standing, -1], floors[cases.standing, -1], _ = stood
     # Launch expressions are plain arithmetic: a complex step is exact.
-    directions = [model.launch({**case.u, "alpha": case.u["alpha"] + 1e-30j}, case.p) for case in cases]
-    powers = np.einsum("mi,mi->m", starts[::parts], np.array(directions).imag * 1e30)
-    answers = []
-    for i, (case, power) in enumerate(zip(cases, powers.tolist(), strict=True)):
-        drifts = changes[i * parts : (i + 1) * parts]
-        answers.append((power, drifts if case.contact is None else [*drifts, next(others)]))
-    return answers
+    direction = columns(model.launch({**cases.u, "alpha": cases.u["alpha"] + 1e-30j}, cases.p), complex).imag * 1e30
+    return np.einsum("mi,mi->m", starts[:: cases.count], direction), changes, floors
 
 
-def _work(phase: Phase, gradient: Callable, motions: Motions, cases: Sequence[Case]):
-    """Of each motion of cases the largest change of energy and that of rounding, and the gradients (m, n) at the
-    starts.
+def _work(phase: Phase, gradient: Callable, motions: Motions, p: Mapping) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each motion the largest change of energy (m,), that of rounding (m,), and the gradient at its start (m, n).
 
     The change is the work of the gradient on the straight lines between the nodes.
     """
-    names = tuple(cases[0].p)
-    along = flow(phase, names)
+    along = flow(phase, tuple(p))
     n = along.size
     nodes = motions.coefficients[:, :n, 0]
     after = np.roll(nodes, -1, axis=0)
     after[motions.last] = motions.finals[:, :n]
     moves = after - nodes
-    data = along.data_of(motions, np.array([list(case.p.values()) for case in cases]))
+    data = along.data_of(motions, columns(p.values()))
     points = nodes[:, None] + GAUSS_PLACES[:, None] * moves[:, None]
-    call = gradients(phase, gradient, names)
+    call = gradients(phase, gradient, tuple(p))
     rates = call(points.reshape(-1, n), np.repeat(data, GAUSS, axis=0))[0].reshape(-1, GAUSS, n)
     changes = np.cumsum(((GAUSS_WEIGHTS @ rates) * moves).sum(1))
     before = np.where(motions.first > 0, changes[motions.first - 1], 0.0)
     largest = motions.largest(changes - np.repeat(before, motions.counts))
     floors = EPS * motions.largest(nodes) * motions.largest(rates)
     (starts,) = call(nodes[motions.first], data[motions.first])
-    return list(zip(largest.tolist(), floors.tolist(), strict=True)), starts
+    return largest, floors, starts

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .accuracy import error_bounds
-from .certify import Case, certify
+from .certify import certify, known
 from .errors import NoOrbit, OrbitsError
 from .family import Point
 from .motions import Trajectory
-from .orbit import Certificate, Orbit
-from .shooting import STALLED, Evaluation, solve
-from .statements import as_cases, as_orbit, equations_of, interpret, interpret_all
+from .orbit import Orbit
+from .shooting import STALLED, Evaluation, solve, stacked
+from .statements import as_cases, as_orbit, equations_of, interpret_all
 
 # A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
 AT_A_FOLD = 1e-3
@@ -131,87 +131,73 @@ class Curve:
         known = zip(xs, tangents, turns.tolist(), heres, steps, strict=True)
         return [At(*each, meshes=self.meshes) for each in known]
 
-    def checked(self, ats: Sequence[At]) -> list[At | OrbitsError]:
-        """The points certified, all together; in the place of one that cannot be, the error that says why."""
-        model, points = self.machine.model, self.solved(ats)
-        answers: list = error_bounds(self.orbits, points)
-        refusals = self._refusals([p for _, p, _, _ in points])
-        answers = [refusal or error for refusal, error in zip(refusals, answers, strict=True)]
-        named = [dict(zip(self.names, p.tolist(), strict=True)) for _, p, _, _ in points]
-
-        def good() -> list[int]:
-            return [i for i, answer in enumerate(answers) if not isinstance(answer, OrbitsError)]
-
-        known = [(points[i][0], named[i], points[i][2], answers[i]) for i in good()]
-        for i, solution in zip(good(), interpret_all(model, self.method, self.orbits, known), strict=True):
-            answers[i] = solution
-        cases = as_cases(model, [(answers[i], named[i]) for i in good()])
-        for i, case, certificate in zip(good(), cases, certify(model, cases), strict=True):
-            answers[i] = certificate
-            if isinstance(certificate, Certificate):
-                answers[i], ats[i].point = ats[i], self._point(ats[i], case, certificate)
-        return answers
-
     def check(self, at: At) -> At:
-        """One point certified; raises the error when it cannot be."""
-        (answer,) = self.checked([at])
-        if isinstance(answer, OrbitsError):
-            raise answer
-        return answer
+        """A point, certified; raises the error when it cannot be."""
+        self._certify([at])
+        return at
 
-    def solved(self, ats: Sequence[At]) -> list[tuple]:
-        """Of each point the unknowns and parameters of the machine's own equations, `orbits`; the equations there; and
-        the tangent as a row where it is that of a fold, since errors are measured across the curve there."""
+    def checked(self, ats: Sequence[At]) -> tuple[Sequence[At], OrbitsError | None]:
+        """The points, certified, up to the first that cannot be, and its error."""
+        if not ats:
+            return ats, None
+        try:
+            self._certify(ats)
+        except OrbitsError as error:
+            if error.index is None:
+                raise
+            return self.checked(ats[: error.index])[0], error
+        return ats, None
+
+    def _certify(self, ats: Sequence[At]):
+        """Give points their certificates, all together; raises the error about the first that can have none."""
+        model, (us, ps, here, closing) = self.machine.model, self.solved(ats)
+        self._allow(ps)
+        errors = error_bounds(self.orbits, us, ps, here, closing, quickly=True)
+        cases = as_cases(model, interpret_all(model, self.method, self.orbits, us, ps, here, errors))
+        certificates = certify(model, cases)
+        also = {name: cases.p[name].tolist() for name in self.values(self.parameters) if name != self.along}
+        u, times = cases.u, (cases.flight_times.tolist(), known(cases.contact_times))
+        rows = zip(ats, u["alpha"].tolist(), u["liftoff"].tolist(), *times, certificates, strict=True)
+        for i, (at, *figures) in enumerate(rows):
+            others = {name: values[i] for name, values in also.items()}
+            at.point = Point(at.value, tuple(at.x[:-1].tolist()), tuple(at.tangent.tolist()), *figures, others)
+
+    def solved(self, ats: Sequence[At]) -> tuple[np.ndarray, np.ndarray, Evaluation, np.ndarray]:
+        """The unknowns (m, n) and parameters (m, np) of the machine's own equations, `orbits`; the equations there; and
+        the rows (m, n + 1) that close them for their errors: where it is a fold, the tangent, across which errors are
+        measured there."""
         xs = np.array([at.x for at in ats])
         across, ps = np.array([at.tangent for at in ats]) / self.size(xs) ** 2, self.p(xs)
         folds = np.abs(across[:, -1]) * self.span < AT_A_FOLD
-        heres = self.equations.moved_all([at.here for at in ats], xs[:, :-1], ps, [at.moved for at in ats])
-        return [
-            (x[:-1], p, here, row if fold else None)
-            for x, p, here, row, fold in zip(xs, ps, heres, across, folds, strict=True)
-        ]
+        here = self.equations.moved(
+            stacked([at.here for at in ats]), xs[:, :-1], ps, np.array([at.moved for at in ats])
+        )
+        return xs[:, :-1], ps, here, np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
 
     def values(self, p) -> dict[str, float]:
         """What a point's parameters are by name, as far as the machine does not state them."""
         return {self.along: float(p[self.place])}
 
-    def _refusals(self, ps) -> list[OrbitsError | None]:
-        """Why the machine cannot have these parameters, for each of several; values between two good ones are good."""
-        values = [self.values(p) for p in ps]
-        if len(values) > 2:
-            ends = [{name: pick(value[name] for value in values) for name in values[0]} for pick in (min, max)]
-            if not any(map(self._refusal, ends)):
-                return [None] * len(ps)
-        return [self._refusal(value) for value in values]
-
-    def _refusal(self, values: dict[str, float]) -> OrbitsError | None:
+    def _allow(self, ps):
+        """Raises the error about the first of parameters (m, np) that the machine cannot have; those between two good
+        ones are good."""
         try:
-            self.machine.with_values(**values)
-        except OrbitsError as error:
-            return error
-        return None
-
-    def _point(self, at: At, case: Case, certificate: Certificate) -> Point:
-        others = self.values(list(case.p.values())).keys() - {self.along}
-        return Point(
-            value=at.value,
-            u=tuple(at.x[:-1].tolist()),
-            tangent=tuple(at.tangent.tolist()),
-            alpha=case.u["alpha"],
-            liftoff_extension=case.u["liftoff"],
-            flight_time=case.flight_time,
-            contact_time=case.contact_time,
-            certificate=certificate,
-            also={name: case.p[name] for name in others},
-        )
+            for p in (ps.min(0), ps.max(0))[: len(ps)]:
+                self.machine.with_values(**self.values(p))
+        except OrbitsError:
+            for i, p in enumerate(ps):
+                try:
+                    self.machine.with_values(**self.values(p))
+                except OrbitsError as error:
+                    raise error.about(i) from None
 
     def orbit(self, at: At) -> Orbit:
         """The whole orbit at a point."""
-        began = time.perf_counter()
-        ((u, p, here, _),) = self.solved([at])
-        machine = self.machine.with_values(**self.values(p))
-        known = machine.model, self.method, self.orbits, u, here, machine.values
-        return as_orbit(machine, self.method, interpret(*known, error=at.point.error if at.point else None), began)
+        began, (us, ps, here, closing) = time.perf_counter(), self.solved([at])
+        machine = self.machine.with_values(**self.values(ps[0]))
+        errors = np.array([at.point.error]) if at.point else error_bounds(self.orbits, us, ps, here, closing)
+        solution = interpret_all(machine.model, self.method, self.orbits, us, ps, here, errors)
+        return as_orbit(machine, self.method, solution, began)
 
     def onto(self, at: At, value: float) -> At:
         """A point where the parameter is `value` but for rounding, with just that; certified."""

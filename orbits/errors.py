@@ -4,12 +4,23 @@ Every exception of the toolkit derives from `OrbitsError`.
 """
 
 from numbers import Real
+from typing import Self
 
 import numpy as np
 
 
 class OrbitsError(Exception):
-    """Base of all errors raised on purpose; the message says what, where and what to do."""
+    """Base of all errors raised on purpose; the message says what, where and what to do.
+
+    index : of several things asked for together, the one that it is about; None where it is about them all
+    """
+
+    index: int | None = None
+
+    def about(self, index: int) -> Self:
+        """The error, being about one of several things."""
+        self.index = int(index)
+        return self
 
 
 class InputError(OrbitsError, ValueError):

@@ -144,24 +144,27 @@ class Flow:
         moving = np.array(slopes) if columns else None
         return Trajectory(np.array(times), np.array(pieces), self.names, moving), variations
 
-    def until_zero(self, starts, ps, quantity: Affine, skip_start: int = 0) -> list[Trajectory | None]:
+    def until_zero(self, starts, ps, quantity: Affine, skip_start: int = 0) -> tuple[np.ndarray, Motions | None]:
         """Motions from states (m, n) with parameters (m, np) up to the first sign change of an affine function of their
-        rows, all in one call; None for one that takes more than a few of Taylor's steps. As `first_zero` otherwise."""
+        rows, all in one call: which of them (r,) take no more than a few of Taylor's steps, and those; None when no
+        motion does. As `first_zero` otherwise."""
+        none = np.zeros(0, int), None
         if self.phase.closed_form or self.phase.pieces or not self.graph.has_series:
-            return [None] * len(starts)
+            return none
         steps, c, trusted = self.scheme(0).advance_all(starts, ps, LOOK_AHEAD)
-        answers: list[Trajectory | None] = [None] * len(starts)
         sound = np.flatnonzero(trusted.all(1))
         if not len(sound):
-            return answers
-        series = quantity.series(c[sound, :, : len(quantity.weights)])
-        counts = np.full(len(sound), LOOK_AHEAD)
-        owner, piece, t = Pile(series.reshape(-1, c.shape[3]), steps[sound].ravel(), counts).roots(skip_start)
-        times = np.cumsum(steps, axis=1)
-        for j, i, end in list(zip(sound[owner], piece, t, strict=True))[::-1]:  # the first zero last
-            start = times[j, i - 1] if i else 0.0
-            answers[j] = Trajectory(np.array([0.0, *times[j, :i], start + end]), c[j, : i + 1], self.names)
-        return answers
+            return none
+        steps, c = steps[sound], c[sound]
+        owner, piece, t = self._piled(quantity, c, steps).roots(skip_start)
+        owner, first = np.unique(owner, return_index=True)
+        if not len(owner):
+            return none
+        piece, ends = piece[first], np.cumsum(steps[owner], axis=1)
+        begins = np.concatenate([np.zeros((len(owner), 1)), ends[:, :-1]], axis=1)
+        used = np.arange(LOOK_AHEAD) <= piece[:, None]
+        ends = begins[np.arange(len(owner)), piece] + t[first]
+        return sound[owner], Motions(begins[used], ends, c[owner][used], piece + 1, self.names)
 
     def first_zeros(self, starts, p, quantity: Affine, limit, skip=0, rising: bool = False, over=None):
         """When an affine function of the rows first changes its sign on motions from states (m, n), and where.

@@ -11,13 +11,14 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from .certify import columns
 from .continuation import record_of, walk_from
 from .curve import At, Curve
 from .errors import InputError, NoOrbit
 from .family import Family, Point
 from .model import Arc, Phase, Statement
 from .question import at_point, known, number_of, options_of
-from .shooting import Shooting, shooting
+from .shooting import Evaluation, Shooting, shooting, stacked
 from .walk import Options
 
 
@@ -118,16 +119,13 @@ class _FoldCurve(Curve):
     def values(self, p) -> dict[str, float]:
         return {**super().values(p), self.names[self.folded]: float(p[self.folded])}
 
-    def solved(self, ats: Sequence[At]) -> list[tuple]:
+    def solved(self, ats: Sequence[At]) -> tuple[np.ndarray, np.ndarray, Evaluation, np.ndarray]:
         """As of any curve, with the errors measured across the family that folds: along it only the orbit changes."""
         names, xs = self.orbits.statement.unknowns, np.array([at.x for at in ats])
         us, ps = xs[:, : len(names)], self.p(xs)
-        heres = self.orbits.evaluate_all(us, ps, (self.names[self.folded],))
-        rows = []
-        for x in xs:
-            changes = dict(zip(self.equations.statement.unknowns, x, strict=False))
-            rows.append(np.array([*(1.0 if name == "alpha" else changes[f"d{name}"] for name in names), 0.0]))
-        return list(zip(us, ps, heres, rows, strict=True))
+        here = stacked(self.orbits.evaluate_all(us, ps, (self.names[self.folded],)))
+        changes = dict(zip(self.equations.statement.unknowns, xs.T, strict=False))
+        return us, ps, here, columns([*(1.0 if name == "alpha" else changes[f"d{name}"] for name in names), 0.0])
 
 
 def follow_fold(

@@ -30,13 +30,6 @@ class Trajectory:
         self.times.setflags(write=False)
         self.coefficients.setflags(write=False)
 
-    def moved(self, change, longer: float) -> "Trajectory":
-        """The states' motion for a small `change` (columns,) of what was varied, and so much longer; to first order."""
-        states = self.variations.shape[1]
-        coefficients = self.coefficients[:, :states] + np.einsum("nick,c->nik", self.variations, change)
-        times = np.append(self.times[:-1], self.times[-1] + longer)
-        return Trajectory(times, coefficients, self.names[:states], self.variations)
-
     def __call__(self, t):
         """Rows (..., n + m) at times `t` (...), which lie within the trajectory's."""
         t = np.asarray(t, dtype=float)
@@ -71,29 +64,69 @@ class Trajectory:
 class Motions:
     """Motions of one phase, their steps joined, to be asked all together; quantities are per step (N, ...).
 
+    starts : (N,), times at which the steps begin, `steps` their lengths
+    ends : (m,), times at which the motions do
+    coefficients, variations : (N, ...), as in `Trajectory`
     counts : (m,), steps of each; `first` and `last` (m,) are where they begin and end
     owner : (N,), the motion that a step belongs to
-    ends : (m,), times
     """
 
-    def __init__(self, paths: Sequence[Trajectory]):
-        self.names = paths[0].names
-        self.counts = np.array([len(path.times) - 1 for path in paths])
-        self.last = np.cumsum(self.counts) - 1
-        self.first = self.last - self.counts + 1
-        self.owner = np.repeat(np.arange(len(paths)), self.counts)
-        self.coefficients = np.concatenate([path.coefficients for path in paths])
-        self.starts = np.concatenate([path.times[:-1] for path in paths])
-        self.steps = np.concatenate([path.times[1:] for path in paths]) - self.starts
-        self.ends = np.array([path.times[-1] for path in paths])
+    def __init__(self, starts, ends, coefficients, counts, names: tuple[str, ...], variations=None):
+        self.starts, self.ends, self.coefficients, self.variations = starts, ends, coefficients, variations
+        self.counts, self.names = counts, names
+        self.last = np.cumsum(counts) - 1
+        self.first = self.last - counts + 1
+        self.owner = np.repeat(np.arange(len(counts)), counts)
+        self.steps = np.append(starts[1:], 0.0)
+        self.steps[self.last] = ends
+        self.steps -= starts
 
-    def series(self, quantity: Affine | Sequence[Affine]) -> np.ndarray:
-        """Coefficients (N, K + 1) of an affine function of the first rows, the same or one for each motion."""
-        if isinstance(quantity, Affine):
-            return quantity.series(self.coefficients[:, : len(quantity.weights)])
-        weights = np.array([each.weights for each in quantity])[self.owner]
-        along = (weights[:, None] @ self.coefficients[:, : weights.shape[1]])[:, 0]
-        along[:, 0] += np.array([each.offset for each in quantity])[self.owner]
+    @classmethod
+    def of(cls, paths: Sequence[Trajectory]) -> "Motions":
+        """Of one phase, all with variations or none."""
+        varied = paths[0].variations is not None
+        return cls(
+            np.concatenate([path.times[:-1] for path in paths]),
+            np.array([path.times[-1] for path in paths]),
+            np.concatenate([path.coefficients for path in paths]),
+            np.array([len(path.times) - 1 for path in paths]),
+            paths[0].names,
+            np.concatenate([path.variations for path in paths]) if varied else None,
+        )
+
+    def __len__(self) -> int:
+        return len(self.counts)
+
+    def __getitem__(self, i: int) -> Trajectory:
+        some = slice(self.first[i], self.last[i] + 1)
+        moving = None if self.variations is None else self.variations[some]
+        return Trajectory(np.append(self.starts[some], self.ends[i]), self.coefficients[some], self.names, moving)
+
+    def moved(self, changes, longer) -> "Motions":
+        """The states' motions for small `changes` (m, columns) of what was varied, and so much longer (m,); to first
+        order."""
+        states = self.variations.shape[1]
+        change = np.einsum("Nick,Nc->Nik", self.variations, changes[self.owner])
+        coefficients, names = self.coefficients[:, :states] + change, self.names[:states]
+        return Motions(self.starts, self.ends + longer, coefficients, self.counts, names, self.variations)
+
+    def only(self, names: tuple[str, ...]) -> "Motions":
+        """The first rows alone, by their names, without variations."""
+        return Motions(self.starts, self.ends, self.coefficients[:, : len(names)], self.counts, names)
+
+    def series(self, quantity: Affine, embed=None) -> np.ndarray:
+        """Coefficients (N, K + 1) of an affine function of the first rows, or of `embed` (n, rows) times these; its
+        weights and offset are numbers, or (m,) of each motion."""
+        weights, offset = quantity.weights, quantity.offset
+        if any(map(np.ndim, weights)):
+            weights = np.array(np.broadcast_arrays(*weights)).T[self.owner]
+        else:
+            weights = np.array(weights)
+        if embed is not None:
+            weights = weights @ embed
+        coefficients = self.coefficients[:, : weights.shape[-1]]
+        along = weights @ coefficients if weights.ndim == 1 else np.einsum("Ni,Nik->Nk", weights, coefficients)
+        along[:, 0] += offset[self.owner] if np.ndim(offset) else offset
         return along
 
     def pile(self, series) -> Pile:

@@ -12,7 +12,7 @@ from .model import Model
 from .motions import Motions
 from .orbit import Orbit
 from .shooting import Shooting, solve
-from .statements import Solution, as_orbit, equations_of, in_flight_states, interpret, vector
+from .statements import Solution, as_orbit, equations_of, halved, interpret, vector
 
 # Below this the homotopy is stuck at a fold or an end of the family.
 MIN_STEP = 1e-4
@@ -216,9 +216,9 @@ def _corrected(model, equations, correct, predicted, family, p):
     new, here = correct(predicted, vector(p))
     if np.max(np.abs(new - predicted)[1:3] / np.abs(new[1:3])) > MAX_CORRECTION:
         raise NoOrbit("the corrector ends far from the predicted orbit")
-    flight = in_flight_states(model, here.trajectories[0])
-    parts = flight.split(flight.times[-1] / 2) if "unfolding" in equations.statement.unknowns else (flight,)
-    if count_families(model, Motions(parts), len(parts)) != [family]:
+    flight = Motions.of(here.trajectories[:1]).only(model.flight.states)
+    parts = halved(flight) if "unfolding" in equations.statement.unknowns else flight
+    if count_families(model, parts, len(parts)) != [family]:
         raise NoOrbit("the family changes")
     return new, here
 

@@ -13,7 +13,7 @@ from .calls import Call, Calls
 from .errors import FlowError, NoOrbit
 from .flow import Flow, flow
 from .model import Arc, Statement
-from .motions import Trajectory
+from .motions import Motions, Trajectory
 from .polynomial import derivative, evaluate
 from .steps import DEFECT
 
@@ -27,11 +27,11 @@ SMALL, STALLED = 1e-9, 0.7
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """A statement at one point.
+    """A statement at one point; or at several, `stacked`, when all but the trajectories has one more axis in front.
 
     residual : (n,)
     jacobian : (n, n + k), with respect to the unknowns and to the k varied parameters
-    trajectories : one per arc, with variations by its start and the varied parameters
+    trajectories : one per arc, with variations by its start and the varied parameters; `Motions` of several points
     transitions : derivatives (states, states + k) of each arc's end at fixed duration, by the same
     starts : derivatives (states + k, n + k) of the same, by the unknowns and the varied parameters
     durations : derivatives (n + k,) of each arc's duration
@@ -40,11 +40,16 @@ class Evaluation:
 
     residual: np.ndarray
     jacobian: np.ndarray
-    trajectories: tuple[Trajectory, ...]
+    trajectories: tuple[Trajectory, ...] | tuple[Motions, ...]
     transitions: tuple[np.ndarray, ...]
     starts: tuple[np.ndarray, ...]
     durations: tuple[np.ndarray, ...]
     holds: tuple[np.ndarray, ...]
+
+    def __getitem__(self, i: int) -> "Evaluation":
+        """One of several."""
+        per_arc = self.trajectories, self.transitions, self.starts, self.durations, self.holds
+        return Evaluation(self.residual[i], self.jacobian[i], *(tuple(part[i] for part in each) for each in per_arc))
 
     @property
     def growth(self) -> float:
@@ -54,6 +59,20 @@ class Evaluation:
     def settles(self, size: float, last: float) -> bool:
         """Whether a relative Newton step is the last one worth taking; `last` is the one before."""
         return size * max(self.growth, 1.0) < LAST or (size < SMALL and size > STALLED * last)
+
+
+def stacked(heres: Sequence[Evaluation]) -> Evaluation:
+    """A statement at several points, with or without variations at all of them."""
+
+    def per_arc(name: str) -> tuple:
+        return tuple(map(np.array, zip(*(getattr(here, name) for here in heres), strict=True)))
+
+    return Evaluation(
+        np.array([here.residual for here in heres]),
+        np.array([here.jacobian for here in heres]),
+        tuple(map(Motions.of, zip(*(here.trajectories for here in heres), strict=True))),
+        *map(per_arc, ("transitions", "starts", "durations", "holds")),
+    )
 
 
 @lru_cache(maxsize=64)
@@ -226,28 +245,21 @@ class Shooting:
         results = [ca.vertcat(*residuals), ca.vertcat(*jacobians), *results]
         return Calls(_dense("whole", [u, p, nodes], results))
 
-    def moved_all(self, heres: Sequence[Evaluation], us, ps, steps) -> list[Evaluation]:
-        """Evaluations taken along by Newton steps (m, n + k) that settle them, to the points `us` (m, n) where those
-        lead with parameters `ps` (m, np): to first order, but for the residuals."""
-        if any(path.variations is None for path in heres[0].trajectories):  # closed forms cost nothing
-            return [self.evaluate(u, p) for u, p in zip(us, ps, strict=True)]
-        moved = [
-            tuple(
-                path.moved(start @ step, longer @ step)
-                for path, start, longer in zip(here.trajectories, here.starts, here.durations, strict=True)
-            )
-            for here, step in zip(heres, steps, strict=True)
-        ]
+    def moved(self, here: Evaluation, us, ps, steps) -> Evaluation:
+        """The equations, `stacked`, taken along by Newton steps (m, n + k) that settle them, to the points `us` (m, n)
+        where those lead with parameters `ps` (m, np): to first order, but for the residuals."""
+        if any(motions.variations is None for motions in here.trajectories):  # closed forms cost nothing
+            return stacked([self.evaluate(u, p) for u, p in zip(us, ps, strict=True)])
+        arcs = zip(here.trajectories, here.starts, here.durations, strict=True)
+        apply = lambda slopes: np.einsum("m...c,mc->m...", slopes, steps)  # noqa: E731
+        moved = tuple(motions.moved(apply(start), apply(longer)) for motions, start, longer in arcs)
         if any(along.phase.pieces for along in self.flows):
             by_end = lambda along, start, p, path: path.end  # noqa: E731
-            residuals = [self.residual(u, p, paths, by_end) for u, p, paths in zip(us, ps, moved, strict=True)]
+            known = zip(us, ps, zip(*moved, strict=True), strict=True)
+            residual = np.array([self.residual(u, p, paths, by_end) for u, p, paths in known])
         else:
-            ends = (np.array([path.end for path in paths]) for paths in zip(*moved, strict=True))
-            residuals = self._arrivals(us, ps, *ends)[0][:, :, 0]
-        return [
-            replace(here, residual=residual, trajectories=paths)
-            for here, residual, paths in zip(heres, residuals, moved, strict=True)
-        ]
+            residual = self._arrivals(us, ps, *(motions.finals for motions in moved))[0][:, :, 0]
+        return replace(here, residual=residual, trajectories=moved)
 
     @cached_property
     def _arrivals(self) -> Calls:
@@ -286,7 +298,7 @@ class Shooting:
             last, size = size, np.max(np.abs(step) / np.maximum(np.abs(u), 1e-3))
             if here.settles(size, last):
                 u = u + step
-                return u, self.moved_all([here], u[None], np.reshape(p, (1, -1)), step[None])[0]
+                return u, self.moved(stacked([here]), u[None], np.reshape(p, (1, -1)), step[None])[0]
             if not np.isfinite(size):
                 break
             u, here = self._damped(u, step, p, here)

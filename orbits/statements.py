@@ -1,19 +1,19 @@
 """What is solved for an orbit of a model, and what the solution means: the statements, and orbits made from them."""
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from .accuracy import error_bound
-from .certify import Case, certify, follow_contacts
+from .accuracy import error_bounds
+from .certify import Cases, certify, follow_contacts, known
 from .errors import NoOrbit
 from .model import Arc, Model, Phase, Statement
-from .motions import Trajectory
+from .motions import Motions
 from .orbit import Orbit, Shape
-from .shooting import Evaluation, Shooting, shooting, solve
+from .shooting import Evaluation, Shooting, shooting, solve, stacked
 
 # Energy pumped over a flight, as a share, beyond which the unfolded equations have no orbit but a forced motion.
 LARGEST_UNFOLDING = 1e-9
@@ -91,143 +91,115 @@ def whole_flight(model: Model) -> Statement:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A solved statement and what it means for the flight.
+    """Solved statements (m) of one model and what they mean for the flight.
 
-    u : the unknowns by name
-    flight : the first half, in flight states; the whole flight where nothing mirrors it
-    parts : the flight from lift-off to its middle and, where it is not its mirror image, from landing backwards
-    gap_slope : derivative with respect to alpha of the gap at the landing time
-    compiled : whether the equations' flow took long enough to be compiled
+    u, p : unknowns and parameters by name, (m,) each
+    flight : the first halves, in flight states; whole flights where nothing mirrors them
+    parts, gap_slope, residual, error : as in `Cases`
     """
 
-    u: Mapping[str, float]
-    flight: Trajectory
-    parts: tuple[Trajectory, ...]
-    gap_slope: float
-    residual: float
-    error: float
-    compiled: bool
+    u: Mapping[str, np.ndarray]
+    p: Mapping[str, np.ndarray]
+    flight: Motions
+    parts: Motions
+    gap_slope: np.ndarray
+    residual: np.ndarray
+    error: np.ndarray
 
 
 def interpret(model: Model, method: str, equations: Shooting, u, here: Evaluation, p: Mapping, error=None) -> Solution:
-    """What the solution `u` of a method's equations, evaluated `here`, means for the flight.
+    """What the solution `u` (n,) of a method's equations, evaluated `here`, means for the flight.
 
-    error : of alpha, where it is known; else it is estimated, by `error_bound`
+    p : parameters by name
+    error : of alpha, where it is known; else it is measured, by `error_bounds`
     """
-    if error is None:
-        error = error_bound(equations, u, vector(p), here)
-    (solution,) = interpret_all(model, method, equations, [(u, p, here, error)])
-    if isinstance(solution, NoOrbit):
-        raise solution
-    return solution
+    us, ps, here = np.reshape(u, (1, -1)), np.reshape(vector(p), (1, -1)), stacked([here])
+    errors = error_bounds(equations, us, ps, here) if error is None else np.array([error])
+    return interpret_all(model, method, equations, us, ps, here, errors)
 
 
-def interpret_all(model: Model, method: str, equations: Shooting, points: Sequence[tuple]) -> list[Solution | NoOrbit]:
-    """What solutions (u, parameters by name, equations there, error of alpha) of a method's equations mean for the
-    flight; for one that means none, the reason."""
-    if not points:
-        return []
+def interpret_all(model: Model, method: str, equations: Shooting, us, ps, here: Evaluation, errors) -> Solution:
+    """What solutions (m, n) of a method's equations with parameters (m, np) mean for the flight, from the equations
+    `stacked` there and the errors of alpha (m,); raises `NoOrbit` about the first that means none."""
     read = _reduced if method in ("closed form", "relative") else _mirrored if model.reversor else _unmirrored
-    named = [equations.named(u) for u, *_ in points]
-    ps, heres = [p for _, p, _, _ in points], [here for _, _, here, _ in points]
-    return [
-        known
-        if isinstance(known, NoOrbit)
-        else Solution(u, *known, float(np.abs(here.residual).max()), error, equations.compiled)
-        for u, known, (_, _, here, error) in zip(named, read(model, named, ps, heres), points, strict=True)
-    ]
+    u = dict(zip(equations.statement.unknowns, us.T, strict=True))
+    p = dict(zip(equations.parameters, ps.T, strict=True))
+    return Solution(u, p, *read(model, u, p, here), np.abs(here.residual).max(1), errors)
 
 
-def as_cases(model: Model, solutions: Sequence[tuple[Solution, Mapping]]) -> list[Case]:
-    """What is to be certified of solutions with their parameters, the contacts followed."""
-    if not solutions:
-        return []
-    limits = [
-        solution.u.get("contact_duration", LONGEST_CONTACT * (1 + solution.flight.times[-1]))
-        for solution, _ in solutions
-    ]
-    landings = [(solution.u, p, limit) for (solution, p), limit in zip(solutions, limits, strict=True)]
-    return [
-        Case(known.u, p, known.parts, contact, stopped, known.gap_slope, known.residual, known.error)
-        for (known, p), (contact, stopped) in zip(solutions, follow_contacts(model, landings), strict=True)
-    ]
+def as_cases(model: Model, solution: Solution) -> Cases:
+    """What is to be certified, the contacts followed."""
+    limits = solution.u.get("contact_duration", LONGEST_CONTACT * (1 + solution.flight.ends))
+    measured = solution.parts, solution.gap_slope, solution.residual, solution.error
+    contacts = follow_contacts(model, solution.u, solution.p, limits)
+    return Cases(solution.u, solution.p, *measured, *contacts)
 
 
 def as_orbit(machine, method: str, solution: Solution, began: float) -> Orbit:
     """The certified orbit of a machine; `began` is when the search for it did, by `time.perf_counter`."""
-    model, p, u = machine.model, machine.values, solution.u
-    (case,) = as_cases(model, [(solution, p)])
-    (certificate,) = certify(model, [case])
-    if isinstance(certificate, NoOrbit):
-        raise certificate
+    model, p = machine.model, machine.values
+    cases = as_cases(model, solution)
+    (certificate,) = certify(model, cases)
     return Orbit(
         machine=machine.describe(),
-        alpha=u["alpha"],
-        liftoff_extension=u["liftoff"],
-        flight_time=case.flight_time,
-        contact_time=case.contact_time,
-        flight=solution.flight,
-        contact=case.contact,
+        alpha=float(solution.u["alpha"][0]),
+        liftoff_extension=float(solution.u["liftoff"][0]),
+        flight_time=float(cases.flight_times[0]),
+        contact_time=known(cases.contact_times)[0],
+        flight=solution.flight[0],
+        contact=cases.contacts and cases.contacts[0],
         shape=_shape(model, p),
         certificate=certificate,
         method=method,
-        skipped=_skipped(model, p, method, solution.compiled),
+        skipped=_skipped(model, p, method),
         seconds=time.perf_counter() - began,
         units=machine.units,
     )
 
 
-# The flight, its parts and the slope of the gap at landing, of several: (model, u by name, p by name, equations there).
+# The flights, their parts and the slopes of the gap at landing: (model, u by name, p by name, equations there).
 
 
-def _reduced(model: Model, us, ps, heres: Sequence[Evaluation]) -> list:
-    landings = _at_landing(heres, model.reduction.reversor)
-    found = []
-    for u, p, here, landing in zip(us, ps, heres, landings, strict=True):
-        path = here.trajectories[0]
-        coefficients = model.reduction.complete(path.times[:-1], path.coefficients, u, p)
-        half = Trajectory(path.times, coefficients, model.flight.states)
-        found.append((half, (half,), float(model.reduction.gap_slope(2 * path.times[-1], landing[:, 1], p))))
-    return found
+def _reduced(model: Model, u: Mapping, p: Mapping, here: Evaluation) -> tuple:
+    (motions,) = here.trajectories
+    of_steps = ({name: values[motions.owner] for name, values in each.items()} for each in (u, p))
+    coefficients = model.reduction.complete(motions.starts, motions.coefficients, *of_steps)
+    flight = Motions(motions.starts, motions.ends, coefficients, motions.counts, model.flight.states)
+    landing = _at_landing(here, model.reduction.reversor)
+    return flight, flight, model.reduction.gap_slope(2 * flight.ends, landing.T, p)
 
 
-def _mirrored(model: Model, us, ps, heres: Sequence[Evaluation]) -> list:
-    found = []
-    for p, here, landing in zip(ps, heres, _at_landing(heres, model.reversor), strict=True):
-        half = in_flight_states(model, here.trajectories[0])
-        found.append((half, (half,), float(np.array(model.gap(p).weights) @ landing[:, 1])))
-    return found
+def _mirrored(model: Model, u: Mapping, p: Mapping, here: Evaluation) -> tuple:
+    flight = here.trajectories[0].only(model.flight.states)
+    return flight, flight, _slope(model, p, _at_landing(here, model.reversor))
 
 
-def _unmirrored(model: Model, us, ps, heres: Sequence[Evaluation]) -> list:
-    found: list = []
-    for u, p, here in zip(us, ps, heres, strict=True):
-        flight = in_flight_states(model, here.trajectories[0])
-        slope = np.array(model.gap(p).weights) @ (here.transitions[0] @ here.starts[0])[: len(flight.names), 1]
-        if abs(u["unfolding"]) * u["duration"] > LARGEST_UNFOLDING:
-            reason = f"the landing conditions hold only with the energy pumped at the rate {u['unfolding']:.3g}"
-            found.append(NoOrbit(reason + ": this model has no lossless orbit here"))
-        else:
-            found.append((flight, flight.split(flight.times[-1] / 2), float(slope)))
-    return found
+def _unmirrored(model: Model, u: Mapping, p: Mapping, here: Evaluation) -> tuple:
+    for i in np.flatnonzero(np.abs(u["unfolding"]) * u["duration"] > LARGEST_UNFOLDING):
+        reason = f"with the energy pumped at the rate {u['unfolding'][i]:.3g}: this model has no lossless orbit here"
+        raise NoOrbit(f"the landing conditions hold only {reason}").about(i)
+    flight = here.trajectories[0].only(model.flight.states)
+    return flight, halved(flight), _slope(model, p, (here.transitions[0] @ here.starts[0])[:, :, 1])
 
 
-def in_flight_states(model: Model, path: Trajectory) -> Trajectory:
-    """The rows of the flight states alone."""
-    states = model.flight.states
-    return Trajectory(path.times, path.coefficients[:, : len(states)], states)
+def halved(flight: Motions) -> Motions:
+    """Of whole flights the first halves, and the second from landing backwards."""
+    return Motions.of([half for path in flight for half in path.split(path.times[-1] / 2)])
 
 
-def _at_landing(heres: Sequence[Evaluation], reversor) -> np.ndarray:
-    """Derivatives (m, states, unknowns) of the state at landing, of flights whose first halves are `heres`.
+def _slope(model: Model, p: Mapping, landing) -> np.ndarray:
+    """Derivatives (m,) of the gap at landing by alpha, from those of the state (m, states)."""
+    return sum(weight * landing[:, i] for i, weight in enumerate(model.gap(p).weights))
+
+
+def _at_landing(here: Evaluation, reversor) -> np.ndarray:
+    """Derivatives (m, states) by alpha, the second unknown, of the state at landing, of flights whose first halves are
+    `here`.
 
     The second half mirrors the first in time, and so does its transition matrix.
     """
-    first, starts = (
-        np.array([part[0] for part in parts]) for parts in zip(*((h.transitions, h.starts) for h in heres), strict=True)
-    )
-    mirror = np.array(reversor)[:, None]
-    return mirror * solve(first[:, :, : first.shape[1]], mirror * (first @ starts))
+    first, start, mirror = here.transitions[0], here.starts[0][:, :, [1]], np.array(reversor)[:, None]
+    return (mirror * solve(first[:, :, : first.shape[1]], mirror * (first @ start)))[:, :, 0]
 
 
 def _shape(model: Model, p: Mapping) -> Shape:
@@ -240,7 +212,7 @@ def vector(p: Mapping) -> np.ndarray:
     return np.array(list(p.values()), dtype=float)
 
 
-def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:
+def _skipped(model: Model, p: Mapping, method: str) -> tuple[str, ...]:
     """What the way taken did without, in words."""
     skipped = {
         "closed form": ["flight: closed form, nothing integrated", "search: one scalar equation, no solver"],
@@ -260,6 +232,6 @@ def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str
         skipped.append(f"contact: {part}, for its duration and the checks, not for the search")
     if model.separation(p) is None:
         skipped.append("separation of the masses: no rest length given")
-    if not compiled:
+    if not equations_of(model, method, tuple(p)).compiled:
         skipped.append("compilation: nothing that repays it, or no compiler")
     return tuple(skipped)

@@ -214,16 +214,14 @@ class Walk:
 
     def certified(self, ahead: list[At]) -> tuple[list[At], OrbitsError | None]:
         """The points that are certified, up to the first that is not, and its error."""
-        good: list[At] = []
-        for there in self.curve.checked(ahead) if ahead else []:
-            if isinstance(there, OrbitsError):
-                return good, there
-            family = (good[-1] if good else self.last).point.family
+        family = self.last.point.family
+        good, refusal = self.curve.checked(ahead)
+        for i, there in enumerate(good):
             if there.point.family != family and there.length > 10 * SHORTEST:
                 there.point = None
-                return good, NoOrbit(f"the orbit changes from family {family} to another one")
-            good.append(there)
-        return good, None
+                return good[:i], NoOrbit(f"the orbit changes from family {family} to another one")
+            family = there.point.family
+        return good, refusal
 
     def within(self, at: At) -> bool:
         """Whether a point lies between the bounds."""

@@ -81,7 +81,9 @@ def _model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> 
         return np.array([[1, 0, -1, 0], [0, 1, 0, -1], [1, 0, p["mass_ratio"], 0], [0, 1, 0, p["mass_ratio"]]])
 
     def complete(times, coefficients, u, p):
-        return mix(p) @ thrown(times, coefficients, u)
+        M, flown = np.reshape(p["mass_ratio"], (-1, 1, 1)), thrown(times, coefficients.shape[2], u)
+        swung = coefficients[:, :2]
+        return np.concatenate([M * swung + flown, flown - swung], axis=1) / (1 + M)
 
     def heights(p):
         M, length = p["mass_ratio"], p.get("rest_length", 0.0)

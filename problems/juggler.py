@@ -78,7 +78,7 @@ def juggler_model(spring: Key, gravity: Key | None, has_length: bool, damped: bo
         return np.eye(4)[[2, 3, 0, 1]]  # the hand swings, the ball is thrown; its own inverse
 
     def complete(times, coefficients, u, p):
-        return mix(p) @ thrown(times, coefficients, u)
+        return np.concatenate([thrown(times, coefficients.shape[2], u), coefficients[:, :2]], axis=1)
 
     def heights(p):
         length = p.get("rest_length", 0.0)

@@ -117,13 +117,14 @@ def guess(spring: Key, load: float, what: str) -> Callable:
     return start
 
 
-def thrown(times, coefficients, u):
-    """Append the coordinate thrown up at lift-off under unit gravity, and its speed, to coefficients (N, n, K + 1)."""
-    rows = np.zeros((len(times), 2, coefficients.shape[2]))
+def thrown(times, count: int, u):
+    """Coefficients (N, 2, count) of the coordinate thrown up at lift-off under unit gravity, and of its speed, in steps
+    from `times` (N,)."""
+    rows = np.zeros((len(times), 2, count))
     rows[:, 0, 0] = u["liftoff"] + times * (u["alpha"] - times / 2)
     rows[:, 0, 1] = rows[:, 1, 0] = u["alpha"] - times
     rows[:, 0, 2], rows[:, 1, 1] = -0.5, -1.0
-    return np.concatenate([coefficients[:, :2], rows], axis=1)
+    return rows
 
 
 def thrown_flight(reduction: Reduction | None, mix: Callable, apart: Callable) -> Callable | None:
