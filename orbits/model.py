@@ -214,8 +214,7 @@ class Reduction:
     statement : its unknowns are "liftoff" and "alpha", which are its two states at lift-off; its one arc is the flight
         from there to its middle
     reversor : sign of each of its states under time reversal
-    complete : (times (N,), coefficients (N, n, K + 1), u, p) -> coefficients of the flight states, the values in u and p
-        of each step (N,)
+    complete : (times (N,), coefficients (N, n, K + 1), u, p) -> coefficients of the flight states; u and p of each step
     gap_slope : (time, dz (n,), p) -> derivative of the gap with respect to alpha from that of the reduced state
     exact : (family, p) -> (u, error of alpha) where the answer is known in closed form, else None
     """

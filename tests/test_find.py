@@ -175,7 +175,13 @@ class TestJuggler:
 
 
 @pytest.mark.parametrize(
-    "machine", [Hopper("r", rest_length=20.0), machine_of(REFERENCES[4])], ids=["linear", "varying"]
+    "machine",
+    [
+        Hopper("r", rest_length=20.0),
+        machine_of(REFERENCES[4]),
+        Hopper(springs.bilinear(ratio=2.0), rest_length=20.0),
+    ],
+    ids=["linear", "varying", "in pieces"],
 )
 def test_a_model_without_a_reversor_is_unfolded(machine):
     """The whole flight with the energy's gradient added to the field, against half of it by time reversal."""
