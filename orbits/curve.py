@@ -16,6 +16,7 @@ from .accuracy import error_bounds
 from .certify import certify, known
 from .errors import NoOrbit, OrbitsError
 from .family import Point
+from .hermite import Hermite
 from .motions import Trajectory
 from .orbit import Orbit
 from .shooting import STALLED, Evaluation, solve, stacked
@@ -217,24 +218,7 @@ def _finer(times: np.ndarray) -> np.ndarray:
     return np.interp(places, np.arange(count + 1), times) / times[-1]
 
 
-class Interpolant:
-    """The polynomial in s = row . X through points of a curve with their tangents: Hermite's, in Newton's form."""
-
-    def __init__(self, ats: Sequence[At], row):
-        xs, tangents = np.array([at.x for at in ats]), np.array([at.tangent for at in ats])
-        self.nodes = np.repeat(xs @ row, 2)
-        slopes = np.repeat(tangents / (tangents @ row)[:, None], 2, axis=0)
-        table = np.repeat(xs, 2, axis=0)
-        self.differences = [table[0]]
-        for k in range(1, len(table)):
-            gaps = (self.nodes[k:] - self.nodes[:-k])[:, None]
-            rises = (table[1:] - table[:-1]) / np.where(gaps == 0, 1.0, gaps)
-            table = np.where(gaps == 0, slopes[: len(gaps)], rises)
-            self.differences.append(table[0])
-
-    def __call__(self, s) -> np.ndarray:
-        """Points (m, n + 1) at levels (m,)."""
-        points = np.tile(self.differences[-1], (len(s), 1))
-        for node, difference in zip(self.nodes[-2::-1], self.differences[-2::-1], strict=True):
-            points = points * (s - node)[:, None] + difference
-        return points
+def interpolated(ats: Sequence[At], row, levels) -> np.ndarray:
+    """Points (m, n + 1) at levels (m,) of the polynomial through points of a curve with their tangents."""
+    xs, tangents = (np.array([part]) for part in ([at.x for at in ats], [at.tangent for at in ats]))
+    return Hermite(xs, tangents, row[None])(np.zeros(len(levels), int), levels)

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .curve import At, Curve, Interpolant
+from .curve import At, Curve, interpolated
 from .errors import InputError, NoOrbit, OrbitsError
 from .family import Point
 from .orbit import Orbit
@@ -47,16 +47,13 @@ class Stretch:
         """The level of the row at the first point."""
         return float(self.row @ self.a.x)
 
-    @cached_property
-    def _path(self) -> Interpolant:
-        return Interpolant((self.a, self.b), self.row)
-
     def __call__(self, share: float) -> At:
         """The curve at a share of the chord, not certified between the ends."""
         if share in (0.0, 1.0):
             return (self.a, self.b)[int(share)]
         level = self.start + share
-        return self.curve.correct(self._path(np.array([level]))[0], self.row, level, self.a.tangent)
+        (guess,) = interpolated((self.a, self.b), self.row, np.array([level]))
+        return self.curve.correct(guess, self.row, level, self.a.tangent)
 
     def sheets(self) -> list["Stretch"]:
         """The stretch up to its fold and the one from there on; itself where it has none."""
@@ -129,7 +126,7 @@ class Stretch:
         beside = [self(share + step * BESIDE) for step in (-2, -1, 1, 2)]
         shares = np.array([self.row @ at.x - self.start for at in beside])
         share = float(np.linalg.solve(np.vander([at.turn for at in beside], increasing=True), shares)[0])
-        x = Interpolant(beside, self.row)(np.array([self.start + share]))[0]
+        (x,) = interpolated(beside, self.row, np.array([self.start + share]))
         (here,), size = self.curve.evaluate(x[None]), self.curve.size(x)
         u, s, v = np.linalg.svd(here.jacobian * size)
         s[-1] = s[0]

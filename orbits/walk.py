@@ -6,16 +6,17 @@ the step is refused. Then the curve is solved again between the ends of several 
 as closely as asked: the interpolant through the ends must lead there too.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
 
-from .curve import At, Curve, Interpolant
+from .curve import At, Curve, interpolated
 from .errors import NoOrbit, OrbitsError
 from .events import Stretch
 from .family import End, Event
+from .hermite import around
 from .orbit import Orbit
 
 # In shares of the curve's own size: the first step, the shortest, the longest where points are asked for more closely,
@@ -165,52 +166,67 @@ class Walk:
     def filled(self, knots: list[At]) -> list[At]:
         """The points of steps that end with `knots`: these, and those between, solved all together. Raises `NoOrbit`
         when one of them may lie on another curve."""
-        chain, first = [*self.knots, *knots], len(self.knots)
-        legs = [self._between(chain, i) for i in range(first, len(chain))]
+        chain = [*self.knots[-SIDE:], *knots]
+        before = len(chain) - len(knots) - 1
+        legs, guesses, rows, levels, asked = self._between(chain, before)
+        tangents = np.array([at.tangent for at in chain[before:-1]])[legs]
+        stops = np.searchsorted(legs, np.arange(len(knots)), side="right")
         solved: list[At] = []
-        for _, same in groupby(range(len(legs)), key=lambda i: id(knots[i].meshes)):
-            some = list(same)
-            places = [(*place, chain[first + i - 1].tangent) for i in some for place in legs[i]]
-            self.curve.meshes = knots[some[0]].meshes
-            if places:
-                guesses, rows, levels, _, befores = map(np.array, zip(*places, strict=True))
-                solved += self.curve.correct_all(guesses, rows, levels, befores)
+        for _, same in groupby(range(len(knots)), key=lambda i: id(knots[i].meshes)):
+            *_, last = same
+            some = slice(len(solved), int(stops[last]))
+            if some.start < some.stop:
+                self.curve.meshes = knots[last].meshes
+                solved += self.curve.correct_all(guesses[some], rows[some], levels[some], tangents[some])
         self.curve.meshes = knots[-1].meshes
-        points, guesses, lengths, ready = [], [], [], iter(solved)
-        for leg, end in zip(legs, knots, strict=True):
-            for guess, _, level, asked in leg:
-                at = next(ready)
-                if asked:
-                    at.x[-1] = level
-                points.append(at)
-                guesses.append(guess)
-            points.append(end)
-            guesses.append(end.x)
-            lengths += [end.length] * (len(leg) + 1)
-        self.trusted(self.knots[-1], points, np.array(guesses), np.array(lengths))
+        for i in np.flatnonzero(asked):
+            solved[i].x[-1] = levels[i]
+        starts, points = [0, *stops], []
+        for start, stop, knot in zip(starts, stops, knots, strict=False):
+            points += [*solved[start:stop], knot]
+        guesses = np.insert(guesses, stops, [at.x for at in knots], axis=0)
+        lengths = np.repeat([at.length for at in knots], np.diff(starts) + 1)
+        self.trusted(self.knots[-1], points, guesses, lengths)
         return points
 
-    def _between(self, chain: list[At], i: int) -> list[tuple]:
-        """Where the curve is solved on the way to point i of a chain from the one before, in order: guess, row and
-        level as in `Curve.correct_all`, and whether the parameter's value was asked for. Such values are among them
-        unless it turns round on the way."""
-        a, b = chain[i - 1 : i + 1]
-        row = (b.x - a.x) / self.curve.size(a.x) ** 2
-        row /= row @ (b.x - a.x)
-        low, high = sorted((a.value, b.value))
-        asked = np.array([value for value in self.options.at if low < value < high and value != self.origin.value])
-        places = []
-        if len(asked) and self.count > 1 and a.tangent[-1] * b.tangent[-1] > 0:
-            ahead = np.eye(len(row))[-1]
-            guesses = Interpolant(_around(chain, i, ahead), ahead)(asked)
-            places = [(guess, ahead, value, True) for guess, value in zip(guesses, asked, strict=True)]
-        taken = np.array([row @ (guess - a.x) for guess, *_ in places])
-        shares = np.arange(1, b.parts) / b.parts
-        shares = shares[(np.abs(shares[:, None] - taken) * b.parts > APART).all(1)]
-        levels = row @ a.x + shares
-        guesses = Interpolant(_around(chain, i, row), row)(levels)
-        places += [(guess, row, level, False) for guess, level in zip(guesses, levels, strict=True)]
-        return sorted(places, key=lambda place: row @ place[0])
+    def _between(self, chain: list[At], before: int) -> tuple[np.ndarray, ...]:
+        """Where the curve is solved on the legs of a chain from its point `before` on, in order: the leg (q,), the
+        guess, row and level as in `Curve.correct_all`, and whether the parameter's value was asked for. Such values are
+        among them unless it turns round on the leg."""
+        xs, tangents = (np.array(part) for part in ([at.x for at in chain], [at.tangent for at in chain]))
+        chords, ends = np.diff(xs[before:], axis=0), np.arange(before + 1, len(chain))
+        rows = chords / self.curve.size(xs[before:-1]) ** 2
+        rows /= np.einsum("gi,gi->g", rows, chords)[:, None]
+        starts, parts = np.einsum("gi,gi->g", rows, xs[before:-1]), np.array([at.parts for at in chain[before + 1 :]])
+        legs = np.repeat(np.arange(len(parts)), parts - 1)
+        shares = np.concatenate([np.arange(1, count) / count for count in parts])
+        passed, values = self._asked(xs[before:, -1], tangents[before:, -1])
+        if len(passed):
+            ahead = np.tile(np.eye(xs.shape[1])[-1], (len(passed), 1))
+            path = around(xs, tangents, ahead, ends[passed], SIDE, SIDE)
+            asked = path(np.arange(len(passed)), values)
+            taken = np.einsum("qi,qi->q", rows[passed], asked) - starts[passed]
+            crowded = np.abs(shares[:, None] - taken) * parts[legs][:, None] <= APART
+            free = ~(crowded & (legs[:, None] == passed)).any(1)
+            legs, shares = legs[free], shares[free]
+        levels = starts[legs] + shares
+        guesses = around(xs, tangents, rows, ends, SIDE, SIDE)(legs, levels)
+        places = legs, guesses, rows[legs], levels, np.zeros(len(legs), bool)
+        if not len(passed):
+            return places
+        order = np.lexsort((np.append(shares, taken), np.append(legs, passed)))
+        others = passed, asked, ahead, values, np.ones(len(passed), bool)
+        return tuple(np.concatenate(each)[order] for each in zip(places, others, strict=True))
+
+    def _asked(self, values, rates) -> tuple[np.ndarray, np.ndarray]:
+        """The legs (h,) between points with these values of the parameter on which it passes one asked for, and that
+        (h,); `rates` tell where it turns round."""
+        asked = np.array([value for value in self.options.at if value != self.origin.value])
+        if self.count == 1 or not len(asked):
+            return np.zeros(0, int), asked[:0]
+        low, high = np.minimum(values[:-1], values[1:])[:, None], np.maximum(values[:-1], values[1:])[:, None]
+        legs, which = np.nonzero((low < asked) & (asked < high) & (rates[:-1] * rates[1:] > 0)[:, None])
+        return legs, asked[which]
 
     def certified(self, ahead: list[At]) -> tuple[list[At], OrbitsError | None]:
         """The points that are certified, up to the first that is not, and its error."""
@@ -276,7 +292,7 @@ class Walk:
         row = last.tangent / curve.size(last.x) ** 2
         if abs(last.tangent[-1]) < STEEP * curve.span:
             raise NoOrbit("the parameter's value does not fix the orbit here")
-        guess = Interpolant([last], row)(np.array([row @ last.x + FIRST]))  # the others may lie too close
+        guess = interpolated([last], row, np.array([row @ last.x + FIRST]))  # the others may lie too close
         u, _ = curve.equations.multiple_shooting(guess[0, :-1], curve.p(guess)[0])
         point = curve.correct(np.append(u, guess[0, -1]), np.eye(len(last.x))[-1], guess[0, -1], last.tangent)
         self.trusted(last, [point], guess, np.array([FIRST]))
@@ -288,9 +304,10 @@ class Walk:
         may lie on another curve."""
         last = knots[-1]
         row = last.tangent / self.curve.size(last.x) ** 2
-        used = _run(knots[::-1], row, -1)[::-1]
         level = row @ last.x + length
-        guess = Interpolant(used, row)(np.array([level]))
+        xs, tangents = (np.array(part) for part in ([at.x for at in knots], [at.tangent for at in knots]))
+        path = around(xs, tangents, row[None], np.array([len(knots)]), MEMORY, 0)
+        guess = path(np.zeros(1, int), np.array([level]))
         if value is None:
             end = self.curve.correct(guess[0], row, level, last.tangent)
         else:
@@ -302,7 +319,7 @@ class Walk:
         end.length = length / end.parts
         if self.count == 1:
             self.filled([end])
-        longer = (AIM / max(moved * np.sqrt(end.here.growth), 1e-300)) ** (1 / (2 * len(used)))
+        longer = (AIM / max(moved * np.sqrt(end.here.growth), 1e-300)) ** (1 / (2 * path.known.sum()))
         longest = max(LONGEST, self.options.longest)
         self.length = min(max(self.length, length) * min(max(0.9 * longer, 0.3), 2.0), longest)
         return end
@@ -401,19 +418,3 @@ class Walk:
         if abs(value - self.origin.value) < DECADES * self.curve.span:
             where += "; a parameter over decades is followed by its inverse or its logarithm"
         return End("stuck", where)
-
-
-def _run(points: Sequence[At], row, side: int) -> list[At]:
-    """The first of some points, as far as the curve through them keeps its direction along a row, forwards (side 1) or
-    backwards (-1)."""
-    used, rate = [points[0]], row @ points[0].tangent
-    for at in points[1:]:
-        if not rate * (row @ at.tangent) > 0.3 * rate**2 or side * rate * (row @ (at.x - used[-1].x)) <= 0:
-            break
-        used.append(at)
-    return used
-
-
-def _around(chain: Sequence[At], i: int, row) -> list[At]:
-    """Some points of a chain on either side of the way to its point i from the one before, in order."""
-    return [*_run(chain[max(i - SIDE, 0) : i][::-1], row, -1)[::-1], *_run(chain[i : i + SIDE], row, 1)]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
-from orbits.curve import At, Curve, Interpolant
+from orbits.curve import At, Curve, interpolated
 from orbits.plot import thumbnails
 from orbits.shooting import Shooting
 from problems import Hopper, Juggler, hopper_in_si, springs
@@ -147,8 +147,7 @@ def test_the_interpolant_has_its_order():
 
     errors = []
     for h in (0.2, 0.1):
-        path = Interpolant([at(-2 * h), at(-h), at(0.0)], np.array([0.0, 1.0]))
-        points = path(np.array([h, -0.5 * h]))
+        points = interpolated([at(-2 * h), at(-h), at(0.0)], np.array([0.0, 1.0]), np.array([h, -0.5 * h]))
         assert points[:, 1] == pytest.approx([h, -0.5 * h])
         errors.append(np.abs(points[:, 0] - np.exp([h, -0.5 * h])))
     assert 50 < errors[0][0] / errors[1][0] < 100
