@@ -43,8 +43,11 @@ STEEP = 0.1
 SAME = 1e-9
 # Refusals that end the walk, where so many good points make up for one: what rounding blurs is not crawled along.
 PATIENCE, REST = 16, 20
-# Points of the curve that a prediction rests on, and points that are solved between steps and certified together.
-MEMORY, TOGETHER = 4, 80
+# Points of the curve that a prediction rests on.
+MEMORY = 4
+# Points that are solved between steps and certified together: at first, at most, and how many times as many every time
+# that all goes well, or where it did not of late.
+BEGIN, TOGETHER, MORE, CAREFULLY = 8, 160, 20, 4
 # Points on either side that those between two rest on.
 SIDE = 3
 # Of a step's points, none but those asked for lie this near to another, as a share of their distance.
@@ -77,7 +80,7 @@ class Walk:
         self.origin = every[0]
         self.seen = [(point.alpha, point.value) for point in every]
         self.length = min(FIRST, options.longest)
-        self.count = 4  # points to certify at a time
+        self.count = BEGIN  # points to certify at a time
         self.trouble = 0.0  # refusals of late
 
     def __iter__(self) -> Iterator[At | Event | End]:
@@ -125,7 +128,7 @@ class Walk:
                     return
             if refusal is None and failure is None:
                 self.knots = [*self.knots, *knots][-MEMORY:]
-                self.count = 1 if rest else min(4 * self.count, TOGETHER)
+                self.count = 1 if rest else min((CAREFULLY if self.trouble else MORE) * self.count, TOGETHER)
                 continue
             done = good[: good.index(refused)] if refused in good else good
             self.knots = [*self.knots, *(at for at in knots if at in done)]
