@@ -7,13 +7,13 @@ import numpy as np
 
 from . import interrupts
 from .curve import At, Curve
-from .errors import InputError
+from .errors import InputError, NoOrbit
 from .events import watched
 from .family import Family, Point
 from .orbit import Orbit
 from .question import at_point, bounds_of, known, number_of, options_of
 from .record import Record
-from .search import find, unknowns_of
+from .search import another_family, solved, solved_near
 from .walk import Options, Walk
 
 
@@ -126,12 +126,12 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
             )
         return _resumed(machine, along, behind, stop, resume, options)
     with interrupts.deferred():
-        orbit = find(machine, family if orbit is None else None, start=orbit, method=method)
-        method = "relative" if orbit.method == "closed form" else orbit.method
-        curve = Curve(machine, along, method, abs(stop - behind))
-        unknowns = unknowns_of(orbit)
-        x = np.array([*(unknowns[name] for name in curve.equations.statement.unknowns), start])
-    return walk_from(curve, x, start, behind, stop, options)
+        method, root = solved(machine, family, method) if orbit is None else solved_near(machine, orbit, method)
+        curve = Curve(machine, along, "relative" if method == "closed form" else method, abs(stop - behind))
+    walk = walk_from(curve, np.append(root.u, start), start, behind, stop, options)
+    if orbit is None and walk.first.point.family != family:
+        raise NoOrbit(another_family(family, walk.first.point.family))
+    return walk
 
 
 def walk_from(curve: Curve, x, start: float, behind: float, stop: float, options: Options) -> Walk:

@@ -9,6 +9,7 @@ would else go into asking for one after the other.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 
@@ -19,8 +20,8 @@ from .family import Point
 from .hermite import Hermite
 from .motions import Trajectory
 from .orbit import Orbit
-from .shooting import STALLED, Evaluation, solve, stacked
-from .statements import as_cases, as_orbit, equations_of, interpret_all
+from .shooting import STALLED, Evaluation, joined, solve
+from .statements import as_cases, as_orbit, equations_of, interpret
 
 # A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
 AT_A_FOLD = 1e-3
@@ -35,7 +36,7 @@ class At:
     x : (n + 1,), the unknowns and the parameter's value
     tangent : (n + 1,), of length 1 in units of the curve's size
     turn : determinant of the equations' derivatives and the tangent, which changes sign at a branch point
-    here : the equations at the corrector's last guess
+    here, place : the equations at the corrector's last guess, that of several whose place it is
     moved : (n + 1,), from there to the point
     meshes : nodes that serve the motions there and beside, as in `Shooting.evaluate`, None where there are none
     length : along the curve from the point before
@@ -48,6 +49,7 @@ class At:
     tangent: np.ndarray
     turn: float
     here: Evaluation
+    place: int
     moved: np.ndarray
     meshes: list | None = None
     length: float = 0.0
@@ -56,6 +58,7 @@ class At:
     signs: tuple | None = None
 
     value = property(lambda self: float(self.x[-1]))
+    growth = property(lambda self: float(self.here.growth[self.place]))
 
 
 class Curve:
@@ -83,14 +86,15 @@ class Curve:
         values[:, self.place] = xs[:, -1]
         return values
 
-    def evaluate(self, xs) -> list[Evaluation]:
-        heres = self.equations.evaluate_all(xs[:, :-1], self.p(xs), (self.along,), self.meshes)
-        paths = heres[-1].trajectories
-        if any(len(path.steps) > MOST_STEPS for path in paths):
+    def evaluate(self, xs) -> Evaluation:
+        """The equations at points (m, n + 1), stacked."""
+        here = self.equations.evaluate_all(xs[:, :-1], self.p(xs), (self.along,), self.meshes)
+        paths = here[len(xs) - 1].trajectories
+        if any(motions.counts.max() > MOST_STEPS for motions in here.trajectories):
             self.meshes = None
         elif self.meshes is None or not all(map(_on, paths, self.meshes)):
             self.meshes = [_finer(path.times) for path in paths]
-        return heres
+        return here
 
     def correct(self, guess, row, level: float, before) -> At:
         """The point of the curve where row . X = level, by Newton's method from `guess`; its tangent goes on from
@@ -106,16 +110,18 @@ class Curve:
         square[:, n] = rows
         left, last = np.arange(count), np.full(count, np.inf)
         for _ in range(8):
-            for i, here in zip(left, self.evaluate(xs[left]), strict=True):
-                heres[i], square[i, :n], lack[i, :n, 0] = here, here.jacobian, -here.residual
-            lack[left, n, 0] = levels[left] - np.einsum("mi,mi->m", xs[left], square[left, n])
+            here = self.evaluate(xs[left])
+            for j, i in enumerate(left.tolist()):
+                heres[i] = here, j
+            square[left, :n], lack[left, :n, 0] = here.jacobian, -here.residual
+            lack[left, n, 0] = levels[left] - np.einsum("mi,mi->m", xs[left], rows[left])
             steps[left] = solve(square[left], lack[left])[..., 0]
             lengths = np.max(np.abs(steps[left]) / sizes[left], axis=1)
             xs[left] += steps[left]
-            open_ = [j for j, i in enumerate(left) if not heres[i].settles(lengths[j], last[i])]
-            if not open_:
+            open_ = ~here.settles(lengths, last[left])
+            if not open_.any():
                 break
-            if not (lengths[open_] < STALLED * last[left[open_]]).all():
+            if not (lengths < STALLED * last[left])[open_].all():
                 raise NoOrbit("the corrector does not converge")
             last[left] = lengths
             left = left[open_]
@@ -130,7 +136,7 @@ class Curve:
         square[:, n] = tangents / sizes**2
         turns = np.linalg.det(square * sizes[:, None, :])
         known = zip(xs, tangents, turns.tolist(), heres, steps, strict=True)
-        return [At(*each, meshes=self.meshes) for each in known]
+        return [At(x, tangent, turn, *here, step, self.meshes) for x, tangent, turn, here, step in known]
 
     def check(self, at: At) -> At:
         """A point, certified; raises the error when it cannot be."""
@@ -141,12 +147,15 @@ class Curve:
         """The points, certified, up to the first that cannot be, and its error."""
         if not ats:
             return ats, None
+        together = {id(at.here): i for i, at in reversed(list(enumerate(ats)))}  # those solved together
+        order = sorted(range(len(ats)), key=lambda i: (together[id(ats[i].here)], ats[i].place))
         try:
-            self._certify(ats)
+            self._certify([ats[i] for i in order])
         except OrbitsError as error:
             if error.index is None:
                 raise
-            return self.checked(ats[: error.index])[0], error
+            good, earlier = self.checked(ats[: order[error.index]])
+            return good, earlier or error
         return ats, None
 
     def _certify(self, ats: Sequence[At]):
@@ -154,7 +163,7 @@ class Curve:
         model, (us, ps, here, closing) = self.machine.model, self.solved(ats)
         self._allow(ps)
         errors = error_bounds(self.orbits, us, ps, here, closing, quickly=True)
-        cases = as_cases(model, interpret_all(model, self.method, self.orbits, us, ps, here, errors))
+        cases = as_cases(model, interpret(model, self.method, self.orbits, us, ps, here, errors))
         certificates = certify(model, cases)
         also = {name: cases.p[name].tolist() for name in self.values(self.parameters) if name != self.along}
         u, times = cases.u, (cases.flight_times.tolist(), known(cases.contact_times))
@@ -170,9 +179,12 @@ class Curve:
         xs = np.array([at.x for at in ats])
         across, ps = np.array([at.tangent for at in ats]) / self.size(xs) ** 2, self.p(xs)
         folds = np.abs(across[:, -1]) * self.span < AT_A_FOLD
-        here = self.equations.moved(
-            stacked([at.here for at in ats]), xs[:, :-1], ps, np.array([at.moved for at in ats])
-        )
+        heres = []
+        for _, some in groupby(ats, key=lambda at: id(at.here)):
+            some = list(some)
+            places, here = np.array([at.place for at in some]), some[0].here
+            heres.append(here if np.array_equal(places, np.arange(len(here))) else here[places])
+        here = self.equations.moved(joined(heres), xs[:, :-1], ps, np.array([at.moved for at in ats]))
         return xs[:, :-1], ps, here, np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
 
     def values(self, p) -> dict[str, float]:
@@ -194,11 +206,10 @@ class Curve:
 
     def orbit(self, at: At) -> Orbit:
         """The whole orbit at a point."""
-        began, (us, ps, here, closing) = time.perf_counter(), self.solved([at])
+        began, (us, ps, here, _) = time.perf_counter(), self.solved([at])
         machine = self.machine.with_values(**self.values(ps[0]))
-        errors = np.array([at.point.error]) if at.point else error_bounds(self.orbits, us, ps, here, closing)
-        solution = interpret_all(machine.model, self.method, self.orbits, us, ps, here, errors)
-        return as_orbit(machine, self.method, solution, began)
+        error = at.point.error if at.point else None
+        return as_orbit(machine, self.method, us[0], here[0], error, began=began)
 
     def onto(self, at: At, value: float) -> At:
         """A point where the parameter is `value` but for rounding, with just that; certified."""

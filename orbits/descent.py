@@ -19,7 +19,7 @@ from .nlp import Minimum
 from .orbit import Orbit
 from .program import MARGIN, Scene, scene_of
 from .quantities import base_statement
-from .statements import as_orbit, equations_of, interpret, vector
+from .statements import as_orbit, equations_of, vector
 
 # An orbit so many times as fast or slow as the first, still going while the parameters come to rest inside their bounds
 # (by this share of their size and of their way to the bound ahead), is on its way to infinity or to nothing.
@@ -329,7 +329,7 @@ def certified(machine, u) -> tuple[Orbit, np.ndarray]:
     method = "relative" if model.reduction else "half orbit"
     equations = equations_of(model, method, tuple(p))
     u, here = equations.newton(u, vector(p))
-    return as_orbit(machine, method, interpret(model, method, equations, u, here, p), began), u
+    return as_orbit(machine, method, u, here, began=began), u
 
 
 def _ended(way: Descent, scene: Scene, scales) -> End:

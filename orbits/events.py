@@ -127,12 +127,12 @@ class Stretch:
         shares = np.array([self.row @ at.x - self.start for at in beside])
         share = float(np.linalg.solve(np.vander([at.turn for at in beside], increasing=True), shares)[0])
         (x,) = interpolated(beside, self.row, np.array([self.start + share]))
-        (here,), size = self.curve.evaluate(x[None]), self.curve.size(x)
-        u, s, v = np.linalg.svd(here.jacobian * size)
+        here, size = self.curve.evaluate(x[None]), self.curve.size(x)
+        u, s, v = np.linalg.svd(here.jacobian[0] * size)
         s[-1] = s[0]
         tangent = beside[1].tangent + beside[2].tangent
-        here = replace(here, jacobian=(u * s) @ v[: len(s)] / size)
-        return share, At(x, tangent / np.linalg.norm(tangent / size), 0.0, here, np.zeros_like(x))
+        here = replace(here, jacobian=((u * s) @ v[: len(s)] / size)[None])
+        return share, At(x, tangent / np.linalg.norm(tangent / size), 0.0, here, 0, np.zeros_like(x))
 
     def _between(self, value: float) -> bool:
         return min(self.a.value, self.b.value) < value < max(self.a.value, self.b.value)

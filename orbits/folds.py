@@ -18,7 +18,7 @@ from .errors import InputError, NoOrbit
 from .family import Family, Point
 from .model import Arc, Phase, Statement
 from .question import at_point, known, number_of, options_of
-from .shooting import Evaluation, Shooting, shooting, stacked
+from .shooting import Evaluation, Shooting, shooting
 from .walk import Options
 
 
@@ -123,7 +123,7 @@ class _FoldCurve(Curve):
         """As of any curve, with the errors measured across the family that folds: along it only the orbit changes."""
         names, xs = self.orbits.statement.unknowns, np.array([at.x for at in ats])
         us, ps = xs[:, : len(names)], self.p(xs)
-        here = stacked(self.orbits.evaluate_all(us, ps, (self.names[self.folded],)))
+        here = self.orbits.evaluate_all(us, ps, (self.names[self.folded],))
         changes = dict(zip(self.equations.statement.unknowns, xs.T, strict=False))
         return us, ps, here, columns([*(1.0 if name == "alpha" else changes[f"d{name}"] for name in names), 0.0])
 

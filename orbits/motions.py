@@ -97,7 +97,22 @@ class Motions:
     def __len__(self) -> int:
         return len(self.counts)
 
-    def __getitem__(self, i: int) -> Trajectory:
+    @classmethod
+    def joined(cls, parts: Sequence["Motions"]) -> "Motions":
+        """As one, all with variations or none."""
+        arrays = "starts", "ends", "coefficients", "counts", "variations"
+        if parts[0].variations is None:
+            arrays = arrays[:-1]
+        found = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
+        return cls(**found, names=parts[0].names)
+
+    def __getitem__(self, i: int | np.ndarray) -> "Trajectory | Motions":
+        """One of them, or some in an order (k,)."""
+        if isinstance(i, np.ndarray):
+            some = np.concatenate([np.arange(a, b + 1) for a, b in zip(self.first[i], self.last[i], strict=True)])
+            moving = None if self.variations is None else self.variations[some]
+            known = self.starts[some], self.ends[i], self.coefficients[some], self.counts[i], self.names, moving
+            return Motions(*known)
         some = slice(self.first[i], self.last[i] + 1)
         moving = None if self.variations is None else self.variations[some]
         return Trajectory(np.append(self.starts[some], self.ends[i]), self.coefficients[some], self.names, moving)

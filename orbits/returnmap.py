@@ -16,7 +16,7 @@ from .impacts import CAP, LIFTOFF_ORDER, STATUS, Impacts, failed
 from .polynomial import piecewise_roots
 from .roots import closed, resolved
 from .search import find
-from .statements import as_orbit, equations_of, interpret
+from .statements import as_orbit, equations_of
 
 # Launch speeds that are computed together: few enough to stay in a processor's cache.
 TOGETHER = 1000
@@ -237,8 +237,7 @@ class ReturnMap:
             began = time.perf_counter()
             try:
                 u, here = equations.newton([liftoff, alpha], p)
-                solution = interpret(model, "relative", equations, u, here, self.impacts.values)
-                yield as_orbit(self.machine, "relative", solution, began)
+                yield as_orbit(self.machine, "relative", u, here, began=began)
             except NoOrbit:
                 continue
 

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,8 +12,8 @@ from .errors import FlowError, InputError, NoOrbit, number_of
 from .model import Model
 from .motions import Motions
 from .orbit import Orbit
-from .shooting import Shooting, solve
-from .statements import Solution, as_orbit, equations_of, halved, interpret, vector
+from .shooting import Evaluation, Shooting, solve
+from .statements import as_orbit, equations_of, halved, vector
 
 # Below this the homotopy is stuck at a fold or an end of the family.
 MIN_STEP = 1e-4
@@ -26,6 +27,19 @@ LONGEST_START = 1e4
 EXTRAS = ("contact_duration", "unfolding")
 METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 10_000
+
+
+class Root(NamedTuple):
+    """A solution of a method's equations.
+
+    u : the unknowns (n,)
+    here : the equations there
+    error : of alpha, where it is known
+    """
+
+    u: np.ndarray
+    here: Evaluation
+    error: float | None = None
 
 
 def find(
@@ -89,6 +103,15 @@ def _same(a: Orbit, b: Orbit) -> bool:
 
 def _find_near(machine, start, family, method) -> Orbit:
     began = time.perf_counter()
+    method, root = solved_near(machine, start, method)
+    orbit = as_orbit(machine, method, *root, began=began)
+    if family is not None and orbit.family != _whole(family):
+        raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
+    return orbit
+
+
+def solved_near(machine, start, method: str | None) -> tuple[str, Root]:
+    """The method, and what it comes to from a start, as in `find`."""
     model, p = machine.model, machine.values
     method = _allowed(model, method)
     method = "relative" if method == "closed form" else method
@@ -100,13 +123,9 @@ def _find_near(machine, start, family, method) -> Orbit:
     u = np.array([known[name] for name in names])
     solve_from = equations.multiple_shooting if method == "shooting" else equations.newton
     try:
-        u, here = solve_from(u, vector(p))
+        return method, Root(*solve_from(u, vector(p)))
     except FlowError as error:
         raise NoOrbit(f"the start cannot be followed: {error}") from None
-    orbit = as_orbit(machine, method, interpret(model, method, equations, u, here, p), began)
-    if family is not None and orbit.family != _whole(family):
-        raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
-    return orbit
 
 
 def _known(model: Model, start) -> dict[str, float]:
@@ -138,39 +157,46 @@ def unknowns_of(orbit: Orbit) -> dict[str, float]:
 
 def _find(machine, family, method, progress) -> Orbit:
     began = time.perf_counter()
-    model, p = machine.model, dict(machine.values)
-    family, method = _whole(family), _allowed(model, method)
-    way = {"closed form": _exact, "relative": _relative, "half orbit": _half_orbit, "shooting": _shooting}[method]
-    solution = way(model, equations_of(model, method, tuple(p)), family, p, progress)
-    orbit = as_orbit(machine, method, solution, began)
+    method, root = solved(machine, family, method, progress)
+    orbit = as_orbit(machine, method, *root, began=began)
     if orbit.family != family:
-        raise NoOrbit(f"the solve for family {family} ended on an orbit of family {orbit.family}; try another method")
+        raise NoOrbit(another_family(family, orbit.family))
     return orbit
 
 
-# The four ways, simplest first: (model, equations, family, parameters, progress) -> solution.
+def solved(machine, family: int, method: str | None, progress: Callable | None = None) -> tuple[str, Root]:
+    """The method, and what it finds for a family, as in `find`; not certified to be that."""
+    model, p = machine.model, dict(machine.values)
+    family, method = _whole(family), _allowed(model, method)
+    way = {"closed form": _exact, "relative": _relative, "half orbit": _half_orbit, "shooting": _shooting}[method]
+    return method, way(model, equations_of(model, method, tuple(p)), family, p, progress)
 
 
-def _exact(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Solution:
+def another_family(wanted: int, found: int) -> str:
+    """What to say of a solve for one family that came to another."""
+    return f"the solve for family {wanted} ended on an orbit of family {found}; try another method"
+
+
+# The four ways, simplest first: (model, equations, family, parameters, progress) -> root.
+
+
+def _exact(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Root:
     named, error = model.reduction.exact(family, p)
     u = np.array(list(named.values()))
-    return interpret(model, "closed form", equations, u, equations.evaluate(u, vector(p)), p, error)
+    return Root(u, equations.evaluate(u, vector(p)), error)
 
 
-def _relative(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Solution:
+def _relative(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Root:
     start = model.guess(family, p)
-    u, here = equations.newton([start["liftoff"], start["alpha"]], vector(p))
-    return interpret(model, "relative", equations, u, here, p)
+    return Root(*equations.newton([start["liftoff"], start["alpha"]], vector(p)))
 
 
-def _half_orbit(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Solution:
-    u, here = _along(model, equations, equations.newton, family, p, progress)
-    return interpret(model, "half orbit", equations, u, here, p)
+def _half_orbit(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Root:
+    return Root(*_along(model, equations, equations.newton, family, p, progress))
 
 
-def _shooting(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Solution:
-    u, here = _along(model, equations, equations.multiple_shooting, family, p, progress)
-    return interpret(model, "shooting", equations, u, here, p)
+def _shooting(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Root:
+    return Root(*_along(model, equations, equations.multiple_shooting, family, p, progress))
 
 
 def _along(model: Model, equations: Shooting, correct: Callable, family: int, p: Mapping, progress):

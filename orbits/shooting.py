@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import repeat
 
 import casadi as ca
 import numpy as np
@@ -46,32 +45,45 @@ class Evaluation:
     durations: tuple[np.ndarray, ...]
     holds: tuple[np.ndarray, ...]
 
-    def __getitem__(self, i: int) -> "Evaluation":
-        """One of several."""
+    def __len__(self) -> int:
+        """Of several, how many."""
+        return len(self.jacobian)
+
+    def __getitem__(self, i: int | np.ndarray) -> "Evaluation":
+        """One of several, or some of them in an order (k,)."""
         per_arc = self.trajectories, self.transitions, self.starts, self.durations, self.holds
         return Evaluation(self.residual[i], self.jacobian[i], *(tuple(part[i] for part in each) for each in per_arc))
 
-    @property
-    def growth(self) -> float:
+    @cached_property
+    def growth(self):
         """Of a small change of the state over the motion, the largest."""
-        return max(float(np.abs(transition[:, : len(transition)]).max()) for transition in self.transitions)
+        squares = (transition[..., : transition.shape[-2]] for transition in self.transitions)
+        return np.max([np.abs(square).max((-2, -1)) for square in squares], axis=0)
 
-    def settles(self, size: float, last: float) -> bool:
+    def settles(self, size, last):
         """Whether a relative Newton step is the last one worth taking; `last` is the one before."""
-        return size * max(self.growth, 1.0) < LAST or (size < SMALL and size > STALLED * last)
+        return (size * np.maximum(self.growth, 1.0) < LAST) | ((size < SMALL) & (size > STALLED * last))
 
 
 def stacked(heres: Sequence[Evaluation]) -> Evaluation:
     """A statement at several points, with or without variations at all of them."""
+    return _put_together(heres, np.array, Motions.of)
 
-    def per_arc(name: str) -> tuple:
-        return tuple(map(np.array, zip(*(getattr(here, name) for here in heres), strict=True)))
+
+def joined(heres: Sequence[Evaluation]) -> Evaluation:
+    """As one what has been stacked in several."""
+    return heres[0] if len(heres) == 1 else _put_together(heres, np.concatenate, Motions.joined)
+
+
+def _put_together(heres: Sequence[Evaluation], arrays: Callable, motions: Callable) -> Evaluation:
+    def per_arc(name: str, together: Callable) -> tuple:
+        return tuple(map(together, zip(*(getattr(here, name) for here in heres), strict=True)))
 
     return Evaluation(
-        np.array([here.residual for here in heres]),
-        np.array([here.jacobian for here in heres]),
-        tuple(map(Motions.of, zip(*(here.trajectories for here in heres), strict=True))),
-        *map(per_arc, ("transitions", "starts", "durations", "holds")),
+        arrays([here.residual for here in heres]),
+        arrays([here.jacobian for here in heres]),
+        per_arc("trajectories", motions),
+        *(per_arc(name, arrays) for name in ("transitions", "starts", "durations", "holds")),
     )
 
 
@@ -131,21 +143,9 @@ class Shooting:
         start = ca.vertcat(*arc.start(unknowns, ca.vertsplit(last), named))
         return start, arc.duration(unknowns, named)
 
-    def evaluate(self, u, p, vary: tuple[str, ...] = (), meshes=None) -> Evaluation:
-        """Residual, Jacobian and motion at unknowns `u` (n,) and parameters `p` (np,).
-
-        meshes : nodes (N + 1,) of each arc as shares of its duration, to try first: it saves choosing the steps
-        """
-        (here,) = self.evaluate_all(np.reshape(u, (1, -1)), np.reshape(p, (1, -1)), vary, meshes)
-        return here
-
-    def evaluate_all(self, us, ps, vary: tuple[str, ...] = (), meshes=None) -> list[Evaluation]:
-        """`evaluate` at several points (m, n) with their parameters (m, np), on given meshes all in one call."""
-        found = [None] * len(us) if meshes is None else self._on_meshes(us, ps, vary, meshes)
-        return [here or self._evaluate(u, p, vary) for here, u, p in zip(found, us, ps, strict=True)]
-
-    def _evaluate(self, u, p, vary: tuple[str, ...]) -> Evaluation:
-        """`evaluate`, arc by arc, each step as long as it can be."""
+    def evaluate(self, u, p, vary: tuple[str, ...] = ()) -> Evaluation:
+        """Residual, Jacobian and motion at unknowns `u` (n,) and parameters `p` (np,), each step as long as it can
+        be."""
         n, k = self.size, len(vary)
         du, dp, own, seeds = self._seeds(vary)
         last, dlast = np.zeros(0), np.zeros((0, n + k))
@@ -181,11 +181,23 @@ class Shooting:
         ]
         return np.eye(n, n + k), dp, np.eye(k, n + k, n), seeds
 
-    def _on_meshes(self, us, ps, vary: tuple[str, ...], meshes) -> list[Evaluation | None]:
-        """`evaluate_all` in one call; None where a mesh is too coarse or a flow is not by Taylor's series."""
+    def evaluate_all(self, us, ps, vary: tuple[str, ...] = (), meshes=None) -> Evaluation:
+        """`evaluate` at several points (m, n) with their parameters (m, np), stacked.
+
+        meshes : nodes (N + 1,) of each arc as shares of its duration, to try first, all in one call: it saves choosing
+            the steps
+        """
+        if meshes is None or any(along.method != "Taylor" or along.phase.pieces for along in self.flows):
+            return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
+        here, fine = self._on_meshes(us, ps, vary, meshes)
+        if fine.all():
+            return here
+        known = zip(fine, us, ps, strict=True)
+        return stacked([here[i] if good else self.evaluate(u, p, vary) for i, (good, u, p) in enumerate(known)])
+
+    def _on_meshes(self, us, ps, vary: tuple[str, ...], meshes) -> tuple[Evaluation, np.ndarray]:
+        """`evaluate_all` in one call, and at which of the points (m,) the meshes are fine enough."""
         count, sizes = len(us), tuple(len(mesh) - 1 for mesh in meshes)
-        if any(along.method != "Taylor" or along.phase.pieces for along in self.flows):
-            return [None] * count
         schemes = tuple(
             along.scheme(along.size + len(vary), tuple(map(self.parameters.index, vary))) for along in self.flows
         )
@@ -194,22 +206,16 @@ class Shooting:
         call = self._whole(vary, sizes, schemes, tuple(scheme.compiled for scheme in schemes))
         residual, jacobian, *rest = call(us, ps, np.concatenate(meshes)[None])
         # derivatives that nothing needs may be no numbers; the longer way leaves them out
-        good, arcs = np.isfinite(jacobian).all((1, 2)), []
-        for i, (along, scheme, mesh) in enumerate(zip(self.flows, schemes, meshes, strict=True)):
+        fine, arcs = np.isfinite(jacobian).all((1, 2)), []
+        for i, (along, scheme, mesh, size) in enumerate(zip(self.flows, schemes, meshes, sizes, strict=True)):
             duration, transition, dstart, longer, holds, c, dc, made, lengths = rest[9 * i : 9 * (i + 1)]
             c, dc = scheme.unfold(c, dc)
-            good &= (made[:, 0] == lengths[:, 0]).all(1) & (made[:, 1] <= DEFECT).all(1) & np.isfinite(c).all((1, 2, 3))
-            paths = (
-                Trajectory(t, *motion)
-                for t, *motion in zip(duration[:, 0] * mesh, c, repeat(along.names), dc, strict=False)
-            )
-            arcs.append(list(zip(paths, transition, dstart, longer[:, 0], holds, strict=True)))
-        return [
-            Evaluation(residual[j, :, 0], jacobian[j], *zip(*(arc[j] for arc in arcs), strict=True))
-            if good[j]
-            else None
-            for j in range(count)
-        ]
+            fine &= (made[:, 0] == lengths[:, 0]).all(1) & (made[:, 1] <= DEFECT).all(1) & np.isfinite(c).all((1, 2, 3))
+            starts, ends = (duration[:, 0] * mesh[:-1]).ravel(), duration[:, 0, 0] * mesh[-1]
+            steps = (part.reshape(-1, *part.shape[2:]) for part in (c, dc))
+            motions = Motions(starts, ends, next(steps), np.full(count, size), along.names, next(steps))
+            arcs.append((motions, transition, dstart, longer[:, 0], holds))
+        return Evaluation(residual[:, :, 0], jacobian, *zip(*arcs, strict=True)), fine
 
     @lru_cache(maxsize=32)  # noqa: B019 - the equations themselves are kept as long
     def _whole(

@@ -107,18 +107,7 @@ class Solution:
     error: np.ndarray
 
 
-def interpret(model: Model, method: str, equations: Shooting, u, here: Evaluation, p: Mapping, error=None) -> Solution:
-    """What the solution `u` (n,) of a method's equations, evaluated `here`, means for the flight.
-
-    p : parameters by name
-    error : of alpha, where it is known; else it is measured, by `error_bounds`
-    """
-    us, ps, here = np.reshape(u, (1, -1)), np.reshape(vector(p), (1, -1)), stacked([here])
-    errors = error_bounds(equations, us, ps, here) if error is None else np.array([error])
-    return interpret_all(model, method, equations, us, ps, here, errors)
-
-
-def interpret_all(model: Model, method: str, equations: Shooting, us, ps, here: Evaluation, errors) -> Solution:
+def interpret(model: Model, method: str, equations: Shooting, us, ps, here: Evaluation, errors) -> Solution:
     """What solutions (m, n) of a method's equations with parameters (m, np) mean for the flight, from the equations
     `stacked` there and the errors of alpha (m,); raises `NoOrbit` about the first that means none."""
     read = _reduced if method in ("closed form", "relative") else _mirrored if model.reversor else _unmirrored
@@ -135,9 +124,17 @@ def as_cases(model: Model, solution: Solution) -> Cases:
     return Cases(solution.u, solution.p, *measured, *contacts)
 
 
-def as_orbit(machine, method: str, solution: Solution, began: float) -> Orbit:
-    """The certified orbit of a machine; `began` is when the search for it did, by `time.perf_counter`."""
+def as_orbit(machine, method: str, u, here: Evaluation, error: float | None = None, *, began: float) -> Orbit:
+    """The certified orbit that a solution `u` (n,) of a method's equations is, evaluated `here`.
+
+    error : of alpha, where it is known; else it is measured, by `error_bounds`
+    began : when the search for it did, by `time.perf_counter`
+    """
     model, p = machine.model, machine.values
+    equations = equations_of(model, method, tuple(p))
+    us, ps, here = np.reshape(u, (1, -1)), vector(p)[None], stacked([here])
+    errors = error_bounds(equations, us, ps, here) if error is None else np.array([error])
+    solution = interpret(model, method, equations, us, ps, here, errors)
     cases = as_cases(model, solution)
     (certificate,) = certify(model, cases)
     return Orbit(
@@ -151,7 +148,7 @@ def as_orbit(machine, method: str, solution: Solution, began: float) -> Orbit:
         shape=_shape(model, p),
         certificate=certificate,
         method=method,
-        skipped=_skipped(model, p, method),
+        skipped=_skipped(model, p, method, equations.compiled),
         seconds=time.perf_counter() - began,
         units=machine.units,
     )
@@ -212,7 +209,7 @@ def vector(p: Mapping) -> np.ndarray:
     return np.array(list(p.values()), dtype=float)
 
 
-def _skipped(model: Model, p: Mapping, method: str) -> tuple[str, ...]:
+def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:
     """What the way taken did without, in words."""
     skipped = {
         "closed form": ["flight: closed form, nothing integrated", "search: one scalar equation, no solver"],
@@ -232,6 +229,6 @@ def _skipped(model: Model, p: Mapping, method: str) -> tuple[str, ...]:
         skipped.append(f"contact: {part}, for its duration and the checks, not for the search")
     if model.separation(p) is None:
         skipped.append("separation of the masses: no rest length given")
-    if not equations_of(model, method, tuple(p)).compiled:
+    if not compiled:
         skipped.append("compilation: nothing that repays it, or no compiler")
     return tuple(skipped)

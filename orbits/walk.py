@@ -151,7 +151,7 @@ class Walk:
             except OrbitsError as error:
                 return knots, error
             knots.append(at)
-            if not self.within(at) or at.here.growth > LARGEST_GROWTH:
+            if not self.within(at) or at.growth > LARGEST_GROWTH:
                 break
         return knots, None
 
@@ -322,7 +322,7 @@ class Walk:
         end.length = length / end.parts
         if self.count == 1:
             self.filled([end])
-        longer = (AIM / max(moved * np.sqrt(end.here.growth), 1e-300)) ** (1 / (2 * path.known.sum()))
+        longer = (AIM / max(moved * np.sqrt(end.growth), 1e-300)) ** (1 / (2 * path.known.sum()))
         longest = max(LONGEST, self.options.longest)
         self.length = min(max(self.length, length) * min(max(0.9 * longer, 0.3), 2.0), longest)
         return end
@@ -362,8 +362,8 @@ class Walk:
         """The end of a curve that goes to infinity or to nothing before the parameter gets to a bound."""
         orbit, first = there.point, self.origin
         name, value = self.curve.along, there.value
-        if there.here.growth > LARGEST_GROWTH:
-            return self.lost(f"small changes grow {there.here.growth:.0e}-fold over the flight, and rounding decides")
+        if there.growth > LARGEST_GROWTH:
+            return self.lost(f"small changes grow {there.growth:.0e}-fold over the flight, and rounding decides")
         if orbit.alpha > FAR * first.alpha or orbit.flight_time > FAR * first.flight_time:
             if (found := self.limit(-1)) is None:
                 return None
