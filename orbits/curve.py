@@ -18,7 +18,7 @@ from .certify import certify, known
 from .errors import NoOrbit, OrbitsError
 from .family import Point
 from .hermite import Hermite
-from .motions import Trajectory
+from .motions import Motions
 from .orbit import Orbit
 from .shooting import STALLED, Evaluation, joined, solve
 from .statements import as_cases, as_orbit, equations_of, interpret
@@ -89,12 +89,15 @@ class Curve:
     def evaluate(self, xs) -> Evaluation:
         """The equations at points (m, n + 1), stacked."""
         here = self.equations.evaluate_all(xs[:, :-1], self.p(xs), (self.along,), self.meshes)
-        paths = here[len(xs) - 1].trajectories
         if any(motions.counts.max() > MOST_STEPS for motions in here.trajectories):
             self.meshes = None
-        elif self.meshes is None or not all(map(_on, paths, self.meshes)):
-            self.meshes = [_finer(path.times) for path in paths]
+        elif self.meshes is None or not all(map(_on, here.trajectories, self.meshes)):
+            self.meshes = [_finer(path.times) for path in here[len(xs) - 1].trajectories]
         return here
+
+    def _ahead(self, xs, rows, levels) -> tuple[np.ndarray, Evaluation] | None:
+        """Points a Newton step on, and the equations there, as `Shooting.ahead`."""
+        return self.equations.ahead(xs, self.p(xs), self.along, self.meshes, rows, levels)
 
     def correct(self, guess, row, level: float, before) -> At:
         """The point of the curve where row . X = level, by Newton's method from `guess`; its tangent goes on from
@@ -109,8 +112,12 @@ class Curve:
         square, lack, steps = np.empty((count, n + 1, n + 1)), np.empty((count, n + 1, 1)), np.zeros_like(xs)
         square[:, n] = rows
         left, last = np.arange(count), np.full(count, np.inf)
+        known = None
+        if count == 1 and (known := self._ahead(xs, rows, levels)):  # it mostly takes two steps
+            last = np.max(np.abs(known[0] - xs) / sizes, axis=1)
+            xs = known[0]
         for _ in range(8):
-            here = self.evaluate(xs[left])
+            here, known = known[1] if known else self.evaluate(xs[left]), None
             for j, i in enumerate(left.tolist()):
                 heres[i] = here, j
             square[left, :n], lack[left, :n, 0] = here.jacobian, -here.residual
@@ -216,10 +223,10 @@ class Curve:
         return self.check(replace(at, x=np.append(at.x[:-1], value), point=None))
 
 
-def _on(path: Trajectory, mesh: np.ndarray) -> bool:
-    """Whether a motion has been found on a mesh."""
-    end = path.times[-1]
-    return len(path.times) == len(mesh) and bool((np.abs(path.times - mesh * end) <= 1e-12 * end).all())
+def _on(motions: Motions, mesh: np.ndarray) -> bool:
+    """Whether the last of motions has been found on a mesh."""
+    starts, end = motions.starts[motions.first[-1] :], motions.ends[-1]
+    return len(starts) == len(mesh) - 1 and bool((np.abs(starts - mesh[:-1] * end) <= 1e-12 * end).all())
 
 
 def _finer(times: np.ndarray) -> np.ndarray:

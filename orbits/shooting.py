@@ -187,33 +187,51 @@ class Shooting:
         meshes : nodes (N + 1,) of each arc as shares of its duration, to try first, all in one call: it saves choosing
             the steps
         """
-        if meshes is None or any(along.method != "Taylor" or along.phase.pieces for along in self.flows):
+        if meshes is None or not self._has_meshes:
             return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
-        here, fine = self._on_meshes(us, ps, vary, meshes)
+        here, fine = self._read(meshes, *self._called(self._whole, vary, meshes, us, ps))
         if fine.all():
             return here
         known = zip(fine, us, ps, strict=True)
         return stacked([here[i] if good else self.evaluate(u, p, vary) for i, (good, u, p) in enumerate(known)])
 
-    def _on_meshes(self, us, ps, vary: tuple[str, ...], meshes) -> tuple[Evaluation, np.ndarray]:
-        """`evaluate_all` in one call, and at which of the points (m,) the meshes are fine enough."""
-        count, sizes = len(us), tuple(len(mesh) - 1 for mesh in meshes)
+    def ahead(self, xs, ps, vary: str, meshes, rows, levels) -> tuple[np.ndarray, Evaluation] | None:
+        """The points (m, n + 1) that a Newton step leads to from `xs`, unknowns and the varied parameter, towards
+        F = 0, rows . X = levels (m,); and the equations there, all in one call. None where `meshes` are too coarse."""
+        if meshes is None or not self._has_meshes:
+            return None
+        schemes, (xs, *results) = self._called(self._after_newton, (vary,), meshes, xs, ps, rows, levels[:, None])
+        here, fine = self._read(meshes, schemes, results)
+        return (xs[:, :, 0], here) if fine.all() else None
+
+    @cached_property
+    def _has_meshes(self) -> bool:
+        """Whether a mesh says all of a motion's steps."""
+        return all(along.method == "Taylor" and not along.phase.pieces for along in self.flows)
+
+    def _called(self, function: Callable, vary: tuple[str, ...], meshes, *arguments) -> tuple[tuple, list]:
+        """The schemes of all arcs, and the results of `_whole` or `_after_newton` with these arguments."""
+        count, sizes = len(arguments[0]), tuple(len(mesh) - 1 for mesh in meshes)
         schemes = tuple(
             along.scheme(along.size + len(vary), tuple(map(self.parameters.index, vary))) for along in self.flows
         )
         for scheme, size in zip(schemes, sizes, strict=True):
             scheme.spend(count * size)
-        call = self._whole(vary, sizes, schemes, tuple(scheme.compiled for scheme in schemes))
-        residual, jacobian, *rest = call(us, ps, np.concatenate(meshes)[None])
+        call = function(vary, sizes, schemes, tuple(scheme.compiled for scheme in schemes))
+        return schemes, call(np.concatenate(meshes)[None], *arguments)
+
+    def _read(self, meshes, schemes, results) -> tuple[Evaluation, np.ndarray]:
+        """The equations at several points from the results of `_whole`; and where (m,) the meshes are fine enough."""
+        residual, jacobian, *rest = results
         # derivatives that nothing needs may be no numbers; the longer way leaves them out
         fine, arcs = np.isfinite(jacobian).all((1, 2)), []
-        for i, (along, scheme, mesh, size) in enumerate(zip(self.flows, schemes, meshes, sizes, strict=True)):
+        for i, (along, scheme, mesh) in enumerate(zip(self.flows, schemes, meshes, strict=True)):
             duration, transition, dstart, longer, holds, c, dc, made, lengths = rest[9 * i : 9 * (i + 1)]
-            c, dc = scheme.unfold(c, dc)
-            fine &= (made[:, 0] == lengths[:, 0]).all(1) & (made[:, 1] <= DEFECT).all(1) & np.isfinite(c).all((1, 2, 3))
+            c, dc = (part.reshape(-1, *part.shape[2:]) for part in scheme.unfold(c, dc))
+            fine &= (made[:, 0] == lengths[:, 0]).all(1) & (made[:, 1] <= DEFECT).all(1)
+            fine &= np.isfinite(c).reshape(len(fine), -1).all(1)
             starts, ends = (duration[:, 0] * mesh[:-1]).ravel(), duration[:, 0, 0] * mesh[-1]
-            steps = (part.reshape(-1, *part.shape[2:]) for part in (c, dc))
-            motions = Motions(starts, ends, next(steps), np.full(count, size), along.names, next(steps))
+            motions = Motions(starts, ends, c, np.full(len(fine), len(mesh) - 1), along.names, dc)
             arcs.append((motions, transition, dstart, longer[:, 0], holds))
         return Evaluation(residual[:, :, 0], jacobian, *zip(*arcs, strict=True)), fine
 
@@ -221,7 +239,7 @@ class Shooting:
     def _whole(
         self, vary: tuple[str, ...], counts: tuple[int, ...], schemes: tuple, compiled: tuple[bool, ...]
     ) -> Calls:
-        """The statement and its derivatives on meshes of so many steps, (u, p, meshes); another one when a scheme has
+        """The statement and its derivatives on meshes of so many steps, (meshes, u, p); another one when a scheme has
         been compiled."""
         n, k = self.size, len(vary)
         du, dp, own, seeds = (ca.DM(x) if isinstance(x, np.ndarray) else x for x in self._seeds(vary))
@@ -249,7 +267,23 @@ class Shooting:
             results += [duration, transition, dstart, longer, at_end, c, dc, made, lengths]
             last, dlast = end, dend
         results = [ca.vertcat(*residuals), ca.vertcat(*jacobians), *results]
-        return Calls(_dense("whole", [u, p, nodes], results))
+        return Calls(_dense("whole", [nodes, u, p], results))
+
+    @lru_cache(maxsize=32)  # noqa: B019 - the equations themselves are kept as long
+    def _after_newton(
+        self, vary: tuple[str, ...], counts: tuple[int, ...], schemes: tuple, compiled: tuple[bool, ...]
+    ) -> Calls:
+        """`ahead`, (meshes, x, p, row, level) -> the new x, and what `_whole` gives there."""
+        n, index, whole = self.size, self.parameters.index(*vary), self._whole(vary, counts, schemes, compiled).function
+        x, p, row, level = (ca.MX.sym(name, size) for name, size in (("x", n + 1), ("p", whole.size1_in(2)),
+                                                                    ("row", n + 1), ("level", 1)))  # fmt: skip
+        nodes = ca.MX.sym("t", whole.size1_in(0))
+        at = lambda x: whole(nodes, x[:n], ca.vertcat(p[:index], x[n], p[index + 1 :]))  # noqa: E731
+        square, lack = ca.SX.sym("square", n + 1, n + 1), ca.SX.sym("lack", n + 1)
+        newton = ca.Function("newton", [square, lack], [ca.solve(square, lack)])  # singular: not numbers, no error
+        residual, jacobian, *_ = at(x)
+        there = x - newton(ca.vertcat(jacobian, row.T), ca.vertcat(residual, row.T @ x - level))
+        return Calls(_dense("after_newton", [nodes, x, p, row, level], [there, *at(there)]))
 
     def moved(self, here: Evaluation, us, ps, steps) -> Evaluation:
         """The equations, `stacked`, taken along by Newton steps (m, n + k) that settle them, to the points `us` (m, n)
