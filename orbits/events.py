@@ -15,10 +15,10 @@ from .roots import bracketed_root
 
 # What an orbit has to spare before something happens; the event is where it changes sign. None: it says nothing.
 MARGINS: dict[str, Callable[[Point], float | None]] = {
-    "grazing": lambda point: 1.0 if point.clearance is None else point.clearance,
-    "masses touch": lambda point: point.smallest_separation,
-    "contact pulls": lambda point: 1.0 if point.smallest_contact_force is None else point.smallest_contact_force,
-    "landing jerk": lambda point: -point.landing_jerk,
+    "grazing": lambda point: _or(1.0, point.certificate.clearance),
+    "masses touch": lambda point: point.certificate.smallest_separation,
+    "contact pulls": lambda point: _or(1.0, point.certificate.smallest_contact_force),
+    "landing jerk": lambda point: -point.certificate.landing_jerk,
     "collapse": lambda point: -1.0 if point.contact_time is None else 1.0,
 }
 # An event is located to this share of the way between two points, where rounding begins to show.
@@ -97,7 +97,7 @@ class Stretch:
     def events(self, asked: tuple[float, ...], watch: Mapping[str, Callable[[Orbit], float]]) -> list[tuple[str, At]]:
         """What happens, by kind, in order along the curve; `asked` are values of the parameter to stop at."""
         found: list[tuple] = []
-        if not watch and _signs(self.a) == _signs(self.b) and not any(self._between(value) for value in asked):
+        if not watch and _signs(self.a) == _signs(self.b) and not self._passed(asked):
             return []
         for name in (*SIGNS, *MARGINS, *watch):
             if name == "branch point":
@@ -112,7 +112,7 @@ class Stretch:
         for low, high in pairwise(turns):
             part = Stretch(self.curve, self(low), self(high)) if len(turns) > 2 else self
             first, last = part.a.value, part.b.value
-            for value in filter(part._between, asked):
+            for value in part._passed(asked):
                 share = low + (high - low) * (value - first) / (last - first)
                 found.append(("asked", share, part.landed(value)))
         return [(name, at) for name, _, at in sorted(found, key=lambda entry: entry[1])]
@@ -134,8 +134,9 @@ class Stretch:
         here = replace(here, jacobian=((u * s) @ v[: len(s)] / size)[None])
         return share, At(x, tangent / np.linalg.norm(tangent / size), 0.0, here, 0, np.zeros_like(x))
 
-    def _between(self, value: float) -> bool:
-        return min(self.a.value, self.b.value) < value < max(self.a.value, self.b.value)
+    def _passed(self, asked: tuple[float, ...]) -> list[float]:
+        low, high = sorted((self.a.value, self.b.value))
+        return [value for value in asked if low < value < high]
 
     def _quantity(self, name: str, at: At, watch) -> float | None:
         at = at if at.point else self.curve.check(at)
@@ -146,12 +147,16 @@ class Stretch:
         return watched(name, watch[name], self.curve.orbit(at))
 
 
+def _or(otherwise: float, value: float | None) -> float:
+    return otherwise if value is None else value
+
+
 def _signs(at: At) -> tuple:
     """On which side of every event a certified point is."""
     if at.signs is None:
         margins = (margin(at.point) for margin in MARGINS.values())
         sides = [margin is not None and margin >= 0 for margin in margins]
-        at.signs = (at.tangent[-1] >= 0, at.turn >= 0, at.point.family, *sides)
+        at.signs = (at.tangent[-1] >= 0, at.turn >= 0, at.point.certificate.family, *sides)
     return at.signs
 
 
