@@ -95,10 +95,6 @@ class Curve:
             self.meshes = [_finer(path.times) for path in here[len(xs) - 1].trajectories]
         return here
 
-    def _ahead(self, xs, rows, levels) -> tuple[np.ndarray, Evaluation] | None:
-        """Points a Newton step on, and the equations there, as `Shooting.ahead`."""
-        return self.equations.ahead(xs, self.p(xs), self.along, self.meshes, rows, levels)
-
     def correct(self, guess, row, level: float, before) -> At:
         """The point of the curve where row . X = level, by Newton's method from `guess`; its tangent goes on from
         `before`. Raises `NoOrbit` where that does not converge at once."""
@@ -107,24 +103,28 @@ class Curve:
     def correct_all(self, guesses, rows, levels, before) -> list[At]:
         """`correct` of several guesses (m, n + 1), at levels (m,) of rows (m, n + 1), tangents `before` (m, n + 1)."""
         xs, sizes = guesses.copy(), self.size(guesses)
-        count, n = xs.shape[0], xs.shape[1] - 1
+        count, n = len(xs), xs.shape[1] - 1
+        square, right = np.zeros((count, n + 1, n + 1)), np.zeros((count, n + 1, 2))
+        square[:, n], right[:, n, 1] = rows, 1.0
+        solved = np.zeros_like(right)  # of each the last step, and the direction of the curve
         heres: list = [None] * count
-        square, lack, steps = np.empty((count, n + 1, n + 1)), np.empty((count, n + 1, 1)), np.zeros_like(xs)
-        square[:, n] = rows
-        left, last = np.arange(count), np.full(count, np.inf)
-        known = None
-        if count == 1 and (known := self._ahead(xs, rows, levels)):  # it mostly takes two steps
-            last = np.max(np.abs(known[0] - xs) / sizes, axis=1)
-            xs = known[0]
+        left, last, ahead = np.arange(count), np.full(count, np.inf), None
+        if count == 1:  # it mostly takes two steps, and the first is taken at once
+            ahead = self.equations.ahead(xs, self.p(xs), self.along, self.meshes, rows, levels)
+            if ahead:
+                last, xs = np.max(np.abs(ahead[0] - xs) / sizes, axis=1), ahead[0]
+            else:
+                self.meshes = None
         for _ in range(8):
-            here, known = known[1] if known else self.evaluate(xs[left]), None
+            here, ahead = ahead[1] if ahead else self.evaluate(xs[left]), None
             for j, i in enumerate(left.tolist()):
                 heres[i] = here, j
-            square[left, :n], lack[left, :n, 0] = here.jacobian, -here.residual
-            lack[left, n, 0] = levels[left] - np.einsum("mi,mi->m", xs[left], rows[left])
-            steps[left] = solve(square[left], lack[left])[..., 0]
-            lengths = np.max(np.abs(steps[left]) / sizes[left], axis=1)
-            xs[left] += steps[left]
+            square[left, :n], right[left, :n, 0] = here.jacobian, -here.residual
+            right[left, n, 0] = levels[left] - np.einsum("mi,mi->m", xs[left], rows[left])
+            solved[left] = solve(square[left], right[left])
+            steps = solved[left, :, 0]
+            xs[left] += steps
+            lengths = np.max(np.abs(steps) / sizes[left], axis=1)
             open_ = ~here.settles(lengths, last[left])
             if not open_.any():
                 break
@@ -134,15 +134,14 @@ class Curve:
             left = left[open_]
         else:
             raise NoOrbit("the corrector converges too slowly")
-        tangents = solve(square, np.eye(n + 1)[:, [n]])[..., 0]
-        sizes = self.size(xs)
+        tangents, sizes = solved[:, :, 1], self.size(xs)
         scaled = tangents / sizes
         tangents /= (np.linalg.norm(scaled, axis=1) * np.sign(np.einsum("mi,mi->m", scaled / sizes, before)))[:, None]
         if not np.isfinite(tangents).all():
             raise NoOrbit("the curve has no direction here")
         square[:, n] = tangents / sizes**2
-        turns = np.linalg.det(square * sizes[:, None, :])
-        known = zip(xs, tangents, turns.tolist(), heres, steps, strict=True)
+        turns = np.linalg.det(square * sizes[:, None])
+        known = zip(xs, tangents, turns.tolist(), heres, solved[:, :, 0], strict=True)
         return [At(x, tangent, turn, *here, step, self.meshes) for x, tangent, turn, here, step in known]
 
     def check(self, at: At) -> At:

@@ -45,9 +45,10 @@ def around(xs, tangents, rows, i, behind: int, ahead: int) -> Hermite:
     indices = np.clip(indices, 0, len(xs) - 1)
     xs, tangents = xs[indices], tangents[indices]
     levels, rates = (np.einsum("gkn,gn->gk", part, rows) for part in (xs, tangents))
-    for side, some in ((-1, slice(0, behind)), (1, slice(behind, None))):
-        part = inside[:, some][:, ::side], levels[:, some][:, ::side], rates[:, some][:, ::side]
-        inside[:, some] = _before_a_bend(side, *part)[:, ::side]
+    for side, some, count in ((-1, slice(0, behind), behind), (1, slice(behind, None), ahead)):
+        if count > 1:
+            part = inside[:, some][:, ::side], levels[:, some][:, ::side], rates[:, some][:, ::side]
+            inside[:, some] = _before_a_bend(side, *part)[:, ::side]
     return Hermite(xs, tangents, rows, inside)
 
 
