@@ -110,11 +110,9 @@ class Curve:
         heres: list = [None] * count
         left, last, ahead = np.arange(count), np.full(count, np.inf), None
         if count == 1:  # it mostly takes two steps, and the first is taken at once
-            ahead = self.equations.ahead(xs, self.p(xs), self.along, self.meshes, rows, levels)
+            ahead = self._ahead(xs, rows, levels)
             if ahead:
                 last, xs = np.max(np.abs(ahead[0] - xs) / sizes, axis=1), ahead[0]
-            else:
-                self.meshes = None
         for _ in range(8):
             here, ahead = ahead[1] if ahead else self.evaluate(xs[left]), None
             for j, i in enumerate(left.tolist()):
@@ -143,6 +141,16 @@ class Curve:
         turns = np.linalg.det(square * sizes[:, None])
         known = zip(xs, tangents, turns.tolist(), heres, solved[:, :, 0], strict=True)
         return [At(x, tangent, turn, *here, step, self.meshes) for x, tangent, turn, here, step in known]
+
+    def _ahead(self, xs, rows, levels) -> tuple[np.ndarray, Evaluation] | None:
+        """`Shooting.ahead`, on finer meshes where these are too coarse."""
+        known = xs, self.p(xs), self.along
+        found = self.equations.ahead(*known, self.meshes, rows, levels)
+        if found is None and self.meshes is not None:
+            self.meshes = [_finer(mesh) for mesh in self.meshes]
+            found = self.equations.ahead(*known, self.meshes, rows, levels)
+            self.meshes = self.meshes if found else None
+        return found
 
     def check(self, at: At) -> At:
         """A point, certified; raises the error when it cannot be."""

@@ -156,9 +156,12 @@ class Pile:
             values[self.first, 0] = np.where(before * first < 0, before * np.abs(first), first)
             values[self.first, 0] = np.where((before < 0) & (first == 0), -TINY, values[self.first, 0])
         self.after = np.where(values[self.last, -1] >= 0, 1.0, -1.0)
-        changes = (values[:, 1:] >= 0) != (values[:, :-1] >= 0)
-        several = changes.sum(1)
-        single = np.flatnonzero((several == 1) & ((values[:, -1] >= 0) | (not rising)))
+        positive = values >= 0
+        changes = positive[:, 1:] != positive[:, :-1]
+        several = np.count_nonzero(changes, axis=1)
+        if not several.any():
+            return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
+        single = np.flatnonzero((several == 1) & (positive[:, -1] | (not rising)))
         j = changes[single].argmax(1)  # where the control polygon crosses, second order close to the polynomial
         before, after = values[single, j], values[single, j + 1]
         about = (j + before / (before - after)) / (values.shape[1] - 1)
