@@ -77,8 +77,8 @@ class Stretch:
         if first is None or last is None or (first >= 0) == (last >= 0):
             return None
         share = bracketed_root(lambda share: quantity(self(share)) or 0.0, 0.0, 1.0, first, last, width=width)
-        pole = abs(quantity(self(share)) or 0.0) > abs(first) + abs(last)
-        return None if pole else share
+        value = quantity(self(share))
+        return None if value is None or abs(value) > abs(first) + abs(last) else share  # nothing, or a pole
 
     def landed(self, value: float) -> At:
         """The point where the parameter has exactly a value, certified."""
@@ -161,11 +161,11 @@ def _signs(at: At) -> tuple:
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:
-    """A watched quantity of an orbit, None where the function gives None or the orbit has not what it asks for; a truth
-    counts as 1 or -1. Raises `InputError` when it is not a number."""
+    """A watched quantity of an orbit, None where the function gives None, divides by zero or the orbit has not what it
+    asks for; a truth counts as 1 or -1. Raises `InputError` when it is not a number."""
     try:
         value = function(orbit)
-    except OrbitsError:
+    except (OrbitsError, ZeroDivisionError):
         return None
     if value is None:
         return None

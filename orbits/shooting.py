@@ -201,7 +201,10 @@ class Shooting:
         if meshes is None or not self._has_meshes:
             return None
         schemes, (xs, *results) = self._called(self._after_newton, (vary,), meshes, xs, ps, rows, levels[:, None])
-        here, fine = self._read(meshes, schemes, results)
+        before = 2 * len(self.flows)
+        here, fine = self._read(meshes, schemes, results[before:])
+        for made, lengths in zip(results[:before:2], results[1:before:2], strict=True):
+            fine &= _trusted(made, lengths)
         return (xs[:, :, 0], here) if fine.all() else None
 
     @cached_property
@@ -228,8 +231,7 @@ class Shooting:
         for i, (along, scheme, mesh) in enumerate(zip(self.flows, schemes, meshes, strict=True)):
             duration, transition, dstart, longer, holds, c, dc, made, lengths = rest[9 * i : 9 * (i + 1)]
             c, dc = (part.reshape(-1, *part.shape[2:]) for part in scheme.unfold(c, dc))
-            fine &= (made[:, 0] == lengths[:, 0]).all(1) & (made[:, 1] <= DEFECT).all(1)
-            fine &= np.isfinite(c).reshape(len(fine), -1).all(1)
+            fine &= _trusted(made, lengths) & np.isfinite(c).reshape(len(fine), -1).all(1)
             starts, ends = (duration[:, 0] * mesh[:-1]).ravel(), duration[:, 0, 0] * mesh[-1]
             motions = Motions(starts, ends, c, np.full(len(fine), len(mesh) - 1), along.names, dc)
             arcs.append((motions, transition, dstart, longer[:, 0], holds))
@@ -273,7 +275,8 @@ class Shooting:
     def _after_newton(
         self, vary: tuple[str, ...], counts: tuple[int, ...], schemes: tuple, compiled: tuple[bool, ...]
     ) -> Calls:
-        """`ahead`, (meshes, x, p, row, level) -> the new x, and what `_whole` gives there."""
+        """`ahead`, (meshes, x, p, row, level) -> the new x; how far the steps to be taken from the old one can be
+        trusted, two of each arc; and what `_whole` gives at the new one."""
         n, index, whole = self.size, self.parameters.index(*vary), self._whole(vary, counts, schemes, compiled).function
         x, p, row, level = (ca.MX.sym(name, size) for name, size in (("x", n + 1), ("p", whole.size1_in(2)),
                                                                     ("row", n + 1), ("level", 1)))  # fmt: skip
@@ -281,9 +284,10 @@ class Shooting:
         at = lambda x: whole(nodes, x[:n], ca.vertcat(p[:index], x[n], p[index + 1 :]))  # noqa: E731
         square, lack = ca.SX.sym("square", n + 1, n + 1), ca.SX.sym("lack", n + 1)
         newton = ca.Function("newton", [square, lack], [ca.solve(square, lack)])  # singular: not numbers, no error
-        residual, jacobian, *_ = at(x)
+        residual, jacobian, *rest = at(x)
+        trust = [part for i in range(len(self.flows)) for part in rest[9 * i + 7 : 9 * i + 9]]
         there = x - newton(ca.vertcat(jacobian, row.T), ca.vertcat(residual, row.T @ x - level))
-        return Calls(_dense("after_newton", [nodes, x, p, row, level], [there, *at(there)]))
+        return Calls(_dense("after_newton", [nodes, x, p, row, level], [there, *trust, *at(there)]))
 
     def moved(self, here: Evaluation, us, ps, steps) -> Evaluation:
         """The equations, `stacked`, taken along by Newton steps (m, n + k) that settle them, to the points `us` (m, n)
@@ -382,6 +386,11 @@ def solve(matrix, right) -> np.ndarray:
         return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:
         return np.full(np.shape(right), np.nan)
+
+
+def _trusted(made, lengths) -> np.ndarray:
+    """Which motions (m,) have all the steps that were to be made (m, 1, N): lengths and defects `made` (m, 2, N)."""
+    return (made[:, 0] == lengths[:, 0]).all(1) & (made[:, 1] <= DEFECT).all(1)
 
 
 def _dense(name: str, arguments: list, results: list) -> ca.Function:

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
+from orbits.certify import certify
 from orbits.curve import At, Curve, interpolated
+from orbits.events import watched
 from orbits.plot import thumbnails
 from orbits.shooting import Shooting
 from problems import Hopper, Juggler, hopper_in_si, springs
@@ -463,6 +465,36 @@ def test_watched_truths_poles_and_orbits_without_what_is_asked(softening):
     assert family.events[0].point.alpha == pytest.approx(3.0, rel=1e-11)
     beyond = follow(Hopper("cubic", rest_length=30.0), "beta", -0.02, 0.0, watch={"period": watch["period"]})
     assert [event.kind for event in beyond.events if event.kind != "period"] == ["collapse", "fold"]
+
+
+def test_a_watched_function_may_divide_by_zero():
+    orbit = find(Hopper("cubic"))
+    assert watched("pole", lambda orbit: 1.0 / (orbit.alpha - orbit.alpha), orbit) is None
+
+
+def test_points_are_certified_up_to_the_first_that_cannot_be(monkeypatch):
+    """Along the curve, although those that were solved together are checked together."""
+    curve, row = Curve(Hopper("cubic"), "beta", "relative", 1.0), np.array([0.0, 0.0, 1.0])
+    betas = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+    guesses = np.array([[1.0, find(Hopper("cubic", parameters={"beta": beta})).alpha, beta] for beta in betas])
+    single = {i: curve.correct(guesses[i], row, betas[i], row) for i in (1, 3)}
+    others = [0, 2, 4, 5]
+    together = curve.correct_all(guesses[others], np.tile(row, (4, 1)), guesses[others, 2], np.tile(row, (4, 1)))
+    ats = [single[i] if i in single else together[others.index(i)] for i in range(6)]
+    good, error = curve.checked(ats)
+    assert error is None
+    assert [at.point.value for at in good] == pytest.approx(betas)
+    assert [at.point.alpha for at in good] == pytest.approx(guesses[:, 1], rel=1e-13)
+
+    def refusing(model, cases):
+        for i in np.flatnonzero(cases.p["beta"] > 0.35):
+            raise NoOrbit(f"not {cases.p['beta'][i]:.1f}").about(i)
+        return certify(model, cases)
+
+    monkeypatch.setattr("orbits.curve.certify", refusing)
+    good, error = curve.checked(ats)
+    assert good == ats[:3]
+    assert str(error) == "not 0.4"
 
 
 def test_a_resumed_family_has_each_event_once(softening, tmp_path):

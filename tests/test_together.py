@@ -1,15 +1,18 @@
 """What is done for many at once, against the same one by one: motions to their zeros, contacts to their ends, functions
-at many points, sensitivities column by column."""
+at many points, statements at many points, sensitivities column by column."""
 
 import casadi as ca
 import numpy as np
 import pytest
+from conftest import REFERENCES, machine_of
 
-from orbits import FlowError, OutOfRange, ReturnMap, simulate
+from orbits import FlowError, OutOfRange, ReturnMap, find, simulate
 from orbits.elementwise import Rows
 from orbits.flow import first_zero
 from orbits.impacts import Impacts
 from orbits.jets import variations
+from orbits.shooting import Shooting, joined
+from orbits.statements import equations_of
 from problems import Hopper, springs
 
 RANGE = np.linspace(-3, 3, 13)
@@ -133,3 +136,54 @@ def test_sensitivities_with_columns_of_nothing():
         dx = powers @ column(slopes, change[:3], change[3:]).full()
         moved = [end(start + sign * step * change[:3], values + sign * step * change[3:]) for sign in (1, -1)]
         assert dx == pytest.approx((moved[0] - moved[1]) / (2 * step), abs=1e-8)
+
+
+def cubics(count: int) -> tuple[Shooting, np.ndarray, np.ndarray, list[np.ndarray]]:
+    """The equations of cubic springs in varying gravity, `count` points off their orbits, with their parameters, and a
+    mesh that is fine enough for all."""
+    machine = machine_of(REFERENCES[4])
+    equations, orbit = equations_of(machine.model, "half orbit", tuple(machine.values)), find(machine)
+    xs = np.array([orbit.liftoff_extension, orbit.alpha, orbit.flight_time / 2, machine.values["beta"]])
+    xs = xs * (1 + 1e-3 * np.random.default_rng(5).normal(size=(count, 4)))
+    ps = np.tile(list(machine.values.values()), (count, 1))
+    ps[:, list(machine.values).index("beta")] = xs[:, 3]
+    path = equations.evaluate(xs[0, :3], ps[0], ("beta",)).trajectories[0]
+    return equations, xs, ps, [np.linspace(0, 1, 2 * len(path.steps))]
+
+
+def test_a_statement_at_many_points():
+    """On one mesh in one call; on a mesh too coarse, each with the steps it needs."""
+    equations, xs, ps, fine = cubics(9)
+    for meshes in (fine, [np.linspace(0, 1, 3)]):
+        here = equations.evaluate_all(xs[:, :3], ps, ("beta",), meshes)
+        halves = joined([here[np.arange(4)], here[np.arange(8, 3, -1)]])
+        for i, (x, p) in enumerate(zip(xs, ps, strict=True)):
+            one = equations.evaluate(x[:3], p, ("beta",))
+            for some in (here[i], halves[i if i < 4 else 12 - i]):
+                assert some.residual == pytest.approx(one.residual, abs=1e-12)
+                assert some.jacobian == pytest.approx(one.jacobian, rel=1e-11, abs=1e-11)
+                assert some.growth == pytest.approx(one.growth, rel=1e-11)
+                assert some.trajectories[0].end == pytest.approx(one.trajectories[0].end, abs=1e-12)
+        assert list(here.growth) == [here[i].growth for i in range(9)]
+
+
+def test_a_newton_step_at_once():
+    equations, xs, ps, fine = cubics(3)
+    rows = np.random.default_rng(6).normal(size=(3, 4))
+    levels = np.einsum("mi,mi->m", rows, xs) + 0.01
+    there, here = equations.ahead(xs, ps, "beta", fine, rows, levels)
+    for i, (x, p) in enumerate(zip(xs, ps, strict=True)):
+        one = equations.evaluate(x[:3], p, ("beta",))
+        step = np.linalg.solve(np.vstack([one.jacobian, rows[i]]), np.append(-one.residual, 0.01))
+        assert there[i] == pytest.approx(x + step, rel=1e-11)
+        beta = p.copy()
+        beta[p == x[3]] = there[i, 3]
+        assert here[i].residual == pytest.approx(equations.evaluate(there[i, :3], beta).residual, abs=1e-11)
+
+
+def test_a_newton_step_from_where_the_mesh_is_too_coarse():
+    """Although it may lead to a motion so short that the mesh serves it."""
+    equations, xs, ps, _ = cubics(1)
+    for count in (2, 3, 4):
+        mesh = [np.linspace(0, 1, count)]
+        assert equations.ahead(xs, ps, "beta", mesh, np.eye(4)[[2]], np.array([1e-3])) is None
