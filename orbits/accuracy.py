@@ -37,9 +37,11 @@ NARROW = (
 )
 
 
-def error_bounds(equations: Shooting, us, ps, here: Evaluation, closing=None, quickly: bool = False) -> np.ndarray:
+def error_bounds(
+    equations: Shooting, us, ps, here: Evaluation, closing=None, quickly: bool = False
+) -> tuple[np.ndarray, dict[int, NoOrbit]]:
     """Bounds (m,) on the errors of the unknown "alpha" in solutions (m, n), with parameters (m, np), of the equations
-    `stacked` there.
+    `stacked` there; and by index why some cannot be believed.
 
     The motion is integrated again by another method with smaller steps, or `quickly`, where the flow allows it, the
     field is integrated along each step's polynomial by Gauss's rule, and what the step's end lacks is carried on to the
@@ -50,22 +52,21 @@ def error_bounds(equations: Shooting, us, ps, here: Evaluation, closing=None, qu
 
     closing : rows (m, n + 1) that close the equations where a parameter is varied too, the last unit vector for errors
         at the parameter's value
-
-    Raises `NoOrbit` about the first of the solutions whose error is too large.
     """
     (along,) = equations.flows if len(equations.flows) == 1 else (None,)
     quickly = quickly and along is not None and along.method == "Taylor" and along.phase.pieces is None
-    residuals = _defects(along, ps, here) if quickly else np.full_like(here.residual, np.nan)
+    residuals, refused = _defects(along, ps, here) if quickly else np.full_like(here.residual, np.nan), {}
     for i in np.flatnonzero(~np.isfinite(residuals).all(1)):
         paths = tuple(motions[i] for motions in here.trajectories)
         try:
             residuals[i] = equations.residual(us[i], ps[i], paths, _another_way)
         except NoOrbit as error:
-            raise error.about(i) from None
-    return _bounds(equations, us, here, closing, residuals)
+            refused[int(i)] = error
+    bounds, doubtful = _bounds(equations, us, here, closing, residuals)
+    return bounds, doubtful | refused
 
 
-def _bounds(equations: Shooting, us, here: Evaluation, closing, residuals) -> np.ndarray:
+def _bounds(equations: Shooting, us, here: Evaluation, closing, residuals) -> tuple[np.ndarray, dict[int, NoOrbit]]:
     """What residuals (m, n) measured in another way mean for "alpha", with their floors; as in `error_bounds`."""
     n, index = equations.size, equations.statement.unknowns.index("alpha")
     square = here.jacobian if closing is None else np.concatenate([here.jacobian, closing[:, None]], axis=1)
@@ -82,10 +83,11 @@ def _bounds(equations: Shooting, us, here: Evaluation, closing, residuals) -> np
     alpha = us[:, index]
     found = 2 * np.abs(np.einsum("mi,mi->m", inverse, residuals))
     floor = np.linalg.norm(inverse, axis=1) * noise + np.spacing(alpha)
-    for i in np.flatnonzero(found > np.maximum(WORST_ERROR * alpha, FAR * floor)):
+    doubtful = {}
+    for i in np.flatnonzero(found > np.maximum(WORST_ERROR * alpha, FAR * floor)).tolist():
         off = f"launch speed {alpha[i]:.6g} may be off by {found[i]:.1e}"
-        raise NoOrbit(f"the orbit cannot be certified: {off}{NARROW}").about(i)
-    return found + floor
+        doubtful[i] = NoOrbit(f"the orbit cannot be certified: {off}{NARROW}")
+    return found + floor, doubtful
 
 
 def _defects(along: Flow, ps, here: Evaluation) -> np.ndarray:

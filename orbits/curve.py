@@ -71,7 +71,7 @@ class Curve:
         self.place = self.names.index(along)
         self.parameters = np.array(list(machine.values.values()))
         self.span = span
-        self.meshes = None
+        self.meshes = self.served = None  # those to try next, and those that have served: what these call is built
 
     def size(self, x) -> np.ndarray:
         """What counts as one unit of each component round points (..., n + 1)."""
@@ -109,10 +109,12 @@ class Curve:
         solved = np.zeros_like(right)  # of each the last step, and the direction of the curve
         heres: list = [None] * count
         left, last, ahead = np.arange(count), np.full(count, np.inf), None
-        if count == 1:  # it mostly takes two steps, and the first is taken at once
-            ahead = self._ahead(xs, rows, levels)
+        if count == 1 and self.meshes is self.served:  # it mostly takes two steps: the first is taken at once
+            ahead = self.equations.ahead(xs, self.p(xs), self.along, self.meshes, rows, levels)
             if ahead:
                 last, xs = np.max(np.abs(ahead[0] - xs) / sizes, axis=1), ahead[0]
+            else:
+                self.meshes = None
         for _ in range(8):
             here, ahead = ahead[1] if ahead else self.evaluate(xs[left]), None
             for j, i in enumerate(left.tolist()):
@@ -137,54 +139,42 @@ class Curve:
         tangents /= (np.linalg.norm(scaled, axis=1) * np.sign(np.einsum("mi,mi->m", scaled / sizes, before)))[:, None]
         if not np.isfinite(tangents).all():
             raise NoOrbit("the curve has no direction here")
+        self.served = self.meshes
         square[:, n] = tangents / sizes**2
         turns = np.linalg.det(square * sizes[:, None])
         known = zip(xs, tangents, turns.tolist(), heres, solved[:, :, 0], strict=True)
         return [At(x, tangent, turn, *here, step, self.meshes) for x, tangent, turn, here, step in known]
 
-    def _ahead(self, xs, rows, levels) -> tuple[np.ndarray, Evaluation] | None:
-        """`Shooting.ahead`, on finer meshes where these are too coarse."""
-        known = xs, self.p(xs), self.along
-        found = self.equations.ahead(*known, self.meshes, rows, levels)
-        if found is None and self.meshes is not None:
-            self.meshes = [_finer(mesh) for mesh in self.meshes]
-            found = self.equations.ahead(*known, self.meshes, rows, levels)
-            self.meshes = self.meshes if found else None
-        return found
-
     def check(self, at: At) -> At:
         """A point, certified; raises the error when it cannot be."""
-        self._certify([at])
+        _, error = self.checked([at])
+        if error:
+            raise error
         return at
 
     def checked(self, ats: Sequence[At]) -> tuple[Sequence[At], OrbitsError | None]:
         """The points, certified, up to the first that cannot be, and its error."""
-        if not ats:
+        together = {id(at.here): i for i, at in reversed(list(enumerate(ats)))}  # those solved together are so checked
+        order = np.array(sorted(range(len(ats)), key=lambda i: (together[id(ats[i].here)], ats[i].place)), int)
+        if not len(order):
             return ats, None
-        together = {id(at.here): i for i, at in reversed(list(enumerate(ats)))}  # those solved together
-        order = sorted(range(len(ats)), key=lambda i: (together[id(ats[i].here)], ats[i].place))
+        us, ps, here, closing = self.solved([ats[i] for i in order])
+        errors, refused = error_bounds(self.orbits, us, ps, here, closing, quickly=True)
+        refused = {int(order[i]): error for i, error in (refused | self._refused(ps)).items()}
+        end = min(refused, default=len(ats))
+        if end == 0:
+            return ats[:0], refused[0]
+        if refused:
+            kept = np.flatnonzero(order < end)
+            us, ps, here, errors, order = us[kept], ps[kept], here[kept], errors[kept], order[kept]
         try:
-            self._certify([ats[i] for i in order])
-        except OrbitsError as error:
+            self._certify([ats[i] for i in order], us, ps, here, errors)
+        except NoOrbit as error:
             if error.index is None:
                 raise
             good, earlier = self.checked(ats[: order[error.index]])
             return good, earlier or error
-        return ats, None
-
-    def _certify(self, ats: Sequence[At]):
-        """Give points their certificates, all together; raises the error about the first that can have none."""
-        model, (us, ps, here, closing) = self.machine.model, self.solved(ats)
-        self._allow(ps)
-        errors = error_bounds(self.orbits, us, ps, here, closing, quickly=True)
-        cases = as_cases(model, interpret(model, self.method, self.orbits, us, ps, here, errors))
-        certificates = certify(model, cases)
-        also = {name: cases.p[name].tolist() for name in self.values(self.parameters) if name != self.along}
-        u, times = cases.u, (cases.flight_times.tolist(), known(cases.contact_times))
-        rows = zip(ats, u["alpha"].tolist(), u["liftoff"].tolist(), *times, certificates, strict=True)
-        for i, (at, *figures) in enumerate(rows):
-            others = {name: values[i] for name, values in also.items()}
-            at.point = Point(at.value, tuple(at.x[:-1].tolist()), tuple(at.tangent.tolist()), *figures, others)
+        return ats[:end], refused.get(end)
 
     def solved(self, ats: Sequence[At]) -> tuple[np.ndarray, np.ndarray, Evaluation, np.ndarray]:
         """The unknowns (m, n) and parameters (m, np) of the machine's own equations, `orbits`; the equations there; and
@@ -201,22 +191,34 @@ class Curve:
         here = self.equations.moved(joined(heres), xs[:, :-1], ps, np.array([at.moved for at in ats]))
         return xs[:, :-1], ps, here, np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
 
+    def _certify(self, ats: Sequence[At], us, ps, here: Evaluation, errors):
+        """Give points their certificates, as they have been `solved`; raises `NoOrbit` about the first that can have
+        none."""
+        model = self.machine.model
+        cases = as_cases(model, interpret(model, self.method, self.orbits, us, ps, here, errors))
+        certificates = certify(model, cases)
+        also = {name: cases.p[name].tolist() for name in self.values(self.parameters) if name != self.along}
+        u, times = cases.u, (cases.flight_times.tolist(), known(cases.contact_times))
+        rows = zip(ats, u["alpha"].tolist(), u["liftoff"].tolist(), *times, certificates, strict=True)
+        for i, (at, *figures) in enumerate(rows):
+            others = {name: values[i] for name, values in also.items()}
+            at.point = Point(at.value, tuple(at.x[:-1].tolist()), tuple(at.tangent.tolist()), *figures, others)
+
     def values(self, p) -> dict[str, float]:
         """What a point's parameters are by name, as far as the machine does not state them."""
         return {self.along: float(p[self.place])}
 
-    def _allow(self, ps):
-        """Raises the error about the first of parameters (m, np) that the machine cannot have; those between two good
-        ones are good."""
-        try:
-            for p in (ps.min(0), ps.max(0))[: len(ps)]:
+    def _refused(self, ps) -> dict[int, OrbitsError]:
+        """By index why the machine cannot have some of parameters (m, np); those between two good ones are good."""
+        if len(ps) > 2 and not (self._refused(ps.min(0)[None]) or self._refused(ps.max(0)[None])):
+            return {}
+        found = {}
+        for i, p in enumerate(ps):
+            try:
                 self.machine.with_values(**self.values(p))
-        except OrbitsError:
-            for i, p in enumerate(ps):
-                try:
-                    self.machine.with_values(**self.values(p))
-                except OrbitsError as error:
-                    raise error.about(i) from None
+            except OrbitsError as error:
+                found[i] = error
+        return found
 
     def orbit(self, at: At) -> Orbit:
         """The whole orbit at a point."""

@@ -133,7 +133,11 @@ def as_orbit(machine, method: str, u, here: Evaluation, error: float | None = No
     model, p = machine.model, machine.values
     equations = equations_of(model, method, tuple(p))
     us, ps, here = np.reshape(u, (1, -1)), vector(p)[None], stacked([here])
-    errors = error_bounds(equations, us, ps, here) if error is None else np.array([error])
+    errors = np.array([error])
+    if error is None:
+        errors, refused = error_bounds(equations, us, ps, here)
+        if refused:
+            raise refused[0]
     solution = interpret(model, method, equations, us, ps, here, errors)
     cases = as_cases(model, solution)
     (certificate,) = certify(model, cases)
