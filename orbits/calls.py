@@ -48,9 +48,10 @@ class Call:
             return [result.copy() for result in self.results]
 
 
-def room_for(count: int) -> int:
-    """A number of points, not much more than `count`: of few numbers, so that what is built for each can be kept."""
-    unit = max(1, 1 << (count - 1).bit_length() >> 3)
+def room_for(count: int, digits: int = 3) -> int:
+    """A number not much more than `count`, of few numbers, so that what is built for each can be kept: those of so many
+    binary digits, and zeros."""
+    unit = max(1, 1 << (count - 1).bit_length() >> digits)
     return -(-count // unit) * unit
 
 

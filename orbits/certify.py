@@ -24,6 +24,7 @@ from .polynomial import derivative, evaluate
 WORST_DRIFT = 1e-8
 # A turn this near to the middle of the motion, as a share of its time, is the middle itself.
 MIDDLE = 1e-7
+FIGURES = tuple(Certificate.__dataclass_fields__)
 # Stands for a least value that does not exist.
 NONE = np.inf
 
@@ -153,7 +154,7 @@ def certify(model: Model, cases: Cases) -> list[Certificate]:
         "violations": map(tuple, violations),
         "unfolding": cases.u["unfolding"].tolist() if "unfolding" in cases.u else [None] * len(cases),
     }
-    return [Certificate(**dict(zip(figures, row, strict=True))) for row in zip(*figures.values(), strict=True)]
+    return [Certificate(*row) for row in zip(*(figures[name] for name in FIGURES), strict=True)]
 
 
 def known(values) -> list[float | None]:

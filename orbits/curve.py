@@ -9,11 +9,12 @@ would else go into asking for one after the other.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import groupby, repeat
 
 import numpy as np
 
 from .accuracy import error_bounds
+from .calls import room_for
 from .certify import certify, known
 from .errors import NoOrbit, OrbitsError
 from .family import Point
@@ -27,6 +28,8 @@ from .statements import as_cases, as_orbit, equations_of, interpret
 AT_A_FOLD = 1e-3
 # Motions of more steps are not evaluated in one call: building that would take longer than it saves.
 MOST_STEPS = 300
+# A mesh has this many times as many steps as the motion that it is made for.
+CLOSER = 1.15
 
 
 @dataclass(eq=False)
@@ -197,12 +200,13 @@ class Curve:
         model = self.machine.model
         cases = as_cases(model, interpret(model, self.method, self.orbits, us, ps, here, errors))
         certificates = certify(model, cases)
-        also = {name: cases.p[name].tolist() for name in self.values(self.parameters) if name != self.along}
-        u, times = cases.u, (cases.flight_times.tolist(), known(cases.contact_times))
-        rows = zip(ats, u["alpha"].tolist(), u["liftoff"].tolist(), *times, certificates, strict=True)
-        for i, (at, *figures) in enumerate(rows):
-            others = {name: values[i] for name, values in also.items()}
-            at.point = Point(at.value, tuple(at.x[:-1].tolist()), tuple(at.tangent.tolist()), *figures, others)
+        also = [name for name in self.values(self.parameters) if name != self.along]
+        figures = cases.u["alpha"].tolist(), cases.u["liftoff"].tolist(), cases.flight_times.tolist()
+        others = zip(*(cases.p[name].tolist() for name in also), strict=True) if also else repeat(())
+        rows = zip(ats, *figures, known(cases.contact_times), certificates, others, strict=False)
+        for at, *row, values in rows:
+            *u, value = at.x.tolist()
+            at.point = Point(value, tuple(u), tuple(at.tangent.tolist()), *row, dict(zip(also, values, strict=True)))
 
     def values(self, p) -> dict[str, float]:
         """What a point's parameters are by name, as far as the machine does not state them."""
@@ -239,9 +243,10 @@ def _on(motions: Motions, mesh: np.ndarray) -> bool:
 
 
 def _finer(times: np.ndarray) -> np.ndarray:
-    """A motion's nodes as shares of its duration, a little closer, so that its neighbours can use them too."""
+    """A motion's nodes as shares of its duration, a little closer, so that its neighbours can use them too, and of few
+    numbers, since for each something is built."""
     count = len(times) - 1
-    places = np.linspace(0, count, int(1.15 * count) + 2)
+    places = np.linspace(0, count, room_for(int(CLOSER * count) + 1, digits=4) + 1)
     return np.interp(places, np.arange(count + 1), times) / times[-1]
 
 
