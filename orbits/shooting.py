@@ -10,9 +10,10 @@ import numpy as np
 from . import nlp
 from .calls import Call, Calls
 from .errors import FlowError, NoOrbit
-from .flow import Flow, flow
+from .flow import flow
 from .model import Arc, Statement
 from .motions import Motions, Trajectory
+from .nodes import Nodes
 from .polynomial import derivative, evaluate
 from .steps import DEFECT
 
@@ -107,7 +108,7 @@ class Shooting:
         return any(along.compiled for along in self.flows)
 
     @cached_property
-    def _ends(self) -> list[tuple[Call, Call]]:
+    def ends(self) -> list[tuple[Call, Call]]:
         """For each arc: where it starts and for how long, and what holds at its ends; values and derivatives."""
         functions = []
         before = 0
@@ -150,7 +151,7 @@ class Shooting:
         du, dp, own, seeds = self._seeds(vary)
         last, dlast = np.zeros(0), np.zeros((0, n + k))
         residuals, jacobians, arcs = [], [], []
-        for along, (depart, arrive), (dx, dparameters) in zip(self.flows, self._ends, seeds, strict=True):
+        for along, (depart, arrive), (dx, dparameters) in zip(self.flows, self.ends, seeds, strict=True):
             value, slope = depart(u, last, p)
             dvalue = _chain(slope, du, dlast, dp)
             start, dstart = value[:-1, 0], np.vstack([dvalue[:-1], own])
@@ -250,7 +251,7 @@ class Shooting:
         last, dlast = ca.MX(0, 1), ca.MX(0, n + k)
         residuals, jacobians, results = [], [], []
         for along, count, scheme, mesh, (depart, arrive), (dx, dq) in zip(
-            self.flows, counts, schemes, meshes, self._ends, seeds, strict=True
+            self.flows, counts, schemes, meshes, self.ends, seeds, strict=True
         ):
             value, slope = depart.function(u, last, p)
             dvalue = slope @ ca.vertcat(du, dlast, dp)
@@ -311,7 +312,7 @@ class Shooting:
         u, p = ca.SX.sym("u", self.size), ca.SX.sym("p", len(self.parameters))
         ends = [ca.SX.sym("x", along.size) for along in self.flows]
         before, residuals = [ca.SX(0, 1), *ends], []
-        for last, end, (depart, arrive) in zip(before, ends, self._ends, strict=False):
+        for last, end, (depart, arrive) in zip(before, ends, self.ends, strict=False):
             start = depart.function(u, last, p)[0][:-1]
             residuals.append(arrive.function(u, start, end, p, ca.SX(0, 1))[0])
         return Calls(_dense("arrivals", [u, p, *ends], [ca.vertcat(*residuals)]))
@@ -319,7 +320,7 @@ class Shooting:
     def residual(self, u, p, paths: tuple[Trajectory, ...], travel: Callable) -> np.ndarray:
         """The residual (n,) with every arc's end from travel(flow, start, p, path), one of `paths` for each."""
         last, residuals = np.zeros(0), []
-        for along, path, (depart, arrive) in zip(self.flows, paths, self._ends, strict=True):
+        for along, path, (depart, arrive) in zip(self.flows, paths, self.ends, strict=True):
             start = depart(u, last, p)[0][:-1, 0]
             last = travel(along, start, p, path)
             q, _ = along.piece_data(start, p)
@@ -368,7 +369,7 @@ class Shooting:
 
         A step that ends on a breakpoint of a piecewise field becomes a node with a free time, held on the breakpoint.
         """
-        problem = _Nodes(self, np.asarray(u, float), np.asarray(p, float))
+        problem = Nodes(self, np.asarray(u, float), np.asarray(p, float))
         solution = nlp.solve(problem.unknowns, problem.equations, problem.guess, problem.lower, problem.scale)
         return self.newton(solution[: self.size], p)  # Ipopt ends at its tolerance, this at rounding
 
@@ -395,79 +396,3 @@ def _trusted(made, lengths) -> np.ndarray:
 
 def _dense(name: str, arguments: list, results: list) -> ca.Function:
     return ca.Function(name, arguments, [ca.densify(result) for result in results])
-
-
-class _Nodes:
-    """The multiple-shooting equations of a statement on the mesh of its motion at a guess.
-
-    Unknowns: u; per arc, the times of its legs (between breakpoints) where there is more than one; the state at the
-    end of every step. Equations, each of order one: step(x[k-1]) - x[k]; on a breakpoint, coordinate - level; the sum
-    of the legs' times; the statement's own conditions.
-    """
-
-    def __init__(self, equations: Shooting, u, p):
-        self.shooting = equations
-        self.parts = [ca.MX.sym("u", equations.size)]
-        self.guesses, self.scales = [u], [np.maximum(np.abs(u), 1.0)]
-        self.lowers = [np.full(equations.size, -np.inf)]
-        for name in equations.statement.durations:
-            index = equations.statement.unknowns.index(name)
-            self.lowers[0][index] = 1e-3 * u[index]  # else the solver collapses the phase
-        self.zeros: list[ca.MX] = []
-        last = ca.MX(0, 1)
-        here = equations.evaluate(u, p)
-        for along, path, (depart, arrive) in zip(equations.flows, here.trajectories, equations._ends, strict=True):
-            depart = depart.function(self.parts[0], last, p)[0]
-            start, duration = depart[:-1], depart[-1]
-            last = self._arc(along, path, start, duration, p)
-            q, _ = along.piece_data(path.coefficients[0, : along.size, 0], p)
-            self.zeros.append(arrive.function(self.parts[0], start, last, p, q)[0])
-
-    unknowns = property(lambda self: ca.vertcat(*self.parts))
-    equations = property(lambda self: ca.vertcat(*self.zeros))
-    guess = property(lambda self: np.concatenate(self.guesses))
-    lower = property(lambda self: np.concatenate(self.lowers))
-    scale = property(lambda self: np.concatenate(self.scales))
-
-    def _new(self, name: str, guess, lower: float, scale) -> ca.MX:
-        symbol = ca.MX.sym(name, len(guess))
-        self.parts.append(symbol)
-        self.guesses.append(guess)
-        self.lowers.append(np.full(len(guess), lower))
-        self.scales.append(np.broadcast_to(scale, guess.shape))
-        return symbol
-
-    def _arc(self, along: Flow, path: Trajectory, start: ca.MX, duration: ca.MX, p) -> ca.MX:
-        """Add an arc's nodes and equations; returns the state at its end."""
-        n, count = along.size, len(path.steps)
-        nodes = np.vstack([path.coefficients[1:, :n, 0], path.end[:n]])
-        size = np.maximum(np.abs(path.coefficients[:, :n, 0]).max(0), 1.0)
-        states = ca.reshape(self._new("x", nodes.ravel(), -np.inf, np.tile(size, count)), n, count)
-        before = ca.horzcat(start, states[:, :-1])
-        leg, levels, data = self._legs(along, path, p)
-        times = np.bincount(leg, path.steps)
-        if len(times) == 1:
-            lengths = duration
-        else:
-            lengths = self._new("t", times, 0.0, 1.0)
-            self.zeros.append((ca.sum1(lengths) - duration) / times.sum())
-        steps = ca.vertcat(*[lengths[int(i)] * (h / times[i]) for i, h in zip(leg, path.steps, strict=True)]).T
-        ends = along.graph.step.map(count)(before, steps, ca.DM(data))
-        self.zeros.append(ca.vec((ends - states) / size))
-        for i, level in enumerate(levels):
-            last = int(np.flatnonzero(leg == i)[-1])
-            place = ca.DM(along.phase.pieces.coordinate).T @ states[:, last]
-            self.zeros.append((place - level) / max(abs(level), 1.0))
-        return states[:, -1]
-
-    @staticmethod
-    def _legs(along: Flow, path: Trajectory, p):
-        """Leg of each step (N,), level at the end of each leg but the last, parameters with data (np + nq, N)."""
-        data = along.mesh_data(path, p)
-        if along.phase.pieces is None:
-            return np.zeros(len(path.steps), int), [], data
-        breaks = along.piece_table(p)[0]
-        piece = along.mesh_pieces(path, breaks)
-        change = np.diff(piece) != 0
-        levels = [breaks[max(a, b)] for a, b in zip(piece[:-1][change], piece[1:][change], strict=True)]
-        return np.concatenate([[0], np.cumsum(change)]), levels, data

@@ -286,8 +286,8 @@ machine.model, machine.values
 t.append(time.perf_counter())
 import orbits.search as search
 whole = search.as_orbit
-def certify(*args):
-    t.append(time.perf_counter()); return whole(*args)
+def certify(*args, **options):
+    t.append(time.perf_counter()); return whole(*args, **options)
 search.as_orbit = certify
 orbit = find(machine, {family})
 t.append(time.perf_counter())
