@@ -9,7 +9,7 @@ would else go into asking for one after the other.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby, repeat
+from itertools import groupby
 
 import numpy as np
 
@@ -200,13 +200,12 @@ class Curve:
         model = self.machine.model
         cases = as_cases(model, interpret(model, self.method, self.orbits, us, ps, here, errors))
         certificates = certify(model, cases)
-        also = [name for name in self.values(self.parameters) if name != self.along]
+        also = {name: cases.p[name].tolist() for name in self.values(self.parameters) if name != self.along}
+        others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(ats)
         figures = cases.u["alpha"].tolist(), cases.u["liftoff"].tolist(), cases.flight_times.tolist()
-        others = zip(*(cases.p[name].tolist() for name in also), strict=True) if also else repeat(())
-        rows = zip(ats, *figures, known(cases.contact_times), certificates, others, strict=False)
-        for at, *row, values in rows:
+        for at, *row in zip(ats, *figures, known(cases.contact_times), certificates, others, strict=True):
             *u, value = at.x.tolist()
-            at.point = Point(value, tuple(u), tuple(at.tangent.tolist()), *row, dict(zip(also, values, strict=True)))
+            at.point = Point(value, tuple(u), tuple(at.tangent.tolist()), *row)
 
     def values(self, p) -> dict[str, float]:
         """What a point's parameters are by name, as far as the machine does not state them."""
