@@ -30,25 +30,35 @@ NONE = np.inf
 
 
 @dataclass(frozen=True, eq=False)
-class Cases:
-    """Solved orbits (m) of one model, to be checked together.
+class Solution:
+    """Solved orbits (m) of one model, and what they mean for the flight.
 
     u, p : unknowns and parameters by name, (m,) each
+    flight : the first halves, in flight states; whole flights where nothing mirrors them
     parts : of each flight the motion from lift-off to its middle and, where it is not its mirror image, the one from
         landing backwards
     gap_slope : (m,), derivative with respect to alpha of the gap at the orbit's landing time
     residual, error : (m,), largest of the equations, and bound on the error of alpha
+    """
+
+    u: Mapping[str, np.ndarray]
+    p: Mapping[str, np.ndarray]
+    flight: Motions
+    parts: Motions
+    gap_slope: np.ndarray
+    residual: np.ndarray
+    error: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Cases(Solution):
+    """Solved orbits with their contacts, to be checked together.
+
     standing : (k,), the orbits whose contact ends; `contacts` are theirs, each up to its middle or, where nothing
         mirrors it, up to lift-off
     stopped : by index of the others, why theirs does not
     """
 
-    u: Mapping[str, np.ndarray]
-    p: Mapping[str, np.ndarray]
-    parts: Motions
-    gap_slope: np.ndarray
-    residual: np.ndarray
-    error: np.ndarray
     standing: np.ndarray
     contacts: Motions | None
     stopped: Mapping[int, str]
@@ -90,8 +100,8 @@ def columns(values: Iterable, dtype=float) -> np.ndarray:
     return np.stack(np.broadcast_arrays(*values), axis=1).astype(dtype, copy=False)
 
 
-def follow_contacts(model: Model, u: Mapping, p: Mapping, limits) -> tuple[np.ndarray, Motions | None, dict[int, str]]:
-    """The contacts after the lossless landings of orbits: `standing`, `contacts` and `stopped` of `Cases`.
+def follow_contacts(model: Model, u: Mapping, p: Mapping, limits) -> dict:
+    """The contacts after the lossless landings of orbits: what `Cases` has more than a `Solution`, by name.
 
     u, p : unknowns and parameters by name, (m,) each
     limits : times (m,) within which a contact ends; where no speed tells its middle, it is at that time
@@ -101,7 +111,7 @@ def follow_contacts(model: Model, u: Mapping, p: Mapping, limits) -> tuple[np.nd
     end = (model.contact_speed, 0) if model.reversor else (Affine((0.0,) * along.size + (1.0,)), 1)
     standing, contacts = along.until_zero(starts, ps, *end) if model.one_speed else (np.zeros(0, int), None)
     if len(standing) == len(starts) and (contacts.ends < limits).all():
-        return standing, contacts, {}
+        return {"standing": standing, "contacts": contacts, "stopped": {}}
     found = {int(i): contacts[j] for j, i in enumerate(standing) if contacts.ends[j] < limits[i]}
     stopped: dict[int, str] = {}
     for i in sorted({*range(len(starts))} - found.keys()):
@@ -116,7 +126,8 @@ def follow_contacts(model: Model, u: Mapping, p: Mapping, limits) -> tuple[np.nd
         else:
             found[i] = path
     order = sorted(found)
-    return np.array(order, int), Motions.of([found[i] for i in order]) if found else None, stopped
+    contacts = Motions.of([found[i] for i in order]) if found else None
+    return {"standing": np.array(order, int), "contacts": contacts, "stopped": stopped}
 
 
 def certify(model: Model, cases: Cases) -> list[Certificate]:
@@ -150,7 +161,7 @@ def certify(model: Model, cases: Cases) -> list[Certificate]:
         "largest_contact_force": known(peak),
         "landing_jerk": (-jerk).tolist(),
         "loss_coefficient": known(loss),
-        "stable_side": np.where(loss == NONE, None, sides).tolist(),
+        "stable_side": np.where((loss == NONE) | (loss == 0), None, sides).tolist(),
         "violations": map(tuple, violations),
         "unfolding": cases.u["unfolding"].tolist() if "unfolding" in cases.u else [None] * len(cases),
     }
@@ -168,6 +179,8 @@ def _losses(model: Model, cases: Cases, jerk, power) -> np.ndarray:
     if some.any():
         mass = model.impact_mass({name: values[some] for name, values in cases.p.items()})
         found[some] = loss_coefficient(mass, jerk[some], np.abs(cases.gap_slope[some]), power[some])
+        found[found == np.inf] = np.nan  # too large, which is not `NONE`
+        found[~some] = NONE
     return found
 
 

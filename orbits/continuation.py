@@ -126,6 +126,7 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
             )
         return _resumed(machine, along, behind, stop, resume, options)
     with interrupts.deferred():
+        family = 1 if family is None else family
         method, root = solved(machine, family, method) if orbit is None else solved_near(machine, orbit, method)
         curve = Curve(machine, along, "relative" if method == "closed form" else method, abs(stop - behind))
     walk = walk_from(curve, np.append(root.u, start), start, behind, stop, options)

@@ -175,7 +175,8 @@ class Curve:
         except NoOrbit as error:
             if error.index is None:
                 raise
-            good, earlier = self.checked(ats[: order[error.index]])
+            first, error.index = order[error.index], None
+            good, earlier = self.checked(ats[:first])
             return good, earlier or error
         return ats[:end], refused.get(end)
 
@@ -190,7 +191,7 @@ class Curve:
         for _, some in groupby(ats, key=lambda at: id(at.here)):
             some = list(some)
             places, here = np.array([at.place for at in some]), some[0].here
-            heres.append(here if np.array_equal(places, np.arange(len(here))) else here[places])
+            heres.append(here if np.array_equal(places, np.arange(len(here.jacobian))) else here[places])
         here = self.equations.moved(joined(heres), xs[:, :-1], ps, np.array([at.moved for at in ats]))
         return xs[:, :-1], ps, here, np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
 
@@ -224,11 +225,10 @@ class Curve:
         return found
 
     def orbit(self, at: At) -> Orbit:
-        """The whole orbit at a point."""
+        """The whole orbit at a certified point."""
         began, (us, ps, here, _) = time.perf_counter(), self.solved([at])
         machine = self.machine.with_values(**self.values(ps[0]))
-        error = at.point.error if at.point else None
-        return as_orbit(machine, self.method, us[0], here[0], error, began=began)
+        return as_orbit(machine, self.method, us[0], here[0], at.point.error, began=began)
 
     def onto(self, at: At, value: float) -> At:
         """A point where the parameter is `value` but for rounding, with just that; certified."""

@@ -377,11 +377,7 @@ class Flow:
         """`mesh_data` of several motions with parameters (m, np), transposed: (N, np + nq)."""
         if self.phase.pieces is None:
             return ps[motions.owner]
-        paths = (
-            Trajectory(np.append(motions.starts[a : b + 1], end), motions.coefficients[a : b + 1], motions.names)
-            for a, b, end in zip(motions.first, motions.last, motions.ends, strict=True)
-        )
-        return np.concatenate([self.mesh_data(path, p).T for path, p in zip(paths, ps, strict=True)])
+        return np.concatenate([self.mesh_data(path, p).T for path, p in zip(motions, ps, strict=True)])
 
     def mesh_pieces(self, path: Trajectory, breaks) -> np.ndarray:
         """Index (N,) of the piece that each step of a motion lies in."""

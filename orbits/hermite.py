@@ -19,7 +19,8 @@ class Hermite:
 
     def __init__(self, xs, tangents, rows, known=None):
         rows = rows[:, :, None]
-        self.xs, self.places = xs, (xs @ rows)[..., 0]
+        self.base, self.places = xs[:, 0], (xs @ rows)[..., 0]
+        self.xs = xs - xs[:, :1]  # then what does not change along the curve stays as it is
         self.known = np.ones(self.places.shape, bool) if known is None else known
         self.slopes = np.divide(tangents, tangents @ rows, out=np.zeros_like(xs), where=self.known[..., None])
         self.others = self.known[:, :, None] & self.known[:, None, :] & ~np.eye(xs.shape[1], dtype=bool)
@@ -34,7 +35,7 @@ class Hermite:
         weights = np.where(self.known[which], factors.prod(2) ** 2, 0.0)
         values = weights * (1 - 2 * ahead * self.sums[which])
         points = values[:, None] @ self.xs[which] + (weights * ahead)[:, None] @ self.slopes[which]
-        return points[:, 0]
+        return self.base[which] + points[:, 0]
 
 
 def around(xs, tangents, rows, i, behind: int, ahead: int) -> Hermite:

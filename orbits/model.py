@@ -13,7 +13,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Affine:
-    """The function weights . x + offset of a state, the weights one per state."""
+    """The function weights . x + offset of a state, the weights one per state.
+
+    For several motions at once weights and offset may be arrays (m,), one number for each (`Motions.series`).
+    """
 
     weights: tuple[float, ...]
     offset: float = 0.0
@@ -215,7 +218,8 @@ class Reduction:
         from there to its middle
     reversor : sign of each of its states under time reversal
     complete : (times (N,), coefficients (N, n, K + 1), u, p) -> coefficients of the flight states; u and p of each step
-    gap_slope : (time, dz (n,), p) -> derivative of the gap with respect to alpha from that of the reduced state
+    gap_slope : (times (m,), dz (n, m), p) -> derivatives of the gaps with respect to alpha from those of the reduced
+        states
     exact : (family, p) -> (u, error of alpha) where the answer is known in closed form, else None
     """
 
@@ -233,7 +237,8 @@ class Model:
     A lossless cycle is a flight from the launch set to its image under the reversor, then a contact back to it. Energy
     is conserved in each phase; only its gradient is asked for, so no potential is needed in closed form. Unknowns `u`
     are mappings too, with "liftoff", the extension at lift-off, and "alpha", the launch speed; what else a launch needs
-    has the names of the flight states.
+    has the names of the flight states. What is asked of many orbits together (launch, touchdown, gap, separation,
+    impact_mass) is called with arrays (m,) in `u` and `p`: it is plain arithmetic that does not branch on them.
 
     flight, contact : the phases
     launch_unknowns : names of the unknowns of a launch

@@ -21,18 +21,21 @@ def bracketed_root(
     if abs(fa) < abs(fb):
         a, b, fa, fb = b, a, fb, fa
     c, fc = a, fa  # a brackets with b, c is the previous b
+    wider = 1.0
     for _ in range(200):
         least = max(2.3e-16 * max(abs(a), abs(b)), 0.5 * width)
         if fb == 0 or abs(a - b) <= 2 * least:
             break
         middle = 0.5 * (a + b)
-        new = b - fb * (b - c) / (fb - fc) if fb != fc else middle
+        same = middle if abs(b - c) > 2 * wider * least else b  # so near to each other that it is rounding
+        new = b - fb * (b - c) / (fb - fc) if fb != fc else same
         between = min(b, middle) < new < max(b, middle)
         if abs(fb) <= enough:
             return new if between else b
-        new = new if between else middle
+        new = new if between or new == b else middle
         if abs(new - b) < least:  # the secant has settled: step across the root, to close the bracket
-            new = b + least if a > b else b - least
+            new = b + np.copysign(min(wider * least, abs(middle - b)), a - b)
+            wider *= 2  # where rounding hides the root, the next step is longer
         c, fc = b, fb
         b, fb = new, function(new)
         if (fb > 0) == (fa > 0):

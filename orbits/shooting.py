@@ -46,10 +46,6 @@ class Evaluation:
     durations: tuple[np.ndarray, ...]
     holds: tuple[np.ndarray, ...]
 
-    def __len__(self) -> int:
-        """Of several, how many."""
-        return len(self.jacobian)
-
     def __getitem__(self, i: int | np.ndarray) -> "Evaluation":
         """One of several, or some of them in an order (k,)."""
         per_arc = self.trajectories, self.transitions, self.starts, self.durations, self.holds
@@ -279,10 +275,9 @@ class Shooting:
         """`ahead`, (meshes, x, p, row, level) -> the new x; how far the steps to be taken from the old one can be
         trusted, two of each arc; and what `_whole` gives at the new one."""
         n, index, whole = self.size, self.parameters.index(*vary), self._whole(vary, counts, schemes, compiled).function
-        x, p, row, level = (ca.MX.sym(name, size) for name, size in (("x", n + 1), ("p", whole.size1_in(2)),
-                                                                    ("row", n + 1), ("level", 1)))  # fmt: skip
-        nodes = ca.MX.sym("t", whole.size1_in(0))
-        at = lambda x: whole(nodes, x[:n], ca.vertcat(p[:index], x[n], p[index + 1 :]))  # noqa: E731
+        nodes, p, level = ca.MX.sym("t", whole.size1_in(0)), ca.MX.sym("p", whole.size1_in(2)), ca.MX.sym("level")
+        x, row = ca.MX.sym("x", n + 1), ca.MX.sym("row", n + 1)
+        at = lambda place: whole(nodes, place[:n], ca.vertcat(p[:index], place[n], p[index + 1 :]))  # noqa: E731
         square, lack = ca.SX.sym("square", n + 1, n + 1), ca.SX.sym("lack", n + 1)
         newton = ca.Function("newton", [square, lack], [ca.solve(square, lack)])  # singular: not numbers, no error
         residual, jacobian, *rest = at(x)
@@ -326,10 +321,6 @@ class Shooting:
             q, _ = along.piece_data(start, p)
             residuals.append(arrive(u, start, last, p, q)[0].ravel())
         return np.concatenate(residuals)
-
-    def named(self, u) -> dict[str, float]:
-        """The unknowns by name."""
-        return {name: float(value) for name, value in zip(self.statement.unknowns, u, strict=True)}
 
     def newton(self, u, p, attempts: int = 30) -> tuple[np.ndarray, Evaluation]:
         """The solution (n,) by Newton's method from `u`, to rounding, and the statement there.
@@ -386,7 +377,10 @@ def solve(matrix, right) -> np.ndarray:
     try:
         return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:
-        return np.full(np.shape(right), np.nan)
+        if matrix.ndim == 2:
+            return np.full(np.shape(right), np.nan)
+        right = np.broadcast_to(right, (len(matrix), *np.shape(right)[-2:]))
+        return np.array([solve(one, side) for one, side in zip(matrix, right, strict=True)])
 
 
 def _trusted(made, lengths) -> np.ndarray:

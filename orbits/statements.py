@@ -2,13 +2,13 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from .accuracy import error_bounds
-from .certify import Cases, certify, follow_contacts, known
+from .certify import Cases, Solution, certify, follow_contacts, known
 from .errors import NoOrbit
 from .model import Arc, Model, Phase, Statement
 from .motions import Motions
@@ -89,24 +89,6 @@ def whole_flight(model: Model) -> Statement:
     return Statement("whole flight", ("liftoff", "alpha", "duration", "unfolding"), (arc,), ("alpha", "duration"))
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """Solved statements (m) of one model and what they mean for the flight.
-
-    u, p : unknowns and parameters by name, (m,) each
-    flight : the first halves, in flight states; whole flights where nothing mirrors them
-    parts, gap_slope, residual, error : as in `Cases`
-    """
-
-    u: Mapping[str, np.ndarray]
-    p: Mapping[str, np.ndarray]
-    flight: Motions
-    parts: Motions
-    gap_slope: np.ndarray
-    residual: np.ndarray
-    error: np.ndarray
-
-
 def interpret(model: Model, method: str, equations: Shooting, us, ps, here: Evaluation, errors) -> Solution:
     """What solutions (m, n) of a method's equations with parameters (m, np) mean for the flight, from the equations
     `stacked` there and the errors of alpha (m,); raises `NoOrbit` about the first that means none."""
@@ -119,9 +101,7 @@ def interpret(model: Model, method: str, equations: Shooting, us, ps, here: Eval
 def as_cases(model: Model, solution: Solution) -> Cases:
     """What is to be certified, the contacts followed."""
     limits = solution.u.get("contact_duration", LONGEST_CONTACT * (1 + solution.flight.ends))
-    measured = solution.parts, solution.gap_slope, solution.residual, solution.error
-    contacts = follow_contacts(model, solution.u, solution.p, limits)
-    return Cases(solution.u, solution.p, *measured, *contacts)
+    return Cases(**vars(solution), **follow_contacts(model, solution.u, solution.p, limits))
 
 
 def as_orbit(machine, method: str, u, here: Evaluation, error: float | None = None, *, began: float) -> Orbit:

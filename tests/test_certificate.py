@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of, name_of
 
-from orbits import METHODS, find
+from orbits import METHODS, NoOrbit, find
 from orbits.curve import Curve
-from problems import Hopper, Juggler, springs
+from orbits.shooting import solve
+from problems import HeavyHand, Hopper, Juggler, springs
 
 mpmath.mp.dps = 30
 
@@ -265,3 +266,23 @@ def test_whole_flights_certified_together():
             assert mine[name] == theirs[name], name
         for name in ("clearance", "smallest_separation", "largest_contact_force", "landing_jerk", "loss_coefficient"):
             assert mine[name] == pytest.approx(theirs[name], rel=1e-7, abs=1e-10), name
+
+
+def test_an_infinitely_heavy_hand_loses_nothing_on_either_side():
+    certificate = find(HeavyHand("cubic")).certificate
+    assert certificate.loss_coefficient == 0
+    assert certificate.stable_side is None
+
+
+def test_a_loss_beyond_all_numbers_is_refused():
+    machine = Hopper("cubic")
+    object.__setattr__(machine, "model", replace(machine.model, impact_mass=lambda p: np.inf))
+    with pytest.raises(NoOrbit, match="its numbers overflow"):
+        find(machine)
+
+
+def test_one_singular_system_of_several():
+    square = np.array([np.eye(2), [[1.0, 2.0], [2.0, 4.0]], 2 * np.eye(2)])
+    found = solve(square, np.array([[1.0], [3.0]]))
+    assert found[[0, 2], :, 0] == pytest.approx(np.array([[1.0, 3.0], [0.5, 1.5]]))
+    assert np.isnan(found[1]).all()

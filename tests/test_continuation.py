@@ -14,7 +14,9 @@ from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow,
 from orbits.certify import certify
 from orbits.curve import At, Curve, interpolated
 from orbits.events import watched
+from orbits.hermite import around
 from orbits.plot import thumbnails
+from orbits.search import solved
 from orbits.shooting import Shooting
 from problems import Hopper, Juggler, hopper_in_si, springs
 from studies.random_families import differences, random_springs, twice
@@ -470,6 +472,31 @@ def test_watched_truths_poles_and_orbits_without_what_is_asked(softening):
 def test_a_watched_function_may_divide_by_zero():
     orbit = find(Hopper("cubic"))
     assert watched("pole", lambda orbit: 1.0 / (orbit.alpha - orbit.alpha), orbit) is None
+
+
+def test_a_first_orbit_of_another_family_is_refused(monkeypatch):
+    found = solved(Hopper("cubic", parameters={"beta": 0.0}), 2, None)
+    monkeypatch.setattr("orbits.continuation.solved", lambda machine, family, method: found)
+    with pytest.raises(NoOrbit, match="family 1 ended on an orbit of family 2"):
+        follow(Hopper("cubic"), "beta", 1.0, 0.0)
+
+
+def test_what_rests_on_a_chain_of_points():
+    """Those on either side as far as the chain keeps its direction: a cubic through two, a line through one."""
+    t = np.array([0.0, 0.1, 0.3, 0.35, 0.2])
+    xs, tangents = np.stack([t**3, t], axis=1), np.stack([3 * t**2, np.ones(5)], axis=1)
+    tangents[4] *= -1  # turned round
+    rows, level = np.array([[0.0, 1.0]] * 4), np.array([0.2])
+    path = around(xs, tangents, rows, np.array([1, 2, 4, 5]), 3, 2)
+    assert path.known.tolist() == [
+        [False, False, True, True, True],
+        [False, True, True, True, True],
+        [True, True, True, True, False],
+        [False, False, True, False, False],
+    ]
+    for which in range(3):
+        assert path(np.array([which]), level) == pytest.approx(np.array([[0.008, 0.2]]), abs=1e-15)
+    assert path(np.array([3]), np.array([0.1])) == pytest.approx(np.array([[0.008 - 0.1 * 0.12, 0.1]]), abs=1e-15)
 
 
 def test_points_are_certified_up_to_the_first_that_cannot_be(monkeypatch):

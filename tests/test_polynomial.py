@@ -1,9 +1,10 @@
-"""Bernstein exclusion finds every root, however close to grazing."""
+"""Bernstein exclusion finds every root, however close to grazing; a bracket closes where rounding hides one."""
 
 import numpy as np
 import pytest
 
 from orbits.polynomial import Pile, bernstein, derivative, evaluate, lowest, piecewise_roots, roots, shifted
+from orbits.roots import bracketed_root
 
 RNG = np.random.default_rng(7)
 
@@ -94,3 +95,18 @@ def test_many_roots_at_once_are_the_same_as_one_by_one():
         sampled = np.concatenate([evaluate(c[p, j][None], np.linspace(0, steps[p, j], 2001)) for j in range(3)])
         assert sampled.min() - 1e-4 < value <= sampled.min() + 1e-15 * np.abs(sampled).max()
         assert evaluate(c[p, k], s) == pytest.approx(value, abs=1e-14)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, -0.05, -0.45])
+@pytest.mark.parametrize("grain", [1e-14, 1e-13, 1e-12])
+def test_a_root_that_rounding_hides(grain, share):
+    """Plateaus beside the root cost few evaluations: the bracket closes by longer steps, not by halving from afar."""
+    asked = []
+
+    def function(x):
+        asked.append(x)
+        return float((np.round((np.sin(x) - 0.5) / grain) + share) * grain)
+
+    root = bracketed_root(function, 0.0, 1.0, -0.5, 0.34, width=1e-13)
+    assert abs(root - np.pi / 6) < 1e-13 + grain
+    assert len(asked) < 15
