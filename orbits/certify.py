@@ -96,8 +96,12 @@ class Cases(Solution):
 
 
 def columns(values: Iterable, dtype=float) -> np.ndarray:
-    """Rows (m, n) of n values, each (m,) or one for all."""
-    return np.stack(np.broadcast_arrays(*values), axis=1).astype(dtype, copy=False)
+    """Rows (m, n) of n values, each (m,) or one for all, but not all of them."""
+    values = list(values)
+    rows = np.empty((next(len(value) for value in values if np.ndim(value)), len(values)), dtype)
+    for i, value in enumerate(values):
+        rows[:, i] = value
+    return rows
 
 
 def follow_contacts(model: Model, u: Mapping, p: Mapping, limits) -> dict:

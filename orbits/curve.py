@@ -228,7 +228,7 @@ class Curve:
         """The whole orbit at a certified point."""
         began, (us, ps, here, _) = time.perf_counter(), self.solved([at])
         machine = self.machine.with_values(**self.values(ps[0]))
-        return as_orbit(machine, self.method, us[0], here[0], at.point.error, began=began)
+        return as_orbit(machine, self.method, us[0], here, at.point.error, began=began)
 
     def onto(self, at: At, value: float) -> At:
         """A point where the parameter is `value` but for rounding, with just that; certified."""

@@ -147,9 +147,9 @@ class Flow:
     def until_zero(self, starts, ps, quantity: Affine, skip_start: int = 0) -> tuple[np.ndarray, Motions | None]:
         """Motions from states (m, n) with parameters (m, np) up to the first sign change of an affine function of their
         rows, all in one call: which of them (r,) take no more than a few of Taylor's steps, and those; None when no
-        motion does. As `first_zero` otherwise."""
+        motion does, or where there is a better way for one. As `first_zero` otherwise."""
         none = np.zeros(0, int), None
-        if self.phase.closed_form or self.phase.pieces or not self.graph.has_series:
+        if (self.phase.closed_form and len(starts) == 1) or self.phase.pieces or not self.graph.has_series:
             return none
         steps, c, trusted = self.scheme(0).advance_all(starts, ps, LOOK_AHEAD)
         sound = np.flatnonzero(trusted.all(1))

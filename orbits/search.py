@@ -10,7 +10,6 @@ from . import interrupts
 from .certify import count_families
 from .errors import FlowError, InputError, NoOrbit, number_of
 from .model import Model
-from .motions import Motions
 from .orbit import Orbit
 from .shooting import Evaluation, Shooting, solve
 from .statements import as_orbit, equations_of, halved, vector
@@ -33,7 +32,7 @@ class Root(NamedTuple):
     """A solution of a method's equations.
 
     u : the unknowns (n,)
-    here : the equations there
+    here : the equations there, stacked
     error : of alpha, where it is known
     """
 
@@ -183,7 +182,7 @@ def another_family(wanted: int, found: int) -> str:
 def _exact(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Root:
     named, error = model.reduction.exact(family, p)
     u = np.array(list(named.values()))
-    return Root(u, equations.evaluate(u, vector(p)), error)
+    return Root(u, equations.evaluate_all(u[None], vector(p)[None]), error)
 
 
 def _relative(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Root:
@@ -215,7 +214,7 @@ def _along(model: Model, equations: Shooting, correct: Callable, family: int, p:
     while share < 1:
         # differenced: a predictor needs no more digits, and its own derivative would take longer to build
         there = equations.evaluate(u, vector({**p, model.homotopy: share + 1e-6}))
-        tangent = solve(here.jacobian, (here.residual - there.residual) / 1e-6)
+        tangent = solve(here.jacobian[0], (here.residual[0] - there.residual) / 1e-6)
         step = min(step, 1 - share)
         while True:
             ahead = {**p, model.homotopy: 1.0 if step == 1 - share else share + step}
@@ -242,7 +241,7 @@ def _corrected(model, equations, correct, predicted, family, p):
     new, here = correct(predicted, vector(p))
     if np.max(np.abs(new - predicted)[1:3] / np.abs(new[1:3])) > MAX_CORRECTION:
         raise NoOrbit("the corrector ends far from the predicted orbit")
-    flight = Motions.of(here.trajectories[:1]).only(model.flight.states)
+    flight = here.trajectories[0].only(model.flight.states)
     parts = halved(flight) if "unfolding" in equations.statement.unknowns else flight
     if count_families(model, parts, len(parts)) != [family]:
         raise NoOrbit("the family changes")

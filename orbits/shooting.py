@@ -323,7 +323,7 @@ class Shooting:
         return np.concatenate(residuals)
 
     def newton(self, u, p, attempts: int = 30) -> tuple[np.ndarray, Evaluation]:
-        """The solution (n,) by Newton's method from `u`, to rounding, and the statement there.
+        """The solution (n,) by Newton's method from `u`, to rounding, and the statement there, `stacked`.
 
         A step that leaves the flow's domain or a positive duration is halved. Raises `NoOrbit` without convergence.
         """
@@ -334,7 +334,7 @@ class Shooting:
             last, size = size, np.max(np.abs(step) / np.maximum(np.abs(u), 1e-3))
             if here.settles(size, last):
                 u = u + step
-                return u, self.moved(stacked([here]), u[None], np.reshape(p, (1, -1)), step[None])[0]
+                return u, self.moved(stacked([here]), u[None], np.reshape(p, (1, -1)), step[None])
             if not np.isfinite(size):
                 break
             u, here = self._damped(u, step, p, here)

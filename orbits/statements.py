@@ -13,7 +13,7 @@ from .errors import NoOrbit
 from .model import Arc, Model, Phase, Statement
 from .motions import Motions
 from .orbit import Orbit, Shape
-from .shooting import Evaluation, Shooting, shooting, solve, stacked
+from .shooting import Evaluation, Shooting, shooting, solve
 
 # Energy pumped over a flight, as a share, beyond which the unfolded equations have no orbit but a forced motion.
 LARGEST_UNFOLDING = 1e-9
@@ -105,14 +105,14 @@ def as_cases(model: Model, solution: Solution) -> Cases:
 
 
 def as_orbit(machine, method: str, u, here: Evaluation, error: float | None = None, *, began: float) -> Orbit:
-    """The certified orbit that a solution `u` (n,) of a method's equations is, evaluated `here`.
+    """The certified orbit that a solution `u` (n,) of a method's equations is, which are `here`, stacked.
 
     error : of alpha, where it is known; else it is measured, by `error_bounds`
     began : when the search for it did, by `time.perf_counter`
     """
     model, p = machine.model, machine.values
     equations = equations_of(model, method, tuple(p))
-    us, ps, here = np.reshape(u, (1, -1)), vector(p)[None], stacked([here])
+    us, ps = np.reshape(u, (1, -1)), vector(p)[None]
     errors = np.array([error])
     if error is None:
         errors, refused = error_bounds(equations, us, ps, here)

@@ -57,7 +57,7 @@ def inflection_curve(heights, compression: float, time: float):
     equations, u, found = inflection_equations(), np.array([compression, time]), []
     for height in heights:
         u, here = equations.newton(u, np.array([*MACHINE.values.values(), height]))
-        found.append([height, *u, *here.trajectories[0].end[:4]])
+        found.append([height, *u, *here.trajectories[0].finals[0, :4]])
     return np.array(found)
 
 
