@@ -17,7 +17,9 @@ from .roots import bracketed_root
 MARGINS: dict[str, Callable[[Point], float | None]] = {
     "grazing": lambda point: _or(1.0, point.certificate.clearance),
     "masses touch": lambda point: point.certificate.smallest_separation,
-    "contact pulls": lambda point: _or(1.0, point.certificate.smallest_contact_force),
+    "contact pulls": lambda point: (
+        None if point.contact_time is None else _or(1.0, point.certificate.smallest_contact_force)
+    ),
     "landing jerk": lambda point: -point.certificate.landing_jerk,
     "collapse": lambda point: -1.0 if point.contact_time is None else 1.0,
 }

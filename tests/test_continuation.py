@@ -469,6 +469,15 @@ def test_watched_truths_poles_and_orbits_without_what_is_asked(softening):
     assert [event.kind for event in beyond.events if event.kind != "period"] == ["collapse", "fold"]
 
 
+def test_where_the_contact_does_not_end_its_force_says_nothing():
+    """A spring that collapses at the very start: of the two that change there, contact and force, one is an event."""
+    machine = Hopper("r + 0.039*r**2 + s*(0.0041*r**5 - 0.035*r**3)", parameters={"s": 0.0})
+    family = follow(machine, "s", 0.1, 0.0, family=3, longest=0.05)
+    assert [event.kind for event in family.events] == ["collapse", "contact pulls"]
+    assert family.events[0].point.value == pytest.approx(0.0, abs=1e-15)
+    assert abs(family.events[1].point.smallest_contact_force) < 1e-11
+
+
 def test_a_watched_function_may_divide_by_zero():
     orbit = find(Hopper("cubic"))
     assert watched("pole", lambda orbit: 1.0 / (orbit.alpha - orbit.alpha), orbit) is None
