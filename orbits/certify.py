@@ -24,6 +24,7 @@ from .polynomial import derivative, evaluate
 WORST_DRIFT = 1e-8
 # A turn this near to the middle of the motion, as a share of its time, is the middle itself.
 MIDDLE = 1e-7
+# What a certificate tells, in its order.
 FIGURES = tuple(Certificate.__dataclass_fields__)
 # Stands for a least value that does not exist.
 NONE = np.inf

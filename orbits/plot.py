@@ -136,6 +136,15 @@ def plot_family(family, axes=None, quantity: str = "alpha", label: str | None = 
     return axes
 
 
+def spread(family, count: int) -> list:
+    """So many points of a family at most, evenly along its curve as it is drawn, the first and the last among them."""
+    places = np.array([family.column("value"), family.column("alpha")], dtype=float)
+    places /= np.maximum(np.ptp(places, axis=1, keepdims=True), 1e-300)
+    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(places))))
+    nearest = np.abs(way - np.linspace(0.0, way[-1], count)[:, None]).argmin(1)
+    return [family[int(i)] for i in np.unique(nearest)]
+
+
 def thumbnails(axes, family, orbits, quantity: str = "alpha"):
     """Draw orbits of a family small, in a row above its axes, each joined to its place on the curve; returns the axes.
 
@@ -161,6 +170,7 @@ def thumbnails(axes, family, orbits, quantity: str = "alpha"):
         axes.add_artist(ConnectionPatch((0.5, 0), place, small.transAxes, axes.transData, color="0.7", lw=0.7))
         axes.plot(*place, ".", color="0.4", ms=5, zorder=3)
     axes.set_title(axes.get_title(), fontsize="small", y=1.4)
+    axes.figure.draw_without_rendering()  # lower axes have other ticks: the layout is made again with these
     return axes
 
 

@@ -153,14 +153,13 @@ def follow(
     family, along, start, stop, at, longest, method, stop_inadmissible, as_json, plot, output, save, resume, **machine
 ):
     """Follow a family of orbits along a parameter, past folds, to its end."""
-    import numpy as np
 
     from orbits.continuation import follow as follow_family
     from orbits.continuation import orbit_at
     from orbits.errors import InputError
     from orbits.family import ENDINGS, Family
     from orbits.orbit import to_json
-    from orbits.plot import FIGURES, check_path, plot_family, save_figure, thumbnails
+    from orbits.plot import FIGURES, check_path, plot_family, save_figure, spread, thumbnails
 
     for path, endings in ((plot, FIGURES), (output, ENDINGS[:2]), (save, ENDINGS)):
         if path is not None:
@@ -182,9 +181,8 @@ def follow(
             method=method, stop_inadmissible=stop_inadmissible, output=output, resume=before, progress=report,
         )  # fmt: skip
     if plot is not None:
-        chosen = {int(i): followed[int(i)] for i in np.linspace(0, len(followed) - 1, THUMBNAILS)}.values()
         method = followed.settings["method"]
-        small = [(point, orbit_at(machine, point, along, method)) for point in chosen]
+        small = [(point, orbit_at(machine, point, along, method)) for point in spread(followed, THUMBNAILS)]
         save_figure(thumbnails(plot_family(followed), followed, small), plot)
     if save is not None:
         followed.save(save)

@@ -15,7 +15,7 @@ from orbits.certify import certify
 from orbits.curve import At, Curve, interpolated
 from orbits.events import watched
 from orbits.hermite import around
-from orbits.plot import thumbnails
+from orbits.plot import spread, thumbnails
 from orbits.search import solved
 from orbits.shooting import Shooting
 from problems import Hopper, Juggler, hopper_in_si, springs
@@ -351,6 +351,18 @@ def test_an_orbit_at_a_point_is_the_one_that_was_followed(softening):
     axes = thumbnails(softening.plot(), softening, [(point, orbit)])
     (small,) = axes.child_axes
     assert len(small.lines) == 2
+
+
+def test_thumbnails_are_spread_along_the_curve_and_leave_room_for_the_labels(softening):
+    points = spread(softening, 6)
+    assert (points[0], points[-1], len(points)) == (softening[0], softening[-1], 6)
+    machine = Hopper("cubic", rest_length=30.0)
+    axes = thumbnails(softening.plot(), softening, [(point, orbit_at(machine, point, "beta")) for point in points])
+    axes.figure.draw_without_rendering()
+    frame = axes.figure.bbox
+    for text in (axes.yaxis.label, axes.xaxis.label, axes.title):
+        box = text.get_window_extent()
+        assert min(box.x0, box.y0, frame.x1 - box.x1, frame.y1 - box.y1) >= 0
 
 
 def test_memory_stays_flat_over_many_orbits():
