@@ -54,7 +54,7 @@ def error_bounds(
         at the parameter's value
     """
     (along,) = equations.flows if len(equations.flows) == 1 else (None,)
-    quickly = quickly and along is not None and along.method == "Taylor" and along.phase.pieces is None
+    quickly = quickly and along is not None and along.smooth and here.trajectories[0].variations is not None
     residuals, refused = _defects(along, ps, here) if quickly else np.full_like(here.residual, np.nan), {}
     for i in np.flatnonzero(~np.isfinite(residuals).all(1)):
         paths = tuple(motions[i] for motions in here.trajectories)

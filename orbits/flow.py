@@ -76,6 +76,11 @@ class Flow:
             return "closed form"
         return "Taylor" if self.graph.has_series else "Runge-Kutta"
 
+    @cached_property
+    def smooth(self) -> bool:
+        """Whether motions are Taylor series that no breakpoint ends, at least where parameters vary."""
+        return self.graph.has_series and not self.phase.pieces
+
     @property
     def compiled(self) -> bool:
         """Whether stepping has taken long enough to be compiled."""

@@ -207,7 +207,7 @@ class Shooting:
     @cached_property
     def _has_meshes(self) -> bool:
         """Whether a mesh says all of a motion's steps."""
-        return all(along.method == "Taylor" and not along.phase.pieces for along in self.flows)
+        return all(along.smooth for along in self.flows)
 
     def _called(self, function: Callable, vary: tuple[str, ...], meshes, *arguments) -> tuple[tuple, list]:
         """The schemes of all arcs, and the results of `_whole` or `_after_newton` with these arguments."""
