@@ -18,16 +18,18 @@ from .calls import room_for
 from .certify import certify, known
 from .errors import NoOrbit, OrbitsError
 from .family import Point
-from .hermite import Hermite
+from .hermite import around
 from .motions import Motions
 from .orbit import Orbit
-from .shooting import STALLED, Evaluation, joined, solve
+from .shooting import STALLED, Evaluation, joined, settles, solve
 from .statements import as_cases, as_orbit, equations_of, interpret
 
 # A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
 AT_A_FOLD = 1e-3
 # Motions of more steps are not evaluated in one call: building that would take longer than it saves.
 MOST_STEPS = 300
+# Points of the curve that the prediction of a step rests on.
+MEMORY = 4
 # A mesh has this many times as many steps as the motion that it is made for.
 CLOSER = 1.15
 
@@ -41,7 +43,7 @@ class At:
     turn : determinant of the equations' derivatives and the tangent, which changes sign at a branch point
     here, place : the equations at the corrector's last guess, that of several whose place it is
     moved : (n + 1,), from there to the point
-    meshes : nodes that serve the motions there and beside, as in `Shooting.evaluate`, None where there are none
+    meshes : nodes that serve the motions there and beside, as in `Shooting.evaluate_all`, None where there are none
     length : along the curve from the point before
     parts : of the step that ends here, each a point
     point : the certified orbit without its motion, None until it has been checked
@@ -74,7 +76,7 @@ class Curve:
         self.place = self.names.index(along)
         self.parameters = np.array(list(machine.values.values()))
         self.span = span
-        self.meshes = self.served = None  # those to try next, and those that have served: what these call is built
+        self.meshes = None  # those to try next
 
     def size(self, x) -> np.ndarray:
         """What counts as one unit of each component round points (..., n + 1)."""
@@ -110,25 +112,17 @@ class Curve:
         square, right = np.zeros((count, n + 1, n + 1)), np.zeros((count, n + 1, 2))
         square[:, n], right[:, n, 1] = rows, 1.0
         solved = np.zeros_like(right)  # of each the last step, and the direction of the curve
-        heres: list = [None] * count
-        left, last, ahead = np.arange(count), np.full(count, np.inf), None
-        if count == 1 and self.meshes is self.served:  # it mostly takes two steps: the first is taken at once
-            ahead = self.equations.ahead(xs, self.p(xs), self.along, self.meshes, rows, levels)
-            if ahead:
-                last, xs = np.max(np.abs(ahead[0] - xs) / sizes, axis=1), ahead[0]
-            else:
-                self.meshes = None
+        left, last, every = np.arange(count), np.full(count, np.inf), None
         for _ in range(8):
-            here, ahead = ahead[1] if ahead else self.evaluate(xs[left]), None
-            for j, i in enumerate(left.tolist()):
-                heres[i] = here, j
+            here = self.evaluate(xs[left])
+            every = every.replaced(left, here) if every else here
             square[left, :n], right[left, :n, 0] = here.jacobian, -here.residual
             right[left, n, 0] = levels[left] - np.einsum("mi,mi->m", xs[left], rows[left])
             solved[left] = solve(square[left], right[left])
             steps = solved[left, :, 0]
             xs[left] += steps
             lengths = np.max(np.abs(steps) / sizes[left], axis=1)
-            open_ = ~here.settles(lengths, last[left])
+            open_ = ~settles(lengths, last[left], here.growth)
             if not open_.any():
                 break
             if not (lengths < STALLED * last[left])[open_].all():
@@ -142,11 +136,49 @@ class Curve:
         tangents /= (np.linalg.norm(scaled, axis=1) * np.sign(np.einsum("mi,mi->m", scaled / sizes, before)))[:, None]
         if not np.isfinite(tangents).all():
             raise NoOrbit("the curve has no direction here")
-        self.served = self.meshes
         square[:, n] = tangents / sizes**2
         turns = np.linalg.det(square * sizes[:, None])
-        known = zip(xs, tangents, turns.tolist(), heres, solved[:, :, 0], strict=True)
-        return [At(x, tangent, turn, *here, step, self.meshes) for x, tangent, turn, here, step in known]
+        known = zip(xs, tangents, turns.tolist(), range(count), solved[:, :, 0], strict=True)
+        return [At(x, tangent, turn, every, place, moved, self.meshes) for x, tangent, turn, place, moved in known]
+
+    def step(self, knots: Sequence[At], length: float, value: float | None = None) -> tuple[At, np.ndarray, int]:
+        """The end of a step of given length from the last of some points, or of about that where the parameter has a
+        value; where these said that it would be, (n + 1,); and how many of them that rests on. Raises `NoOrbit` as
+        `correct`."""
+        last, missing = knots[-1], MEMORY - len(knots)
+        size = self.size(last.x)
+        row = last.tangent / size**2
+        level = np.array([row @ last.x + length])
+        closing, target = (row, level[0]) if value is None else (np.eye(len(row))[-1], value)
+        xs, tangents = (np.array(part) for part in ([at.x for at in knots], [at.tangent for at in knots]))
+        guess, tried = None, not self.equations.has_meshes
+        while not tried:
+            if tried := self.meshes is None:
+                guess, rests = self._ahead(xs, tangents, row, level, closing, target)
+                self.evaluate(guess[None])
+            if self.meshes is None:
+                break
+            padded = np.pad(xs, ((missing, 0), (0, 0)), "edge"), np.pad(tangents, ((missing, 0), (0, 0)), "edge")
+            points = *padded, np.arange(MEMORY) >= missing, row, level
+            found = self.equations.step(self.along, self.meshes, self.p(xs[-1:]), *points, closing, target, size)
+            if found:
+                guess, x, tangent, moved, here, (rests, *lengths) = found
+                if not settles(lengths[1], lengths[0], float(here.growth[0])):
+                    return self.correct(x, closing, target, last.tangent), guess, rests
+                size = self.size(x)
+                tangent /= np.linalg.norm(tangent / size)
+                turn = float(np.linalg.det(np.vstack([here.jacobian[0] * size, tangent / size])))
+                return At(x, tangent, turn, here, 0, moved, self.meshes), guess, rests
+            self.meshes = None
+        if guess is None:
+            guess, rests = self._ahead(xs, tangents, row, level, closing, target)
+        return self.correct(guess, closing, target, last.tangent), guess, rests
+
+    def _ahead(self, xs, tangents, row, level, closing, target: float) -> tuple[np.ndarray, int]:
+        """A prediction from the last points (c, n + 1), where row . X = level, then along to closing . X = target; and
+        how many points that rests on."""
+        (guess,), (rests,) = around(xs, tangents, np.array([len(xs)]), MEMORY, 0, row[None], level)
+        return guess + tangents[-1] * (target - closing @ guess) / (closing @ tangents[-1]), rests
 
     def check(self, at: At) -> At:
         """A point, certified; raises the error when it cannot be."""
@@ -251,5 +283,6 @@ def _finer(times: np.ndarray) -> np.ndarray:
 
 def interpolated(ats: Sequence[At], row, levels) -> np.ndarray:
     """Points (m, n + 1) at levels (m,) of the polynomial through points of a curve with their tangents."""
-    xs, tangents = (np.array([part]) for part in ([at.x for at in ats], [at.tangent for at in ats]))
-    return Hermite(xs, tangents, row[None])(np.zeros(len(levels), int), levels)
+    xs, tangents = (np.array(part) for part in ([at.x for at in ats], [at.tangent for at in ats]))
+    count = np.full(len(levels), len(ats))
+    return around(xs, tangents, count, len(ats), 0, np.tile(row, (len(levels), 1)), levels)[0]

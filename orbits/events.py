@@ -134,7 +134,8 @@ class Stretch:
         s[-1] = s[0]
         tangent = beside[1].tangent + beside[2].tangent
         here = replace(here, jacobian=((u * s) @ v[: len(s)] / size)[None])
-        return share, At(x, tangent / np.linalg.norm(tangent / size), 0.0, here, 0, np.zeros_like(x))
+        tangent /= np.linalg.norm(tangent / size)
+        return share, At(x, tangent, 0.0, here, 0, np.zeros_like(x))
 
     def _passed(self, asked: tuple[float, ...]) -> list[float]:
         low, high = sorted((self.a.value, self.b.value))

@@ -52,6 +52,7 @@ class Flow:
         self.size = len(phase.states)
         self.names = (*phase.states, *phase.watch)
         self.schemes: dict[tuple, Taylor | RungeKutta] = {}
+        self.usual = LOOK_AHEAD  # steps of a motion up to a zero, about
 
     @cached_property
     def graph(self) -> Graph:
@@ -151,25 +152,31 @@ class Flow:
 
     def until_zero(self, starts, ps, quantity: Affine, skip_start: int = 0) -> tuple[np.ndarray, Motions | None]:
         """Motions from states (m, n) with parameters (m, np) up to the first sign change of an affine function of their
-        rows, all in one call: which of them (r,) take no more than a few of Taylor's steps, and those; None when no
+        rows, all in one call: which of them (r,) take no more than some of Taylor's steps, and those; None when no
         motion does, or where there is a better way for one. As `first_zero` otherwise."""
-        none = np.zeros(0, int), None
+        going, found = np.arange(len(starts)), []
         if (self.phase.closed_form and len(starts) == 1) or self.phase.pieces or not self.graph.has_series:
-            return none
-        steps, c, trusted = self.scheme(0).advance_all(starts, ps, LOOK_AHEAD)
-        sound = np.flatnonzero(trusted.all(1))
-        if not len(sound):
-            return none
-        steps, c = steps[sound], c[sound]
-        owner, piece, t = self._piled(quantity, c, steps).roots(skip_start)
-        owner, first = np.unique(owner, return_index=True)
-        if not len(owner):
-            return none
-        piece, ends = piece[first], np.cumsum(steps[owner], axis=1)
-        begins = np.concatenate([np.zeros((len(owner), 1)), ends[:, :-1]], axis=1)
-        used = np.arange(LOOK_AHEAD) <= piece[:, None]
-        ends = begins[np.arange(len(owner)), piece] + t[first]
-        return sound[owner], Motions(begins[used], ends, c[owner][used], piece + 1, self.names)
+            going = going[:0]
+        count = self.usual
+        while len(going) and count <= MOST_AT_ONCE:
+            steps, c, trusted = self.scheme(0).advance_all(starts[going], ps[going], count)
+            sound = np.flatnonzero(trusted.all(1))
+            steps, c, going = steps[sound], c[sound], going[sound]
+            owner, piece, t = self._piled(quantity, c, steps).roots(skip_start)
+            owner, first = np.unique(owner, return_index=True)
+            piece, lengths = piece[first], np.cumsum(steps[owner], axis=1)
+            begins = np.concatenate([np.zeros((len(owner), 1)), lengths[:, :-1]], axis=1)
+            used = np.arange(count) <= piece[:, None]
+            ends = begins[np.arange(len(owner)), piece] + t[first]
+            if len(owner):
+                found.append((going[owner], Motions(begins[used], ends, c[owner][used], piece + 1, self.names)))
+                self.usual = int(piece.max()) + 1
+            going, count = np.delete(going, owner), max(2 * count, LOOK_AHEAD)
+        if len(found) < 2:
+            return found[0] if found else (going[:0], None)
+        which, motions = zip(*found, strict=True)
+        order = np.argsort(np.concatenate(which))
+        return np.concatenate(which)[order], Motions.joined(motions)[order]
 
     def first_zeros(self, starts, p, quantity: Affine, limit, skip=0, rising: bool = False, over=None):
         """When an affine function of the rows first changes its sign on motions from states (m, n), and where.

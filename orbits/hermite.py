@@ -1,60 +1,58 @@
-"""A curve between and beyond its known points: polynomials through these that touch the curve there.
+"""A curve between and beyond its known points: the polynomials through these that touch the curve there.
 
 A point X of a curve lies at the level s = row . X, for a row that measures the way along the curve.
 """
 
+from functools import lru_cache
+
+import casadi as ca
 import numpy as np
+
+from .calls import Calls
 
 # A point whose tangent goes by less of this share along the row than that of the nearest is past a bend.
 BEND = 0.3
 
 
-class Hermite:
-    """The polynomials in s through points of a curve with their tangents, several at a time, in Lagrange's form.
+@lru_cache(maxsize=32)
+def hermite(size: int, behind: int, ahead: int) -> ca.Function:
+    """(points (size, behind + ahead) of a curve in their order, tangents there, which of them count, row (size,), level)
+    -> the point at that level, in Lagrange's form, and the number of those that it rests on: as many on either side as
+    the curve passes, from the place between `behind` and `ahead` on, without turning round."""
+    count = behind + ahead
+    xs, tangents, row = ca.SX.sym("x", size, count), ca.SX.sym("t", size, count), ca.SX.sym("row", size)
+    counts, level = ca.SX.sym("counts", count), ca.SX.sym("level")
+    places, rates = xs.T @ row, tangents.T @ row
+    known = [counts[i] for i in range(count)]
+    for nearest, farthest, side in ((behind - 1, -1, -1), (behind, count, 1)):
+        for i in range(nearest + side, farthest, side):
+            straight = rates[nearest] * rates[i] > BEND * rates[nearest] ** 2
+            onward = side * rates[nearest] * (places[i] - places[i - side]) > 0
+            known[i] = ca.logic_and(ca.logic_and(known[i], known[i - side]), ca.logic_and(straight, onward))
+    point = xs[:, 0]  # what does not change along the curve stays as it is
+    for i in range(count):
+        weight, inverses = 1.0, 0.0
+        for j in (j for j in range(count) if j != i):
+            inverse = 1 / (places[i] - places[j])
+            weight *= ca.if_else(known[j], (level - places[j]) * inverse, 1.0) ** 2
+            inverses += ca.if_else(known[j], inverse, 0.0)
+        away = level - places[i]
+        value = (1 - 2 * away * inverses) * (xs[:, i] - xs[:, 0]) + away / rates[i] * tangents[:, i]
+        point += ca.if_else(known[i], weight * value, 0.0)
+    return ca.Function("hermite", [xs, tangents, counts, row, level], [point, sum(known)])
 
-    xs, tangents : (g, k, n), points of each, and the curve's directions there
-    rows : (g, n)
-    known : (g, k), which of the points count, None for all
-    """
 
-    def __init__(self, xs, tangents, rows, known=None):
-        rows = rows[:, :, None]
-        self.base, self.places = xs[:, 0], (xs @ rows)[..., 0]
-        self.xs = xs - xs[:, :1]  # then what does not change along the curve stays as it is
-        self.known = np.ones(self.places.shape, bool) if known is None else known
-        self.slopes = np.divide(tangents, tangents @ rows, out=np.zeros_like(xs), where=self.known[..., None])
-        self.others = self.known[:, :, None] & self.known[:, None, :] & ~np.eye(xs.shape[1], dtype=bool)
-        gaps = self.places[:, :, None] - self.places[:, None, :]
-        self.inverse = np.divide(1.0, gaps, out=np.zeros_like(gaps), where=self.others)
-        self.sums = self.inverse.sum(2)
-
-    def __call__(self, which, levels) -> np.ndarray:
-        """Points (q, n) at levels (q,) of the polynomials `which` (q,)."""
-        ahead = levels[:, None] - self.places[which]
-        factors = np.where(self.others[which], ahead[:, None] * self.inverse[which], 1.0)
-        weights = np.where(self.known[which], factors.prod(2) ** 2, 0.0)
-        values = weights * (1 - 2 * ahead * self.sums[which])
-        points = values[:, None] @ self.xs[which] + (weights * ahead)[:, None] @ self.slopes[which]
-        return self.base[which] + points[:, 0]
+@lru_cache(maxsize=32)
+def _several(size: int, behind: int, ahead: int) -> Calls:
+    return Calls(hermite(size, behind, ahead))
 
 
-def around(xs, tangents, rows, i, behind: int, ahead: int) -> Hermite:
-    """The polynomials through up to `behind` points of a chain (c, n) before its places i (g,) and `ahead` from there
-    on: on either side as far as the chain keeps its direction along rows (g, n)."""
+def around(xs, tangents, i, behind: int, ahead: int, rows, levels) -> tuple[np.ndarray, np.ndarray]:
+    """Points (q, n) at levels (q,) of rows (q, n) on the polynomials through up to `behind` points of a chain (c, n),
+    with its `tangents`, before its places i (q,), and `ahead` from there on; and how many (q,) each rests on."""
     indices = i[:, None] + np.arange(-behind, ahead)
     inside = (indices >= 0) & (indices < len(xs))
     indices = np.clip(indices, 0, len(xs) - 1)
-    xs, tangents = xs[indices], tangents[indices]
-    levels, rates = (np.einsum("gkn,gn->gk", part, rows) for part in (xs, tangents))
-    for side, some, count in ((-1, slice(0, behind), behind), (1, slice(behind, None), ahead)):
-        if count > 1:
-            part = inside[:, some][:, ::side], levels[:, some][:, ::side], rates[:, some][:, ::side]
-            inside[:, some] = _before_a_bend(side, *part)[:, ::side]
-    return Hermite(xs, tangents, rows, inside)
-
-
-def _before_a_bend(side: int, inside, levels, rates) -> np.ndarray:
-    """Which (g, k) of the points at levels (g, k), the nearest first, the curve passes without turning round."""
-    first = rates[:, :1]
-    inside[:, 1:] &= (first * rates > BEND * first**2)[:, 1:] & (side * first * np.diff(levels, axis=1) > 0)
-    return np.logical_and.accumulate(inside, axis=1)
+    known = (part[indices].reshape(len(i), -1) for part in (xs, tangents))
+    points, rests = _several(xs.shape[1], behind, ahead)(*known, inside, rows, levels[:, None])
+    return points[:, :, 0], rests[:, 0, 0]

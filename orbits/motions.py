@@ -117,6 +117,21 @@ class Motions:
         moving = None if self.variations is None else self.variations[some]
         return Trajectory(np.append(self.starts[some], self.ends[i]), self.coefficients[some], self.names, moving)
 
+    def replaced(self, i: np.ndarray, others: "Motions") -> "Motions":
+        """With the motions i (k,) replaced by others."""
+        if not (self.counts[i] == others.counts).all():
+            order = np.arange(len(self))
+            order[i] = len(self) + np.arange(len(i))
+            return Motions.joined([self, others])[order]
+        some, arrays = np.isin(self.owner, i), {}
+        for name in ("starts", "coefficients", "variations"):
+            if (array := getattr(self, name)) is not None:
+                arrays[name] = array.copy()
+                arrays[name][some] = getattr(others, name)
+        ends = self.ends.copy()
+        ends[i] = others.ends
+        return Motions(**arrays, ends=ends, counts=self.counts, names=self.names)
+
     def moved(self, changes, longer) -> "Motions":
         """The states' motions for small `changes` (m, columns) of what was varied, and so much longer (m,); to first
         order."""

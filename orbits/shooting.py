@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import casadi as ca
 import numpy as np
@@ -11,6 +11,7 @@ from . import nlp
 from .calls import Call, Calls
 from .errors import FlowError, NoOrbit
 from .flow import flow
+from .hermite import hermite
 from .model import Arc, Statement
 from .motions import Motions, Trajectory
 from .nodes import Nodes
@@ -51,15 +52,31 @@ class Evaluation:
         per_arc = self.trajectories, self.transitions, self.starts, self.durations, self.holds
         return Evaluation(self.residual[i], self.jacobian[i], *(tuple(part[i] for part in each) for each in per_arc))
 
+    def replaced(self, i: np.ndarray, others: "Evaluation") -> "Evaluation":
+        """With the points i (k,) of several replaced by others."""
+        order = np.arange(len(self.residual))
+        order[i] = len(order) + np.arange(len(i))
+        both = lambda name: zip(getattr(self, name), getattr(others, name), strict=True)  # noqa: E731
+        return Evaluation(
+            *(np.concatenate([getattr(part, name) for part in (self, others)])[order] for name in ("residual", "jacobian")),
+            tuple(motions.replaced(i, other) for motions, other in both("trajectories")),
+            *(
+                tuple(np.concatenate(parts)[order] for parts in both(name))
+                for name in ("transitions", "starts", "durations", "holds")
+            ),
+        )
+
     @cached_property
     def growth(self):
         """Of a small change of the state over the motion, the largest."""
         squares = (transition[..., : transition.shape[-2]] for transition in self.transitions)
         return np.max([np.abs(square).max((-2, -1)) for square in squares], axis=0)
 
-    def settles(self, size, last):
-        """Whether a relative Newton step is the last one worth taking; `last` is the one before."""
-        return (size * np.maximum(self.growth, 1.0) < LAST) | ((size < SMALL) & (size > STALLED * last))
+
+def settles(size, last, growth):
+    """Whether a relative Newton step is the last one worth taking: `last` is the one before, `growth` that of a small
+    change of the state over the motion."""
+    return (size * np.maximum(growth, 1.0) < LAST) | ((size < SMALL) & (size > STALLED * last))
 
 
 def stacked(heres: Sequence[Evaluation]) -> Evaluation:
@@ -184,7 +201,7 @@ class Shooting:
         meshes : nodes (N + 1,) of each arc as shares of its duration, to try first, all in one call: it saves choosing
             the steps
         """
-        if meshes is None or not self._has_meshes:
+        if meshes is None or not self.has_meshes:
             return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
         here, fine = self._read(meshes, *self._called(self._whole, vary, meshes, us, ps))
         if fine.all():
@@ -192,25 +209,35 @@ class Shooting:
         known = zip(fine, us, ps, strict=True)
         return stacked([here[i] if good else self.evaluate(u, p, vary) for i, (good, u, p) in enumerate(known)])
 
-    def ahead(self, xs, ps, vary: str, meshes, rows, levels) -> tuple[np.ndarray, Evaluation] | None:
-        """The points (m, n + 1) that a Newton step leads to from `xs`, unknowns and the varied parameter, towards
-        F = 0, rows . X = levels (m,); and the equations there, all in one call. None where `meshes` are too coarse."""
-        if meshes is None or not self._has_meshes:
+    def step(self, vary: str, meshes, p, xs, tangents, counts, row, level, closing, target, size):
+        """A step along the curve F = 0 of unknowns and a varied parameter: predicted from points of it, and two Newton
+        steps, all in one call.
+
+        xs, tangents, counts, row, level : what the prediction rests on, as in `hermite`, all points behind
+        closing, target : the row (n + 1,) and level that close the equations
+        size : (n + 1,), in whose units the lengths of the Newton steps are
+
+        Returns the prediction; where the steps lead, the direction of the curve there, the last step, and the equations
+        before that, stacked; and the numbers, of points that the prediction rests on, and the lengths of both steps.
+        None where `meshes` are too coarse.
+        """
+        made = partial(self._step, count=len(xs))
+        arguments = xs.ravel(), tangents.ravel(), counts, row, level, closing, target, size, p
+        arguments = (np.reshape(argument, (1, -1)) for argument in arguments)
+        schemes, (vectors, numbers, *results) = self._called(made, (vary,), meshes, *arguments)
+        rests, before, length, fine = numbers[0, :, 0].tolist()
+        here, also_fine = self._read(meshes, schemes, results)
+        if not (fine and also_fine[0] and length < np.inf):
             return None
-        schemes, (xs, *results) = self._called(self._after_newton, (vary,), meshes, xs, ps, rows, levels[:, None])
-        before = 2 * len(self.flows)
-        here, fine = self._read(meshes, schemes, results[before:])
-        for made, lengths in zip(results[:before:2], results[1:before:2], strict=True):
-            fine &= _trusted(made, lengths)
-        return (xs[:, :, 0], here) if fine.all() else None
+        return *vectors[0].T, here, (int(rests), before, length)
 
     @cached_property
-    def _has_meshes(self) -> bool:
+    def has_meshes(self) -> bool:
         """Whether a mesh says all of a motion's steps."""
         return all(along.smooth for along in self.flows)
 
     def _called(self, function: Callable, vary: tuple[str, ...], meshes, *arguments) -> tuple[tuple, list]:
-        """The schemes of all arcs, and the results of `_whole` or `_after_newton` with these arguments."""
+        """The schemes of all arcs, and the results of `_whole` or `_step` with these arguments."""
         count, sizes = len(arguments[0]), tuple(len(mesh) - 1 for mesh in meshes)
         schemes = tuple(
             along.scheme(along.size + len(vary), tuple(map(self.parameters.index, vary))) for along in self.flows
@@ -269,21 +296,34 @@ class Shooting:
         return Calls(_dense("whole", [nodes, u, p], results))
 
     @lru_cache(maxsize=32)  # noqa: B019 - the equations themselves are kept as long
-    def _after_newton(
-        self, vary: tuple[str, ...], counts: tuple[int, ...], schemes: tuple, compiled: tuple[bool, ...]
+    def _step(
+        self, vary: tuple[str, ...], counts: tuple[int, ...], schemes: tuple, compiled: tuple[bool, ...], count: int
     ) -> Calls:
-        """`ahead`, (meshes, x, p, row, level) -> the new x; how far the steps to be taken from the old one can be
-        trusted, two of each arc; and what `_whole` gives at the new one."""
-        n, index, whole = self.size, self.parameters.index(*vary), self._whole(vary, counts, schemes, compiled).function
-        nodes, p, level = ca.MX.sym("t", whole.size1_in(0)), ca.MX.sym("p", whole.size1_in(2)), ca.MX.sym("level")
-        x, row = ca.MX.sym("x", n + 1), ca.MX.sym("row", n + 1)
-        at = lambda place: whole(nodes, place[:n], ca.vertcat(p[:index], place[n], p[index + 1 :]))  # noqa: E731
-        square, lack = ca.SX.sym("square", n + 1, n + 1), ca.SX.sym("lack", n + 1)
-        newton = ca.Function("newton", [square, lack], [ca.solve(square, lack)])  # singular: not numbers, no error
-        residual, jacobian, *rest = at(x)
-        trust = [part for i in range(len(self.flows)) for part in rest[9 * i + 7 : 9 * i + 9]]
-        there = x - newton(ca.vertcat(jacobian, row.T), ca.vertcat(residual, row.T @ x - level))
-        return Calls(_dense("after_newton", [nodes, x, p, row, level], [there, *trust, *at(there)]))
+        """`step` from so many points, the meshes first and p last; the last number tells whether they are fine."""
+        n, index, whole = self.size + 1, self.parameters.index(*vary), self._whole(vary, counts, schemes, compiled)
+        nodes, p = ca.MX.sym("t", whole.function.size1_in(0)), ca.MX.sym("p", len(self.parameters))
+        xs, tangents, known, row, level = (ca.MX.sym(*a) for a in (("x", n, count), ("d", n, count), ("k", count), ("r", n), ("l",)))
+        closing, target, size = ca.MX.sym("c", n), ca.MX.sym("v"), ca.MX.sym("s", n)
+        square, right = ca.SX.sym("square", n, n), ca.SX.sym("right", n, 2)
+        solve_ = ca.Function("solve", [square, right], [ca.solve(square, right)])  # singular: not numbers, no error
+        guess, rests = hermite(n, count, 0)(xs, tangents, known, row, level)
+        last = tangents[:, -1]
+        guess += last * ((target - closing.T @ guess) / (closing.T @ last))
+        x, lengths, fine = guess, [], []
+        for _ in range(2):
+            results = whole.function(nodes, x[:-1], ca.vertcat(p[:index], x[-1], p[index + 1 :]))
+            residual, jacobian, *rest = results
+            lack = ca.vertcat(-residual, target - closing.T @ x)
+            both = solve_(ca.vertcat(jacobian, closing.T), ca.horzcat(lack, np.eye(n)[-1]))
+            x += both[:, 0]
+            lengths.append(ca.mmax(ca.fabs(both[:, 0] / size)))
+            for i in range(len(self.flows)):
+                made, asked = rest[9 * i + 7 : 9 * i + 9]
+                fine += [ca.mmin(made[0, :] == asked), ca.mmin(made[1, :] <= DEFECT)]
+        tangent = both[:, 1] * ca.sign((both[:, 1] / size).T @ (last / size))
+        vectors, numbers = ca.horzcat(guess, x, tangent, both[:, 0]), ca.vertcat(rests, *lengths, ca.mmin(ca.vertcat(*fine)))
+        arguments = [nodes, xs, tangents, known, row, level, closing, target, size, p]
+        return Calls(_dense("step", arguments, [vectors, numbers, *results]))
 
     def moved(self, here: Evaluation, us, ps, steps) -> Evaluation:
         """The equations, `stacked`, taken along by Newton steps (m, n + k) that settle them, to the points `us` (m, n)
@@ -332,7 +372,7 @@ class Shooting:
         for _ in range(attempts):
             step = solve(here.jacobian, -here.residual)
             last, size = size, np.max(np.abs(step) / np.maximum(np.abs(u), 1e-3))
-            if here.settles(size, last):
+            if settles(size, last, here.growth):
                 u = u + step
                 return u, self.moved(stacked([here]), u[None], np.reshape(p, (1, -1)), step[None])
             if not np.isfinite(size):

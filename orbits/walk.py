@@ -12,7 +12,7 @@ from itertools import groupby
 
 import numpy as np
 
-from .curve import At, Curve, interpolated
+from .curve import MEMORY, At, Curve, interpolated
 from .errors import NoOrbit, OrbitsError
 from .events import Stretch
 from .family import End, Event
@@ -43,8 +43,6 @@ STEEP = 0.1
 SAME = 1e-9
 # Refusals that end the walk, where so many good points make up for one: what rounding blurs is not crawled along.
 PATIENCE, REST = 16, 20
-# Points of the curve that a prediction rests on.
-MEMORY = 4
 # Points that are solved between steps and certified together: at first, at most, and how many times as many every time
 # that all goes well, or on a curve where it has not always done so.
 BEGIN, TOGETHER, MORE, CAREFULLY = 8, 160, 20, 4
@@ -206,14 +204,13 @@ class Walk:
         passed, values = self._asked(xs[before:, -1], tangents[before:, -1])
         if len(passed):
             ahead = np.tile(np.eye(xs.shape[1])[-1], (len(passed), 1))
-            path = around(xs, tangents, ahead, ends[passed], SIDE, SIDE)
-            asked = path(np.arange(len(passed)), values)
+            asked, _ = around(xs, tangents, ends[passed], SIDE, SIDE, ahead, values)
             taken = np.einsum("qi,qi->q", rows[passed], asked) - starts[passed]
             crowded = np.abs(shares[:, None] - taken) * parts[legs][:, None] <= APART
             free = ~(crowded & (legs[:, None] == passed)).any(1)
             legs, shares = legs[free], shares[free]
         levels = starts[legs] + shares
-        guesses = around(xs, tangents, rows, ends, SIDE, SIDE)(legs, levels)
+        guesses, _ = around(xs, tangents, ends[legs], SIDE, SIDE, rows[legs], levels)
         places = legs, guesses, rows[legs], levels, np.zeros(len(legs), bool)
         if not len(passed):
             return places
@@ -305,24 +302,15 @@ class Walk:
     def _stepped(self, knots: list[At], length: float, value: float | None = None) -> At:
         """The end of a step of given length, or of about that where the parameter has a value; raises `NoOrbit` when it
         may lie on another curve."""
-        last = knots[-1]
-        row = last.tangent / self.curve.size(last.x) ** 2
-        level = row @ last.x + length
-        xs, tangents = (np.array(part) for part in ([at.x for at in knots], [at.tangent for at in knots]))
-        path = around(xs, tangents, row[None], np.array([len(knots)]), MEMORY, 0)
-        guess = path(np.zeros(1, int), np.array([level]))
-        if value is None:
-            end = self.curve.correct(guess[0], row, level, last.tangent)
-        else:
-            guess[0] += last.tangent * (value - guess[0, -1]) / last.tangent[-1]
-            end = self.curve.correct(guess[0], np.eye(len(guess[0]))[-1], value, last.tangent)
+        end, guess, rests = self.curve.step(knots, length, value)
+        if value is not None:
             end.x[-1] = value
-        moved = self.trusted(last, [end], guess, np.array([length]))
+        moved = self.trusted(knots[-1], [end], guess[None], np.array([length]))
         end.parts = max(2, int(np.ceil(length / self.options.longest)))
         end.length = length / end.parts
         if self.count == 1:
             self.filled([end])
-        longer = (AIM / max(moved * np.sqrt(end.growth), 1e-300)) ** (1 / (2 * path.known.sum()))
+        longer = (AIM / max(moved * np.sqrt(end.growth), 1e-300)) ** (1 / (2 * rests))
         longest = max(LONGEST, self.options.longest)
         self.length = min(max(self.length, length) * min(max(0.9 * longer, 0.3), 2.0), longest)
         return end
