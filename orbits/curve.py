@@ -9,6 +9,7 @@ would else go into asking for one after the other.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import groupby
 
 import numpy as np
@@ -19,9 +20,9 @@ from .certify import certify, known
 from .errors import NoOrbit, OrbitsError
 from .family import Point
 from .hermite import around
-from .motions import Motions
+from .meshed import Meshed, meshed
 from .orbit import Orbit
-from .shooting import STALLED, Evaluation, joined, settles, solve
+from .shooting import STALLED, Evaluation, joined, settles
 from .statements import as_cases, as_orbit, equations_of, interpret
 
 # A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
@@ -41,9 +42,8 @@ class At:
     x : (n + 1,), the unknowns and the parameter's value
     tangent : (n + 1,), of length 1 in units of the curve's size
     turn : determinant of the equations' derivatives and the tangent, which changes sign at a branch point
-    here, place : the equations at the corrector's last guess, that of several whose place it is
-    moved : (n + 1,), from there to the point
-    meshes : nodes that serve the motions there and beside, as in `Shooting.evaluate_all`, None where there are none
+    here, place : the equations there, to first order from the corrector's last guess, and its place among several
+    meshes : nodes that serve the motions there and beside, as in `Meshed`, None where there are none
     length : along the curve from the point before
     parts : of the step that ends here, each a point
     point : the certified orbit without its motion, None until it has been checked
@@ -55,7 +55,6 @@ class At:
     turn: float
     here: Evaluation
     place: int
-    moved: np.ndarray
     meshes: list | None = None
     length: float = 0.0
     parts: int = 1
@@ -91,14 +90,37 @@ class Curve:
         values[:, self.place] = xs[:, -1]
         return values
 
-    def evaluate(self, xs) -> Evaluation:
-        """The equations at points (m, n + 1), stacked."""
-        here = self.equations.evaluate_all(xs[:, :-1], self.p(xs), (self.along,), self.meshes)
-        if any(motions.counts.max() > MOST_STEPS for motions in here.trajectories):
-            self.meshes = None
-        elif self.meshes is None or not all(map(_on, here.trajectories, self.meshes)):
-            self.meshes = [_finer(path.times) for path in here[len(xs) - 1].trajectories]
+    @cached_property
+    def meshed(self) -> Meshed | None:
+        """The equations on meshes, None where they have none."""
+        return meshed(self.equations, self.along) if self.equations.smooth else None
+
+    def evaluate(self, x) -> Evaluation:
+        """The equations at a point (n + 1,), stacked; its motions are the next to be tried."""
+        return self._remembered(self.equations.evaluate_all(x[None, :-1], self.p(x[None]), (self.along,)))
+
+    def _remembered(self, here: Evaluation) -> Evaluation:
+        """The equations at points, stacked, the motions of the last of which are the next to be tried."""
+        few = all(motions.counts[-1] <= MOST_STEPS for motions in here.trajectories)
+        last = (motions[len(motions) - 1] for motions in here.trajectories)
+        self.meshes = [_finer(path.times) for path in last] if self.meshed and few else None
         return here
+
+    def _newton_steps(self, xs, rows, targets) -> tuple[np.ndarray, np.ndarray, Evaluation]:
+        """As `Shooting.newton_steps`, on the meshes to be tried as far as they serve."""
+        ps, slow = self.p(xs), np.ones(len(xs), bool)
+        if self.meshes is not None:
+            *found, fine = self.meshed.newton_steps(self.meshes, xs, ps, rows, targets)
+            if fine.all():
+                return tuple(found)
+            slow = ~fine
+        others = self.equations.newton_steps(self.along, xs[slow], ps[slow], rows[slow], targets[slow])
+        self._remembered(others[2])
+        if slow.all():
+            return others
+        steps, directions, here = found
+        steps[slow], directions[slow] = others[:2]
+        return steps, directions, here.replaced(np.flatnonzero(slow), others[2])
 
     def correct(self, guess, row, level: float, before) -> At:
         """The point of the curve where row . X = level, by Newton's method from `guess`; its tangent goes on from
@@ -107,19 +129,11 @@ class Curve:
 
     def correct_all(self, guesses, rows, levels, before) -> list[At]:
         """`correct` of several guesses (m, n + 1), at levels (m,) of rows (m, n + 1), tangents `before` (m, n + 1)."""
-        xs, sizes = guesses.copy(), self.size(guesses)
-        count, n = len(xs), xs.shape[1] - 1
-        square, right = np.zeros((count, n + 1, n + 1)), np.zeros((count, n + 1, 2))
-        square[:, n], right[:, n, 1] = rows, 1.0
-        solved = np.zeros_like(right)  # of each the last step, and the direction of the curve
-        left, last, every = np.arange(count), np.full(count, np.inf), None
+        xs, sizes, every = guesses.copy(), self.size(guesses), None
+        left, last, tangents = np.arange(len(xs)), np.full(len(xs), np.inf), np.empty_like(xs)
         for _ in range(8):
-            here = self.evaluate(xs[left])
+            steps, tangents[left], here = self._newton_steps(xs[left], rows[left], levels[left])
             every = every.replaced(left, here) if every else here
-            square[left, :n], right[left, :n, 0] = here.jacobian, -here.residual
-            right[left, n, 0] = levels[left] - np.einsum("mi,mi->m", xs[left], rows[left])
-            solved[left] = solve(square[left], right[left])
-            steps = solved[left, :, 0]
             xs[left] += steps
             lengths = np.max(np.abs(steps) / sizes[left], axis=1)
             open_ = ~settles(lengths, last[left], here.growth)
@@ -131,15 +145,20 @@ class Curve:
             left = left[open_]
         else:
             raise NoOrbit("the corrector converges too slowly")
-        tangents, sizes = solved[:, :, 1], self.size(xs)
+        return self._ats(xs, tangents, every, before)
+
+    def _ats(self, xs, tangents, here: Evaluation, before) -> list[At]:
+        """Solved points (m, n + 1) with the directions of the curve (m, n + 1), which go on from those `before`."""
+        sizes = self.size(xs)
         scaled = tangents / sizes
-        tangents /= (np.linalg.norm(scaled, axis=1) * np.sign(np.einsum("mi,mi->m", scaled / sizes, before)))[:, None]
+        sides = np.sign(np.einsum("mi,mi->m", scaled / sizes, before))
+        tangents = tangents / (sides * np.linalg.norm(scaled, axis=1))[:, None]
         if not np.isfinite(tangents).all():
             raise NoOrbit("the curve has no direction here")
-        square[:, n] = tangents / sizes**2
-        turns = np.linalg.det(square * sizes[:, None])
-        known = zip(xs, tangents, turns.tolist(), range(count), solved[:, :, 0], strict=True)
-        return [At(x, tangent, turn, every, place, moved, self.meshes) for x, tangent, turn, place, moved in known]
+        square = np.concatenate([here.jacobian * sizes[:, None], (tangents / sizes)[:, None]], axis=1)
+        turns = np.linalg.det(square).tolist()
+        each = enumerate(zip(xs, tangents, turns, strict=True))
+        return [At(x, tangent, turn, here, place, self.meshes) for place, (x, tangent, turn) in each]
 
     def step(self, knots: Sequence[At], length: float, value: float | None = None) -> tuple[At, np.ndarray, int]:
         """The end of a step of given length from the last of some points, or of about that where the parameter has a
@@ -150,28 +169,21 @@ class Curve:
         row = last.tangent / size**2
         level = np.array([row @ last.x + length])
         closing, target = (row, level[0]) if value is None else (np.eye(len(row))[-1], value)
-        xs, tangents = (np.array(part) for part in ([at.x for at in knots], [at.tangent for at in knots]))
-        guess, tried = None, not self.equations.has_meshes
-        while not tried:
-            if tried := self.meshes is None:
-                guess, rests = self._ahead(xs, tangents, row, level, closing, target)
-                self.evaluate(guess[None])
+        padded = [*[knots[0]] * missing, *knots]
+        xs, tangents = (np.array(part) for part in ([at.x for at in padded], [at.tangent for at in padded]))
+        for tried in (False, True):
+            if tried or self.meshes is None:
+                guess, rests = self._ahead(xs[missing:], tangents[missing:], row, level, closing, target)
+                if self.meshed:
+                    self.evaluate(guess)
             if self.meshes is None:
                 break
-            padded = np.pad(xs, ((missing, 0), (0, 0)), "edge"), np.pad(tangents, ((missing, 0), (0, 0)), "edge")
-            points = *padded, np.arange(MEMORY) >= missing, row, level
-            found = self.equations.step(self.along, self.meshes, self.p(xs[-1:]), *points, closing, target, size)
-            if found:
-                guess, x, tangent, moved, here, (rests, *lengths) = found
-                if not settles(lengths[1], lengths[0], float(here.growth[0])):
-                    return self.correct(x, closing, target, last.tangent), guess, rests
-                size = self.size(x)
-                tangent /= np.linalg.norm(tangent / size)
-                turn = float(np.linalg.det(np.vstack([here.jacobian[0] * size, tangent / size])))
-                return At(x, tangent, turn, here, 0, moved, self.meshes), guess, rests
-            self.meshes = None
-        if guess is None:
-            guess, rests = self._ahead(xs, tangents, row, level, closing, target)
+            points = xs, tangents, np.arange(MEMORY) >= missing, row, level
+            if found := self.meshed.step(self.meshes, *points, closing, target, size, self.p(xs[-1:])):
+                guess, x, tangent, here, (rests, *lengths) = found
+                if settles(lengths[1], lengths[0], float(here.growth[0])):
+                    return self._ats(x[None], tangent[None], here, last.tangent[None])[0], guess, rests
+                return self.correct(x, closing, target, last.tangent), guess, rests
         return self.correct(guess, closing, target, last.tangent), guess, rests
 
     def _ahead(self, xs, tangents, row, level, closing, target: float) -> tuple[np.ndarray, int]:
@@ -224,8 +236,7 @@ class Curve:
             some = list(some)
             places, here = np.array([at.place for at in some]), some[0].here
             heres.append(here if np.array_equal(places, np.arange(len(here.jacobian))) else here[places])
-        here = self.equations.moved(joined(heres), xs[:, :-1], ps, np.array([at.moved for at in ats]))
-        return xs[:, :-1], ps, here, np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
+        return xs[:, :-1], ps, joined(heres), np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
 
     def _certify(self, ats: Sequence[At], us, ps, here: Evaluation, errors):
         """Give points their certificates, as they have been `solved`; raises `NoOrbit` about the first that can have
@@ -265,12 +276,6 @@ class Curve:
     def onto(self, at: At, value: float) -> At:
         """A point where the parameter is `value` but for rounding, with just that; certified."""
         return self.check(replace(at, x=np.append(at.x[:-1], value), point=None))
-
-
-def _on(motions: Motions, mesh: np.ndarray) -> bool:
-    """Whether the last of motions has been found on a mesh."""
-    starts, end = motions.starts[motions.first[-1] :], motions.ends[-1]
-    return len(starts) == len(mesh) - 1 and bool((np.abs(starts - mesh[:-1] * end) <= 1e-12 * end).all())
 
 
 def _finer(times: np.ndarray) -> np.ndarray:

@@ -52,7 +52,7 @@ class Flow:
         self.size = len(phase.states)
         self.names = (*phase.states, *phase.watch)
         self.schemes: dict[tuple, Taylor | RungeKutta] = {}
-        self.usual = LOOK_AHEAD  # steps of a motion up to a zero, about
+        self.usual = LOOK_AHEAD  # steps of motions up to a zero, and one more
 
     @cached_property
     def graph(self) -> Graph:
@@ -170,8 +170,8 @@ class Flow:
             ends = begins[np.arange(len(owner)), piece] + t[first]
             if len(owner):
                 found.append((going[owner], Motions(begins[used], ends, c[owner][used], piece + 1, self.names)))
-                self.usual = int(piece.max()) + 1
-            going, count = np.delete(going, owner), max(2 * count, LOOK_AHEAD)
+                self.usual = int(piece.max()) + 2 if len(starts) > 1 else self.usual
+            going, count = np.delete(going, owner), 2 * count
         if len(found) < 2:
             return found[0] if found else (going[:0], None)
         which, motions = zip(*found, strict=True)

@@ -16,9 +16,9 @@ BEND = 0.3
 
 @lru_cache(maxsize=32)
 def hermite(size: int, behind: int, ahead: int) -> ca.Function:
-    """(points (size, behind + ahead) of a curve in their order, tangents there, which of them count, row (size,), level)
-    -> the point at that level, in Lagrange's form, and the number of those that it rests on: as many on either side as
-    the curve passes, from the place between `behind` and `ahead` on, without turning round."""
+    """(points (size, behind + ahead) along a curve, tangents there, which of them count, row (size,), level) -> the
+    point at that level, in Lagrange's form, and the number of those that it rests on: as many on either side of the
+    place between `behind` and `ahead` as the curve passes without turning round."""
     count = behind + ahead
     xs, tangents, row = ca.SX.sym("x", size, count), ca.SX.sym("t", size, count), ca.SX.sym("row", size)
     counts, level = ca.SX.sym("counts", count), ca.SX.sym("level")

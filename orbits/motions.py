@@ -118,7 +118,7 @@ class Motions:
         return Trajectory(np.append(self.starts[some], self.ends[i]), self.coefficients[some], self.names, moving)
 
     def replaced(self, i: np.ndarray, others: "Motions") -> "Motions":
-        """With the motions i (k,) replaced by others."""
+        """With the motions i (k,), ascending, replaced by others."""
         if not (self.counts[i] == others.counts).all():
             order = np.arange(len(self))
             order[i] = len(self) + np.arange(len(i))
@@ -134,11 +134,11 @@ class Motions:
 
     def moved(self, changes, longer) -> "Motions":
         """The states' motions for small `changes` (m, columns) of what was varied, and so much longer (m,); to first
-        order."""
+        order, with their variations at the nodes alone."""
         states = self.variations.shape[1]
         change = np.einsum("Nick,Nc->Nik", self.variations, changes[self.owner])
         coefficients, names = self.coefficients[:, :states] + change, self.names[:states]
-        return Motions(self.starts, self.ends + longer, coefficients, self.counts, names, self.variations)
+        return Motions(self.starts, self.ends + longer, coefficients, self.counts, names, self.variations[..., :1])
 
     def only(self, names: tuple[str, ...]) -> "Motions":
         """The first rows alone, by their names, without variations."""

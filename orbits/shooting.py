@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -11,12 +11,10 @@ from . import nlp
 from .calls import Call, Calls
 from .errors import FlowError, NoOrbit
 from .flow import flow
-from .hermite import hermite
 from .model import Arc, Statement
 from .motions import Motions, Trajectory
 from .nodes import Nodes
 from .polynomial import derivative, evaluate
-from .steps import DEFECT
 
 # A relative Newton step is the last if it changes the end of the motion by less than this: the next one, its square, is
 # below rounding.
@@ -53,17 +51,11 @@ class Evaluation:
         return Evaluation(self.residual[i], self.jacobian[i], *(tuple(part[i] for part in each) for each in per_arc))
 
     def replaced(self, i: np.ndarray, others: "Evaluation") -> "Evaluation":
-        """With the points i (k,) of several replaced by others."""
+        """With the points i (k,) of several, ascending, replaced by others."""
         order = np.arange(len(self.residual))
         order[i] = len(order) + np.arange(len(i))
-        both = lambda name: zip(getattr(self, name), getattr(others, name), strict=True)  # noqa: E731
-        return Evaluation(
-            *(np.concatenate([getattr(part, name) for part in (self, others)])[order] for name in ("residual", "jacobian")),
-            tuple(motions.replaced(i, other) for motions, other in both("trajectories")),
-            *(
-                tuple(np.concatenate(parts)[order] for parts in both(name))
-                for name in ("transitions", "starts", "durations", "holds")
-            ),
+        return _put_together(
+            [self, others], lambda parts: np.concatenate(parts)[order], lambda parts: parts[0].replaced(i, parts[1])
         )
 
     @cached_property
@@ -116,6 +108,11 @@ class Shooting:
         self.flows = tuple(flow(arc.phase, self.parameters) for arc in statement.arcs)
 
     @property
+    def smooth(self) -> bool:
+        """Whether each arc's motions are Taylor series that no breakpoint ends."""
+        return all(along.smooth for along in self.flows)
+
+    @property
     def compiled(self) -> bool:
         """Whether one of the flows has taken long enough to be compiled."""
         return any(along.compiled for along in self.flows)
@@ -139,8 +136,8 @@ class Shooting:
             w = ca.vertcat(u, x0, x1, p, q)
             functions.append(
                 (
-                    Call(_dense("depart", [u, last, p], [depart, ca.jacobian(depart, z)])),
-                    Call(_dense("arrive", [u, x0, x1, p, q], [holds, ca.jacobian(holds, w)])),
+                    Call(dense("depart", [u, last, p], [depart, ca.jacobian(depart, z)])),
+                    Call(dense("arrive", [u, x0, x1, p, q], [holds, ca.jacobian(holds, w)])),
                 )
             )
             before = along.size
@@ -161,7 +158,7 @@ class Shooting:
         """Residual, Jacobian and motion at unknowns `u` (n,) and parameters `p` (np,), each step as long as it can
         be."""
         n, k = self.size, len(vary)
-        du, dp, own, seeds = self._seeds(vary)
+        du, dp, own, seeds = self.seeds(vary)
         last, dlast = np.zeros(0), np.zeros((0, n + k))
         residuals, jacobians, arcs = [], [], []
         for along, (depart, arrive), (dx, dparameters) in zip(self.flows, self.ends, seeds, strict=True):
@@ -182,7 +179,7 @@ class Shooting:
         return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *zip(*arcs, strict=True))
 
     @lru_cache(maxsize=8)  # noqa: B019 - the equations themselves are kept as long
-    def _seeds(self, vary: tuple[str, ...]):
+    def seeds(self, vary: tuple[str, ...]):
         """Derivatives of the unknowns, of the parameters and of those varied by all that changes; and for each arc the
         seeds of its start and of the parameters."""
         n, k = self.size, len(vary)
@@ -195,135 +192,26 @@ class Shooting:
         ]
         return np.eye(n, n + k), dp, np.eye(k, n + k, n), seeds
 
-    def evaluate_all(self, us, ps, vary: tuple[str, ...] = (), meshes=None) -> Evaluation:
-        """`evaluate` at several points (m, n) with their parameters (m, np), stacked.
+    def evaluate_all(self, us, ps, vary: tuple[str, ...] = ()) -> Evaluation:
+        """`evaluate` at several points (m, n) with their parameters (m, np), stacked."""
+        return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
 
-        meshes : nodes (N + 1,) of each arc as shares of its duration, to try first, all in one call: it saves choosing
-            the steps
+    def newton_steps(self, vary: str, xs, ps, rows, targets) -> tuple[np.ndarray, np.ndarray, Evaluation]:
+        """Newton steps from points (m, n + 1), unknowns and a varied parameter, towards F = 0, rows . X = targets (m,).
+
+        ps : the parameters (m, np) there
+
+        Returns the steps (m, n + 1), the directions of the curve (m, n + 1), and the equations, `stacked`, where the
+        steps lead, to first order but for the residuals.
         """
-        if meshes is None or not self.has_meshes:
-            return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
-        here, fine = self._read(meshes, *self._called(self._whole, vary, meshes, us, ps))
-        if fine.all():
-            return here
-        known = zip(fine, us, ps, strict=True)
-        return stacked([here[i] if good else self.evaluate(u, p, vary) for i, (good, u, p) in enumerate(known)])
-
-    def step(self, vary: str, meshes, p, xs, tangents, counts, row, level, closing, target, size):
-        """A step along the curve F = 0 of unknowns and a varied parameter: predicted from points of it, and two Newton
-        steps, all in one call.
-
-        xs, tangents, counts, row, level : what the prediction rests on, as in `hermite`, all points behind
-        closing, target : the row (n + 1,) and level that close the equations
-        size : (n + 1,), in whose units the lengths of the Newton steps are
-
-        Returns the prediction; where the steps lead, the direction of the curve there, the last step, and the equations
-        before that, stacked; and the numbers, of points that the prediction rests on, and the lengths of both steps.
-        None where `meshes` are too coarse.
-        """
-        made = partial(self._step, count=len(xs))
-        arguments = xs.ravel(), tangents.ravel(), counts, row, level, closing, target, size, p
-        arguments = (np.reshape(argument, (1, -1)) for argument in arguments)
-        schemes, (vectors, numbers, *results) = self._called(made, (vary,), meshes, *arguments)
-        rests, before, length, fine = numbers[0, :, 0].tolist()
-        here, also_fine = self._read(meshes, schemes, results)
-        if not (fine and also_fine[0] and length < np.inf):
-            return None
-        return *vectors[0].T, here, (int(rests), before, length)
-
-    @cached_property
-    def has_meshes(self) -> bool:
-        """Whether a mesh says all of a motion's steps."""
-        return all(along.smooth for along in self.flows)
-
-    def _called(self, function: Callable, vary: tuple[str, ...], meshes, *arguments) -> tuple[tuple, list]:
-        """The schemes of all arcs, and the results of `_whole` or `_step` with these arguments."""
-        count, sizes = len(arguments[0]), tuple(len(mesh) - 1 for mesh in meshes)
-        schemes = tuple(
-            along.scheme(along.size + len(vary), tuple(map(self.parameters.index, vary))) for along in self.flows
-        )
-        for scheme, size in zip(schemes, sizes, strict=True):
-            scheme.spend(count * size)
-        call = function(vary, sizes, schemes, tuple(scheme.compiled for scheme in schemes))
-        return schemes, call(np.concatenate(meshes)[None], *arguments)
-
-    def _read(self, meshes, schemes, results) -> tuple[Evaluation, np.ndarray]:
-        """The equations at several points from the results of `_whole`; and where (m,) the meshes are fine enough."""
-        residual, jacobian, *rest = results
-        # derivatives that nothing needs may be no numbers; the longer way leaves them out
-        fine, arcs = np.isfinite(jacobian).all((1, 2)), []
-        for i, (along, scheme, mesh) in enumerate(zip(self.flows, schemes, meshes, strict=True)):
-            duration, transition, dstart, longer, holds, c, dc, made, lengths = rest[9 * i : 9 * (i + 1)]
-            c, dc = (part.reshape(-1, *part.shape[2:]) for part in scheme.unfold(c, dc))
-            fine &= _trusted(made, lengths) & np.isfinite(c).reshape(len(fine), -1).all(1)
-            starts, ends = (duration[:, 0] * mesh[:-1]).ravel(), duration[:, 0, 0] * mesh[-1]
-            motions = Motions(starts, ends, c, np.full(len(fine), len(mesh) - 1), along.names, dc)
-            arcs.append((motions, transition, dstart, longer[:, 0], holds))
-        return Evaluation(residual[:, :, 0], jacobian, *zip(*arcs, strict=True)), fine
-
-    @lru_cache(maxsize=32)  # noqa: B019 - the equations themselves are kept as long
-    def _whole(
-        self, vary: tuple[str, ...], counts: tuple[int, ...], schemes: tuple, compiled: tuple[bool, ...]
-    ) -> Calls:
-        """The statement and its derivatives on meshes of so many steps, (meshes, u, p); another one when a scheme has
-        been compiled."""
-        n, k = self.size, len(vary)
-        du, dp, own, seeds = (ca.DM(x) if isinstance(x, np.ndarray) else x for x in self._seeds(vary))
-        u, p, nodes = ca.MX.sym("u", n), ca.MX.sym("p", len(self.parameters)), ca.MX.sym("t", sum(counts) + len(counts))
-        meshes = ca.vertsplit(nodes, np.cumsum([0, *(count + 1 for count in counts)]).tolist())
-        last, dlast = ca.MX(0, 1), ca.MX(0, n + k)
-        residuals, jacobians, results = [], [], []
-        for along, count, scheme, mesh, (depart, arrive), (dx, dq) in zip(
-            self.flows, counts, schemes, meshes, self.ends, seeds, strict=True
-        ):
-            value, slope = depart.function(u, last, p)
-            dvalue = slope @ ca.vertcat(du, dlast, dp)
-            start, duration, dstart, longer = value[:-1], value[-1], ca.vertcat(dvalue[:-1, :], own), dvalue[-1, :]
-            varied = dq[[self.parameters.index(name) for name in vary]]
-            data = ca.repmat(ca.vertcat(p, ca.vec(ca.DM(varied))), 1, count)
-            lengths = duration * (mesh[1:] - mesh[:-1]).T
-            z, c, dc, made = scheme.one.mapaccum(count)(ca.vertcat(start, ca.vec(ca.DM(dx))), data, lengths)
-            size = along.size
-            end, transition = z[:size, -1], ca.reshape(z[size:, -1], size, size + k)
-            dend = transition @ dstart + along.graph.field(end, p)[0] @ longer
-            holds, slope = arrive.function(u, start, end, p, ca.MX(0, 1))
-            residuals.append(holds)
-            jacobians.append(slope @ ca.vertcat(du, dstart[:size, :], dend, dp))
-            at_end = slope[:, n + size : n + 2 * size]
-            results += [duration, transition, dstart, longer, at_end, c, dc, made, lengths]
-            last, dlast = end, dend
-        results = [ca.vertcat(*residuals), ca.vertcat(*jacobians), *results]
-        return Calls(_dense("whole", [nodes, u, p], results))
-
-    @lru_cache(maxsize=32)  # noqa: B019 - the equations themselves are kept as long
-    def _step(
-        self, vary: tuple[str, ...], counts: tuple[int, ...], schemes: tuple, compiled: tuple[bool, ...], count: int
-    ) -> Calls:
-        """`step` from so many points, the meshes first and p last; the last number tells whether they are fine."""
-        n, index, whole = self.size + 1, self.parameters.index(*vary), self._whole(vary, counts, schemes, compiled)
-        nodes, p = ca.MX.sym("t", whole.function.size1_in(0)), ca.MX.sym("p", len(self.parameters))
-        xs, tangents, known, row, level = (ca.MX.sym(*a) for a in (("x", n, count), ("d", n, count), ("k", count), ("r", n), ("l",)))
-        closing, target, size = ca.MX.sym("c", n), ca.MX.sym("v"), ca.MX.sym("s", n)
-        square, right = ca.SX.sym("square", n, n), ca.SX.sym("right", n, 2)
-        solve_ = ca.Function("solve", [square, right], [ca.solve(square, right)])  # singular: not numbers, no error
-        guess, rests = hermite(n, count, 0)(xs, tangents, known, row, level)
-        last = tangents[:, -1]
-        guess += last * ((target - closing.T @ guess) / (closing.T @ last))
-        x, lengths, fine = guess, [], []
-        for _ in range(2):
-            results = whole.function(nodes, x[:-1], ca.vertcat(p[:index], x[-1], p[index + 1 :]))
-            residual, jacobian, *rest = results
-            lack = ca.vertcat(-residual, target - closing.T @ x)
-            both = solve_(ca.vertcat(jacobian, closing.T), ca.horzcat(lack, np.eye(n)[-1]))
-            x += both[:, 0]
-            lengths.append(ca.mmax(ca.fabs(both[:, 0] / size)))
-            for i in range(len(self.flows)):
-                made, asked = rest[9 * i + 7 : 9 * i + 9]
-                fine += [ca.mmin(made[0, :] == asked), ca.mmin(made[1, :] <= DEFECT)]
-        tangent = both[:, 1] * ca.sign((both[:, 1] / size).T @ (last / size))
-        vectors, numbers = ca.horzcat(guess, x, tangent, both[:, 0]), ca.vertcat(rests, *lengths, ca.mmin(ca.vertcat(*fine)))
-        arguments = [nodes, xs, tangents, known, row, level, closing, target, size, p]
-        return Calls(_dense("step", arguments, [vectors, numbers, *results]))
+        here = self.evaluate_all(xs[:, :-1], ps, (vary,))
+        right = np.zeros((*xs.shape, 2))
+        right[:, :-1, 0], right[:, -1, 0] = -here.residual, targets - np.einsum("mi,mi->m", xs, rows)
+        right[:, -1, 1] = 1.0
+        steps, directions = np.moveaxis(solve(np.concatenate([here.jacobian, rows[:, None]], axis=1), right), 2, 0)
+        new, ps = xs + steps, ps.copy()
+        ps[:, self.parameters.index(vary)] = new[:, -1]
+        return steps, directions, self.moved(here, new[:, :-1], ps, steps)
 
     def moved(self, here: Evaluation, us, ps, steps) -> Evaluation:
         """The equations, `stacked`, taken along by Newton steps (m, n + k) that settle them, to the points `us` (m, n)
@@ -338,11 +226,11 @@ class Shooting:
             known = zip(us, ps, zip(*moved, strict=True), strict=True)
             residual = np.array([self.residual(u, p, paths, by_end) for u, p, paths in known])
         else:
-            residual = self._arrivals(us, ps, *(motions.finals for motions in moved))[0][:, :, 0]
+            residual = self.arrivals(us, ps, *(motions.finals for motions in moved))[0][:, :, 0]
         return replace(here, residual=residual, trajectories=moved)
 
     @cached_property
-    def _arrivals(self) -> Calls:
+    def arrivals(self) -> Calls:
         """The residual from the ends of all arcs, (u, p, end, ...), of fields without pieces."""
         u, p = ca.SX.sym("u", self.size), ca.SX.sym("p", len(self.parameters))
         ends = [ca.SX.sym("x", along.size) for along in self.flows]
@@ -350,7 +238,7 @@ class Shooting:
         for last, end, (depart, arrive) in zip(before, ends, self.ends, strict=False):
             start = depart.function(u, last, p)[0][:-1]
             residuals.append(arrive.function(u, start, end, p, ca.SX(0, 1))[0])
-        return Calls(_dense("arrivals", [u, p, *ends], [ca.vertcat(*residuals)]))
+        return Calls(dense("arrivals", [u, p, *ends], [ca.vertcat(*residuals)]))
 
     def residual(self, u, p, paths: tuple[Trajectory, ...], travel: Callable) -> np.ndarray:
         """The residual (n,) with every arc's end from travel(flow, start, p, path), one of `paths` for each."""
@@ -423,10 +311,6 @@ def solve(matrix, right) -> np.ndarray:
         return np.array([solve(one, side) for one, side in zip(matrix, right, strict=True)])
 
 
-def _trusted(made, lengths) -> np.ndarray:
-    """Which motions (m,) have all the steps that were to be made (m, 1, N): lengths and defects `made` (m, 2, N)."""
-    return (made[:, 0] == lengths[:, 0]).all(1) & (made[:, 1] <= DEFECT).all(1)
-
-
-def _dense(name: str, arguments: list, results: list) -> ca.Function:
+def dense(name: str, arguments: list, results: list) -> ca.Function:
+    """A function with dense results."""
     return ca.Function(name, arguments, [ca.densify(result) for result in results])

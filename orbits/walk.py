@@ -43,9 +43,9 @@ STEEP = 0.1
 SAME = 1e-9
 # Refusals that end the walk, where so many good points make up for one: what rounding blurs is not crawled along.
 PATIENCE, REST = 16, 20
-# Points that are solved between steps and certified together: at first, at most, and how many times as many every time
-# that all goes well, or on a curve where it has not always done so.
-BEGIN, TOGETHER, MORE, CAREFULLY = 8, 160, 20, 4
+# Points that are solved between steps and certified together; and once something has been refused, how many times as
+# many every time that all goes well, from one on.
+TOGETHER, CAREFULLY = 256, 4
 # Points on either side that those between two rest on.
 SIDE = 3
 # Of a step's points, none but those asked for lie this near to another, as a share of their distance.
@@ -78,7 +78,7 @@ class Walk:
         self.origin = every[0]
         self.seen = [(point.alpha, point.value) for point in every]
         self.length = min(FIRST, options.longest)
-        self.count, self.more = BEGIN, MORE  # points to certify at a time
+        self.count = TOGETHER  # points to certify at a time
         self.trouble = 0.0  # refusals of late
 
     def __iter__(self) -> Iterator[At | Event | End]:
@@ -89,10 +89,11 @@ class Walk:
             yield End("stopped", "no motion to begin with: " + self.first.point.violations[0])
             return
         while True:
+            self.count = min(self.count, self.options.most - index)
             knots, failure = self.steps()
             ahead, rest = self.believable(knots)
             if rest:
-                knots, failure, self.count, self.more = knots[: -len(rest)], None, 1, CAREFULLY
+                knots, failure, self.count = knots[: -len(rest)], None, 1
                 self.length = rest[0].length * rest[0].parts * (1.0 if knots else 0.5)
                 if not knots:
                     continue
@@ -126,13 +127,13 @@ class Walk:
                     return
             if refusal is None and failure is None:
                 self.knots = [*self.knots, *knots][-MEMORY:]
-                self.count = 1 if rest else min(self.more * self.count, TOGETHER)
+                self.count = 1 if rest else min(CAREFULLY * self.count, TOGETHER)
                 continue
             done = good[: good.index(refused)] if refused in good else good
             self.knots = [*self.knots, *(at for at in knots if at in done)]
             if self.knots[-1] is not self.last:
                 self.knots.append(self.last)
-            self.knots, self.count, self.more = self.knots[-MEMORY:], 1, CAREFULLY
+            self.knots, self.count = self.knots[-MEMORY:], 1
             if refused is not None:
                 self.length = 0.5 * refused.length
                 self.trouble = max(self.trouble - len(good) / REST, 0.0) + 1

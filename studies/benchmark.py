@@ -31,9 +31,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from orbits import METHODS, InputError, ReturnMap, find, follow
+from orbits.curve import Curve
 from orbits.flow import Flow
 from orbits.plot import COLOURS, new_row, save_figure
-from orbits.statements import equations_of
 from orbits.steps import RungeKutta
 from problems import Chain, Hopper
 
@@ -262,13 +262,12 @@ def _followed(machine, along: str, stop: float, number: int, golden: dict[float,
     _warmed(walk, seconds)
     took, family = timed(walk, seconds)
     error = max(error_of(point.alpha, golden[point.value]) for point in family if point.value in golden)
-    equations = equations_of(machine.model, family.settings["method"], tuple(machine.values))
+    curve = Curve(machine, along, family.settings["method"], 1.0)
     points = family.points[-40:]
-    us = np.array([point.u for point in points])
-    ps = np.array([list(machine.with_values(**{along: point.value}).values.values()) for point in points])
-    meshes = [path.times / path.times[-1] for path in equations.evaluate(us[-1], ps[-1], (along,)).trajectories]
-    meshes = [np.interp(np.linspace(0, 1, len(mesh) + 2), np.linspace(0, 1, len(mesh)), mesh) for mesh in meshes]
-    once, _ = timed(lambda: equations.evaluate_all(us, ps, (along,), meshes), seconds)
+    xs, rows = np.array([[*point.u, point.value] for point in points]), np.array([point.tangent for point in points])
+    curve.evaluate(xs[-1])
+    known = curve.meshes, xs, curve.p(xs), rows, np.einsum("mi,mi->m", rows, xs)
+    once, _ = timed(lambda: curve.meshed.newton_steps(*known), seconds)
     return [
         {"way": "follow, certified", "seconds": took / len(family), "error": error, "points": len(family)},
         {"way": "the equations once", "seconds": once / len(points), "error": 0.0},

@@ -147,7 +147,7 @@ def test_the_interpolant_has_its_order():
     """Six data of an exponential curve: the error falls with the sixth power."""
 
     def at(t: float) -> At:
-        return At(np.array([np.exp(t), t]), 0.3 * np.array([np.exp(t), 1.0]), 1.0, None, 0, np.zeros(2))
+        return At(np.array([np.exp(t), t]), 0.3 * np.array([np.exp(t), 1.0]), 1.0, None, 0)
 
     errors = []
     for h in (0.2, 0.1):
@@ -378,16 +378,16 @@ def test_memory_stays_flat_over_many_orbits():
 
 def test_ipopt_goes_on_where_newton_fails(monkeypatch):
     """A corrector that fails in a window but for a given value of the parameter."""
-    correct = Curve.correct_all
+    step = Curve.step
 
-    def failing(self, guesses, row, levels, before):
-        if 0.2 < guesses[0, -1] < 0.6 and np.count_nonzero(row) > 1 and len(solved) < 1:
+    def failing(self, knots, length, value=None):
+        if 0.2 < knots[-1].value < 0.6 and value is None and len(solved) < 1:
             raise NoOrbit("the corrector does not converge")
-        return correct(self, guesses, row, levels, before)
+        return step(self, knots, length, value)
 
     solved = []
     solve = Shooting.multiple_shooting
-    monkeypatch.setattr(Curve, "correct_all", failing)
+    monkeypatch.setattr(Curve, "step", failing)
     monkeypatch.setattr(Shooting, "multiple_shooting", lambda *a: solved.append(a) or solve(*a))
     family = follow(Hopper("cubic"), "beta", 1.0, 0.0)
     assert len(solved) == 1
@@ -507,17 +507,11 @@ def test_what_rests_on_a_chain_of_points():
     t = np.array([0.0, 0.1, 0.3, 0.35, 0.2])
     xs, tangents = np.stack([t**3, t], axis=1), np.stack([3 * t**2, np.ones(5)], axis=1)
     tangents[4] *= -1  # turned round
-    rows, level = np.array([[0.0, 1.0]] * 4), np.array([0.2])
-    path = around(xs, tangents, rows, np.array([1, 2, 4, 5]), 3, 2)
-    assert path.known.tolist() == [
-        [False, False, True, True, True],
-        [False, True, True, True, True],
-        [True, True, True, True, False],
-        [False, False, True, False, False],
-    ]
-    for which in range(3):
-        assert path(np.array([which]), level) == pytest.approx(np.array([[0.008, 0.2]]), abs=1e-15)
-    assert path(np.array([3]), np.array([0.1])) == pytest.approx(np.array([[0.008 - 0.1 * 0.12, 0.1]]), abs=1e-15)
+    rows, levels = np.array([[0.0, 1.0]] * 4), np.array([0.2, 0.2, 0.2, 0.1])
+    points, counts = around(xs, tangents, np.array([1, 2, 4, 5]), 3, 2, rows, levels)
+    assert counts.tolist() == [3, 4, 4, 1]
+    assert points[:3] == pytest.approx(np.array([[0.008, 0.2]] * 3), abs=1e-15)
+    assert points[3] == pytest.approx(np.array([0.008 - 0.1 * 0.12, 0.1]), abs=1e-15)
 
 
 def test_points_are_certified_up_to_the_first_that_cannot_be(monkeypatch):

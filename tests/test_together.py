@@ -7,10 +7,12 @@ import pytest
 from conftest import REFERENCES, machine_of
 
 from orbits import FlowError, OutOfRange, ReturnMap, find, simulate
+from orbits.curve import Curve, interpolated
 from orbits.elementwise import Rows
 from orbits.flow import first_zero
 from orbits.impacts import Impacts
 from orbits.jets import variations
+from orbits.meshed import meshed
 from orbits.shooting import Shooting, joined
 from orbits.statements import equations_of
 from problems import Hopper, springs
@@ -151,39 +153,91 @@ def cubics(count: int) -> tuple[Shooting, np.ndarray, np.ndarray, list[np.ndarra
     return equations, xs, ps, [np.linspace(0, 1, 2 * len(path.steps))]
 
 
+def assert_same(some, one):
+    """Two evaluations of a statement agree, up to the order of their roundings."""
+    assert some.residual == pytest.approx(one.residual, abs=1e-12)
+    assert some.jacobian == pytest.approx(one.jacobian, rel=1e-11, abs=1e-11)
+    assert some.growth == pytest.approx(one.growth, rel=1e-11)
+    assert some.trajectories[0].end[:4] == pytest.approx(one.trajectories[0].end[:4], abs=1e-12)
+
+
 def test_a_statement_at_many_points():
-    """On one mesh in one call; on a mesh too coarse, each with the steps it needs."""
-    equations, xs, ps, fine = cubics(9)
-    for meshes in (fine, [np.linspace(0, 1, 3)]):
-        here = equations.evaluate_all(xs[:, :3], ps, ("beta",), meshes)
-        halves = joined([here[np.arange(4)], here[np.arange(8, 3, -1)]])
-        for i, (x, p) in enumerate(zip(xs, ps, strict=True)):
-            one = equations.evaluate(x[:3], p, ("beta",))
-            for some in (here[i], halves[i if i < 4 else 12 - i]):
-                assert some.residual == pytest.approx(one.residual, abs=1e-12)
-                assert some.jacobian == pytest.approx(one.jacobian, rel=1e-11, abs=1e-11)
-                assert some.growth == pytest.approx(one.growth, rel=1e-11)
-                assert some.trajectories[0].end == pytest.approx(one.trajectories[0].end, abs=1e-12)
-        assert list(here.growth) == [here[i].growth for i in range(9)]
-
-
-def test_a_newton_step_at_once():
-    equations, xs, ps, fine = cubics(3)
-    rows = np.random.default_rng(6).normal(size=(3, 4))
-    levels = np.einsum("mi,mi->m", rows, xs) + 0.01
-    there, here = equations.ahead(xs, ps, "beta", fine, rows, levels)
+    equations, xs, ps, _ = cubics(9)
+    here = equations.evaluate_all(xs[:, :3], ps, ("beta",))
+    halves = joined([here[np.arange(4)], here[np.arange(8, 3, -1)]])
+    assert list(here.growth) == [here[i].growth for i in range(9)]
     for i, (x, p) in enumerate(zip(xs, ps, strict=True)):
         one = equations.evaluate(x[:3], p, ("beta",))
-        step = np.linalg.solve(np.vstack([one.jacobian, rows[i]]), np.append(-one.residual, 0.01))
-        assert there[i] == pytest.approx(x + step, rel=1e-11)
-        beta = p.copy()
-        beta[p == x[3]] = there[i, 3]
-        assert here[i].residual == pytest.approx(equations.evaluate(there[i, :3], beta).residual, abs=1e-11)
+        assert_same(here[i], one)
+        assert_same(halves[i if i < 4 else 12 - i], one)
 
 
-def test_a_newton_step_from_where_the_mesh_is_too_coarse():
-    """Although it may lead to a motion so short that the mesh serves it."""
-    equations, xs, ps, _ = cubics(1)
+@pytest.mark.parametrize("longer", [1.001, 2.0])
+def test_some_points_replaced_by_others(longer):
+    """Whose motions have as many steps, or more."""
+    equations, xs, ps, _ = cubics(5)
+    others = xs[:2] * [1, 1, longer, 1]
+    some, others = (equations.evaluate_all(part[:, :3], ps[: len(part)], ("beta",)) for part in (xs, others))
+    assert (others.trajectories[0].counts == some.trajectories[0].counts[:2]).all() == (longer < 2)
+    which = np.array([1, 4])
+    here = some.replaced(which, others)
+    for i in range(5):
+        assert_same(here[i], others[list(which).index(i)] if i in which else some[i])
+
+
+def test_newton_steps_of_many_points():
+    """On one mesh in one call, and one by one; both lead to where the equations hold to second order."""
+    equations, xs, ps, meshes = cubics(9)
+    rows = np.random.default_rng(6).normal(size=xs.shape)
+    targets = np.einsum("mi,mi->m", rows, xs) + 1e-6
+    *found, fine = meshed(equations, "beta").newton_steps(meshes, xs, ps, rows, targets)
+    steps, directions, here = equations.newton_steps("beta", xs, ps, rows, targets)
+    assert fine.all()
+    assert found[0] == pytest.approx(steps, rel=1e-10)
+    assert found[1] == pytest.approx(directions, rel=1e-10)
+    assert np.einsum("mi,mi->m", rows, xs + steps) == pytest.approx(targets, rel=1e-12)
+    betas = ps.copy()
+    betas[ps == xs[:, 3:]] = (xs + steps)[:, 3]
+    there = equations.evaluate_all((xs + steps)[:, :3], betas)
+    for i in range(9):
+        assert_same(found[2][i], here[i])
+        assert here.residual[i] == pytest.approx(there.residual[i], abs=30 * np.max(np.abs(steps[i])) ** 2)
+        path, true = (some.trajectories[0][i] for some in (found[2], there))
+        assert path.times[-1] == pytest.approx(true.times[-1], rel=1e-11)
+        assert path.end == pytest.approx(true.end[:4], abs=30 * np.max(np.abs(steps[i])) ** 2)
+
+
+def test_meshes_that_are_too_coarse():
+    """Although a step may lead to a motion so short that they serve it."""
+    equations, xs, ps, meshes = cubics(1)
+    row, on = np.eye(4)[2], meshed(equations, "beta")
     for count in (2, 3, 4):
         mesh = [np.linspace(0, 1, count)]
-        assert equations.ahead(xs, ps, "beta", mesh, np.eye(4)[[2]], np.array([1e-3])) is None
+        assert not on.newton_steps(mesh, xs, ps, row[None], np.array([1e-3]))[3].any()
+        assert on.step(mesh, xs, row[None], np.ones(1), row, xs[:, 2], row, xs[:, 2], np.ones(4), ps) is None
+    backwards = xs * [1, 1, -1, 1]
+    assert not on.newton_steps(meshes, backwards, ps, row[None], xs[:, 2])[3].any()
+
+
+def test_a_step_along_a_curve_at_once():
+    """Against the interpolant and the corrector, which it is made of."""
+    curve = Curve(Hopper("cubic"), "beta", "relative", 1.0)
+    row = np.array([0.0, 0.0, 1.0])
+    knots = [curve.correct(np.array([1.0, 4.49, 0.0]), row, 0.0, row)]
+    for beta in (0.01, 0.03, 0.05, 0.08):
+        knots.append(curve.correct(knots[-1].x, row, beta, row))
+        for value in (None, beta + 0.04):
+            end, guess, rests = curve.step(knots[-4:], 0.05, value)
+            last = knots[-1]
+            measure = last.tangent / curve.size(last.x) ** 2
+            level = measure @ last.x + 0.05
+            closing, target = (measure, level) if value is None else (row, value)
+            assert rests == min(len(knots), 4)
+            assert closing @ guess == pytest.approx(target, rel=1e-13)
+            if value is None:
+                assert guess == pytest.approx(interpolated(knots[-4:], measure, np.array([level]))[0], rel=1e-13)
+            one = curve.correct(guess, closing, target, last.tangent)
+            assert end.x == pytest.approx(one.x, rel=1e-13)
+            assert end.tangent == pytest.approx(one.tangent, rel=1e-12)
+            assert end.turn == pytest.approx(one.turn, rel=1e-12)
+            assert_same(end.here[0], one.here[0])
