@@ -31,8 +31,9 @@ AT_A_FOLD = 1e-3
 MOST_STEPS = 300
 # Points of the curve that the prediction of a step rests on.
 MEMORY = 4
-# A mesh has this many times as many steps as the motion that it is made for.
-CLOSER = 1.15
+# A mesh has this many times as many steps as the motion that it is made for, and is made anew where one of them is more
+# than this share of what it could be.
+CLOSER, TIGHT = 1.15, 0.95
 
 
 @dataclass(eq=False)
@@ -103,7 +104,7 @@ class Curve:
         """The equations at points, stacked, the motions of the last of which are the next to be tried."""
         few = all(motions.counts[-1] <= MOST_STEPS for motions in here.trajectories)
         last = (motions[len(motions) - 1] for motions in here.trajectories)
-        self.meshes = [_finer(path.times) for path in last] if self.meshed and few else None
+        self.meshes = [_mesh(path.times, np.ones_like(path.steps)) for path in last] if self.meshed and few else None
         return here
 
     def _newton_steps(self, xs, rows, targets) -> tuple[np.ndarray, np.ndarray, Evaluation]:
@@ -180,10 +181,13 @@ class Curve:
                 break
             points = xs, tangents, np.arange(MEMORY) >= missing, row, level
             if found := self.meshed.step(self.meshes, *points, closing, target, size, self.p(xs[-1:])):
-                guess, x, tangent, here, (rests, *lengths) = found
-                if settles(lengths[1], lengths[0], float(here.growth[0])):
-                    return self._ats(x[None], tangent[None], here, last.tangent[None])[0], guess, rests
-                return self.correct(x, closing, target, last.tangent), guess, rests
+                guess, x, tangent, here, (rests, before, moved), loads = found
+                if not settles(moved, before, float(here.growth[0])):
+                    return self.correct(x, closing, target, last.tangent), guess, rests
+                (end,) = self._ats(x[None], tangent[None], here, last.tangent[None])
+                if max(load.max() for load in loads) > TIGHT:
+                    self.meshes = list(map(_mesh, self.meshes, loads))
+                return end, guess, rests
         return self.correct(guess, closing, target, last.tangent), guess, rests
 
     def _ahead(self, xs, tangents, row, level, closing, target: float) -> tuple[np.ndarray, int]:
@@ -278,12 +282,12 @@ class Curve:
         return self.check(replace(at, x=np.append(at.x[:-1], value), point=None))
 
 
-def _finer(times: np.ndarray) -> np.ndarray:
-    """A motion's nodes as shares of its duration, a little closer, so that its neighbours can use them too, and of few
-    numbers, since for each something is built."""
-    count = len(times) - 1
-    places = np.linspace(0, count, room_for(int(CLOSER * count) + 1, digits=4) + 1)
-    return np.interp(places, np.arange(count + 1), times) / times[-1]
+def _mesh(times: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """Nodes for the neighbours of a motion, as shares of its duration, a little closer than its own at `times` (N + 1,)
+    where the steps are shares `loads` (N,) of what they could be; of few numbers, since for each something is built."""
+    places = np.append(0.0, np.cumsum(np.maximum(loads, 1 / CLOSER)))
+    count = room_for(int(np.ceil(CLOSER * places[-1])), digits=4)
+    return np.interp(np.linspace(0, places[-1], count + 1), places, times) / times[-1]
 
 
 def interpolated(ats: Sequence[At], row, levels) -> np.ndarray:

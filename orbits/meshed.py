@@ -45,8 +45,8 @@ class Meshed:
         size : (n + 1,), in whose units the lengths of the Newton steps are
 
         Returns the prediction; the steps' end, the direction of the curve and the equations there, as `newton_steps`
-        gives them; and how many points the prediction rests on, and the lengths of both steps. None where `meshes` are
-        too coarse.
+        gives them; how many points the prediction rests on, and the lengths of both steps; and for each arc which
+        share (N,) the motion's steps are of what they could be. None where `meshes` are too coarse.
         """
         arguments = xs, tangents, counts, row, level, closing, target, size, p
         places, numbers, *results = self._called(len(xs), meshes, *(np.reshape(a, (1, -1)) for a in arguments))
@@ -55,7 +55,8 @@ class Meshed:
         if not (fine[0] and also_fine):
             return None
         guess, x = places[0].T
-        return guess, x, directions[0], here, (int(rests), before, last)
+        loads = np.split(results[-1][0, 0], np.cumsum([len(mesh) - 1 for mesh in meshes[:-1]]))
+        return guess, x, directions[0], here, (int(rests), before, last), loads
 
     def _called(self, memory: int, meshes: Sequence[np.ndarray], *arguments) -> list[np.ndarray]:
         """The results of `_newton`, or where there is a memory of so many points, of `_step`, with these arguments."""
@@ -69,7 +70,7 @@ class Meshed:
 
     def _read(self, meshes, results) -> tuple[np.ndarray, np.ndarray, Evaluation, np.ndarray]:
         """`newton_steps` from the results of `_newton`."""
-        vectors, fine, residual, jacobian, *rest = results
+        vectors, fine, residual, jacobian, *rest, _ = results
         arcs, count = [], len(vectors)
         for i, (along, mesh) in enumerate(zip(self.equations.flows, meshes, strict=True)):
             duration, end, transition, start, longer, holds, c, nodes = rest[8 * i : 8 * (i + 1)]
@@ -117,7 +118,7 @@ class Meshed:
             jacobians.append(slope @ ca.vertcat(du, dstart[:size, :], dend, dp))
             fine += [duration > 0, ca.mmin(made[0, :] == lengths), ca.mmin(made[1, :] <= DEFECT)]
             at_end = slope[:, n + size : n + 2 * size]
-            results += [duration, transition, dstart, longer, at_end, c, dc, lengths[-1]]
+            results += [duration, transition, dstart, longer, at_end, c, dc, lengths, made[2, :]]
             last, dlast = end, dend
         results = [ca.vertcat(*residuals), ca.vertcat(*jacobians), ca.mmin(ca.vertcat(*fine)), *results]
         return dense("evaluation", [nodes, x, p], results)
@@ -125,27 +126,29 @@ class Meshed:
     @lru_cache(maxsize=32)  # noqa: B019
     def _newton(self, *known) -> Calls:
         """A Newton step, (meshes, x, row, target, p) -> the step and the curve's direction; whether the meshes are fine
-        enough; and the equations where it leads, to first order but for the residuals."""
+        enough; the equations where it leads, to first order but for the residuals; and of the motions' steps which
+        share they are of what they could be."""
         equations, n, evaluation = self.equations, self.equations.size + 1, self._evaluation(*known)
         nodes, p = ca.MX.sym("t", evaluation.size1_in(0)), ca.MX.sym("p", evaluation.size1_in(2))
         x, row, target = ca.MX.sym("x", n), ca.MX.sym("row", n), ca.MX.sym("target")
         residual, jacobian, fine, *rest = evaluation(nodes, x, p)
         both = _both(n)(residual, jacobian, row, target - row.T @ x)
-        step, ends, results = both[:, 0], [], []
+        step, ends, loads, results = both[:, 0], [], [], []
         for i, (along, count) in enumerate(zip(equations.flows, known[0], strict=True)):
-            duration, transition, start, longer, holds, c, dc, length = rest[8 * i : 8 * (i + 1)]
+            duration, transition, start, longer, holds, c, dc, lengths, trusted = rest[9 * i : 9 * (i + 1)]
             size, order = along.size, c.size1()
             if len(along.names) > size:  # without what is watched
                 c = ca.horzcat(*[block[:, :size] for block in ca.horzsplit(c, len(along.names))])
             change = ca.diagcat(*[start @ step] * count)
             c += ca.reshape(ca.reshape(dc, order * size, (size + 1) * count) @ change, order, size * count)
             longer_by = longer @ step
-            ends.append(_value(order, size)(c[:, -size:], length + longer_by))
+            ends.append(_value(order, size)(c[:, -size:], lengths[-1] + longer_by))
             results += [duration, duration + longer_by, transition, start, longer, holds, c, dc[0, :]]
+            loads.append(lengths / trusted)
         new = x + step
         arrived = equations.arrivals.function(new[:-1], self._parameters(p, new[-1]), *ends)
         arguments = [nodes, x, row, target, p]
-        return Calls(dense("newton", arguments, [both, fine, arrived, jacobian, *results]))
+        return Calls(dense("newton", arguments, [both, fine, arrived, jacobian, *results, ca.horzcat(*loads)]))
 
     @lru_cache(maxsize=32)  # noqa: B019
     def _step(self, counts, schemes, compiled, memory: int) -> Calls:

@@ -229,7 +229,7 @@ def _halve(values):
 def _refine(coefficients, h, low, high, rising, t) -> float:
     """Newton's method kept inside the bracket, by bisection where it would leave it; all but the answer in shares of h.
 
-    It ends when the next step, by the rate at which the last two have shrunk, is below rounding.
+    It ends when the next step, by the rate at which the last two have shrunk, is below rounding, or the bracket is.
     """
     c = coefficients.tolist()
     low, high, t = (float(share * h) for share in (low, high, t))
@@ -245,7 +245,7 @@ def _refine(coefficients, h, low, high, rising, t) -> float:
             low = t
         new = t - value / slope if slope else low
         step = abs(new - t)
-        if step <= 4.5e-16 * high or (last and step * (step / last) ** 2 <= 1e-17 * high):
+        if min(step, high - low) <= 4.5e-16 * high or (last and step * (step / last) ** 2 <= 1e-17 * high):
             return min(max(new, low), high)
         if low < new < high:
             t, last = new, step
@@ -267,7 +267,7 @@ def _refine_together(c, h, low, high, rising, t) -> np.ndarray:
         with np.errstate(divide="ignore", invalid="ignore"):
             new = t - value / slope
             step = np.abs(new - t)
-            settled = (step <= 4.5e-16 * high) | (step * (step / last) ** 2 <= 1e-17 * high)
+            settled = (np.minimum(step, high - low) <= 4.5e-16 * high) | (step * (step / last) ** 2 <= 1e-17 * high)
         inside = settled | ((low < new) & (new < high))
         if settled.all():
             return np.clip(new, low, high)

@@ -93,16 +93,18 @@ class Taylor:
 
     def _measure(self, graph: Graph) -> ca.Function:
         """(coefficients of the states (K + 1, n), of the sensitivities (K + 1, n * columns), p, dp, longest step) ->
-        the powers (K + 1,) of the step's length; that length, and how far the step is from solving the equation."""
+        the powers (K + 1,) of the step's length; that length, how far the step is from solving the equation, and how
+        long it could be."""
         c, dc = ca.SX.sym("c", ORDER + 1, self.n), ca.SX.sym("dc", ORDER + 1, self.n * self.columns)
         dp, longest = ca.SX.sym("dp", len(self.varied) * self.columns), ca.SX.sym("h")
-        h = ca.fmin(longest, _trusted_length(c, 0))
+        trusted = _trusted_length(c, 0)
         if self.varied:  # the series of f_p may end sooner than that of f
-            h = ca.fmin(h, _trusted_length(dc, ca.norm_inf(dp)))
+            trusted = ca.fmin(trusted, _trusted_length(dc, ca.norm_inf(dp)))
+        h = ca.fmin(longest, trusted)
         powers = _powers(h)
         size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # a motion at rest at the origin has none
         defect = self._defect(graph, ca.diag(powers) @ c, h) / size
-        return ca.Function("measure", [c, dc, graph.p, dp, longest], [powers, ca.vertcat(h, defect)])
+        return ca.Function("measure", [c, dc, graph.p, dp, longest], [powers, ca.vertcat(h, defect, trusted)])
 
     @staticmethod
     def _defect(graph: Graph, terms: ca.SX, h: ca.SX) -> ca.SX:
@@ -140,7 +142,7 @@ class Taylor:
                 data[:, len(p) :] = dp[self.varied].T.ravel()
             lengths[:] = min(longest, 1e9)
             call.trigger()
-            _, c, dc, (steps, defects) = (result.copy(order="K") for result in call.results)
+            _, c, dc, (steps, defects, _) = (result.copy(order="K") for result in call.results)
         c, dc = self.unfold(c, dc)
         trusted = count if (defects <= DEFECT).all() else int(np.argmin(defects <= DEFECT))
         if trusted == 0:  # halve the first step until its series solves the equation, unless it has no series

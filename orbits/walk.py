@@ -8,7 +8,7 @@ as closely as asked: the interpolant through the ends must lead there too.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import accumulate, groupby
 
 import numpy as np
 
@@ -46,6 +46,8 @@ PATIENCE, REST = 16, 20
 # Points that are solved between steps and certified together; and once something has been refused, how many times as
 # many every time that all goes well, from one on.
 TOGETHER, CAREFULLY = 256, 4
+# Points are solved together on meshes that have up to this many times as many steps as they need.
+ALIKE = 1.25
 # Points on either side that those between two rest on.
 SIDE = 3
 # Of a step's points, none but those asked for lie this near to another, as a share of their distance.
@@ -174,11 +176,12 @@ class Walk:
         tangents = np.array([at.tangent for at in chain[before:-1]])[legs]
         stops = np.searchsorted(legs, np.arange(len(knots)), side="right")
         solved: list[At] = []
-        for _, same in groupby(range(len(knots)), key=lambda i: id(knots[i].meshes)):
+        meshes = list(accumulate((at.meshes for at in reversed(knots)), _either))[::-1]
+        for _, same in groupby(range(len(knots)), key=lambda i: id(meshes[i])):
             *_, last = same
             some = slice(len(solved), int(stops[last]))
             if some.start < some.stop:
-                self.curve.meshes = knots[last].meshes
+                self.curve.meshes = meshes[last]
                 solved += self.curve.correct_all(guesses[some], rows[some], levels[some], tangents[some])
         self.curve.meshes = knots[-1].meshes
         for i in np.flatnonzero(asked):
@@ -410,3 +413,10 @@ class Walk:
         if abs(value - self.origin.value) < DECADES * self.curve.span:
             where += "; a parameter over decades is followed by its inverse or its logarithm"
         return End("stuck", where)
+
+
+def _either(later: list | None, meshes: list | None) -> list | None:
+    """The meshes that serve further on, where they are not much finer than those of a place before; or these."""
+    if later is None or meshes is None or sum(map(len, later)) > ALIKE * sum(map(len, meshes)):
+        return meshes
+    return later

@@ -138,19 +138,26 @@ def orbits_of(machine, family: int, exact: str, rates: Callable, seconds: float,
     return rows
 
 
+def flow_of(machine, way: str) -> Callable | None:
+    """Half a flight with its 4 by 4 transition matrix, (start, half) -> motion, matrix; None without a compiler."""
+    p, seeds = np.array(list(machine.values.values())), np.eye(4)
+    along = Flow(replace(machine.model.flight, closed_form=None), tuple(machine.values))
+    if way.startswith("Runge-Kutta"):
+        along.schemes[4, ()] = RungeKutta(along.graph, 4)
+    elif not _compiled(along.scheme(4), way.endswith("compiled")):
+        return None
+    return lambda start, half: along.run(start, p, half, seeds)
+
+
 def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
-    """Half the flight with its 4 by 4 transition matrix; the error is that of rest in mid-flight."""
-    names, p = tuple(machine.values), np.array(list(machine.values.values()))
+    """Half the flight with its transition matrix by every way; the error is that of rest in mid-flight."""
+    p = np.array(list(machine.values.values()))
     start, half, rows = orbit(0.0), orbit.flight_time / 2, []
     seeds = np.eye(4)
-    phase = replace(machine.model.flight, closed_form=None)
     for way in ("Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8"):
-        along = Flow(phase, names)
-        if way.startswith("Runge-Kutta"):
-            along.schemes[4, ()] = RungeKutta(along.graph, 4)
-        elif not _compiled(along.scheme(4), way.endswith("compiled")):
+        if not (along := flow_of(machine, way)):
             continue
-        took, (path, _) = timed(lambda a=along: a.run(start, p, half, seeds), seconds)
+        took, (path, _) = timed(lambda a=along: a(start, half), seconds)
         rows.append({"way": way, "seconds": took, "error": float(np.abs(path.end[1:4:2]).max())})
     with contextlib.suppress(ImportError):
         along = peers.flow_by_heyoka(machine)
