@@ -95,7 +95,7 @@ def _defects(along: Flow, ps, here: Evaluation) -> np.ndarray:
     (motions,), (transition,), (holds,) = here.trajectories, here.transitions, here.holds
     n, h, last = along.size, motions.steps, motions.last
     c = motions.coefficients[:, :n]
-    scaled = c * powers(h, c.shape[2])[:, None]
+    scaled = c * motions.of_steps[:, None]
     states = (scaled @ powers(GAUSS_PLACES, c.shape[2]).T).swapaxes(1, 2)
     data = np.repeat(ps, motions.counts * GAUSS, axis=0)
     rates = along.fields(states.reshape(-1, n), data)[0].reshape(-1, GAUSS, n)

@@ -104,7 +104,7 @@ class Curve:
         """The equations at points, stacked, the motions of the last of which are the next to be tried."""
         few = all(motions.counts[-1] <= MOST_STEPS for motions in here.trajectories)
         last = (motions[len(motions) - 1] for motions in here.trajectories)
-        self.meshes = [_mesh(path.times, np.ones_like(path.steps)) for path in last] if self.meshed and few else None
+        self.meshes = [_mesh(path.times, _loads(path.steps)) for path in last] if self.meshed and few else None
         return here
 
     def _newton_steps(self, xs, rows, targets) -> tuple[np.ndarray, np.ndarray, Evaluation]:
@@ -186,7 +186,7 @@ class Curve:
                     return self.correct(x, closing, target, last.tangent), guess, rests
                 (end,) = self._ats(x[None], tangent[None], here, last.tangent[None])
                 if max(load.max() for load in loads) > TIGHT:
-                    self.meshes = list(map(_mesh, self.meshes, loads))
+                    self.meshes = [_mesh(*known) for known in zip(self.meshes, loads, strict=True)]
                 return end, guess, rests
         return self.correct(guess, closing, target, last.tangent), guess, rests
 
@@ -282,10 +282,17 @@ class Curve:
         return self.check(replace(at, x=np.append(at.x[:-1], value), point=None))
 
 
+def _loads(steps: np.ndarray) -> np.ndarray:
+    """Which shares (N,) steps are of what they could be: all are as long as can be, but the last is cut off."""
+    loads = np.ones_like(steps)
+    loads[-1] = min(1.0, steps[-1] / steps[-2]) if len(steps) > 1 else 1.0
+    return loads
+
+
 def _mesh(times: np.ndarray, loads: np.ndarray) -> np.ndarray:
     """Nodes for the neighbours of a motion, as shares of its duration, a little closer than its own at `times` (N + 1,)
     where the steps are shares `loads` (N,) of what they could be; of few numbers, since for each something is built."""
-    places = np.append(0.0, np.cumsum(np.maximum(loads, 1 / CLOSER)))
+    places = np.append(0.0, np.cumsum(loads))
     count = room_for(int(np.ceil(CLOSER * places[-1])), digits=4)
     return np.interp(np.linspace(0, places[-1], count + 1), places, times) / times[-1]
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from .model import Affine
-from .polynomial import Pile, evaluate, shifted
+from .polynomial import Pile, evaluate, powers, shifted
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +161,7 @@ class Motions:
 
     def pile(self, series) -> Pile:
         """The piecewise polynomials of `series` (N, K + 1), one for each motion."""
-        return Pile(series, self.steps, self.counts)
+        return Pile(series, self.steps, self.counts, self.of_steps)
 
     def time(self, owner, piece, t) -> np.ndarray:
         """The times (r,) of places in motions, as a `Pile` tells them."""
@@ -170,6 +170,11 @@ class Motions:
     def largest(self, values) -> np.ndarray:
         """Of each motion the largest absolute value (m,) of any of `values` (N, ...)."""
         return np.maximum.reduceat(np.abs(values).reshape(len(values), -1).max(1), self.first)
+
+    @cached_property
+    def of_steps(self) -> np.ndarray:
+        """Powers (N, K + 1) of the steps."""
+        return powers(self.steps, self.coefficients.shape[2])
 
     @cached_property
     def finals(self) -> np.ndarray:

@@ -122,11 +122,14 @@ class Pile:
     """Several continuous piecewise polynomials, asked together: one takes hardly less time than twenty.
 
     coefficients (N, K + 1) and steps (N,) of all pieces, `counts` (m,) of which belong to each in turn
+    of_steps : powers (N, K + 1) of the steps or more, where they are known
     after : once its roots have been asked for, the sign (m,) at the end of each, 1 or -1
     """
 
-    def __init__(self, coefficients, steps, counts):
+    def __init__(self, coefficients, steps, counts, of_steps=None):
         self.coefficients, self.steps = coefficients, steps
+        size = coefficients.shape[1]
+        self.of_steps = powers(steps, size) if of_steps is None else of_steps[:, :size]
         self.last = np.cumsum(counts) - 1
         self.first = self.last - counts + 1
         self.owner = np.repeat(np.arange(len(counts)), counts)
@@ -147,7 +150,7 @@ class Pile:
                 first = self.first[orders == order]
                 series[first, :-order] = self.coefficients[first, order:]
                 series[first, -order:] = 0.0
-        values = bernstein(series, self.steps)
+        values = series * self.of_steps @ _to_bernstein(series.shape[1] - 1)
         # At a joint both sides must agree on the sign, or rounding would lose a root there or find it twice.
         joint = self.owner[1:] == self.owner[:-1]
         values[:-1, -1] = np.where(joint, series[1:, 0], values[:-1, -1])
@@ -187,9 +190,10 @@ class Pile:
     def lowest(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of each polynomial the least value (m,), the piece (m,) and the time in it (m,)."""
         pieces = np.arange(len(self.steps))
-        ends = evaluate(self.coefficients, self.steps)
+        values = self.coefficients * self.of_steps @ _to_bernstein(self.coefficients.shape[1] - 1)
+        ends = np.einsum("Nk,Nk->N", self.coefficients, self.of_steps)
         least = np.minimum.reduceat(np.minimum(self.coefficients[:, 0], ends), self.first)
-        where = np.flatnonzero(bernstein(self.coefficients, self.steps).min(1) < least[self.owner])
+        where = np.flatnonzero(values.min(1) < least[self.owner])
         inside = Pile(derivative(self.coefficients[where]), self.steps[where], np.ones(len(where), int))
         owner, _, t = inside.roots(rising=True)
         turns = where[owner]

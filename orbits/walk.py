@@ -47,7 +47,7 @@ PATIENCE, REST = 16, 20
 # many every time that all goes well, from one on.
 TOGETHER, CAREFULLY = 256, 4
 # Points are solved together on meshes that have up to this many times as many steps as they need.
-ALIKE = 1.25
+ALIKE = 1.1
 # Points on either side that those between two rest on.
 SIDE = 3
 # Of a step's points, none but those asked for lie this near to another, as a share of their distance.

@@ -30,7 +30,7 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from orbits import METHODS, InputError, ReturnMap, find, follow
+from orbits import METHODS, InputError, ReturnMap, find, follow, orbit_at
 from orbits.curve import Curve
 from orbits.flow import Flow
 from orbits.plot import COLOURS, new_row, save_figure
@@ -139,14 +139,14 @@ def orbits_of(machine, family: int, exact: str, rates: Callable, seconds: float,
 
 
 def flow_of(machine, way: str) -> Callable | None:
-    """Half a flight with its 4 by 4 transition matrix, (start, half) -> motion, matrix; None without a compiler."""
-    p, seeds = np.array(list(machine.values.values())), np.eye(4)
+    """Flights with their 4 by 4 transition matrices, (start, parameters, time) -> motion, matrix; None where that takes
+    a compiler and there is none."""
     along = Flow(replace(machine.model.flight, closed_form=None), tuple(machine.values))
     if way.startswith("Runge-Kutta"):
         along.schemes[4, ()] = RungeKutta(along.graph, 4)
     elif not _compiled(along.scheme(4), way.endswith("compiled")):
         return None
-    return lambda start, half: along.run(start, p, half, seeds)
+    return lambda start, p, time: along.run(start, p, time, np.eye(4))
 
 
 def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
@@ -157,7 +157,7 @@ def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
     for way in ("Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8"):
         if not (along := flow_of(machine, way)):
             continue
-        took, (path, _) = timed(lambda a=along: a(start, half), seconds)
+        took, (path, _) = timed(lambda a=along: a(start, p, half), seconds)
         rows.append({"way": way, "seconds": took, "error": float(np.abs(path.end[1:4:2]).max())})
     with contextlib.suppress(ImportError):
         along = peers.flow_by_heyoka(machine)
@@ -229,8 +229,8 @@ def maps_of(machine, rates: Callable, losses: dict[float, str], seconds: float) 
 
 
 def families_of(seconds: float, quick: bool) -> dict[str, list[dict]]:
-    """A family through every scene: per point, certified; the equations of a point with their derivatives, once; and of
-    the cubic one by stepping scipy's shooting."""
+    """A family through every scene: per point, certified; a Newton step of a point's equations; half a flight by the
+    compiled flow, the mean over the family; and the cubic one by stepping scipy's shooting."""
     golden = {0.5: "2.7218099551244222", 1.0: "2.4464033594052791", 2.0: "2.1928659123582987"}
     golden[5.0] = "1.8928045469451067"
     straight, cubic = Hopper("k*r", parameters={"k": 1.0}), Hopper("cubic", parameters={"beta": 0.0})
@@ -275,10 +275,18 @@ def _followed(machine, along: str, stop: float, number: int, golden: dict[float,
     curve.evaluate(xs[-1])
     known = curve.meshes, xs, curve.p(xs), rows, np.einsum("mi,mi->m", rows, xs)
     once, _ = timed(lambda: curve.meshed.newton_steps(*known), seconds)
-    return [
+    rows = [
         {"way": "follow, certified", "seconds": took / len(family), "error": error, "points": len(family)},
-        {"way": "the equations once", "seconds": once / len(points), "error": 0.0},
+        {"way": "a Newton step", "seconds": once / len(points), "error": 0.0},
     ]
+    if flown := flow_of(machine, "Taylor, compiled"):
+        times = []
+        for point in family.points[:: len(family) // 8]:
+            orbit, p = orbit_at(machine, point, along), machine.with_values(**{along: point.value}).values.values()
+            here = orbit(0.0), np.array(list(p)), orbit.flight_time / 2
+            times.append(timed(lambda h=here: flown(*h), seconds / 8)[0])
+        rows.append({"way": "half a flight, compiled flow", "seconds": float(np.mean(times)), "error": 0.0})
+    return rows
 
 
 COLD = """
