@@ -12,9 +12,10 @@ import pytest
 
 from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
 from orbits.certify import certify
-from orbits.curve import At, Curve, interpolated
+from orbits.curve import At, Curve, _loads, _mesh, interpolated
 from orbits.events import watched
 from orbits.hermite import around
+from orbits.meshed import Meshed
 from orbits.plot import spread, thumbnails
 from orbits.search import solved
 from orbits.shooting import Shooting
@@ -22,6 +23,7 @@ from problems import Hopper, Juggler, hopper_in_si, springs
 from studies.random_families import differences, random_springs, twice
 
 GOLDEN = {0.5: 2.7218099551244222, 1.0: 2.4464033594052791, 2.0: 2.1928659123582987, 5.0: 1.8928045469451067}
+SINH = Hopper("sinh", "1/(1 + z/R)**2", rest_length=12, parameters={"b": 0.1, "R": 80.0})
 FOLD, FOLD_ALPHA = -0.0106952149164040, 5.83222367210583
 
 
@@ -119,8 +121,35 @@ def test_a_parameter_that_does_not_matter_leaves_alpha_alone():
 
 
 def test_stiffness_only_changes_the_units():
-    family = follow(Hopper("k*r", parameters={"k": 1.0}), "k", 9.0)
+    """A flight in closed form has Taylor's steps where its parameter varies, which neighbours can share too."""
+    machine = Hopper("k*r", parameters={"k": 1.0})
+    family = follow(machine, "k", 9.0)
     assert family.column("alpha") * np.sqrt(family.column("k")) == pytest.approx(4.493409457909064, rel=1e-13)
+    curve = Curve(machine, "k", "relative", 8.0)
+    curve.evaluate(np.array([*family[5].u, family[5].value]))
+    assert curve.meshes is not None
+
+
+def test_a_mesh_has_even_loads():
+    """As many steps as the loads ask for with a little to spare, short where those before were tight."""
+    times, loads = np.array([0.0, 1.0, 2.0, 4.0]), np.array([0.5, 1.0, 1.0])
+    mesh = _mesh(times, loads)
+    assert (mesh[0], mesh[-1], len(mesh)) == (0.0, 1.0, 4)  # 2.5 steps with 15 % more
+    total = np.interp(4 * mesh, times, np.append(0.0, np.cumsum(loads)))
+    assert np.diff(total) == pytest.approx(2.5 / 3)
+    assert _loads(np.array([0.2, 0.4, 0.1])).tolist() == [1.0, 1.0, 0.25]
+    assert _loads(np.array([0.3])).tolist() == [1.0]
+
+
+def test_meshes_are_made_anew_before_they_fail(monkeypatch):
+    """A spring that stiffens needs ever more steps, but mostly none are tried in vain."""
+    found, step = [], Meshed.step
+    monkeypatch.setattr(Meshed, "step", lambda *a: found.append(step(*a)) or found[-1])
+    family = follow(SINH, "b", 2.0, at=[0.5])
+    assert family[-1].value == 2.0
+    counts = [sum(map(len, one[-1])) for one in found if one]
+    assert counts[-1] > 1.5 * counts[0]
+    assert sum(one is None for one in found) <= 2
 
 
 def test_masses_that_touch_are_located_and_the_curve_goes_on():

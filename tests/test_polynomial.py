@@ -3,7 +3,19 @@
 import numpy as np
 import pytest
 
-from orbits.polynomial import Pile, bernstein, derivative, evaluate, lowest, piecewise_roots, roots, shifted
+from orbits.polynomial import (
+    Pile,
+    _refine,
+    _refine_together,
+    bernstein,
+    derivative,
+    evaluate,
+    lowest,
+    piecewise_roots,
+    powers,
+    roots,
+    shifted,
+)
 from orbits.roots import bracketed_root
 
 RNG = np.random.default_rng(7)
@@ -110,3 +122,16 @@ def test_a_root_that_rounding_hides(grain, share):
     root = bracketed_root(function, 0.0, 1.0, -0.5, 0.34, width=1e-13)
     assert abs(root - np.pi / 6) < 1e-13 + grain
     assert len(asked) < 15
+
+
+def test_a_root_in_a_bracket_that_rounding_has_closed(monkeypatch):
+    """A line that misses zero by a rounding at the only place left: it is that, and found at once."""
+    calls = []
+    monkeypatch.setattr("orbits.polynomial.powers", lambda *a: calls.append(a) or powers(*a))
+    r = 0.21758109405527115
+    c, share = np.array([[-6.0 * r, 6.0]]), np.array([r])
+    c[0, 0] -= 2 * np.spacing(c[0, 0])
+    (t,) = _refine_together(c, np.ones(1), share, share, np.array([True]), share)
+    assert t == pytest.approx(r, abs=1e-16)
+    assert _refine(c[0], 1.0, r, r, True, r) == t
+    assert len(calls) < 4

@@ -13,6 +13,7 @@ from orbits.flow import first_zero
 from orbits.impacts import Impacts
 from orbits.jets import variations
 from orbits.meshed import meshed
+from orbits.model import Affine
 from orbits.shooting import Shooting, joined
 from orbits.statements import equations_of
 from problems import Hopper, springs
@@ -65,6 +66,23 @@ def test_contacts_to_their_ends(name):
         assert how == expected
         if how == "lifts_off":
             assert end == pytest.approx(path.end[:2], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["cubic", "sinh in gravity"])
+def test_motions_up_to_a_zero(name):
+    """Of few steps and of many, in their order; those that do not get there are left out."""
+    rules, rng = Impacts(MACHINES[name]), np.random.default_rng(8)
+    p, starts = np.tile(rules.p, (40, 1)), rng.normal(0, 4, (40, 2))
+    starts[7] = np.nan
+    back = Affine((1.0, 0.0, 0.0))
+    for _ in range(2):  # the second time it is known how many steps it takes
+        which, motions = rules.contact.until_zero(starts, p, back)
+        assert which.tolist() == [i for i in range(40) if i != 7]
+        for i, path in zip(which, motions, strict=True):
+            one, _ = rules.contact.run(starts[i], rules.p, 100.0, stop=first_zero(back))
+            assert path.times[-1] == pytest.approx(one.times[-1], rel=1e-12)
+            assert path.end == pytest.approx(one.end, rel=1e-10, abs=1e-10)
+    assert motions.counts.min() <= 6 < motions.counts.max()
 
 
 def test_a_lift_off_on_a_break_is_not_lost():
