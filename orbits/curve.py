@@ -107,7 +107,7 @@ class Curve:
         self.meshes = [_mesh(path.times, _loads(path.steps)) for path in last] if self.meshed and few else None
         return here
 
-    def _newton_steps(self, xs, rows, targets) -> tuple[np.ndarray, np.ndarray, Evaluation]:
+    def newton_steps(self, xs, rows, targets) -> tuple[np.ndarray, np.ndarray, Evaluation]:
         """As `Shooting.newton_steps`, on the meshes to be tried as far as they serve."""
         ps, slow = self.p(xs), np.ones(len(xs), bool)
         if self.meshes is not None:
@@ -133,7 +133,7 @@ class Curve:
         xs, sizes, every = guesses.copy(), self.size(guesses), None
         left, last, tangents = np.arange(len(xs)), np.full(len(xs), np.inf), np.empty_like(xs)
         for _ in range(8):
-            steps, tangents[left], here = self._newton_steps(xs[left], rows[left], levels[left])
+            steps, tangents[left], here = self.newton_steps(xs[left], rows[left], levels[left])
             every = every.replaced(left, here) if every else here
             xs[left] += steps
             lengths = np.max(np.abs(steps) / sizes[left], axis=1)

@@ -96,6 +96,9 @@ LOSSES = {
 # How near a family's points lie. Maps and families are asked so often before they are timed, until all is compiled that
 # repays it.
 LONGEST, WARM = 0.0125, 50
+# What a point of a family is compared with: its equations with their derivatives, and half its flight with the
+# transition matrix of all states, the mean over the family.
+NEWTON, FLOWN = "a Newton step", "half a flight, compiled flow"
 
 
 def timed(function: Callable, seconds: float) -> tuple[float, object]:
@@ -229,8 +232,8 @@ def maps_of(machine, rates: Callable, losses: dict[float, str], seconds: float) 
 
 
 def families_of(seconds: float, quick: bool) -> dict[str, list[dict]]:
-    """A family through every scene: per point, certified; a Newton step of a point's equations; half a flight by the
-    compiled flow, the mean over the family; and the cubic one by stepping scipy's shooting."""
+    """A family through every scene: a point, certified, and what it is compared with; the cubic one by stepping scipy's
+    shooting too."""
     golden = {0.5: "2.7218099551244222", 1.0: "2.4464033594052791", 2.0: "2.1928659123582987"}
     golden[5.0] = "1.8928045469451067"
     straight, cubic = Hopper("k*r", parameters={"k": 1.0}), Hopper("cubic", parameters={"beta": 0.0})
@@ -273,19 +276,19 @@ def _followed(machine, along: str, stop: float, number: int, golden: dict[float,
     points = family.points[-40:]
     xs, rows = np.array([[*point.u, point.value] for point in points]), np.array([point.tangent for point in points])
     curve.evaluate(xs[-1])
-    known = curve.meshes, xs, curve.p(xs), rows, np.einsum("mi,mi->m", rows, xs)
-    once, _ = timed(lambda: curve.meshed.newton_steps(*known), seconds)
+    levels = np.einsum("mi,mi->m", rows, xs)
+    once, _ = timed(lambda: curve.newton_steps(xs, rows, levels), seconds)
     rows = [
         {"way": "follow, certified", "seconds": took / len(family), "error": error, "points": len(family)},
-        {"way": "a Newton step", "seconds": once / len(points), "error": 0.0},
+        {"way": NEWTON, "seconds": once / len(points), "error": 0.0},
     ]
     if flown := flow_of(machine, "Taylor, compiled"):
         times = []
         for point in family.points[:: len(family) // 8]:
             orbit, p = orbit_at(machine, point, along), machine.with_values(**{along: point.value}).values.values()
             here = orbit(0.0), np.array(list(p)), orbit.flight_time / 2
-            times.append(timed(lambda h=here: flown(*h), seconds / 8)[0])
-        rows.append({"way": "half a flight, compiled flow", "seconds": float(np.mean(times)), "error": 0.0})
+            times.append(timed(lambda known=here: flown(*known), seconds / 8)[0])
+        rows.append({"way": FLOWN, "seconds": float(np.mean(times)), "error": 0.0})
     return rows
 
 
@@ -448,6 +451,11 @@ def main(folder: Path, quick: bool = False, against: Path | None = None) -> dict
     results["families"] = families_of(seconds, quick)
     for name, row in rows_of(results).items():
         print(f"  {name:<76}{1e3 * row['seconds']:10.4f} ms{row['error']:12.1e}")
+    for name, rows in results["families"].items():
+        seconds_of = {row["way"]: row["seconds"] for row in rows}
+        if FLOWN in seconds_of:
+            times = seconds_of["follow, certified"] / np.array([seconds_of[FLOWN], seconds_of[NEWTON]])
+            print(f"  families | {name}: a point takes {times[0]:.1f} compiled flows, or {times[1]:.1f} Newton steps")
     for name, row in results["cold"].items():
         parts = ", ".join(f"{part} {1e3 * row[part]:.0f} ms" for part in ("import", "build", "solve", "certify"))
         print(f"  cold start, {name}: {parts}; without " + "; ".join(row["skipped"]))
