@@ -6,7 +6,7 @@ from dataclasses import fields
 import numpy as np
 
 from . import interrupts
-from .curve import At, Curve
+from .curve import At, Curve, placed
 from .errors import InputError, NoOrbit
 from .events import watched
 from .family import Family, Point
@@ -139,11 +139,10 @@ def walk_from(curve: Curve, x, start: float, behind: float, stop: float, options
     """A walk from near `x`, where the parameter has the value `start`, towards `stop`."""
     with interrupts.deferred():
         ahead = np.eye(len(x))[-1]
-        first = curve.correct(x, ahead, start, ahead * np.sign(stop - start))
-        first = curve.onto(first, start)
+        first = placed(curve.correct(x, ahead, start, ahead * np.sign(stop - start)), start)
         for name, function in options.watch.items():
-            watched(name, function, curve.orbit(first))
-    return Walk(curve, first, behind, stop, options)
+            watched(name, function, curve.orbit(curve.check(first)))
+        return Walk(curve, first, behind, stop, options)
 
 
 def _resumed(machine, along, behind, stop, resume: Family, options: Options) -> Walk:

@@ -279,7 +279,12 @@ class Curve:
 
     def onto(self, at: At, value: float) -> At:
         """A point where the parameter is `value` but for rounding, with just that; certified."""
-        return self.check(replace(at, x=np.append(at.x[:-1], value), point=None))
+        return self.check(placed(at, value))
+
+
+def placed(at: At, value: float) -> At:
+    """A point where the parameter is `value` but for rounding, with just that; not certified."""
+    return replace(at, x=np.append(at.x[:-1], value), point=None)
 
 
 def _loads(steps: np.ndarray) -> np.ndarray:

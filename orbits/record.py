@@ -26,7 +26,7 @@ class Record:
     def __init__(self, walk: Walk, resume: Family | None, output):
         options = walk.options
         settings = {
-            "start": walk.origin.value,
+            "start": walk.start,
             "behind": walk.behind,
             "stop": walk.stop,
             "family": walk.first.point.family,

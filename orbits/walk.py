@@ -6,9 +6,10 @@ the step is refused. Then the curve is solved again between the ends of several 
 as closely as asked: the interpolant through the ends must lead there too.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, groupby
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from .errors import NoOrbit, OrbitsError
 from .events import Stretch
 from .family import End, Event
 from .hermite import around
+from .limits import limit
 from .orbit import Orbit
 
 # In shares of the curve's own size: the first step, the shortest, the longest where points are asked for more closely,
@@ -27,10 +29,9 @@ FIRST, SHORTEST, LONGEST, FARTHEST = 5e-3, 1e-5, 0.2, 1e-2
 AIM = 1e-5
 # The largest angle between two tangents, in radians.
 LARGEST_TURN = 0.25
-# An orbit this many times faster, longer or smaller than the first is on its way to infinity or to nothing, if the
-# parameter's limit, extrapolated from the last points over the first of these factors of alpha that holds enough of
-# them, is clear: its error a small share of the way to it.
-FAR, WIDTHS, CLEAR = 1e2, (2.0, 4.0, 16.0), 0.1
+# An orbit this many times faster, longer or smaller than the first is on its way to infinity or to nothing, if it is
+# clear what the parameter tends to.
+FAR = 1e2
 # A curve that is lost within this share of the parameter's way has not begun.
 DECADES = 1e-3
 # A motion that makes more of a small change, as it hangs at an unstable equilibrium, is beyond shooting in one piece.
@@ -65,6 +66,24 @@ class Options:
     stop_inadmissible: bool = False
 
 
+class Batch(NamedTuple):
+    """The next points of a walk.
+
+    good : certified, up to the first that is refused
+    refused, refusal : that one, and why; None where there is none
+    knots : the ends of the steps
+    failure : the error that allows no more steps, None where there is none
+    whole : whether the curve could be solved on all of the steps, not just on the first of them
+    """
+
+    good: Sequence[At]
+    refused: At | None
+    refusal: OrbitsError | None
+    knots: list[At]
+    failure: OrbitsError | None
+    whole: bool
+
+
 class Walk:
     """Steps along a curve from a point of it, with what happens in each.
 
@@ -75,13 +94,15 @@ class Walk:
     def __init__(self, curve: Curve, first: At, behind: float, stop: float, options: Options, earlier=()):
         self.curve, self.first, self.options = curve, first, options
         self.behind, self.stop, self.bounds = behind, stop, (min(behind, stop), max(behind, stop))
+        self.start = earlier[0].value if earlier else first.value
         self.last, self.knots = first, [first]  # the last point, and the ends of the last steps
+        self.length = min(FIRST, options.longest)
+        self.count = min(TOGETHER, options.most)  # points to certify at a time
+        self.trouble = 0.0  # refusals of late
+        self.ahead = None if first.point else self.further([first])
         every = [*earlier, first.point]
         self.origin = every[0]
         self.seen = [(point.alpha, point.value) for point in every]
-        self.length = min(FIRST, options.longest)
-        self.count = TOGETHER  # points to certify at a time
-        self.trouble = 0.0  # refusals of late
 
     def __iter__(self) -> Iterator[At | Event | End]:
         """The points of the curve, first to last, each event before the point that follows it, and the end."""
@@ -92,15 +113,7 @@ class Walk:
             return
         while True:
             self.count = min(self.count, self.options.most - index)
-            knots, failure = self.steps()
-            ahead, rest = self.believable(knots)
-            if rest:
-                knots, failure, self.count = knots[: -len(rest)], None, 1
-                self.length = rest[0].length * rest[0].parts * (1.0 if knots else 0.5)
-                if not knots:
-                    continue
-            good, refusal = self.certified(ahead)
-            refused = ahead[len(good)] if refusal else None
+            (good, refused, refusal, knots, failure, whole), self.ahead = self.ahead or self.further(), None
             for there in good:
                 try:
                     stretch, end = self.ended(Stretch(self.curve, self.last, there))
@@ -129,7 +142,7 @@ class Walk:
                     return
             if refusal is None and failure is None:
                 self.knots = [*self.knots, *knots][-MEMORY:]
-                self.count = 1 if rest else min(CAREFULLY * self.count, TOGETHER)
+                self.count = min(CAREFULLY * self.count, TOGETHER) if whole else 1
                 continue
             done = good[: good.index(refused)] if refused in good else good
             self.knots = [*self.knots, *(at for at in knots if at in done)]
@@ -142,6 +155,19 @@ class Walk:
             if failure is not None or self.length <= SHORTEST or self.trouble > PATIENCE:
                 yield self.lost(str(refusal or failure))
                 return
+
+    def further(self, before: Sequence[At] = ()) -> Batch:
+        """The next points; those `before` are certified with them, and where they cannot be that error is raised."""
+        knots, failure = self.steps()
+        ahead, rest = self.believable(knots)
+        if rest:
+            knots, failure = knots[: -len(rest)], None
+            self.length = rest[0].length * rest[0].parts * (1.0 if knots else 0.5)
+        good, refusal = self.certified([*before, *ahead])
+        if len(good) < len(before):
+            raise refusal
+        good = good[len(before) :]
+        return Batch(good, ahead[len(good)] if refusal else None, refusal, knots, failure, not rest)
 
     def steps(self) -> tuple[list[At], OrbitsError | None]:
         """The ends of the next few steps, not certified yet; and the error that allows no more."""
@@ -225,7 +251,7 @@ class Walk:
     def _asked(self, values, rates) -> tuple[np.ndarray, np.ndarray]:
         """The legs (h,) between points with these values of the parameter on which it passes one asked for, and that
         (h,); `rates` tell where it turns round."""
-        asked = np.array([value for value in self.options.at if value != self.origin.value])
+        asked = np.array([value for value in self.options.at if value != self.start])
         if self.count == 1 or not len(asked):
             return np.zeros(0, int), asked[:0]
         low, high = np.minimum(values[:-1], values[1:])[:, None], np.maximum(values[:-1], values[1:])[:, None]
@@ -234,8 +260,8 @@ class Walk:
 
     def certified(self, ahead: list[At]) -> tuple[list[At], OrbitsError | None]:
         """The points that are certified, up to the first that is not, and its error."""
-        family = self.last.point.family
         good, refusal = self.curve.checked(ahead)
+        family = (self.last.point or good[0].point).family if good else None
         for i, there in enumerate(good):
             if there.point.family != family and there.length > 10 * SHORTEST:
                 there.point = None
@@ -257,7 +283,7 @@ class Walk:
             there = there if self.within(fold) else fold
         if not self.within(there):
             bound = self.bounds[0] if there.value <= self.bounds[0] else self.bounds[1]
-            back = " again, on another sheet" if bound == self.origin.value else ""
+            back = " again, on another sheet" if bound == self.start else ""
             sheets = stretch.sheets()[-1 if here.value == bound else 0 :]  # not the sheet that starts there
             sheet = next((part for part in sheets if part.reaches(bound)), sheets[-1])
             return Stretch(curve, here, sheet.landed(bound)), End("reached", f"{curve.along} = {bound:g}{back}")
@@ -267,7 +293,7 @@ class Walk:
 
     def share(self, value: float) -> float:
         """How much of the parameter's way lies behind a value."""
-        return (value - self.origin.value) / (self.stop - self.origin.value)
+        return (value - self.start) / (self.stop - self.start)
 
     def step(self, knots: list[At]) -> At:
         """The end of a step, with control of its length; raises the reason when none is short enough."""
@@ -339,16 +365,16 @@ class Walk:
 
     def closed(self, a: At, b: At) -> At | None:
         """The first point of all, if the curve passes it again between two."""
-        if abs(self.origin.value - a.value) > 3 * b.length * self.curve.span:  # the chord's length, about
+        if abs(self.start - a.value) > 3 * b.length * self.curve.span:  # the chord's length, about
             return None
-        size, origin = self.curve.size(a.x), np.array([*self.origin.u, self.origin.value])
+        size, origin = self.curve.size(a.x), np.array([*self.origin.u, self.start])
         chord, away = (b.x - a.x) / size, (origin - a.x) / size
         share = float(away @ chord / (chord @ chord))
         if a.point is self.origin or not 0 < share <= 1 + SAME or np.linalg.norm(away) > 2 * np.linalg.norm(chord):
             return None
         at = Stretch(self.curve, a, b)(share)
         again = np.max(np.abs(at.x - origin) / size) < SAME and at.tangent @ np.array(self.origin.tangent) > 0
-        return self.curve.onto(at, self.origin.value) if again else None
+        return self.curve.onto(at, self.start) if again else None
 
     def far(self, there: At) -> End | None:
         """The end of a curve that goes to infinity or to nothing before the parameter gets to a bound."""
@@ -357,60 +383,24 @@ class Walk:
         if there.growth > LARGEST_GROWTH:
             return self.lost(f"small changes grow {there.growth:.0e}-fold over the flight, and rounding decides")
         if orbit.alpha > FAR * first.alpha or orbit.flight_time > FAR * first.flight_time:
-            if (found := self.limit(-1)) is None:
+            if (found := limit(self.seen, self.bounds, -1)) is None:
                 return None
             if orbit.flight_time / orbit.alpha > FAR * first.flight_time / first.alpha:
                 return End("degenerate", f"gravity no longer returns the machine near {name} = {value:.6g}", *found)
             if abs(orbit.liftoff_extension) > FAR * (1 + abs(first.liftoff_extension)):
                 return End("degenerate", f"the spring no longer lifts the foot near {name} = {value:.6g}", *found)
             return End("escaped", "the launch speed grows without bound", *found)
-        if orbit.alpha < first.alpha / FAR and (found := self.limit(1)) is not None:
+        if orbit.alpha < first.alpha / FAR and (found := limit(self.seen, self.bounds, 1)) is not None:
             return End("degenerate", f"the flight shrinks to nothing near {name} = {value:.6g}", *found)
         return None
-
-    def limit(self, power: int) -> tuple[float, float] | None:
-        """The value that the parameter tends to as alpha grows (power -1) or vanishes (1), with its error: extrapolated
-        by powers from well spaced points, None where that is not clear or leads behind or beyond a bound.
-
-        Some curves have a first power of 1/alpha and some have none, which no number says: the series whose last term
-        matters less is taken.
-        """
-        alpha, value = np.array(self.seen).T
-        scale = (alpha / alpha[-1]) ** power
-        for widest in WIDTHS:
-            found = [
-                self._extrapolated(scale, value, terms, widest) for terms in ([0, 1, 2, 3, 4, 5], [0, 2, 3, 4, 5, 6])
-            ]
-            if None in found:
-                continue
-            error, limit = min(found)
-            ahead = limit - value[-1]
-            behind = value[-1] - value[int(np.abs(np.log(scale / widest)).argmin())]
-            clear = error < CLEAR * abs(ahead) or abs(ahead) + error < 1e-6 * np.ptp(value)
-            inside = self.bounds[0] - error <= limit <= self.bounds[1] + error
-            return (limit, error) if clear and inside and ahead * behind >= 0 else None
-        return None
-
-    @staticmethod
-    def _extrapolated(scale, value, terms, widest: float) -> tuple[float, float] | None:
-        """What the last of these terms changes in the limit of `value` as `scale` vanishes, and the limit; None where
-        there are too few points between the last and where the scale is `widest`."""
-        limits = []
-        for count in (len(terms), len(terms) - 1):
-            chosen = [int(np.abs(np.log(scale / ratio)).argmin()) for ratio in np.geomspace(1.0, widest, count)]
-            if len(set(chosen)) < count:
-                return None
-            powers = scale[chosen][:, None] ** np.array(terms[:count])
-            limits.append(float(np.linalg.solve(powers, value[chosen])[0]))
-        return 3 * abs(limits[0] - limits[1]), limits[0]
 
     def lost(self, reason: str) -> End:
         """The end of a curve that cannot be followed further."""
         alpha, value = self.last.point.alpha, self.last.value
         where = f"{reason}, at {self.curve.along} = {value:.10g}, alpha = {alpha:.10g}"
-        if alpha > RUNNING * self.origin.alpha and (found := self.limit(-1)) is not None:
+        if alpha > RUNNING * self.origin.alpha and (found := limit(self.seen, self.bounds, -1)) is not None:
             return End("escaped", f"the launch speed grows, and the curve is lost: {where}", *found)
-        if abs(value - self.origin.value) < DECADES * self.curve.span:
+        if abs(value - self.start) < DECADES * self.curve.span:
             where += "; a parameter over decades is followed by its inverse or its logarithm"
         return End("stuck", where)
 
