@@ -55,7 +55,7 @@ def error_bounds(
     """
     (along,) = equations.flows if len(equations.flows) == 1 else (None,)
     quickly = quickly and along is not None and along.smooth and here.trajectories[0].variations is not None
-    residuals, refused = _defects(along, ps, here) if quickly else np.full_like(here.residual, np.nan), {}
+    residuals, refused = _defects(equations, us, ps, here) if quickly else np.full_like(here.residual, np.nan), {}
     for i in np.flatnonzero(~np.isfinite(residuals).all(1)):
         paths = tuple(motions[i] for motions in here.trajectories)
         try:
@@ -90,9 +90,9 @@ def _bounds(equations: Shooting, us, here: Evaluation, closing, residuals) -> tu
     return found + floor, doubtful
 
 
-def _defects(along: Flow, ps, here: Evaluation) -> np.ndarray:
-    """The residuals (m, n) that the equations have when the defects of the steps are made good."""
-    (motions,), (transition,), (holds,) = here.trajectories, here.transitions, here.holds
+def _defects(equations: Shooting, us, ps, here: Evaluation) -> np.ndarray:
+    """The residuals (m, n) that the equations have at the motions' ends when the defects of the steps are made good."""
+    (along,), (motions,), (transition,), (holds,) = equations.flows, here.trajectories, here.transitions, here.holds
     n, h, last = along.size, motions.steps, motions.last
     c = motions.coefficients[:, :n]
     scaled = c * motions.of_steps[:, None]
@@ -104,7 +104,8 @@ def _defects(along: Flow, ps, here: Evaluation) -> np.ndarray:
     defects = after - c[:, :, 0] - h[:, None] * (GAUSS_WEIGHTS @ rates)
     at_start = np.add.reduceat(solve(carried, defects[..., None])[..., 0], motions.first)
     wrong = np.einsum("pij,pj->pi", transition[:, :, :n], at_start)
-    return here.residual - np.einsum("pij,pj->pi", holds, wrong)
+    (residuals,) = equations.arrivals(us, ps, motions.finals[:, :n])
+    return residuals[:, :, 0] - np.einsum("pij,pj->pi", holds, wrong)
 
 
 def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:

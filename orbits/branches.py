@@ -64,7 +64,7 @@ def follow_branch(
     x, tangent = np.array([*branch.u, branch.value]), np.array(branch.tangent)
     size = curve.size(x)
     with interrupts.deferred():
-        *_, first, second = np.linalg.svd(curve.evaluate(x).jacobian[0] * size)[2]
+        *_, first, second = np.linalg.svd(curve.evaluate(x[None]).jacobian[0] * size)[2]
         own = tangent / size
         across = first * (second @ own) - second * (first @ own)
         side = across[curve.equations.statement.unknowns.index("alpha")]

@@ -140,8 +140,10 @@ def walk_from(curve: Curve, x, start: float, behind: float, stop: float, options
     with interrupts.deferred():
         ahead = np.eye(len(x))[-1]
         first = placed(curve.correct(x, ahead, start, ahead * np.sign(stop - start)), start)
+        if options.stop_inadmissible or options.watch:  # else it is certified with those that follow
+            curve.check(first)
         for name, function in options.watch.items():
-            watched(name, function, curve.orbit(curve.check(first)))
+            watched(name, function, curve.orbit(first))
         return Walk(curve, first, behind, stop, options)
 
 

@@ -96,27 +96,23 @@ class Curve:
         """The equations on meshes, None where they have none."""
         return meshed(self.equations, self.along) if self.equations.smooth else None
 
-    def evaluate(self, x) -> Evaluation:
-        """The equations at a point (n + 1,), stacked; its motions are the next to be tried."""
-        return self._remembered(self.equations.evaluate_all(x[None, :-1], self.p(x[None]), (self.along,)))
-
-    def _remembered(self, here: Evaluation) -> Evaluation:
-        """The equations at points, stacked, the motions of the last of which are the next to be tried."""
-        few = all(motions.counts[-1] <= MOST_STEPS for motions in here.trajectories)
-        last = (motions[len(motions) - 1] for motions in here.trajectories)
-        self.meshes = [_mesh(path.times, _loads(path.steps)) for path in last] if self.meshed and few else None
-        return here
+    def evaluate(self, xs) -> Evaluation:
+        """The equations at points (m, n + 1), stacked, each motion with steps of its own."""
+        return self.equations.evaluate_all(xs[:, :-1], self.p(xs), (self.along,))
 
     def newton_steps(self, xs, rows, targets) -> tuple[np.ndarray, np.ndarray, Evaluation]:
-        """As `Shooting.newton_steps`, on the meshes to be tried as far as they serve."""
+        """As `Shooting.newton_steps`, on the meshes to be tried as far as they serve, or new ones."""
         ps, slow = self.p(xs), np.ones(len(xs), bool)
         if self.meshes is not None:
             *found, fine = self.meshed.newton_steps(self.meshes, xs, ps, rows, targets)
             if fine.all():
                 return tuple(found)
             slow = ~fine
-        others = self.equations.newton_steps(self.along, xs[slow], ps[slow], rows[slow], targets[slow])
-        self._remembered(others[2])
+        here = self.evaluate(xs[slow])
+        last = [motions[len(motions) - 1] for motions in here.trajectories]
+        few = all(len(path.steps) <= MOST_STEPS for path in last)
+        self.meshes = [_mesh(path.times, _loads(path.steps)) for path in last] if self.meshed and few else None
+        others = self.equations.newton_steps(self.along, here, xs[slow], ps[slow], rows[slow], targets[slow])
         if slow.all():
             return others
         steps, directions, here = found
@@ -172,13 +168,7 @@ class Curve:
         closing, target = (row, level[0]) if value is None else (np.eye(len(row))[-1], value)
         padded = [*[knots[0]] * missing, *knots]
         xs, tangents = (np.array(part) for part in ([at.x for at in padded], [at.tangent for at in padded]))
-        for tried in (False, True):
-            if tried or self.meshes is None:
-                guess, rests = self._ahead(xs[missing:], tangents[missing:], row, level, closing, target)
-                if self.meshed:
-                    self.evaluate(guess)
-            if self.meshes is None:
-                break
+        if self.meshes is not None:
             points = xs, tangents, np.arange(MEMORY) >= missing, row, level
             if found := self.meshed.step(self.meshes, *points, closing, target, size, self.p(xs[-1:])):
                 guess, x, tangent, here, (rests, before, moved), loads = found
@@ -188,13 +178,11 @@ class Curve:
                 if max(load.max() for load in loads) > TIGHT:
                     self.meshes = [_mesh(*known) for known in zip(self.meshes, loads, strict=True)]
                 return end, guess, rests
+            self.meshes = None
+        places = np.array([MEMORY - missing]), MEMORY, 0, row[None], level
+        (guess,), (rests,) = around(xs[missing:], tangents[missing:], *places)
+        guess += last.tangent * (target - closing @ guess) / (closing @ last.tangent)
         return self.correct(guess, closing, target, last.tangent), guess, rests
-
-    def _ahead(self, xs, tangents, row, level, closing, target: float) -> tuple[np.ndarray, int]:
-        """A prediction from the last points (c, n + 1), where row . X = level, then along to closing . X = target; and
-        how many points that rests on."""
-        (guess,), (rests,) = around(xs, tangents, np.array([len(xs)]), MEMORY, 0, row[None], level)
-        return guess + tangents[-1] * (target - closing @ guess) / (closing @ tangents[-1]), rests
 
     def check(self, at: At) -> At:
         """A point, certified; raises the error when it cannot be."""
@@ -299,7 +287,9 @@ def _mesh(times: np.ndarray, loads: np.ndarray) -> np.ndarray:
     where the steps are shares `loads` (N,) of what they could be; of few numbers, since for each something is built."""
     places = np.append(0.0, np.cumsum(loads))
     count = room_for(int(np.ceil(CLOSER * places[-1])), digits=4)
-    return np.interp(np.linspace(0, places[-1], count + 1), places, times) / times[-1]
+    mesh = np.interp(np.linspace(0, places[-1], count + 1), places, times) / times[-1]
+    mesh[-1] = 1.0
+    return mesh
 
 
 def interpolated(ats: Sequence[At], row, levels) -> np.ndarray:

@@ -129,7 +129,7 @@ class Stretch:
         shares = np.array([self.row @ at.x - self.start for at in beside])
         share = float(np.linalg.solve(np.vander([at.turn for at in beside], increasing=True), shares)[0])
         (x,) = interpolated(beside, self.row, np.array([self.start + share]))
-        here, size = self.curve.evaluate(x), self.curve.size(x)
+        here, size = self.curve.evaluate(x[None]), self.curve.size(x)
         u, s, v = np.linalg.svd(here.jacobian[0] * size)
         s[-1] = s[0]
         tangent = beside[1].tangent + beside[2].tangent

@@ -152,7 +152,7 @@ class Flow:
 
     def until_zero(self, starts, ps, quantity: Affine, skip_start: int = 0) -> tuple[np.ndarray, Motions | None]:
         """Motions from states (m, n) with parameters (m, np) up to the first sign change of an affine function of their
-        rows, all in one call: which of them (r,) take no more than some of Taylor's steps, and those; None when no
+        rows, together: which of them (r,) take no more than `MOST_AT_ONCE` of Taylor's steps, and those; None when no
         motion does, or where there is a better way for one. As `first_zero` otherwise."""
         going, found = np.arange(len(starts)), []
         if (self.phase.closed_form and len(starts) == 1) or self.phase.pieces or not self.graph.has_series:
@@ -160,18 +160,22 @@ class Flow:
         count = self.usual
         while len(going) and count <= MOST_AT_ONCE:
             steps, c, trusted = self.scheme(0).advance_all(starts[going], ps[going], count)
-            sound = np.flatnonzero(trusted.all(1))
-            steps, c, going = steps[sound], c[sound], going[sound]
+            trusted = np.logical_and.accumulate(trusted, axis=1)
+            if not trusted.all():  # what follows a step that cannot be trusted starts where that one does
+                steps, c = np.where(trusted, steps, 0.0), np.where(np.isfinite(c), c, 0.0)
             owner, piece, t = self._piled(quantity, c, steps).roots(skip_start)
             owner, first = np.unique(owner, return_index=True)
+            reached = trusted[owner, piece[first]]
+            owner, first = owner[reached], first[reached]
             piece, lengths = piece[first], np.cumsum(steps[owner], axis=1)
             begins = np.concatenate([np.zeros((len(owner), 1)), lengths[:, :-1]], axis=1)
             used = np.arange(count) <= piece[:, None]
             ends = begins[np.arange(len(owner)), piece] + t[first]
             if len(owner):
                 found.append((going[owner], Motions(begins[used], ends, c[owner][used], piece + 1, self.names)))
-                self.usual = int(piece.max()) + 2 if len(starts) > 1 else self.usual
-            going, count = np.delete(going, owner), 2 * count
+                self.usual = min(int(piece.max()) + 2, MOST_AT_ONCE) if len(starts) > 1 else self.usual
+            trusted[owner] = False
+            going, count = going[trusted.all(1)], 2 * count
         if len(found) < 2:
             return found[0] if found else (going[:0], None)
         which, motions = zip(*found, strict=True)

@@ -196,15 +196,14 @@ class Shooting:
         """`evaluate` at several points (m, n) with their parameters (m, np), stacked."""
         return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
 
-    def newton_steps(self, vary: str, xs, ps, rows, targets) -> tuple[np.ndarray, np.ndarray, Evaluation]:
+    def newton_steps(self, vary: str, here, xs, ps, rows, targets) -> tuple[np.ndarray, np.ndarray, Evaluation]:
         """Newton steps from points (m, n + 1), unknowns and a varied parameter, towards F = 0, rows . X = targets (m,).
 
-        ps : the parameters (m, np) there
+        here, ps : the equations, `stacked`, and the parameters (m, np) there
 
         Returns the steps (m, n + 1), the directions of the curve (m, n + 1), and the equations, `stacked`, where the
         steps lead, to first order but for the residuals.
         """
-        here = self.evaluate_all(xs[:, :-1], ps, (vary,))
         right = np.zeros((*xs.shape, 2))
         right[:, :-1, 0], right[:, -1, 0] = -here.residual, targets - np.einsum("mi,mi->m", xs, rows)
         right[:, -1, 1] = 1.0

@@ -46,7 +46,7 @@ SAME = 1e-9
 PATIENCE, REST = 16, 20
 # Points that are solved between steps and certified together; and once something has been refused, how many times as
 # many every time that all goes well, from one on.
-TOGETHER, CAREFULLY = 256, 4
+TOGETHER, CAREFULLY = 160, 4
 # Points are solved together on meshes that have up to this many times as many steps as they need.
 ALIKE = 1.1
 # Points on either side that those between two rest on.
@@ -113,7 +113,8 @@ class Walk:
             return
         while True:
             self.count = min(self.count, self.options.most - index)
-            (good, refused, refusal, knots, failure, whole), self.ahead = self.ahead or self.further(), None
+            batch, self.ahead = self.ahead or self.further(), None
+            good, refused, refusal, knots, failure, whole = batch
             for there in good:
                 try:
                     stretch, end = self.ended(Stretch(self.curve, self.last, there))

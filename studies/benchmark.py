@@ -275,7 +275,6 @@ def _followed(machine, along: str, stop: float, number: int, golden: dict[float,
     curve = Curve(machine, along, family.settings["method"], 1.0)
     points = family.points[-40:]
     xs, rows = np.array([[*point.u, point.value] for point in points]), np.array([point.tangent for point in points])
-    curve.evaluate(xs[-1])
     levels = np.einsum("mi,mi->m", rows, xs)
     once, _ = timed(lambda: curve.newton_steps(xs, rows, levels), seconds)
     rows = [

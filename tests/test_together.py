@@ -9,7 +9,7 @@ from conftest import REFERENCES, machine_of
 from orbits import FlowError, OutOfRange, ReturnMap, find, simulate
 from orbits.curve import Curve, interpolated
 from orbits.elementwise import Rows
-from orbits.flow import first_zero
+from orbits.flow import MOST_AT_ONCE, first_zero
 from orbits.impacts import Impacts
 from orbits.jets import variations
 from orbits.meshed import meshed
@@ -83,6 +83,29 @@ def test_motions_up_to_a_zero(name):
             assert path.times[-1] == pytest.approx(one.times[-1], rel=1e-12)
             assert path.end == pytest.approx(one.end, rel=1e-10, abs=1e-10)
     assert motions.counts.min() <= 6 < motions.counts.max()
+
+
+def test_motions_of_too_many_steps_leave_the_others_alone(monkeypatch):
+    """They are left out, and those of fewer are followed together the next time too."""
+    monkeypatch.setattr("orbits.flow.MOST_AT_ONCE", 8)
+    rules, back = Impacts(MACHINES["cubic"]), Affine((1.0, 0.0, 0.0))
+    starts = np.random.default_rng(8).normal(0, 4, (40, 2))
+    monkeypatch.setattr(rules.contact, "usual", 8)
+    for _ in range(2):
+        which, motions = rules.contact.until_zero(starts, np.tile(rules.p, (40, 1)), back)
+        assert 0 < len(which) < 40
+        assert motions.counts.max() == 8
+
+
+def test_a_motion_that_breaks_down_later_still_has_its_zero():
+    """A spring with a pole: what comes after the zero within the same block of steps does not matter."""
+    rules, back = Impacts(MACHINES["a pole"]), Affine((1.0, 0.0, 0.0))
+    starts = np.array([[2.0, -1.0], [2.0, -3.0], [3.5, -20.0], [-1.0, -1.0]])
+    which, motions = rules.contact.until_zero(starts, np.tile(rules.p, (4, 1)), back)
+    for i, path in zip(which, motions, strict=True):
+        one, _ = rules.contact.run(starts[i], rules.p, 100.0, stop=first_zero(back))
+        assert path.times[-1] == pytest.approx(one.times[-1], rel=1e-12)
+    assert {0, 1} <= set(which.tolist())
 
 
 def test_a_lift_off_on_a_break_is_not_lost():
@@ -209,7 +232,8 @@ def test_newton_steps_of_many_points():
     rows = np.random.default_rng(6).normal(size=xs.shape)
     targets = np.einsum("mi,mi->m", rows, xs) + 1e-6
     *found, fine = meshed(equations, "beta").newton_steps(meshes, xs, ps, rows, targets)
-    steps, directions, here = equations.newton_steps("beta", xs, ps, rows, targets)
+    there = equations.evaluate_all(xs[:, :3], ps, ("beta",))
+    steps, directions, here = equations.newton_steps("beta", there, xs, ps, rows, targets)
     assert fine.all()
     assert found[0] == pytest.approx(steps, rel=1e-10)
     assert found[1] == pytest.approx(directions, rel=1e-10)
@@ -235,6 +259,18 @@ def test_meshes_that_are_too_coarse():
         assert on.step(mesh, xs, row[None], np.ones(1), row, xs[:, 2], row, xs[:, 2], np.ones(4), ps) is None
     backwards = xs * [1, 1, -1, 1]
     assert not on.newton_steps(meshes, backwards, ps, row[None], xs[:, 2])[3].any()
+
+
+def test_meshes_that_are_no_meshes():
+    """Those that do not go from 0 to 1, or go back."""
+    equations, xs, ps, (mesh,) = cubics(1)
+    row, on = np.eye(4)[2], meshed(equations, "beta")
+    back = np.insert(mesh[:-1], 4, mesh[2])
+    for wrong in (mesh * (1 - 1e-12), mesh + 1e-12, np.append(mesh[:-1], 1 + 1e-6), back):
+        assert not on.newton_steps([wrong], xs, ps, row[None], xs[:, 2])[3].any()
+    assert on.newton_steps([mesh], xs, ps, row[None], xs[:, 2])[3].all()
+    shorter = xs[:, 2] * mesh[-2] * 0.9  # the last step would end before it begins
+    assert not on.newton_steps([mesh], xs, ps, row[None], shorter)[3].any()
 
 
 def test_a_step_along_a_curve_at_once():
