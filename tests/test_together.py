@@ -9,7 +9,7 @@ from conftest import REFERENCES, machine_of
 from orbits import FlowError, OutOfRange, ReturnMap, find, simulate
 from orbits.curve import Curve, interpolated
 from orbits.elementwise import Rows
-from orbits.flow import MOST_AT_ONCE, first_zero
+from orbits.flow import first_zero
 from orbits.impacts import Impacts
 from orbits.jets import variations
 from orbits.meshed import meshed
@@ -87,14 +87,14 @@ def test_motions_up_to_a_zero(name):
 
 def test_motions_of_too_many_steps_leave_the_others_alone(monkeypatch):
     """They are left out, and those of fewer are followed together the next time too."""
-    monkeypatch.setattr("orbits.flow.MOST_AT_ONCE", 8)
+    monkeypatch.setattr("orbits.flow.MOST_AT_ONCE", 6)
     rules, back = Impacts(MACHINES["cubic"]), Affine((1.0, 0.0, 0.0))
     starts = np.random.default_rng(8).normal(0, 4, (40, 2))
-    monkeypatch.setattr(rules.contact, "usual", 8)
+    monkeypatch.setattr(rules.contact, "usual", 6)
     for _ in range(2):
         which, motions = rules.contact.until_zero(starts, np.tile(rules.p, (40, 1)), back)
         assert 0 < len(which) < 40
-        assert motions.counts.max() == 8
+        assert motions.counts.max() == 6
 
 
 def test_a_motion_that_breaks_down_later_still_has_its_zero():
