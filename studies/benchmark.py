@@ -96,8 +96,9 @@ LOSSES = {
 # How near a family's points lie. Maps and families are asked so often before they are timed, until all is compiled that
 # repays it.
 LONGEST, WARM = 0.0125, 50
-# What a point of a family is compared with: its equations with their derivatives, and half its flight with the
-# transition matrix of all states, the mean over the family.
+# What a point of a family is compared with: one Newton step of its equations, in as few unknowns as they have, near the
+# family's end; and what it takes at least in all four states, half its flight by the compiled flow with its derivatives
+# by the state and the parameter, the mean over the family.
 NEWTON, FLOWN = "a Newton step", "half a flight, compiled flow"
 
 
@@ -141,15 +142,18 @@ def orbits_of(machine, family: int, exact: str, rates: Callable, seconds: float,
     return rows
 
 
-def flow_of(machine, way: str) -> Callable | None:
-    """Flights with their 4 by 4 transition matrices, (start, parameters, time) -> motion, matrix; None where that takes
-    a compiler and there is none."""
-    along = Flow(replace(machine.model.flight, closed_form=None), tuple(machine.values))
+def flow_of(machine, way: str, *vary: str) -> Callable | None:
+    """Flights with their derivatives by the four states and by varied parameters, (start, parameters, time) -> motion,
+    derivatives; None where that takes a compiler and there is none."""
+    names, columns = tuple(machine.values), 4 + len(vary)
+    along, places = Flow(replace(machine.model.flight, closed_form=None), names), tuple(map(names.index, vary))
+    seeds, parameter_seeds = np.eye(4, columns), np.zeros((len(names), columns))
+    parameter_seeds[places, range(4, columns)] = 1.0
     if way.startswith("Runge-Kutta"):
-        along.schemes[4, ()] = RungeKutta(along.graph, 4)
-    elif not _compiled(along.scheme(4), way.endswith("compiled")):
+        along.schemes[columns, places] = RungeKutta(along.graph, columns, places)
+    elif not _compiled(along.scheme(columns, places), way.endswith("compiled")):
         return None
-    return lambda start, p, time: along.run(start, p, time, np.eye(4))
+    return lambda start, p, time: along.run(start, p, time, seeds, parameter_seeds)
 
 
 def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
@@ -281,7 +285,7 @@ def _followed(machine, along: str, stop: float, number: int, golden: dict[float,
         {"way": "follow, certified", "seconds": took / len(family), "error": error, "points": len(family)},
         {"way": NEWTON, "seconds": once / len(points), "error": 0.0},
     ]
-    if flown := flow_of(machine, "Taylor, compiled"):
+    if flown := flow_of(machine, "Taylor, compiled", along):
         times = []
         for point in family.points[:: len(family) // 8]:
             orbit, p = orbit_at(machine, point, along), machine.with_values(**{along: point.value}).values.values()
