@@ -1,7 +1,10 @@
 """Shared by the tests: the reference values, and machines as they state them."""
 
 import json
+import os
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each worker has a core of its own
 
 import numpy as np
 import pytest
@@ -14,9 +17,11 @@ REFERENCES = json.loads((DATA / "orbits.json").read_text(encoding="utf-8"))
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory):
-    """Compiled code is kept in a temporary folder."""
+    """Compiled code is kept in a temporary folder, which the workers share."""
+    folder = tmp_path_factory.getbasetemp()
+    folder = (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "cache"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("XDG_CACHE_HOME", str(folder))
         yield
 
 
