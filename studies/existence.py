@@ -31,7 +31,7 @@ def cusp() -> tuple[np.ndarray, tuple[float, float]]:
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, object]:
-    rows = 4 if quick else 33
+    rows = 6 if quick else 33
     panels = new_row(2, 5.4, 4.4)
     quintic = existence(QUINTIC, "beta", (-0.03, 0.01), "delta", np.linspace(-1e-4, 1.5e-4, rows), longest=0.05)
     saturating = existence(SATURATING, "c", (-0.1, 0.1), "b", np.linspace(0.05, 0.6, rows), longest=0.05)

@@ -26,10 +26,10 @@ SPRINGS = (
 REST_LENGTH = 30.0
 
 
-def families(law: str, along: str, start: float, stop: float, others: dict, numbers, longest: float) -> list[Family]:
-    """The families of these numbers along a parameter of a law, in steps no longer than that."""
+def families(law: str, along: str, start: float, stop: float, others: dict, numbers) -> list[Family]:
+    """The families of these numbers along a parameter of a law."""
     machine = Hopper(law, rest_length=REST_LENGTH, parameters={**others, along: start})
-    return [follow(machine, along, stop, family=number, longest=longest) for number in numbers]
+    return [follow(machine, along, stop, family=number) for number in numbers]
 
 
 def fate(family: Family) -> str:
@@ -42,10 +42,10 @@ def fate(family: Family) -> str:
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, list[Family]]:
-    numbers, longest = ((1, 2), 0.05) if quick else ((1, 2, 3, 4), 0.02)
+    numbers = (1, 2) if quick else (1, 2, 3, 4)
     panels, found = new_row(4, 4.0, 3.4, rows=2), {}
     for axes, (title, law, along, start, stop, others) in zip(panels.flat, SPRINGS, strict=True):
-        found[title] = families(law, along, start, stop, others, numbers, longest)
+        found[title] = families(law, along, start, stop, others, numbers)
         print(f"\n  {title}")
         for number, family in zip(numbers, found[title], strict=True):
             plot_family(family, axes, label=f"family {number}" if axes is panels.flat[0] else None)
@@ -62,6 +62,6 @@ def main(folder: Path, quick: bool = False) -> dict[str, list[Family]]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
-    parser.add_argument("--quick", action="store_true", help="families 1 and 2 only, in longer steps")
+    parser.add_argument("--quick", action="store_true", help="families 1 and 2 only")
     arguments = parser.parse_args()
     main(arguments.output, arguments.quick)
