@@ -46,8 +46,13 @@ def powers(t, count: int) -> np.ndarray:
 
 def bernstein(coefficients, h):
     """Bernstein coefficients on [0, h]; `coefficients` (..., K + 1) and `h` (...) broadcast."""
+    return _bernstein(coefficients, powers(h, coefficients.shape[-1]))
+
+
+def _bernstein(coefficients, of_h):
+    """`bernstein` from the powers (..., K + 1) of h, or more of them."""
     count = coefficients.shape[-1]
-    return coefficients * powers(h, count) @ _to_bernstein(count - 1)
+    return coefficients * of_h[..., :count] @ _to_bernstein(count - 1)
 
 
 def evaluate(coefficients, t):
@@ -150,7 +155,7 @@ class Pile:
                 first = self.first[orders == order]
                 series[first, :-order] = self.coefficients[first, order:]
                 series[first, -order:] = 0.0
-        values = series * self.of_steps @ _to_bernstein(series.shape[1] - 1)
+        values = _bernstein(series, self.of_steps)
         # At a joint both sides must agree on the sign, or rounding would lose a root there or find it twice.
         joint = self.owner[1:] == self.owner[:-1]
         values[:-1, -1] = np.where(joint, series[1:, 0], values[:-1, -1])
@@ -190,7 +195,7 @@ class Pile:
     def lowest(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of each polynomial the least value (m,), the piece (m,) and the time in it (m,)."""
         pieces = np.arange(len(self.steps))
-        values = self.coefficients * self.of_steps @ _to_bernstein(self.coefficients.shape[1] - 1)
+        values = _bernstein(self.coefficients, self.of_steps)
         ends = np.einsum("Nk,Nk->N", self.coefficients, self.of_steps)
         least = np.minimum.reduceat(np.minimum(self.coefficients[:, 0], ends), self.first)
         where = np.flatnonzero(values.min(1) < least[self.owner])
