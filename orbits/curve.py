@@ -20,20 +20,20 @@ from .certify import certify, known
 from .errors import NoOrbit, OrbitsError
 from .family import Point
 from .hermite import around
-from .meshed import Meshed, meshed
 from .orbit import Orbit
 from .shooting import STALLED, Evaluation, joined, settles
 from .statements import as_cases, as_orbit, equations_of, interpret
+from .together import Together, together
 
 # A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
 AT_A_FOLD = 1e-3
-# Motions of more steps are not evaluated in one call: building that would take longer than it saves.
+# Motions of more steps are not evaluated together: building that would take longer than it saves.
 MOST_STEPS = 300
+# Neighbours may take this many steps more; where that is not enough, this many times as many are tried before motions
+# are followed alone.
+SPARE, MORE = 1, 1.5
 # Points of the curve that the prediction of a step rests on.
 MEMORY = 4
-# A mesh has this many times as many steps as the motion that it is made for, and is made anew where one of them is more
-# than this share of what it could be.
-CLOSER, TIGHT = 1.15, 0.95
 
 
 @dataclass(eq=False)
@@ -44,7 +44,7 @@ class At:
     tangent : (n + 1,), of length 1 in units of the curve's size
     turn : determinant of the equations' derivatives and the tangent, which changes sign at a branch point
     here, place : the equations there, to first order from the corrector's last guess, and its place among several
-    meshes : nodes that serve the motions there and beside, as in `Meshed`, None where there are none
+    counts : of steps that are enough there for each arc, as in `Together`, None where motions are not followed so
     length : along the curve from the point before
     parts : of the step that ends here, each a point
     point : the certified orbit without its motion, None until it has been checked
@@ -56,7 +56,7 @@ class At:
     turn: float
     here: Evaluation
     place: int
-    meshes: list | None = None
+    counts: tuple[int, ...] | None = None
     length: float = 0.0
     parts: int = 1
     point: Point | None = None
@@ -76,7 +76,7 @@ class Curve:
         self.place = self.names.index(along)
         self.parameters = np.array(list(machine.values.values()))
         self.span = span
-        self.meshes = None  # those to try next
+        self.counts = None  # of steps, to try next
 
     def size(self, x) -> np.ndarray:
         """What counts as one unit of each component round points (..., n + 1)."""
@@ -92,32 +92,43 @@ class Curve:
         return values
 
     @cached_property
-    def meshed(self) -> Meshed | None:
-        """The equations on meshes, None where they have none."""
-        return meshed(self.equations, self.along) if self.equations.smooth else None
+    def together(self) -> Together | None:
+        """The equations at many points together, None where motions can only be followed one by one."""
+        return together(self.equations, self.along) if self.equations.smooth else None
 
     def evaluate(self, xs) -> Evaluation:
         """The equations at points (m, n + 1), stacked, each motion with steps of its own."""
         return self.equations.evaluate_all(xs[:, :-1], self.p(xs), (self.along,))
 
     def newton_steps(self, xs, rows, targets) -> tuple[np.ndarray, np.ndarray, Evaluation]:
-        """As `Shooting.newton_steps`, on the meshes to be tried as far as they serve, or new ones."""
-        ps, slow = self.p(xs), np.ones(len(xs), bool)
-        if self.meshes is not None:
-            *found, fine = self.meshed.newton_steps(self.meshes, xs, ps, rows, targets)
-            if fine.all():
-                return tuple(found)
-            slow = ~fine
-        here = self.evaluate(xs[slow])
-        last = [motions[len(motions) - 1] for motions in here.trajectories]
-        few = all(len(path.steps) <= MOST_STEPS for path in last)
-        self.meshes = [_mesh(path.times, _loads(path.steps)) for path in last] if self.meshed and few else None
-        others = self.equations.newton_steps(self.along, here, xs[slow], ps[slow], rows[slow], targets[slow])
-        if slow.all():
-            return others
-        steps, directions, here = found
-        steps[slow], directions[slow] = others[:2]
-        return steps, directions, here.replaced(np.flatnonzero(slow), others[2])
+        """As `Shooting.newton_steps`, of all together by as many steps as are to be tried, or else by some more, and of
+        what is left one by one."""
+        ps, left, found, attempts = self.p(xs), np.arange(len(xs)), None, 0
+        while len(left):
+            known = xs[left], ps[left], rows[left], targets[left]
+            if self.counts and attempts < 2:
+                *some, enough, _ = self.together.newton_steps(self.counts, *known)
+                attempts += 1
+                if not enough.all():
+                    self.counts = self._room([MORE * count for count in self.counts])
+            else:
+                here, enough = self.evaluate(xs[left]), np.ones(len(left), bool)
+                some = self.equations.newton_steps(self.along, here, *known)
+                self.counts = self._room([motions.counts.max() + SPARE for motions in here.trajectories])
+            if found and len(left) < len(xs):
+                steps, directions, here = found
+                steps[left], directions[left] = some[:2]
+                found = steps, directions, here.replaced(left, some[2])
+            else:
+                found = tuple(some)
+            left = left[~enough]
+        return found
+
+    def _room(self, counts) -> tuple[int, ...] | None:
+        """About so many steps for each arc, of few numbers, since for each something is built; None where none are
+        taken together."""
+        counts = tuple(room_for(int(count), digits=4) for count in counts)
+        return counts if self.together and max(counts) <= MOST_STEPS else None
 
     def correct(self, guess, row, level: float, before) -> At:
         """The point of the curve where row . X = level, by Newton's method from `guess`; its tangent goes on from
@@ -155,7 +166,7 @@ class Curve:
         square = np.concatenate([here.jacobian * sizes[:, None], (tangents / sizes)[:, None]], axis=1)
         turns = np.linalg.det(square).tolist()
         each = enumerate(zip(xs, tangents, turns, strict=True))
-        return [At(x, tangent, turn, here, place, self.meshes) for place, (x, tangent, turn) in each]
+        return [At(x, tangent, turn, here, place, self.counts) for place, (x, tangent, turn) in each]
 
     def step(self, knots: Sequence[At], length: float, value: float | None = None) -> tuple[At, np.ndarray, int]:
         """The end of a step of given length from the last of some points, or of about that where the parameter has a
@@ -168,17 +179,16 @@ class Curve:
         closing, target = (row, level[0]) if value is None else (np.eye(len(row))[-1], value)
         padded = [*[knots[0]] * missing, *knots]
         xs, tangents = (np.array(part) for part in ([at.x for at in padded], [at.tangent for at in padded]))
-        if self.meshes is not None:
+        if counts := last.counts and self._room([count + SPARE for count in last.counts]):
             points = xs, tangents, np.arange(MEMORY) >= missing, row, level
-            if found := self.meshed.step(self.meshes, *points, closing, target, size, self.p(xs[-1:])):
-                guess, x, tangent, here, (rests, before, moved), loads = found
+            if found := self.together.step(counts, *points, closing, target, size, self.p(xs[-1:])):
+                guess, x, tangent, here, used, (rests, before, moved) = found
+                self.counts = self._room([count[0] for count in used])
                 if not settles(moved, before, float(here.growth[0])):
                     return self.correct(x, closing, target, last.tangent), guess, rests
                 (end,) = self._ats(x[None], tangent[None], here, last.tangent[None])
-                if max(load.max() for load in loads) > TIGHT:
-                    self.meshes = [_mesh(*known) for known in zip(self.meshes, loads, strict=True)]
                 return end, guess, rests
-            self.meshes = None
+            self.counts = self._room([MORE * count for count in counts])
         places = np.array([MEMORY - missing]), MEMORY, 0, row[None], level
         (guess,), (rests,) = around(xs[missing:], tangents[missing:], *places)
         guess += last.tangent * (target - closing @ guess) / (closing @ last.tangent)
@@ -273,23 +283,6 @@ class Curve:
 def placed(at: At, value: float) -> At:
     """A point where the parameter is `value` but for rounding, with just that; not certified."""
     return replace(at, x=np.append(at.x[:-1], value), point=None)
-
-
-def _loads(steps: np.ndarray) -> np.ndarray:
-    """Which shares (N,) steps are of what they could be: all are as long as can be, but the last is cut off."""
-    loads = np.ones_like(steps)
-    loads[-1] = min(1.0, steps[-1] / steps[-2]) if len(steps) > 1 else 1.0
-    return loads
-
-
-def _mesh(times: np.ndarray, loads: np.ndarray) -> np.ndarray:
-    """Nodes for the neighbours of a motion, as shares of its duration, a little closer than its own at `times` (N + 1,)
-    where the steps are shares `loads` (N,) of what they could be; of few numbers, since for each something is built."""
-    places = np.append(0.0, np.cumsum(loads))
-    count = room_for(int(np.ceil(CLOSER * places[-1])), digits=4)
-    mesh = np.interp(np.linspace(0, places[-1], count + 1), places, times) / times[-1]
-    mesh[-1] = 1.0
-    return mesh
 
 
 def interpolated(ats: Sequence[At], row, levels) -> np.ndarray:

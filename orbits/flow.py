@@ -30,6 +30,8 @@ MAX_STEPS = 200_000
 RUNAWAY = 1e20
 # ... for good, with steps longer than this, or into a singularity, where they vanish.
 SUDDEN = 1e-3
+# What is left of a time beyond this share of it is rounding.
+ALMOST = 1 - 1e-14
 # Steps taken in one call of the interpreter's: two such calls are most of an oscillation.
 LOOK_AHEAD = 6
 MOST_AT_ONCE = 64
@@ -165,14 +167,14 @@ class Flow:
                 steps, c = np.where(trusted, steps, 0.0), np.where(np.isfinite(c), c, 0.0)
             owner, piece, t = self._piled(quantity, c, steps).roots(skip_start)
             owner, first = np.unique(owner, return_index=True)
-            reached = trusted[owner, piece[first]]
+            reached = trusted[owner, piece[first]] & (steps[owner, piece[first]] > 0)
             owner, first = owner[reached], first[reached]
             piece, lengths = piece[first], np.cumsum(steps[owner], axis=1)
             begins = np.concatenate([np.zeros((len(owner), 1)), lengths[:, :-1]], axis=1)
-            used = np.arange(count) <= piece[:, None]
+            used = (np.arange(count) <= piece[:, None]) & (steps[owner] > 0)
             ends = begins[np.arange(len(owner)), piece] + t[first]
             if len(owner):
-                found.append((going[owner], Motions(begins[used], ends, c[owner][used], piece + 1, self.names)))
+                found.append((going[owner], Motions(begins[used], ends, c[owner][used], used.sum(1), self.names)))
                 self.usual = min(int(piece.max()) + 2, MOST_AT_ONCE) if len(starts) > 1 else self.usual
             trusted[owner] = False
             going, count = going[trusted.all(1)], 2 * count
@@ -249,7 +251,7 @@ class Flow:
             steps, c, trusted = self.scheme(0).advance_all(x, tracks.data, 1 if self.phase.pieces else LOOK_AHEAD)
             steps = tracks.cut(c, steps)
             last = evaluate(c[:, -1, : self.size], steps[:, -1:])
-            slow = ~(trusted.all(1) & (np.abs(last).max(1) < RUNAWAY))
+            slow = ~(trusted.all(1) & steps.any(1) & (np.abs(last).max(1) < RUNAWAY))
             if slow.any():
                 skipped = np.where(began[slow] == 0, skip[going[slow]], 0)
                 known = limit[going[slow]], skipped, rising, began[slow]
@@ -313,8 +315,8 @@ class Flow:
         """How many steps to take, the length of the last, the end of a piece crossed there, and whether to stop."""
         count, cut, crossed, halted = len(steps), steps[-1], 0, False
         reached = np.cumsum(steps)
-        if reached[-1] >= left:
-            count = int(np.argmax(reached >= left)) + 1
+        if reached[-1] >= left * ALMOST:
+            count = int(np.argmax(reached >= left * ALMOST)) + 1
             cut = left - (reached[count - 2] if count > 1 else 0.0)
         if track.pieces:
             cut, crossed = track.cut(c[0], cut)

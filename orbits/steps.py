@@ -16,8 +16,8 @@ ORDER = 28
 TOLERANCE = 1e-17
 # A step whose series misses the equation by more, relative to the state, has gone past what the series knows.
 DEFECT = 1e-10
-# A step shorter than this, beside the time, is a singularity.
-SHORTEST = 1e-15
+# A step shorter than this, beside the time, is a singularity; none is longer than that.
+SHORTEST, LONGEST = 1e-15, 1e9
 SECONDS_PER_INSTRUCTION = 2e-9
 # Share of the time to compile after which a library compiled before is looked for.
 LOOK = 0.02
@@ -56,7 +56,11 @@ class Graph:
 
 class Taylor:
     """Taylor steps, several in one call: coefficients of the state and its sensitivities, each step as long as their
-    last two terms allow.
+    last two terms allow, and all of them no longer than a given time.
+
+    `one` makes a step: from the state (n,), its sensitivities, the time that is left and the longest step to try, and
+    from the parameters with their seeds, to the first four after it, the coefficients, and the lengths taken and tried.
+    A step that is tried in vain has no length, and one half as long, or less, is tried next.
 
     The sensitivities' series come from the variational equations dx' = f_x dx + f_p dp: first those of f_x and f_p,
     then with them one column after another; `varied` are the rows of dp that are not zero.
@@ -66,8 +70,8 @@ class Taylor:
         n, size = graph.size, graph.p.numel()
         self.n, self.columns, self.varied = n, columns, list(varied)
         self.rows = n + graph.field.numel_out(1)
-        z, data = ca.MX.sym("z", n * (1 + columns)), ca.MX.sym("p", size + len(varied) * columns)
-        x, dx = z[:n], ca.reshape(z[n:], n, columns)
+        z, data = ca.MX.sym("z", n * (1 + columns) + 2), ca.MX.sym("p", size + len(varied) * columns)
+        x, dx = z[:n], ca.reshape(z[n:-2], n, columns)
         p, dp = data[:size], ca.reshape(data[size:], len(varied), columns)
         if columns:
             series, column = variations(graph.field, varied, ORDER)
@@ -77,10 +81,9 @@ class Taylor:
         else:
             c = ca.Function("series", [graph.x, graph.p], [ca.densify(graph.series.T)])(x, p)
             dc, again = ca.MX(ORDER + 1, 0), 0
-        longest = ca.MX.sym("h")
-        powers, made = self._measure(graph)(c[:, :n], dc, p, ca.vec(dp), longest)
+        powers, limits, made = self._measure(graph)(c[:, :n], dc, p, ca.vec(dp), z[-2:])
         ends = (powers.T @ ca.horzcat(c[:, :n], dc)).T
-        self.one = ca.Function("taylor", [z, data, longest], [ends, c, dc, made])
+        self.one = ca.Function("taylor", [z, data], [ca.vertcat(ends, limits), c, dc, made])
         # Once interpreting has taken as long as compiling would, compile: that is never worse than twice the best. A
         # little earlier see whether it has been compiled before.
         self.patience, self.asked = LOOK * compile_seconds(self.one), False
@@ -92,19 +95,24 @@ class Taylor:
         self._all: dict[int, Calls] = {}
 
     def _measure(self, graph: Graph) -> ca.Function:
-        """(coefficients of the states (K + 1, n), of the sensitivities (K + 1, n * columns), p, dp, longest step) ->
-        the powers (K + 1,) of the step's length; that length, how far the step is from solving the equation, and how
-        long it could be."""
+        """(coefficients of the states (K + 1, n), of the sensitivities (K + 1, n * columns), p, dp, time left with the
+        longest step to try) -> the powers (K + 1,) of the step's length, what is left then and the longest to try next,
+        the lengths taken and tried."""
         c, dc = ca.SX.sym("c", ORDER + 1, self.n), ca.SX.sym("dc", ORDER + 1, self.n * self.columns)
-        dp, longest = ca.SX.sym("dp", len(self.varied) * self.columns), ca.SX.sym("h")
+        dp, limits = ca.SX.sym("dp", len(self.varied) * self.columns), ca.SX.sym("l", 2)
+        left, longest = ca.vertsplit(limits)
         trusted = _trusted_length(c, 0)
         if self.varied:  # the series of f_p may end sooner than that of f
             trusted = ca.fmin(trusted, _trusted_length(dc, ca.norm_inf(dp)))
         h = ca.fmin(longest, trusted)
-        powers = _powers(h)
+        h = ca.if_else(h >= left, left, ca.if_else(1.5 * h >= left, 0.5 * left, h))  # the last is not a short one
         size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # a motion at rest at the origin has none
-        defect = self._defect(graph, ca.diag(powers) @ c, h) / size
-        return ca.Function("measure", [c, dc, graph.p, dp, longest], [powers, ca.vertcat(h, defect, trusted)])
+        solves = self._defect(graph, ca.diag(_powers(h)) @ c, h) <= DEFECT * size
+        # One that is far too long for how fast the state changes is not halved again and again.
+        shorter = 0.5 * ca.fmin(h, ca.sqrt(h * size / ca.norm_inf(c[1, :])))
+        taken, after = ca.if_else(solves, h, 0), ca.if_else(solves, LONGEST, shorter)
+        results = [_powers(taken), ca.vertcat(left - taken, after), ca.vertcat(taken, h)]
+        return ca.Function("measure", [c, dc, graph.p, dp, limits], results)
 
     @staticmethod
     def _defect(graph: Graph, terms: ca.SX, h: ca.SX) -> ca.SX:
@@ -123,7 +131,7 @@ class Taylor:
         return ca.mmax(ca.vertcat(*defects))
 
     def advance(self, x, p, dx, dp, count: int, longest: float, hint=None):
-        """The trusted ones of `count` steps, none longer than `longest`.
+        """Those of `count` steps that can be trusted, all together no longer than `longest`.
 
         Returns steps (m,), coefficients (m, rows, K + 1), sensitivities (m, n, columns, K + 1).
         """
@@ -133,23 +141,24 @@ class Taylor:
                 self._calls[count] = Call(self.one if count == 1 else self.one.mapaccum(count))
             call = self._calls[count]
         with call.lock:
-            start, data, lengths = call.arguments
-            start[: self.n] = x
+            start, data = call.arguments
+            start[: self.n], start[-2], start[-1] = x, min(longest, LONGEST), LONGEST
             data = data.reshape(count, -1)
             data[:, : len(p)] = p
             if self.columns:
-                start[self.n :] = dx.T.ravel()
+                start[self.n : -2] = dx.T.ravel()
                 data[:, len(p) :] = dp[self.varied].T.ravel()
-            lengths[:] = min(longest, 1e9)
             call.trigger()
-            _, c, dc, (steps, defects, _) = (result.copy(order="K") for result in call.results)
-        c, dc = self.unfold(c, dc)
-        trusted = count if (defects <= DEFECT).all() else int(np.argmin(defects <= DEFECT))
-        if trusted == 0:  # halve the first step until its series solves the equation, unless it has no series
-            if not (steps[0] > SHORTEST and np.isfinite(c[0]).all()):
-                return np.full(1, np.nan), c[:1], None
-            return self.advance(x, p, dx, dp, 1, 0.5 * steps[0])
-        return steps[:trusted], c[:trusted], dc[:trusted]
+            ends, c, dc, (steps, tried) = call.results
+            while not steps.any() and tried[-1] > SHORTEST and np.isfinite(c).all():
+                start[-1] = ends[-1, -1]
+                call.trigger()
+            c, dc = self.unfold(c.copy(order="K"), dc.copy(order="K"))
+            taken = steps > 0
+            steps = steps[taken]
+        if not taken.any():
+            return np.full(1, np.nan), c[:1], None
+        return (steps, c, dc) if taken.all() else (steps, c[taken], dc[taken])
 
     def unfold(self, c, dc):
         """Coefficients (..., count, rows, K + 1) and sensitivities (..., count, n, columns, K + 1) from the results
@@ -161,16 +170,19 @@ class Taylor:
     def advance_all(self, x, p, count: int):
         """`count` steps of several motions without sensitivities, from states (m, n) with parameters (m, np).
 
-        Returns steps (m, count), coefficients (m, count, rows, K + 1), and which steps can be trusted (m, count).
+        Returns steps (m, count), of no length where they are tried in vain, coefficients (m, count, rows, K + 1), and
+        which steps can be trusted (m, count).
         """
         with self.lock:
             self.spend(count * len(x))
             if count not in self._all:
                 self._all[count] = Calls(self.one.mapaccum(count))
             call = self._all[count]
-        _, c, dc, made = call(x, np.tile(p, count), np.full((1, count), 1e9))
+        limits = np.full((len(x), 2), LONGEST)
+        _, c, dc, made = call(np.concatenate([x, limits], axis=1), np.tile(p, count))
+        steps, tried = made.swapaxes(0, 1)
         c, _ = self.unfold(c, dc)
-        return made[:, 0], c, (made[:, 1] <= DEFECT) & np.isfinite(c).all((2, 3)) & (made[:, 0] > SHORTEST)
+        return steps, c, np.isfinite(c).all((2, 3)) & (tried > SHORTEST)
 
     def spend(self, count: int):
         """Count steps to be taken; once there have been enough, compile them."""

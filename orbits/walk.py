@@ -8,7 +8,8 @@ as closely as asked: the interpolant through the ends must lead there too.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, groupby
+from itertools import accumulate, groupby, pairwise
+from operator import ge
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +48,7 @@ PATIENCE, REST = 16, 20
 # Points that are solved between steps and certified together; and once something has been refused, how many times as
 # many every time that all goes well, from one on.
 TOGETHER, CAREFULLY = 160, 4
-# Points are solved together on meshes that have up to this many times as many steps as they need.
+# Points are solved together by up to this many times as many steps as they need.
 ALIKE = 1.1
 # Points on either side that those between two rest on.
 SIDE = 3
@@ -203,14 +204,14 @@ class Walk:
         tangents = np.array([at.tangent for at in chain[before:-1]])[legs]
         stops = np.searchsorted(legs, np.arange(len(knots)), side="right")
         solved: list[At] = []
-        meshes = list(accumulate((at.meshes for at in reversed(knots)), _either))[::-1]
-        for _, same in groupby(range(len(knots)), key=lambda i: id(meshes[i])):
+        needed = [_most(a.counts, b.counts) for a, b in pairwise(chain[before:])]
+        counts = list(accumulate(reversed(needed), _either))[::-1]
+        for _, same in groupby(range(len(knots)), key=counts.__getitem__):
             *_, last = same
             some = slice(len(solved), int(stops[last]))
             if some.start < some.stop:
-                self.curve.meshes = meshes[last]
+                self.curve.counts = counts[last]
                 solved += self.curve.correct_all(guesses[some], rows[some], levels[some], tangents[some])
-        self.curve.meshes = knots[-1].meshes
         for i in np.flatnonzero(asked):
             solved[i].x[-1] = levels[i]
         starts, points = [0, *stops], []
@@ -406,8 +407,12 @@ class Walk:
         return End("stuck", where)
 
 
-def _either(later: list | None, meshes: list | None) -> list | None:
-    """The meshes that serve further on, where they are not much finer than those of a place before; or these."""
-    if later is None or meshes is None or sum(map(len, later)) > ALIKE * sum(map(len, meshes)):
-        return meshes
-    return later
+def _most(a: tuple | None, b: tuple | None) -> tuple | None:
+    """As many steps for each arc as at either of two points."""
+    return tuple(map(max, a, b)) if a and b else None
+
+
+def _either(later: tuple | None, counts: tuple | None) -> tuple | None:
+    """The numbers of steps further on, where they are enough and not too many for a place before; or those of that."""
+    enough = later and counts and all(map(ge, later, counts))
+    return later if enough and sum(later) <= ALIKE * sum(counts) else counts

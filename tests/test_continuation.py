@@ -12,13 +12,13 @@ import pytest
 
 from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
 from orbits.certify import certify
-from orbits.curve import At, Curve, _loads, _mesh, interpolated
+from orbits.curve import At, Curve, interpolated
 from orbits.events import watched
 from orbits.hermite import around
-from orbits.meshed import Meshed
 from orbits.plot import spread, thumbnails
 from orbits.search import solved
 from orbits.shooting import Shooting
+from orbits.together import Together
 from problems import Hopper, Juggler, hopper_in_si, springs
 from studies.random_families import differences, random_springs, twice
 
@@ -128,37 +128,28 @@ def test_stiffness_only_changes_the_units():
     curve = Curve(machine, "k", "relative", 8.0)
     x = np.array([*family[5].u, family[5].value])
     curve.correct(x, np.eye(3)[2], x[2], np.eye(3)[2])
-    assert curve.meshes is not None
+    assert curve.counts is not None
 
 
-def test_a_mesh_has_even_loads():
-    """As many steps as the loads ask for with a little to spare, short where those before were tight."""
-    times, loads = np.array([0.0, 1.0, 2.0, 4.0]), np.array([0.5, 1.0, 1.0])
-    mesh = _mesh(times, loads)
-    assert (mesh[0], mesh[-1], len(mesh)) == (0.0, 1.0, 4)  # 2.5 steps with 15 % more
-    total = np.interp(4 * mesh, times, np.append(0.0, np.cumsum(loads)))
-    assert np.diff(total) == pytest.approx(2.5 / 3)
-    assert _loads(np.array([0.2, 0.4, 0.1])).tolist() == [1.0, 1.0, 0.25]
-    assert _loads(np.array([0.3])).tolist() == [1.0]
-
-
-def test_a_mesh_is_made_of_the_motion_itself():
-    """Not of what a Newton step from there makes of it, whose last step may go back: this air spring got stuck."""
+def test_the_last_step_is_of_the_motion_itself():
+    """Not of what a Newton step from there makes of it, where it may go back: this air spring got stuck."""
     machine = Hopper("L*(1 - (1 + r/L)**(-1.4))/1.4", parameters={"L": 50.0})
     family = follow(machine, "L", 3.0)
     assert family.end.kind == "reached"
     assert family[-1].alpha == pytest.approx(find(machine.with_values(L=3.0)).alpha, rel=1e-12)
 
 
-def test_meshes_are_made_anew_before_they_fail(monkeypatch):
-    """A spring that stiffens needs ever more steps, but mostly none are tried in vain."""
-    found, step = [], Meshed.step
-    monkeypatch.setattr(Meshed, "step", lambda *a: found.append(step(*a)) or found[-1])
-    family = follow(SINH, "b", 2.0, at=[0.5])
-    assert family[-1].value == 2.0
-    counts = [sum(map(len, one[-1])) for one in found if one]
+def test_motions_are_followed_together(monkeypatch):
+    """A spring that stiffens needs ever more steps, but mostly there are enough; also one that runs off."""
+    found, alone, step, evaluate = [], [], Together.step, Curve.evaluate
+    monkeypatch.setattr(Together, "step", lambda *a: found.append(step(*a)) or found[-1])
+    monkeypatch.setattr(Curve, "evaluate", lambda self, xs: alone.append(len(xs)) or evaluate(self, xs))
+    assert follow(SINH, "b", 2.0, at=[0.5])[-1].value == 2.0
+    counts = [used[0][0] for *_, used, _ in filter(None, found)]
     assert counts[-1] > 1.5 * counts[0]
-    assert sum(one is None for one in found) <= 2
+    assert found.count(None) <= 2
+    assert follow(Hopper("toda", parameters={"b": 0.1}), "b", 0.9).end.kind == "escaped"
+    assert sum(alone) <= 5
 
 
 def test_masses_that_touch_are_located_and_the_curve_goes_on():

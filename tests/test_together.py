@@ -5,17 +5,19 @@ import casadi as ca
 import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
+from scipy.integrate import solve_ivp
 
 from orbits import FlowError, OutOfRange, ReturnMap, find, simulate
+from orbits.calls import Call
 from orbits.curve import Curve, interpolated
 from orbits.elementwise import Rows
-from orbits.flow import first_zero
+from orbits.flow import first_zero, flow
 from orbits.impacts import Impacts
 from orbits.jets import variations
-from orbits.meshed import meshed
 from orbits.model import Affine
 from orbits.shooting import Shooting, joined
 from orbits.statements import equations_of
+from orbits.together import together
 from problems import Hopper, springs
 
 RANGE = np.linspace(-3, 3, 13)
@@ -181,9 +183,9 @@ def test_sensitivities_with_columns_of_nothing():
         assert dx == pytest.approx((moved[0] - moved[1]) / (2 * step), abs=1e-8)
 
 
-def cubics(count: int) -> tuple[Shooting, np.ndarray, np.ndarray, list[np.ndarray]]:
-    """The equations of cubic springs in varying gravity, `count` points off their orbits, with their parameters, and a
-    mesh that is fine enough for all."""
+def cubics(count: int) -> tuple[Shooting, np.ndarray, np.ndarray, int]:
+    """The equations of cubic springs in varying gravity, `count` points off their orbits, with their parameters, and
+    the steps that the first takes."""
     machine = machine_of(REFERENCES[4])
     equations, orbit = equations_of(machine.model, "half orbit", tuple(machine.values)), find(machine)
     xs = np.array([orbit.liftoff_extension, orbit.alpha, orbit.flight_time / 2, machine.values["beta"]])
@@ -191,7 +193,7 @@ def cubics(count: int) -> tuple[Shooting, np.ndarray, np.ndarray, list[np.ndarra
     ps = np.tile(list(machine.values.values()), (count, 1))
     ps[:, list(machine.values).index("beta")] = xs[:, 3]
     path = equations.evaluate(xs[0, :3], ps[0], ("beta",)).trajectories[0]
-    return equations, xs, ps, [np.linspace(0, 1, 2 * len(path.steps))]
+    return equations, xs, ps, len(path.steps)
 
 
 def assert_same(some, one):
@@ -227,14 +229,16 @@ def test_some_points_replaced_by_others(longer):
 
 
 def test_newton_steps_of_many_points():
-    """On one mesh in one call, and one by one; both lead to where the equations hold to second order."""
-    equations, xs, ps, meshes = cubics(9)
+    """In one call, and one by one; both lead to where the equations hold to second order."""
+    equations, xs, ps, count = cubics(9)
     rows = np.random.default_rng(6).normal(size=xs.shape)
     targets = np.einsum("mi,mi->m", rows, xs) + 1e-6
-    *found, fine = meshed(equations, "beta").newton_steps(meshes, xs, ps, rows, targets)
+    *found, enough, (used,) = together(equations, "beta").newton_steps((count + 3,), xs, ps, rows, targets)
     there = equations.evaluate_all(xs[:, :3], ps, ("beta",))
     steps, directions, here = equations.newton_steps("beta", there, xs, ps, rows, targets)
-    assert fine.all()
+    assert enough.all()
+    assert (used == found[2].trajectories[0].counts).all()
+    assert used[0] == count
     assert found[0] == pytest.approx(steps, rel=1e-10)
     assert found[1] == pytest.approx(directions, rel=1e-10)
     assert np.einsum("mi,mi->m", rows, xs + steps) == pytest.approx(targets, rel=1e-12)
@@ -249,28 +253,60 @@ def test_newton_steps_of_many_points():
         assert path.end == pytest.approx(true.end[:4], abs=30 * np.max(np.abs(steps[i])) ** 2)
 
 
-def test_meshes_that_are_too_coarse():
-    """Although a step may lead to a motion so short that they serve it."""
-    equations, xs, ps, meshes = cubics(1)
-    row, on = np.eye(4)[2], meshed(equations, "beta")
-    for count in (2, 3, 4):
-        mesh = [np.linspace(0, 1, count)]
-        assert not on.newton_steps(mesh, xs, ps, row[None], np.array([1e-3]))[3].any()
-        assert on.step(mesh, xs, row[None], np.ones(1), row, xs[:, 2], row, xs[:, 2], np.ones(4), ps) is None
+def test_steps_that_are_not_enough():
+    """Although a step may lead to a motion so short that they are."""
+    equations, xs, ps, count = cubics(1)
+    row, on = np.eye(4)[2], together(equations, "beta")
+    for few in (1, 2, count - 1):
+        assert not on.newton_steps((few,), xs, ps, row[None], np.array([1e-3]))[3].any()
+        assert on.step((few,), xs, row[None], np.ones(1), row, xs[:, 2], row, xs[:, 2], np.ones(4), ps) is None
     backwards = xs * [1, 1, -1, 1]
-    assert not on.newton_steps(meshes, backwards, ps, row[None], xs[:, 2])[3].any()
+    assert not on.newton_steps((count,), backwards, ps, row[None], xs[:, 2])[3].any()
+    assert on.newton_steps((count,), xs, ps, row[None], xs[:, 2])[3].all()
+    last = equations.evaluate(xs[0, :3], ps[0], ("beta",)).trajectories[0].steps[-1]
+    shorter = xs[:, 2] - 1.1 * last  # the last step would end before it begins
+    assert not on.newton_steps((count,), xs, ps, row[None], shorter)[3].any()
 
 
-def test_meshes_that_are_no_meshes():
-    """Those that do not go from 0 to 1, or go back."""
-    equations, xs, ps, (mesh,) = cubics(1)
-    row, on = np.eye(4)[2], meshed(equations, "beta")
-    back = np.insert(mesh[:-1], 4, mesh[2])
-    for wrong in (mesh * (1 - 1e-12), mesh + 1e-12, np.append(mesh[:-1], 1 + 1e-6), back):
-        assert not on.newton_steps([wrong], xs, ps, row[None], xs[:, 2])[3].any()
-    assert on.newton_steps([mesh], xs, ps, row[None], xs[:, 2])[3].all()
-    shorter = xs[:, 2] * mesh[-2] * 0.9  # the last step would end before it begins
-    assert not on.newton_steps([mesh], xs, ps, row[None], shorter)[3].any()
+def test_some_take_more_steps_than_are_tried():
+    """They are tried again by more, or alone; all come in their order."""
+    curve = Curve(Hopper("cubic"), "beta", "relative", 1.0)
+    xs, rows = np.array([[1.0, 4.49, beta] for beta in (0.0, 0.01, 0.05)]), np.tile(np.eye(3)[2], (3, 1))
+    xs[1, 1] = 40.0  # far more
+    *one_by_one, there = curve.newton_steps(xs, rows, xs[:, 2])
+    for counts in ((6,), (8,), (80,)):
+        curve.counts = counts
+        steps, directions, here = curve.newton_steps(xs, rows, xs[:, 2])
+        assert steps == pytest.approx(one_by_one[0], rel=1e-9)
+        assert directions == pytest.approx(one_by_one[1], rel=1e-9)
+        for i in range(3):
+            assert here.transitions[0][i] == pytest.approx(there.transitions[0][i], rel=1e-9)
+            assert here.trajectories[0][i].end == pytest.approx(there.trajectories[0][i].end, rel=1e-9)
+
+
+def test_steps_share_the_time_and_are_halved_in_vain():
+    """A saturated spring, flat to the last digit where the motion starts: the series does not know what comes after."""
+    along = flow(Hopper("tanh", parameters={"b": 1.0}).model.reduction.statement.arcs[0].phase, ("b",))
+    start, p, duration, count = np.array([-30.0, 4.0]), np.array([1.0]), 12.0, 60
+    end, _, _, (taken, tried) = Call(along.scheme(0).one.mapaccum(count))([*start, duration, 1e9], np.ones((count, 1)))
+    assert taken.sum() == pytest.approx(duration, rel=1e-15)
+    assert end[2, -1] == 0.0
+    in_vain = np.flatnonzero((taken == 0) & (tried > 0))
+    assert len(in_vain) > 0
+    assert (tried[in_vain + 1] <= 0.5 * tried[in_vain]).all()
+    assert taken[tried > 0][-1] > 0.2 * taken.max()
+    path, _ = along.run(start, p, duration)
+    assert path.steps == pytest.approx(taken[taken > 0], rel=1e-12)
+    true = solve_ivp(lambda t, x: [x[1], -np.tanh(x[0])], (0, duration), start, "DOP853", rtol=1e-13, atol=1e-13)
+    assert end[:2, -1] == pytest.approx(true.y[:, -1], abs=1e-9)
+    assert path.end[:2] == pytest.approx(end[:2, -1], abs=1e-12)
+    starts = np.array([[-30.0, 4.0], [-20.0, 4.0], [-8.0, 4.0]])
+    which, motions = along.until_zero(starts, np.ones((3, 1)), Affine((1.0, 0.0)))
+    assert which.tolist() == [0, 1, 2]
+    for start, path in zip(starts, motions, strict=True):
+        one, _ = along.run(start, p, stop=first_zero(Affine((1.0, 0.0))))
+        assert path.times[-1] == pytest.approx(one.times[-1], rel=1e-12)
+    assert (motions.steps > 0).all()
 
 
 def test_a_step_along_a_curve_at_once():
