@@ -143,7 +143,7 @@ class Flow:
                 raise kind(f"the {self.phase.name} runs away at time {times[-1]:.6g}, at {self._say(x)}")
             if halted:
                 break
-            if duration - times[-1] <= 1e-15 * duration:
+            if duration - times[-1] < 1e-15 * duration:
                 times[-1] = duration
             if crossed:
                 variations = track.enter(crossed, x, variations)
