@@ -28,7 +28,7 @@ from .together import Together, together
 # A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
 AT_A_FOLD = 1e-3
 # Motions of more steps are not evaluated together: building that would take longer than it saves.
-MOST_STEPS = 300
+MOST_STEPS = 320
 # Neighbours may take this many steps more; where that is not enough, this many times as many are tried before motions
 # are followed alone.
 SPARE, MORE = 1, 1.5
@@ -103,17 +103,16 @@ class Curve:
     def newton_steps(self, xs, rows, targets) -> tuple[np.ndarray, np.ndarray, Evaluation]:
         """As `Shooting.newton_steps`, of all together by as many steps as are to be tried, or else by some more, and of
         what is left one by one."""
-        ps, left, found, attempts = self.p(xs), np.arange(len(xs)), None, 0
+        ps, left, found, again = self.p(xs), np.arange(len(xs)), None, True
         while len(left):
-            known = xs[left], ps[left], rows[left], targets[left]
-            if self.counts and attempts < 2:
-                *some, enough, _ = self.together.newton_steps(self.counts, *known)
-                attempts += 1
+            places = xs[left], ps[left], rows[left], targets[left]
+            if self.counts:
+                *some, enough, _ = self.together.newton_steps(self.counts, *places)
                 if not enough.all():
-                    self.counts = self._room([MORE * count for count in self.counts])
+                    self.counts, again = self._room([MORE * count for count in self.counts]) if again else None, False
             else:
                 here, enough = self.evaluate(xs[left]), np.ones(len(left), bool)
-                some = self.equations.newton_steps(self.along, here, *known)
+                some = self.equations.newton_steps(self.along, here, *places)
                 self.counts = self._room([motions.counts.max() + SPARE for motions in here.trajectories])
             if found and len(left) < len(xs):
                 steps, directions, here = found
@@ -203,8 +202,8 @@ class Curve:
 
     def checked(self, ats: Sequence[At]) -> tuple[Sequence[At], OrbitsError | None]:
         """The points, certified, up to the first that cannot be, and its error."""
-        together = {id(at.here): i for i, at in reversed(list(enumerate(ats)))}  # those solved together are so checked
-        order = np.array(sorted(range(len(ats)), key=lambda i: (together[id(ats[i].here)], ats[i].place)), int)
+        groups = {id(at.here): i for i, at in reversed(list(enumerate(ats)))}  # those solved together are so checked
+        order = np.array(sorted(range(len(ats)), key=lambda i: (groups[id(ats[i].here)], ats[i].place)), int)
         if not len(order):
             return ats, None
         us, ps, here, closing = self.solved([ats[i] for i in order])

@@ -251,7 +251,9 @@ class Flow:
             steps, c, trusted = self.scheme(0).advance_all(x, tracks.data, 1 if self.phase.pieces else LOOK_AHEAD)
             steps = tracks.cut(c, steps)
             last = evaluate(c[:, -1, : self.size], steps[:, -1:])
-            slow = ~(trusted.all(1) & steps.any(1) & (np.abs(last).max(1) < RUNAWAY))
+            # A zero to be left out stands before the first step that has a length.
+            plain = steps.any(1) & ((steps[:, 0] > 0) | (began > 0) | (skip[going] == 0))
+            slow = ~(plain & trusted.all(1) & (np.abs(last).max(1) < RUNAWAY))
             if slow.any():
                 skipped = np.where(began[slow] == 0, skip[going[slow]], 0)
                 known = limit[going[slow]], skipped, rising, began[slow]

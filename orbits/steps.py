@@ -16,8 +16,10 @@ ORDER = 28
 TOLERANCE = 1e-17
 # A step whose series misses the equation by more, relative to the state, has gone past what the series knows.
 DEFECT = 1e-10
-# A step shorter than this, beside the time, is a singularity; none is longer than that.
-SHORTEST, LONGEST = 1e-15, 1e9
+# A step shorter than this, beside the time, is a singularity.
+SHORTEST = 1e-15
+# No step is longer than this.
+LONGEST = 1e9
 SECONDS_PER_INSTRUCTION = 2e-9
 # Share of the time to compile after which a library compiled before is looked for.
 LOOK = 0.02
@@ -105,7 +107,7 @@ class Taylor:
         if self.varied:  # the series of f_p may end sooner than that of f
             trusted = ca.fmin(trusted, _trusted_length(dc, ca.norm_inf(dp)))
         h = ca.fmin(longest, trusted)
-        h = ca.if_else(h >= left, left, ca.if_else(1.5 * h >= left, 0.5 * left, h))  # the last is not a short one
+        h = ca.if_else(h >= left, left, ca.if_else(1.5 * h >= left, 0.5 * left, h))  # the last two share what is left
         size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # a motion at rest at the origin has none
         solves = self._defect(graph, ca.diag(_powers(h)) @ c, h) <= DEFECT * size
         # One that is far too long for how fast the state changes is not halved again and again.
@@ -142,7 +144,7 @@ class Taylor:
             call = self._calls[count]
         with call.lock:
             start, data = call.arguments
-            start[: self.n], start[-2], start[-1] = x, min(longest, LONGEST), LONGEST
+            start[: self.n], start[-2], start[-1] = x, longest, LONGEST
             data = data.reshape(count, -1)
             data[:, : len(p)] = p
             if self.columns:
@@ -178,7 +180,7 @@ class Taylor:
             if count not in self._all:
                 self._all[count] = Calls(self.one.mapaccum(count))
             call = self._all[count]
-        limits = np.full((len(x), 2), LONGEST)
+        limits = np.tile([np.inf, LONGEST], (len(x), 1))
         _, c, dc, made = call(np.concatenate([x, limits], axis=1), np.tile(p, count))
         steps, tried = made.swapaxes(0, 1)
         c, _ = self.unfold(c, dc)

@@ -152,6 +152,17 @@ def test_motions_are_followed_together(monkeypatch):
     assert sum(alone) <= 5
 
 
+def test_motions_of_many_steps_are_followed_one_by_one(monkeypatch):
+    values = [0.2, 0.3, 0.4]
+    together = follow(SINH, "b", 0.5, at=values)
+    monkeypatch.setattr("orbits.curve.MOST_STEPS", 6)
+    alone = follow(SINH, "b", 0.5, at=values)
+    for value in values:
+        ((one,), (other,)) = alone.at(value), together.at(value)
+        assert abs(one.alpha - other.alpha) <= one.error + other.error
+        assert one.flight_time == pytest.approx(other.flight_time, rel=1e-14)
+
+
 def test_masses_that_touch_are_located_and_the_curve_goes_on():
     machine = Hopper("toda", rest_length=30.0)
     family = follow(machine, "b", -0.6, -0.01)
