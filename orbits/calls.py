@@ -48,10 +48,10 @@ class Call:
             return [result.copy() for result in self.results]
 
 
-def room_for(count: int, digits: int = 3) -> int:
-    """A number not much more than `count`, of few numbers, so that what is built for each can be kept: those of so many
+def room_for(count: int) -> int:
+    """A number not much more than `count`, of few numbers, so that what is built for each can be kept: those of three
     binary digits, and zeros."""
-    unit = max(1, 1 << (count - 1).bit_length() >> digits)
+    unit = max(1, 1 << (count - 1).bit_length() >> 3)
     return -(-count // unit) * unit
 
 

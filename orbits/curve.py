@@ -126,7 +126,7 @@ class Curve:
     def _room(self, counts) -> tuple[int, ...] | None:
         """About so many steps for each arc, of few numbers, since for each something is built; None where none are
         taken together."""
-        counts = tuple(room_for(int(count), digits=4) for count in counts)
+        counts = tuple(room_for(int(count)) for count in counts)
         return counts if self.together and max(counts) <= MOST_STEPS else None
 
     def correct(self, guess, row, level: float, before) -> At:
