@@ -28,7 +28,7 @@ from .together import Together, together
 # A tangent with a smaller share along the parameter is that of a fold: errors are measured across the curve there.
 AT_A_FOLD = 1e-3
 # Motions of more steps are not evaluated together: building that would take longer than it saves.
-MOST_STEPS = 320
+MOST_STEPS = 512
 # Neighbours may take this many steps more; where that is not enough, this many times as many are tried before motions
 # are followed alone.
 SPARE, MORE = 1, 1.5
