@@ -312,14 +312,14 @@ def test_steps_share_the_time_and_are_halved_in_vain():
 @pytest.mark.parametrize("height", [-1e-17, 0.0, 1e-17])
 def test_a_zero_before_a_step_in_vain(height):
     """The foot leaves the ground, but for rounding, where a spring with a sharp kink has no series that serves."""
-    rules, alone = Impacts(Hopper("r - log(1 + exp(-20*(r + 2)))/10")), Affine((0.0, 0.0, 1.0, 0.0))
+    rules, foot = Impacts(Hopper("r - log(1 + exp(-20*(r + 2)))/10")), Affine((0.0, 0.0, 1.0, 0.0))
     starts = np.array([[r + height, v, height, w] for r in (2.0, 4.0, 6.0) for v in (-2.0, 1.0) for w in (0.3, 2.0)])
     ps = np.tile(rules.p, (len(starts), 1))
     steps, _, _ = rules.flight.scheme(0).advance_all(starts, ps, 6)
     assert (steps[:, 0] == 0).any()
-    times, _, failed = rules.flight.first_zeros(starts, rules.p, alone, 50.0, 1)
-    which, motions = rules.flight.until_zero(starts, ps, alone, 1)
-    landings = [rules.flight.run(start, rules.p, stop=first_zero(alone, 1))[0].times[-1] for start in starts]
+    times, _, failed = rules.flight.first_zeros(starts, rules.p, foot, 50.0, 1)
+    which, motions = rules.flight.until_zero(starts, ps, foot, 1)
+    landings = [rules.flight.run(start, rules.p, stop=first_zero(foot, 1))[0].times[-1] for start in starts]
     assert not failed
     assert times == pytest.approx(landings, rel=1e-10)
     assert motions.ends == pytest.approx(np.array(landings)[which], rel=1e-10)
