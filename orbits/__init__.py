@@ -1,22 +1,22 @@
 """Lossless periodic orbits of machines with plastic contact: found, certified, followed."""
 
-from .branches import follow_branch
-from .continuation import follow, orbit_at, trace
-from .control import Control, Guess, steer
-from .descent import Active
-from .design import Design, optimize, quantities, sensitivities
+from .continuation.branching import follow_branch
+from .continuation.existence import Existence, existence
+from .continuation.family import End, Event, Family, Point
+from .continuation.folds import fold_statement, follow_fold
+from .continuation.follow import follow, orbit_at, trace
+from .control.steer import Control, Guess, steer
+from .control.transcription import Input, Stage
+from .design.local import Active
+from .design.optimize import Design, optimize, quantities, sensitivities
+from .design.pareto import Front, pareto
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
-from .existence import Existence, existence
-from .family import End, Event, Family, Point
-from .folds import fold_statement, follow_fold
-from .front import Front, pareto
-from .model import Affine, Arc, Model, Oscillator, Phase, Pieces, Reduction, Statement, Units
-from .orbit import Certificate, Orbit
-from .returnmap import FixedPoint, Hops, ReturnMap
-from .search import METHODS, find, find_all
-from .simulate import Simulation, simulate
-from .stability import multiplier
-from .transcription import Input, Stage
+from .hybrid.multiplier import multiplier
+from .hybrid.return_map import FixedPoint, Hops, ReturnMap
+from .hybrid.simulation import Simulation, simulate
+from .model.model import Affine, Arc, Model, Oscillator, Phase, Pieces, Reduction, Statement, Units
+from .periodic.find import METHODS, find, find_all
+from .periodic.orbit import Certificate, Orbit
 
 __all__ = [
     "METHODS",

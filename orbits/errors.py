@@ -47,7 +47,7 @@ class BreaksDown(FlowError):
     """A motion comes to a singularity: its steps vanish or are not numbers."""
 
 
-def number_of(name: str, value) -> float:
+def finite_number(name: str, value) -> float:
     """`value` as a finite float; raises `InputError` that names it."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
@@ -60,7 +60,7 @@ def number_of(name: str, value) -> float:
     return number
 
 
-def whole_of(name: str, value, what: str, least: int = 1) -> int:
+def whole_number(name: str, value, what: str, least: int = 1) -> int:
     """`value` as a number of `what`, from `least`; raises `InputError` that names it."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise InputError(f"{name} = {value!r}; it is a number of {what}, from {least}")

@@ -1,4 +1,7 @@
-"""Plots of orbits, families and diagrams: axes in, axes out; matplotlib is imported only when something is drawn."""
+"""Plots of orbits, families and diagrams: axes in, axes out; matplotlib is imported only when something is drawn.
+
+Results draw themselves by these functions, so this module stands below them and knows them by their attributes only.
+"""
 
 from itertools import cycle, pairwise
 from pathlib import Path
@@ -6,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from .errors import InputError
-from .family import check_ending
-from .model import Units
-from .orbit import Orbit
+from .io import check_path
+from .model.model import Units
 
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 ANIMATIONS = (".gif",)
@@ -56,7 +58,7 @@ def scales(units: Units | None) -> tuple[float, float, str, str]:
     return (1.0, 1.0, "", "") if units is None else (units.length, units.time, " (m)", " (s)")
 
 
-def plot_orbit(orbit: Orbit, axes=None):
+def plot_orbit(orbit, axes=None):
     """Heights of the masses against time over a cycle, contact shaded, as in Fig. 3 of the paper; returns the axes.
 
     In metres and seconds for a machine that is stated in SI.
@@ -84,7 +86,7 @@ def plot_orbit(orbit: Orbit, axes=None):
     return axes
 
 
-def plot_phase_portrait(orbit: Orbit, axes=None):
+def plot_phase_portrait(orbit, axes=None):
     """Speed against height of every mass over a cycle; returns the axes."""
     length, time, metres, _ = scales(orbit.units)
     axes = axes or new_axes(4.5, 4.0)
@@ -290,7 +292,7 @@ def _shade_contacts(run, axes, time: float):
             axes.axvspan(time * leg.start, time * (leg.start + leg.path.times[-1]), fc=SHADE, zorder=0)
 
 
-def title(orbit: Orbit) -> str:
+def title(orbit) -> str:
     """What says which orbit it is, in two lines."""
     laws = [f"spring {orbit.machine['spring']}"]
     if orbit.machine["gravity"] != "1":
@@ -302,18 +304,9 @@ def title(orbit: Orbit) -> str:
     return first + ("" if orbit.admissible else " (inadmissible)") + "\n" + ", ".join(laws)
 
 
-def _vertical(orbit: Orbit) -> str:
+def _vertical(orbit) -> str:
     """Without a rest length the upper mass is measured from its place over an unloaded spring."""
     return "height" if orbit.machine["rest_length"] is not None else "displacement"
-
-
-def check_path(path, endings: tuple[str, ...]) -> Path:
-    """The path of a file to write, with one of the endings if any are given; raises `InputError` where its ending or
-    its folder rules that out."""
-    path = check_ending(path, endings)
-    if not path.parent.is_dir():
-        raise InputError(f"'{path}' cannot be written: there is no folder '{path.parent}'")
-    return path
 
 
 def save_figure(axes, path) -> Path:
@@ -326,7 +319,7 @@ def save_figure(axes, path) -> Path:
     return path
 
 
-def animate_orbit(orbit: Orbit, path, frames: int = 80) -> Path:
+def animate_orbit(orbit, path, frames: int = 80) -> Path:
     """Write one cycle as an animated GIF of masses, spring and ground; returns the path."""
     closed = orbit.contact_time is not None
     t = np.linspace(0, orbit.period if closed else orbit.flight_time, _frames(frames), endpoint=not closed)

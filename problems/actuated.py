@@ -13,7 +13,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from orbits import InputError
-from orbits.model import Affine, Model, Phase
+from orbits.model.model import Affine, Model, Phase
 
 from .machine import DAMPERS, Machine
 
@@ -44,7 +44,7 @@ class Actuated:
         """The machine's own, with u beside each state; machines that differ only in numbers share it."""
         machine = self.machine
         gravity = machine.gravity.key if machine.gravity.key.degree() > 0 else None
-        return _model(type(machine), machine.spring.key, gravity, machine.rest_length is not None)
+        return _actuated_model(type(machine), machine.spring.key, gravity, machine.rest_length is not None)
 
     @property
     def values(self) -> dict[str, float]:
@@ -66,7 +66,7 @@ class Actuated:
 
 
 @lru_cache(maxsize=64)
-def _model(kind: type[Machine], spring, gravity, has_length: bool) -> Model:
+def _actuated_model(kind: type[Machine], spring, gravity, has_length: bool) -> Model:
     """The model of a machine, from the same laws, with the spring's force at r - u."""
     law = spring.expression
     moved = spring._replace(expression=lambda r, p, q: law(r - p[END], p, q), names=(*spring.names, END))

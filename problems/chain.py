@@ -19,8 +19,8 @@ import numpy as np
 
 from orbits import find, follow
 from orbits.errors import FlowError, InputError, NoOrbit
-from orbits.flow import flow
-from orbits.model import Affine, Model, Phase
+from orbits.flow.flow import flow_of
+from orbits.model.model import Affine, Model, Phase
 
 from .laws import Key, Law, from_key, number, parameter_names
 from .relative import liftoff_extension
@@ -34,7 +34,7 @@ SAME_TIMES, SMALLEST = 1e-7, 1e-3
 # Newton's method.
 BATCH, IDLE, NEWTON = 1024, 4, 60
 # The parameter along which springs are brought in, the longest step, as a share, and the most steps.
-BENT, LEADING, MOST = "share_of_the_springs_own_law", 0.1, 100
+BENT, LEADING, MOST_CONTINUATION_POINTS = "share_of_the_springs_own_law", 0.1, 100
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Chain:
     @cached_property
     def model(self) -> Model:
         """The engine's view of the chain; chains that differ only in numbers share it."""
-        return _model(tuple(law.key for law in self.springs))
+        return _chain_model(tuple(law.key for law in self.springs))
 
     @property
     def values(self) -> dict[str, float]:
@@ -128,7 +128,7 @@ class Chain:
         if np.shape(positions) != (len(self.masses) - 1,):
             raise InputError(f"positions = {positions!r}; they are {len(self.masses) - 1} numbers, from the top")
         rest[::2] = positions
-        along = flow(self.model.contact, tuple(self.values))
+        along = flow_of(self.model.contact, tuple(self.values))
         try:
             path, _ = along.run(rest, list(self.values.values()), number("half_contact", half_contact, low=0))
         except FlowError as error:
@@ -157,7 +157,14 @@ class Chain:
         led = []
         for start in starts:
             try:
-                family = follow(straight, BENT, 1.0, orbit=find(straight, start=start), longest=LEADING, most=MOST)
+                family = follow(
+                    straight,
+                    BENT,
+                    1.0,
+                    orbit=find(straight, start=start),
+                    longest=LEADING,
+                    most=MOST_CONTINUATION_POINTS,
+                )
             except NoOrbit:
                 continue
             if family.end.kind == "reached":
@@ -276,7 +283,7 @@ def _mass_names(count: int) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=64)
-def _model(springs: tuple[Key, ...]) -> Model:
+def _chain_model(springs: tuple[Key, ...]) -> Model:
     count = len(springs) + 1
     names, states = _mass_names(count), tuple(f"y{i}{d}" for i in range(1, count + 1) for d in ("", "'"))
     eye = np.eye(2 * count)

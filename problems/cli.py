@@ -85,7 +85,7 @@ def loss_options(command):
     return command
 
 
-@orbits.command(epilog="\b\nExit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
+@orbits.command("find", epilog="\b\nExit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
 @machine_options
 @click.option(
     "--family",
@@ -102,11 +102,11 @@ def loss_options(command):
 @click.option("--plot", metavar="FILE", help="Write a figure (.png, .pdf, .svg).")
 @click.option("--animate", metavar="FILE", help="Write an animation (.gif).")
 @click.option("--save", metavar="FILE", help="Save the orbit (.json), for Orbit.load.")
-def find(family, method, allow_inadmissible, as_json, explain, plot, animate, save, **machine):
+def find_command(family, method, allow_inadmissible, as_json, explain, plot, animate, save, **machine):
     """Find one lossless orbit and certify it."""
-    from orbits.orbit import to_json
-    from orbits.plot import ANIMATIONS, FIGURES, check_path, save_figure
-    from orbits.search import find as find_orbit
+    from orbits.io import check_path, to_json
+    from orbits.periodic.find import find as find_orbit
+    from orbits.plot import ANIMATIONS, FIGURES, save_figure
 
     for path, endings in ((plot, FIGURES), (animate, ANIMATIONS), (save, ())):
         if path is not None:
@@ -134,7 +134,9 @@ def find(family, method, allow_inadmissible, as_json, explain, plot, animate, sa
 THUMBNAILS = 6
 
 
-@orbits.command(epilog="\b\nExit code: 0 followed to its end, 1 no such orbit or the curve was lost, 2 bad input.")
+@orbits.command(
+    "follow", epilog="\b\nExit code: 0 followed to its end, 1 no such orbit or the curve was lost, 2 bad input."
+)
 @machine_options
 @click.option("--family", type=click.IntRange(1), default=1, show_default=True, metavar="N", help="As in find.")
 @click.option("--along", required=True, metavar="NAME", help="The parameter: a law's, mass_ratio or rest_length.")
@@ -149,17 +151,17 @@ THUMBNAILS = 6
 @click.option("--output", metavar="FILE", help="Write each point as it is found: .jsonl, to resume from or to load.")
 @click.option("--save", metavar="FILE", help="Save the whole family: .csv, .nc or .jsonl.")
 @click.option("--resume", metavar="FILE", help="Go on from the end of a family written by --output or --save.")
-def follow(
+def follow_command(
     family, along, start, stop, at, longest, method, stop_inadmissible, as_json, plot, output, save, resume, **machine
 ):
     """Follow a family of orbits along a parameter, past folds, to its end."""
 
-    from orbits.continuation import follow as follow_family
-    from orbits.continuation import orbit_at
+    from orbits.continuation.family import ENDINGS, Family
+    from orbits.continuation.follow import follow as follow_family
+    from orbits.continuation.follow import orbit_at
     from orbits.errors import InputError
-    from orbits.family import ENDINGS, Family
-    from orbits.orbit import to_json
-    from orbits.plot import FIGURES, check_path, plot_family, save_figure, spread, thumbnails
+    from orbits.io import check_path, to_json
+    from orbits.plot import FIGURES, plot_family, save_figure, spread, thumbnails
 
     for path, endings in ((plot, FIGURES), (output, ENDINGS[:2]), (save, ENDINGS)):
         if path is not None:
@@ -217,9 +219,9 @@ def return_map(alpha, inject, as_json, plot, cobweb, **machine):
     import numpy as np
 
     from orbits.errors import InputError
-    from orbits.orbit import to_json
-    from orbits.plot import FIGURES, check_path, plot_map, save_figure
-    from orbits.returnmap import ReturnMap
+    from orbits.hybrid.return_map import ReturnMap
+    from orbits.io import check_path, to_json
+    from orbits.plot import FIGURES, plot_map, save_figure
 
     speeds = launch_speeds(alpha)
     if plot is not None:
@@ -243,7 +245,7 @@ def return_map(alpha, inject, as_json, plot, cobweb, **machine):
         click.echo(f"{row[0]:16.12g}{following:>20}{row[2]:16.9g}{row[3]:9d}  {row[4]}")
 
 
-@orbits.command(epilog="\b\nExit code: 0 done, also when it comes to rest; 2 bad input.")
+@orbits.command("simulate", epilog="\b\nExit code: 0 done, also when it comes to rest; 2 bad input.")
 @machine_options
 @loss_options
 @click.option(
@@ -264,11 +266,11 @@ def return_map(alpha, inject, as_json, plot, cobweb, **machine):
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @click.option("--plot", metavar="FILE", help="Write a figure (.png, .pdf, .svg).")
 @click.option("--animate", metavar="FILE", help="Write an animation (.gif).")
-def simulate(alpha, hops, end, inject, as_json, plot, animate, **machine):
+def simulate_command(alpha, hops, end, inject, as_json, plot, animate, **machine):
     """Follow the machine's motion from a launch, through every impact and contact."""
-    from orbits.orbit import to_json
-    from orbits.plot import ANIMATIONS, FIGURES, check_path, save_figure
-    from orbits.simulate import simulate as run_machine
+    from orbits.hybrid.simulation import simulate as run_machine
+    from orbits.io import check_path, to_json
+    from orbits.plot import ANIMATIONS, FIGURES, save_figure
 
     for path, endings in ((plot, FIGURES), (animate, ANIMATIONS)):
         if path is not None:
@@ -282,18 +284,18 @@ def simulate(alpha, hops, end, inject, as_json, plot, animate, **machine):
     click.echo(to_json(run.document()) if as_json else str(run))
 
 
-@orbits.command(epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")
+@orbits.command("optimize", epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")
 @click.argument("file", metavar="FILE.toml")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 @click.option("--plot", metavar="FILE", help="Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
 @click.option("--save", metavar="FILE", help="Save the design, or the front, as a JSON document.")
-def optimize(file, as_json, plot, save):
+def optimize_command(file, as_json, plot, save):
     """Find the best design of a machine, or a front of two objectives, as its file asks."""
-    from orbits.design import optimize as best_design
+    from orbits.design.optimize import optimize as best_design
+    from orbits.design.pareto import pareto
     from orbits.errors import InputError
-    from orbits.front import pareto
-    from orbits.orbit import to_json
-    from orbits.plot import FIGURES, check_path, plot_front, save_figure
+    from orbits.io import check_path, to_json
+    from orbits.plot import FIGURES, plot_front, save_figure
 
     from .files import build, design, read
 

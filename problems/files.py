@@ -23,7 +23,7 @@ import tomllib
 from pathlib import Path
 
 from orbits.errors import InputError
-from orbits.formula import suggest
+from orbits.symbolic.formula import suggest
 
 from .hopper import Hopper
 from .juggler import Juggler

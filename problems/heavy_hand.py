@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.model import Model, Oscillator, Phase
+from orbits.model.model import Model, Oscillator, Phase
 
 from .juggler import juggler_model
 from .laws import Key
@@ -36,11 +36,11 @@ class HeavyHand(Machine):
         return {**super().describe(), "mass_ratio": None}
 
     def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-        return _model(spring, gravity, has_length)
+        return _heavy_hand_model(spring, gravity, has_length)
 
 
 @lru_cache(maxsize=64)
-def _model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
+def _heavy_hand_model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
     finite = juggler_model(spring, gravity, has_length, False)
     force, pull = spring.expression, gravity_at(gravity)
 

@@ -13,13 +13,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from orbits.model import Affine, Model, Oscillator, Phase
+from orbits.model.model import Affine, Model, Oscillator, Phase
 
 from .laws import Key, from_key
 from .machine import Machine, damper, gravity_at
 from .relative import guess, no_orbit, relative_reduction, released, spring_pieces, straight_line, thrown, thrown_flight
 
-STATES = ("y1", "y1'", "y2", "y2'")
+HOPPER_STATES = ("y1", "y1'", "y2", "y2'")
 WEIGHT = "the foot's weight"
 
 
@@ -30,11 +30,11 @@ class Hopper(Machine):
     kind = "hopper"
 
     def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-        return _model(spring, gravity, has_length, damped)
+        return _hopper_model(spring, gravity, has_length, damped)
 
 
 @lru_cache(maxsize=64)
-def _model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+def _hopper_model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
     force = spring.expression
     pull, dampers = gravity_at(gravity), damper(damped)
 
@@ -102,7 +102,7 @@ def _model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> 
         name="hopper",
         flight=Phase(
             "flight",
-            STATES,
+            HOPPER_STATES,
             flight,
             pieces=spring_pieces(spring, (1.0, 0.0, -1.0, 0.0)),
             closed_form=thrown_flight(reduction, mix, apart),

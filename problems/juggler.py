@@ -13,13 +13,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from orbits.model import Affine, Model, Oscillator, Phase
+from orbits.model.model import Affine, Model, Oscillator, Phase
 
 from .laws import Key, from_key
 from .machine import Machine, damper, gravity_at
 from .relative import guess, no_orbit, relative_reduction, released, spring_pieces, straight_line, thrown, thrown_flight
 
-STATES = ("w1", "w1'", "w2", "w2'")
+JUGGLER_STATES = ("w1", "w1'", "w2", "w2'")
 FREE = "zero force"
 
 
@@ -91,7 +91,7 @@ def juggler_model(spring: Key, gravity: Key | None, has_length: bool, damped: bo
         name="juggler",
         flight=Phase(
             "flight",
-            STATES,
+            JUGGLER_STATES,
             flight,
             pieces=spring_pieces(spring, (0.0, 0.0, 1.0, 0.0)),
             closed_form=thrown_flight(reduction, mix, mix),

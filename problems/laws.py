@@ -10,10 +10,10 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from orbits.calls import Call
 from orbits.errors import InputError, OutOfRange
-from orbits.formula import CONSTANTS, parse, suggest
-from orbits.jets import covers
+from orbits.symbolic.calls import BufferedFunction
+from orbits.symbolic.formula import CONSTANTS, parse, suggest
+from orbits.symbolic.taylor_series import has_taylor_series
 
 WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
 
@@ -227,7 +227,7 @@ def _degree(key: Key) -> int:
         return 2
     x, p = _symbols(variable, names)
     value = ca.SX(expression(x, p, []))
-    if not covers(ca.Function("law", [x, *p.values()], [value])):
+    if not has_taylor_series(ca.Function("law", [x, *p.values()], [value])):
         return 2  # |x| has the derivatives of a straight line
     return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
 
@@ -246,7 +246,7 @@ def _numeric(key: Key):
         rows = ca.vertcat(*[ca.horzcat(*row) for row in data]) if pieces[0] else ca.SX(len(data), 0)
         table = ca.Function("table", [vector], [ca.vertcat(*breaks), ca.densify(rows)])
     results = [ca.densify(value), ca.densify(ca.jacobian(value, x))]
-    return Call(ca.Function("law", [x, vector, q], results)), table
+    return BufferedFunction(ca.Function("law", [x, vector, q], results)), table
 
 
 @lru_cache(maxsize=256)

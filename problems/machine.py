@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 
 from orbits.errors import InputError
-from orbits.formula import suggest
-from orbits.model import Model, Units
+from orbits.model.model import Model, Units
+from orbits.symbolic.formula import suggest
 
 from . import gravity as gravities
 from . import springs
@@ -17,7 +17,7 @@ from .springs import as_spring
 # Beyond this one of the two masses is lost in rounding.
 MASS_RATIOS = (1e-12, 1e12)
 DAMPERS = ("damping", "drag")
-RESERVED = ("mass_ratio", "rest_length", "gravity_share", *DAMPERS)
+MACHINE_NAMES = ("mass_ratio", "rest_length", "gravity_share", *DAMPERS)
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Machine:
             )
         )
         known = {**spring.parameters, **gravity.parameters}
-        if taken := [name for name in RESERVED if name in known or name in given]:
+        if taken := [name for name in MACHINE_NAMES if name in known or name in given]:
             raise InputError(f"'{taken[0]}' is the machine's own name; call the formula's parameter something else")
         if unknown := [name for name in given if name not in known]:
             raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], list(known))}")

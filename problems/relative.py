@@ -11,10 +11,10 @@ from functools import lru_cache
 import numpy as np
 
 from orbits.errors import FlowError, InputError, NoOrbit, OutOfRange
-from orbits.flow import flow
-from orbits.model import Arc, Oscillator, Phase, Pieces, Reduction, Statement, Thrown
-from orbits.polynomial import Crossings
-from orbits.roots import bracketed_root
+from orbits.flow.flow import flow_of
+from orbits.model.model import Arc, Oscillator, Phase, Pieces, Reduction, Statement, ThrownOscillator
+from orbits.numerics.bernstein import Crossings
+from orbits.numerics.roots import bracketed_root
 
 from .laws import Key, Law, from_key
 
@@ -128,9 +128,9 @@ def thrown(times, count: int, u):
 
 
 def thrown_flight(reduction: Reduction | None, mix: Callable, apart: Callable) -> Callable | None:
-    """The closed form of the whole flight where its relative motion has one; p -> matrices as in `Thrown`."""
+    """The closed form of the whole flight where its relative motion has one; p -> matrices as in `ThrownOscillator`."""
     phase = reduction and reduction.statement.arcs[0].phase
-    return phase and phase.closed_form and (lambda p: Thrown(phase.closed_form(p), mix(p), apart(p)))
+    return phase and phase.closed_form and (lambda p: ThrownOscillator(phase.closed_form(p), mix(p), apart(p)))
 
 
 def no_orbit(family, p):
@@ -256,7 +256,7 @@ def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: 
         clock[0] += steps.sum()
         return None
 
-    flow(phase, tuple(p)).run([liftoff, alpha], list(p.values()), 1e3 * (1 + alpha), stop=second_turn)
+    flow_of(phase, tuple(p)).run([liftoff, alpha], list(p.values()), 1e3 * (1 + alpha), stop=second_turn)
     return (turns[0], turns[1] - turns[0]) if len(turns) == 2 else (np.inf, np.inf)
 
 

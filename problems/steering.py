@@ -14,11 +14,11 @@ from functools import lru_cache
 import numpy as np
 
 from orbits import Control, Guess, Input, InputError, NoOrbit, Orbit, Simulation, Stage, find, simulate, steer
-from orbits.flow import flow
-from orbits.model import Affine, Model
-from orbits.polynomial import derivative, piecewise_roots
-from orbits.question import number_of, whole_of
-from orbits.roots import bracketed_root
+from orbits.continuation.arguments import finite_number, whole_number
+from orbits.flow.flow import flow_of
+from orbits.model.model import Affine, Model
+from orbits.numerics.bernstein import derivative, piecewise_roots
+from orbits.numerics.roots import bracketed_root
 
 from .actuated import RATE, Actuated, along
 from .machine import DAMPERS, Machine
@@ -29,14 +29,14 @@ ROUND = 0.1
 # motion itself stays smooth.
 ROUNDER, CORNERS = (1.0, 0.3, ROUND), 1e-7
 # What effort counts beside positive work or peak rate, so that it is settled how they are done.
-BESIDE = {"work": 1e-3, "peak": 1e-6}
+OFFSETS = {"work": 1e-3, "peak": 1e-6}
 # The contact presses by as much, in units of what the actuator's spring pulls, wherever it is to press: open loop it
 # would else be lost where it touches zero.
-MARGIN = 1e-7
+SEPARATION_MARGIN = 1e-7
 # Bounds of durations, in those of the lossless orbit.
-SHORTEST, LONGEST = 0.1, 4.0
+SHORTEST_SHARE, LONGEST_SHARE = 0.1, 4.0
 # Points of a control interval at which the actuator's power is taken.
-SAMPLES = 40
+SAMPLES_PER_LEG = 40
 
 
 def keep_hopping(
@@ -46,7 +46,7 @@ def keep_hopping(
     """Keep a damped machine hopping periodically at locally least cost, near its lossless orbit without the damping.
 
     cost : "effort"; "work", the actuator's positive work; or "peak", the largest rate. These two are found with a
-        little of the effort beside them, see `BESIDE`, and work rounded, see `ROUND`; the answer's `cost` is without
+        little of the effort beside them, see `OFFSETS`, and work rounded, see `ROUND`; the answer's `cost` is without
     lossless : whether it has to land so; else the impact takes what it takes, see the module
     intervals : of flight and contact together, on each of which the actuator's rate is held; with few, about 12,
         contact presses too little after a lossless landing for an answer to be found
@@ -94,7 +94,7 @@ def recover(
     The spring's end is at rest at both. Arguments and errors as in `keep_hopping`.
     """
     driven, orbit = Actuated(machine), _lossless(machine, family, orbit)
-    launch = orbit.alpha - number_of("short", short)
+    launch = orbit.alpha - finite_number("short", short)
     if not launch > 0:
         raise InputError(
             f"short = {short:g}: the lossless launch speed is {orbit.alpha:.6g}, and some of it is to be left"
@@ -119,9 +119,9 @@ def start_up(
     The spring's end is at rest at both ends. Raises `InputError` for a number of pumps that cannot be, else as `steer`
     and `find` do.
     """
-    pumps, intervals = whole_of("pumps", pumps, "pumps"), whole_of("intervals", intervals, "intervals")
+    pumps, intervals = whole_number("pumps", pumps, "pumps"), whole_number("intervals", intervals, "intervals")
     driven, orbit = Actuated(machine), _lossless(machine, family, orbit)
-    stages = _swings(driven.model, pumps, intervals, _limits(driven, rate, stroke), float(orbit.contact_time))
+    stages = _swings(driven.model, pumps, intervals, _actuator_limits(driven, rate, stroke), float(orbit.contact_time))
     values = {**driven.still, "aim": orbit.alpha, "rest": _rest(driven, orbit)}
     return steer(stages, values, guess=_pumped(orbit, values["rest"], pumps))
 
@@ -174,7 +174,7 @@ def missed(machine: Machine, control: Control) -> float:
 def work(machine: Machine, control: Control) -> tuple[float, float]:
     """The actuator's work on the machine, in the units of its energy: all of it, and its positive part alone."""
     driven, done, positive = Actuated(machine), 0.0, 0.0
-    places, weights = np.polynomial.legendre.leggauss(SAMPLES)
+    places, weights = np.polynomial.legendre.leggauss(SAMPLES_PER_LEG)
     for leg in control.legs:
         extension = driven.model.extension
         length = leg.inputs.steps[0]
@@ -193,7 +193,7 @@ def _flight_states(driven: Actuated, leg, t) -> np.ndarray:
     return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
 
 
-def _times(matrix: np.ndarray, x) -> list:
+def _matrix_times(matrix: np.ndarray, x) -> list:
     """The product of a matrix of numbers with a state's expressions."""
     return [along(Affine(tuple(row)), x) for row in matrix.tolist()]
 
@@ -223,23 +223,23 @@ class Limits:
             held["room to pull"] = lambda x, p, q: self.stroke - x[-1]
             held["room to push"] = lambda x, p, q: self.stroke + x[-1]
         if self.separation:
-            held["separation"] = lambda x, p, q: along(self.separation, _times(embed, x))
+            held["separation"] = lambda x, p, q: along(self.separation, _matrix_times(embed, x))
         return held
 
 
-def _limits(driven: Actuated, rate: float, stroke: float) -> Limits:
+def _actuator_limits(driven: Actuated, rate: float, stroke: float) -> Limits:
     for name, bound in (("rate", rate), ("stroke", stroke)):
-        if not (bound == np.inf or number_of(name, bound) > 0):
+        if not (bound == np.inf or finite_number(name, bound) > 0):
             raise InputError(f"{name} = {bound:g}: the actuator's bound is above 0")
     return Limits(float(rate), float(stroke), driven.model.separation(driven.values))
 
 
 def _cost(kind: str, model: Model, embed: np.ndarray) -> Callable:
     """The running cost; see `keep_hopping`."""
-    effort = lambda x, p, q: BESIDE.get(kind, 1.0) * p[RATE] ** 2  # noqa: E731
+    effort = lambda x, p, q: OFFSETS.get(kind, 1.0) * p[RATE] ** 2  # noqa: E731
 
     def worked(x, p, q):
-        power = model.flight_gradient(_times(embed, x), p, q)[-1] * p[RATE]
+        power = model.flight_gradient(_matrix_times(embed, x), p, q)[-1] * p[RATE]
         return 0.5 * (power + (power**2 + p["round"] ** 2) ** 0.5) + effort(x, p, q)
 
     return worked if kind == "work" else effort
@@ -249,10 +249,10 @@ def _hop(driven: Actuated, orbit: Orbit, intervals: int, rate, stroke, cost: str
     """Flight and contact, their intervals shared by duration."""
     if driven.restitution > 0 and not lossless:
         raise InputError(f"restitution = {driven.restitution:g}: it bounces where it lands plastically; set 0 for that")
-    intervals = whole_of("intervals", intervals, "intervals of flight and contact together", 2)
+    intervals = whole_number("intervals", intervals, "intervals of flight and contact together", 2)
     times = float(orbit.flight_time), float(orbit.contact_time)
     first = int(np.clip(round(intervals * times[0] / sum(times)), 1, intervals - 1))
-    limits, model, values = _limits(driven, rate, stroke), driven.model, driven.values
+    limits, model, values = _actuator_limits(driven, rate, stroke), driven.model, driven.values
     gap, impact = model.gap(values), tuple(model.impact(values).tolist())
     counts = first, intervals - first
     return _hop_stages(model, gap, impact, counts, times, limits, cost, bool(lossless), periodic)
@@ -269,22 +269,24 @@ def _hop_stages(model: Model, gap: Affine, impact, counts, times, limits: Limits
 
     def lifted(x, before, p):
         start = (
-            _times(embed, before) if periodic else [*model.launch({"liftoff": p["liftoff"], "alpha": p["launch"]}, p)]
+            _matrix_times(embed, before)
+            if periodic
+            else [*model.launch({"liftoff": p["liftoff"], "alpha": p["launch"]}, p)]
         )
         return _less(x, start)
 
     def landed(x, p):
-        loss_free = [gap_speed(x, p), force(_times(onto, x), p, [])] if lossless else []
+        loss_free = [gap_speed(x, p), force(_matrix_times(onto, x), p, [])] if lossless else []
         return [along(gap, x), *loss_free]
 
     def stuck(x, before, p):
         speed = gap_speed(before, p)
-        return _less(x, _times(onto, [part - speed * blow for part, blow in zip(before, impact, strict=True)]))
+        return _less(x, _matrix_times(onto, [part - speed * blow for part, blow in zip(before, impact, strict=True)]))
 
     def launched(x, p):
         return [force(x, p, [])] + ([] if periodic else [along(model.contact_speed, x) - p["aim"], x[-1]])
 
-    spans = [(SHORTEST * time, LONGEST * time) for time in times]
+    spans = [(SHORTEST_SHARE * time, LONGEST_SHARE * time) for time in times]
     flight = Stage(
         model.flight, counts[0], spans[0], limits.inputs(cost), lifted, landed,
         {"gap": lambda x, p, q: along(gap, x), **limits.path(identity)}, _cost(cost, model, identity),
@@ -349,7 +351,7 @@ def _swings(model: Model, pumps: int, intervals: int, limits: Limits, time: floa
     for i in range(2 * pumps):
         sign = 1.0 if i % 2 else -1.0
         last = i == 2 * pumps - 1
-        margin = 0.0 if last else MARGIN
+        margin = 0.0 if last else SEPARATION_MARGIN
         path = {"contact force": lambda x, p, q, margin=margin: force(x, p, q) - margin}
         path |= limits.path(model.embed)
         path["rise" if i % 2 else "fall"] = lambda x, p, q, sign=sign: sign * along(speed, x)
@@ -357,7 +359,7 @@ def _swings(model: Model, pumps: int, intervals: int, limits: Limits, time: floa
             Stage(
                 model.contact,
                 intervals,
-                (SHORTEST * time, LONGEST * time),
+                (SHORTEST_SHARE * time, LONGEST_SHARE * time),
                 limits.inputs("effort"),
                 on if i else begin,
                 turn if i < 2 * pumps - 1 else leave,
@@ -370,7 +372,7 @@ def _swings(model: Model, pumps: int, intervals: int, limits: Limits, time: floa
 
 def _rest(driven: Actuated, orbit: Orbit) -> float:
     """Where the upper mass rests in contact, between its lowest place on the orbit and lift-off."""
-    contact = flow(driven.model.contact, tuple(driven.values))
+    contact = flow_of(driven.model.contact, tuple(driven.values))
     p, onto = list(driven.values.values()), np.linalg.pinv(driven.model.embed)
     low, high = (float((onto @ np.append(orbit(t), 0.0))[0]) for t in (orbit.flight_time + orbit.contact_time / 2, 0.0))
     pull = lambda y: float(contact.rates([y, 0.0, 0.0], p)[1])  # noqa: E731

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 from orbits.errors import InputError
-from orbits.formula import suggest
-from orbits.model import Units
+from orbits.model.model import Units
+from orbits.symbolic.formula import suggest
 
 from . import gravity as gravities
 from .gravity import as_gravity

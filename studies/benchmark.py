@@ -31,10 +31,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from orbits import METHODS, InputError, ReturnMap, find, follow, orbit_at
-from orbits.curve import Curve
-from orbits.flow import Flow
+from orbits.continuation.corrector import Curve
+from orbits.flow.flow import Flow
+from orbits.flow.taylor import RungeKuttaStepper
 from orbits.plot import COLOURS, new_row, save_figure
-from orbits.steps import RungeKutta
 from problems import Chain, Hopper
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
@@ -150,8 +150,8 @@ def flow_of(machine, way: str, *vary: str) -> Callable | None:
     seeds, parameter_seeds = np.eye(4, columns), np.zeros((len(names), columns))
     parameter_seeds[places, range(4, columns)] = 1.0
     if way.startswith("Runge-Kutta"):
-        along.schemes[columns, places] = RungeKutta(along.graph, columns, places)
-    elif not _compiled(along.scheme(columns, places), way.endswith("compiled")):
+        along.steppers[columns, places] = RungeKuttaStepper(along.vector_field, columns, places)
+    elif not _compiled(along.stepper(columns, places), way.endswith("compiled")):
         return None
     return lambda start, p, time: along.run(start, p, time, seeds, parameter_seeds)
 
@@ -189,13 +189,13 @@ def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
     return rows
 
 
-def _compiled(scheme, wanted: bool) -> bool:
+def _compiled(stepper, wanted: bool) -> bool:
     """Have a scheme compiled, or see that it never is; False when it should be and there is no compiler."""
-    scheme.patience, asked = np.inf, False
-    while wanted and not scheme.compiled and (scheme.patience < np.inf or not asked):
-        scheme.patience, asked = -1.0, True
-        scheme.spend(0)
-    return scheme.compiled or not wanted
+    stepper.patience, asked = np.inf, False
+    while wanted and not stepper.compiled and (stepper.patience < np.inf or not asked):
+        stepper.patience, asked = -1.0, True
+        stepper.spend(0)
+    return stepper.compiled or not wanted
 
 
 def _warmed(call: Callable, seconds: float):
@@ -304,7 +304,7 @@ t.append(time.perf_counter())
 machine = Hopper(**json.loads({machine!r}))
 machine.model, machine.values
 t.append(time.perf_counter())
-import orbits.search as search
+import orbits.periodic.find as search
 whole = search.as_orbit
 def certify(*args, **options):
     t.append(time.perf_counter()); return whole(*args, **options)

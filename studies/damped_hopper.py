@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap, find
-from orbits.impacts import Impacts
+from orbits.hybrid.impacts import Impacts
 from orbits.plot import COLOURS, SHADE, new_row, save_figure
 from problems import Hopper
 from problems.steering import keep_hopping, missed, work

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find
-from orbits.flow import flow
+from orbits.flow.flow import flow_of
 from orbits.plot import COLOURS, new_row, save_figure
 from problems import Hopper
 
@@ -31,7 +31,9 @@ def foot_path(landing, times) -> np.ndarray:
     """Heights of the foot at `times` (m,), from 0 backwards to negative ones, before a landing state at time 0."""
     machine = Hopper()
     mirrored = np.array(landing) * [1, -1, 1, -1]
-    path, _ = flow(machine.model.flight, tuple(machine.values)).run(mirrored, list(machine.values.values()), -times[0])
+    path, _ = flow_of(machine.model.flight, tuple(machine.values)).run(
+        mirrored, list(machine.values.values()), -times[0]
+    )
     return path(-times)[:, 2]
 
 

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from orbits import Arc, Statement, find
-from orbits.flow import flow
+from orbits.flow.flow import flow_of
+from orbits.numerics.bernstein import derivative, piecewise_roots
+from orbits.periodic.single_shooting import Shooting
 from orbits.plot import COLOURS, new_row, save_figure
-from orbits.polynomial import derivative, piecewise_roots
-from orbits.shooting import Shooting
 from problems import Hopper
 
 MACHINE = Hopper("r + beta*r**3", "1/(1 + z/R)**2", rest_length=12.0, parameters={"beta": 0.1, "R": 60.0})
@@ -34,7 +34,7 @@ def rest(height, compression, mass_ratio):
 def foot_path(height: float, compression: float, duration: float):
     """The flight from rest, and the times at which the foot turns."""
     start = rest(height, compression, MACHINE.mass_ratio)
-    path, _ = flow(MACHINE.model.flight, tuple(MACHINE.values)).run(start, list(MACHINE.values.values()), duration)
+    path, _ = flow_of(MACHINE.model.flight, tuple(MACHINE.values)).run(start, list(MACHINE.values.values()), duration)
     turns = piecewise_roots(derivative(path.row("y2")), path.steps, start=1)
     return path, [path.times[i] + t for i, t in turns]
 

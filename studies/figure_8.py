@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import NoOrbit, ReturnMap, find, multiplier
+from orbits.numerics.roots import bracketed_root
 from orbits.plot import COLOURS, new_row, save_figure
-from orbits.roots import bracketed_root
 from problems import Hopper
 
 MACHINE = Hopper()

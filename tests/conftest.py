@@ -2,6 +2,9 @@
 
 import json
 import os
+import shlex
+import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each worker has a core of its own
@@ -10,6 +13,7 @@ import numpy as np
 import pytest
 
 from problems import Hopper
+from problems.cli import main
 
 DATA = Path(__file__).parent / "data"
 REFERENCES = json.loads((DATA / "orbits.json").read_text(encoding="utf-8"))
@@ -64,3 +68,35 @@ def grazing_flights(count: int, seed: int):
     states = np.column_stack([(w + r) / 2, (u + v) / 2, (w - r) / 2, (u - v) / 2])
     above = states[:, 2] > 0
     return states[above], (lowest - start)[above], depth[above] < 0
+
+
+@dataclass(frozen=True)
+class Result:
+    """How a run ended."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def document(self) -> dict:
+        """Standard output as JSON; fails where there is anything beside one document."""
+        return json.loads(self.out)
+
+    @property
+    def answer(self) -> dict:
+        """The document without what differs between two runs."""
+        return {name: value for name, value in self.document.items() if name != "seconds"}
+
+
+@pytest.fixture
+def orbits(monkeypatch, capsys):
+    """Run the command in this process: a command line, and further arguments as they are."""
+
+    def run(line: str, *arguments) -> Result:
+        monkeypatch.setattr(sys, "argv", ["orbits", *shlex.split(line), *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        return Result(end.value.code, *capsys.readouterr())
+
+    return run

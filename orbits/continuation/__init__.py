@@ -1,0 +1,1 @@
+"""Families of orbits along a parameter: predictor, corrector, step control, events, folds, branches."""

@@ -1,0 +1,138 @@
+"""Where the orbits of a family exist in two parameters, and where they are motions."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from .arguments import check_parameters, checked_options, finite_number, machine_at
+from .corrector import Curve
+from .family import Family, Point
+from .follow import collect_family, follow, start_tracer
+from .tracer import Options
+
+
+@dataclass(frozen=True)
+class Existence:
+    """An existence and admissibility diagram: for each value of one parameter the families along the other.
+
+    along, across : names of the two parameters
+    values : of `across`, one for each row
+    rows : the families of each row, which begin at one orbit and go either way; none where there is no such orbit
+    spine : the families along `across` that the rows begin on
+    """
+
+    along: str
+    across: str
+    values: tuple[float, ...]
+    rows: tuple[tuple[Family, ...], ...]
+    spine: tuple[Family, ...]
+
+    def stretches(self, row: int) -> Iterator[tuple[float, float, bool]]:
+        """Where a row has orbits: (from, to, whether they are motions), to rounding; sheets may overlap."""
+        for family in self.rows[row]:
+            yield from stretches(family)
+
+    def unknown(self, row: int) -> bool:
+        """Whether a row is not all told: a family of it was cut short or lost, or the spine was before it got there."""
+        families = self.rows[row] or self.spine
+        return any(family.end.kind in ("stopped", "stuck") for family in families)
+
+    def motions(self, row: int) -> list[tuple[float, float]]:
+        """The intervals on which a row has an orbit that is a motion, ascending and apart."""
+        joined: list[tuple[float, float]] = []
+        for low, high in sorted((low, high) for low, high, motion in self.stretches(row) if motion):
+            if joined and low <= joined[-1][1]:
+                low, high = joined[-1][0], max(high, joined.pop()[1])
+            joined.append((low, high))
+        return joined
+
+    def plot(self, axes=None):
+        """Plot the diagram; returns the axes. See `orbits.plot.plot_existence`."""
+        from ..plot import plot_existence
+
+        return plot_existence(self, axes)
+
+
+def stretches(family: Family) -> Iterator[tuple[float, float, bool]]:
+    """The stretches of a family's parameter on which it has orbits, each with whether they are motions.
+
+    They end at folds and at the events that make motions of them or no motions any more.
+    """
+    nodes = [(point, False) for point in family]
+    for event in reversed(family.events):
+        nodes.insert(event.after + 1, (event.point, event.kind != "asked"))
+    start, inside = nodes[0][0], [nodes[0][0].admissible]
+    for point, cut in [*nodes[1:], (nodes[-1][0], True)]:
+        if cut:  # an event lies on the edge of what it begins or ends: it tells nothing of the inside
+            yield (*sorted((start.value, point.value)), all(inside or (start.admissible, point.admissible)))
+            start, inside = point, []
+        else:
+            inside.append(point.admissible)
+
+
+def existence(
+    machine,
+    along: str,
+    between: tuple[float, float],
+    across: str,
+    values: Sequence[float],
+    family: int = 1,
+    *,
+    longest: float = Options.longest,
+    most: int = Options.most,
+    method: str | None = None,
+) -> Existence:
+    """Where the orbits of a family exist in two parameters.
+
+    machine : as in `find`; its own values of the parameters are where the diagram begins
+    along, between : the parameter of the rows, and the two values that they go on to
+    across, values : the parameter that differs from row to row, and its values
+    family, longest, most, method : as in `follow`
+
+    From the machine's own orbit the family is followed in `across`; from where that passes each of `values` it is
+    followed in `along` both ways, past folds. A row that the family does not come to in this way has no families.
+    """
+    check_parameters(machine, along, across)
+    if along == across:
+        raise InputError(f"a diagram in '{along}' needs another parameter besides")
+    try:
+        low, high = (finite_number("between", value) for value in between)
+        values = tuple(sorted({finite_number("values", value) for value in values}))
+    except (TypeError, ValueError):
+        raise InputError(f"between = {between!r} are two values, values = {values!r} a list of them") from None
+    own, first = machine.values[along], machine.values[across]
+    if not low < own < high:
+        raise InputError(f"between = ({low:g}, {high:g}): the machine's own {along} = {own:g} must lie between")
+    options = {"longest": longest, "most": most, "method": method}
+    ways = [[value for value in values if (value - first) * side >= 0] for side in (-1, 1)]
+    ways = [way for way in ways if set(way) - {first}]
+    if not ways:
+        raise InputError(f"values = {values}: rows differ from the machine's own {across} = {first:g}")
+    ends = [max(way, key=lambda value: abs(value - first)) for way in ways]
+    spine = tuple(
+        follow(machine, across, end, family=family, at=way, **options) for way, end in zip(ways, ends, strict=True)
+    )
+    rows = []
+    for value in values:
+        found = {point.alpha: (point, part.settings["method"]) for part in spine for point in part.at(value)}
+        families: tuple[Family, ...] = ()
+        for point, way in found.values():  # a spine that folds passes a row more than once
+            if not any(other.alpha == point.alpha for family in families for other in family.at(own)):
+                families += _row(machine, along, (low, high), across, point, way, longest, most)
+        rows.append(families)
+    return Existence(along, across, values, tuple(rows), spine)
+
+
+def _row(machine, along, bounds, across, point: Point, method: str, longest, most) -> tuple[Family, ...]:
+    """The families along one parameter, both ways from an orbit, which is not followed twice if it closes."""
+    machine, method = machine_at(machine, point, across, method)
+    options, own = checked_options((), None, longest, most, False), machine.values[along]
+    families = []
+    for behind, stop in (bounds[::-1], bounds):
+        curve = Curve(machine, along, method, bounds[1] - bounds[0])
+        families.append(collect_family(start_tracer(curve, np.array([*point.u, own]), own, behind, stop, options)))
+        if families[-1].end.kind == "closed":
+            break
+    return tuple(families)

@@ -1,0 +1,289 @@
+"""A family: a curve of lossless orbits along a parameter, with what happens on it and how it ends."""
+
+import csv
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..io import check_ending, to_json
+from ..periodic.orbit import Certificate
+
+FAMILY_FORMAT = "persistent-orbits family 1"
+# Endings of the files that a family saves to; the first two are lines of JSON.
+ENDINGS = (".jsonl", ".json", ".csv", ".nc")
+# Columns of a table of points, after the parameter's own.
+COLUMNS = (
+    "alpha",
+    "liftoff_extension",
+    "flight_time",
+    "contact_time",
+    "admissible",
+    "error",
+    "residual",
+    "energy_drift",
+    "family",
+    "clearance",
+    "smallest_separation",
+    "smallest_contact_force",
+    "largest_contact_force",
+    "landing_jerk",
+    "loss_coefficient",
+    "stable_side",
+)
+
+
+# What no parameter can be called, since it stands beside these in a table or a document.
+RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point")
+
+
+@dataclass(frozen=True)
+class Point:
+    """One orbit of a family, without its motion.
+
+    value : of the parameter
+    u : the unknowns that were solved for
+    tangent : direction of the curve there, in (u, value)
+    flight_time, contact_time : durations; contact_time None when the contact never ends
+    also : values of further parameters that vary along the curve
+    """
+
+    value: float
+    u: tuple[float, ...]
+    tangent: tuple[float, ...]
+    alpha: float
+    liftoff_extension: float
+    flight_time: float
+    contact_time: float | None
+    certificate: Certificate
+    also: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def admissible(self) -> bool:
+        """Whether it is a motion, not merely a root of the equations."""
+        return not self.certificate.violations
+
+    def __getattr__(self, name):
+        if name in Certificate.__dataclass_fields__:
+            return getattr(self.certificate, name)
+        raise AttributeError(f"a point has no '{name}'")
+
+    def row(self) -> dict:
+        """Its columns as JSON-ready data."""
+        figures = {name: getattr(self, name) for name in COLUMNS}
+        return {**self.also, **figures, "violations": list(self.certificate.violations)}
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happens on the curve, located to the corrector's tolerance.
+
+    kind : "fold", "branch point", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "family",
+        "asked", or a name given by the user
+    after : index of the last point before it; of the point itself where it was "asked"
+    """
+
+    kind: str
+    after: int
+    point: Point
+
+
+@dataclass(frozen=True)
+class End:
+    """How the curve ends.
+
+    kind : "reached", "escaped", "closed", "degenerate", "stopped", "stuck"; "interrupted" of an unfinished file
+    limit, limit_error : the value that the parameter tends to as the orbit escapes or shrinks to nothing, extrapolated,
+        and about its error; None otherwise
+    """
+
+    kind: str
+    reason: str
+    limit: float | None = None
+    limit_error: float | None = None
+
+
+@dataclass(frozen=True)
+class Family:
+    """A curve of orbits, traced by `follow`; `len`, indexing and iteration go over its points.
+
+    name : of the parameter
+    machine : in words and numbers, at the first point
+    settings : what `follow` was asked for
+    versions : of what computed it
+    """
+
+    name: str
+    machine: Mapping
+    points: tuple[Point, ...]
+    events: tuple[Event, ...]
+    end: End
+    settings: Mapping
+    versions: Mapping = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, index: int) -> Point:
+        return self.points[index]
+
+    def __iter__(self) -> Iterator[Point]:
+        return iter(self.points)
+
+    def column(self, name: str) -> np.ndarray:
+        """One quantity of every point, NaN where it has none; the parameter by its own name."""
+        return np.array([self.quantity(point, name) for point in self.points])
+
+    def quantity(self, point: Point, name: str) -> float:
+        """A quantity of one of its points, NaN where it has none; raises `InputError` for an unknown name."""
+        numbers = [self.name, *point.also, *(column for column in COLUMNS if column != "stable_side")]
+        if name not in (*numbers, "value"):
+            raise InputError(f"a family's orbits have no quantity '{name}'; they have {', '.join(numbers)}")
+        name = "value" if name == self.name else name
+        value = point.also[name] if name in point.also else getattr(point, name)
+        return np.nan if value is None else float(value)
+
+    def at(self, value: float) -> list[Point]:
+        """The points whose parameter has exactly this value."""
+        everywhere = {(point.value, point.u): point for point in (*self.points, *(e.point for e in self.events))}
+        return [point for point in everywhere.values() if point.value == value]
+
+    def document(self) -> dict:
+        """The family as the JSON document of the command line."""
+        points = [{self.name: point.value, **point.row()} for point in self.points]
+        events = [
+            {"kind": event.kind, "after": event.after, self.name: event.point.value, **event.point.row()}
+            for event in self.events
+        ]
+        end = {key: value for key, value in asdict(self.end).items() if value is not None}
+        return {
+            "machine": self.machine,
+            "along": self.name,
+            "points": points,
+            "events": events,
+            "end": end,
+            "settings": self.settings,
+            "versions": self.versions,
+        }
+
+    def __str__(self) -> str:
+        if not self.points:
+            return f"a family along {self.name} without orbits: {self.end.kind}, {self.end.reason}"
+        m, c = self.machine, self.column("alpha")
+        lines = [
+            f"family {self.points[0].family} of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}, "
+            f"along {self.name}: {len(self)} orbits",
+            f"  {self.name:<12} {self.points[0].value:.12g} to {self.points[-1].value:.12g}, alpha {c[0]:.10g} to "
+            f"{c[-1]:.10g}",
+            f"  largest error {max(point.error for point in self.points):.1e}, "
+            f"admissible {sum(point.admissible for point in self.points)} of {len(self)}",
+        ]
+        for event in self.events:
+            lines.append(f"  {event.kind:<14}{self.name} = {event.point.value:.15g}, alpha = {event.point.alpha:.15g}")
+        limit = ""
+        if self.end.limit is not None:
+            limit = f", {self.name} tends to {self.end.limit:.8g} (about {self.end.limit_error:.0e} off)"
+        return "\n".join([*lines, f"  end: {self.end.kind}, {self.end.reason}{limit}"])
+
+    def plot(self, axes=None, quantity: str = "alpha", label: str | None = None):
+        """Plot a quantity against the parameter; returns the axes. See `orbits.plot.plot_family`."""
+        from ..plot import plot_family
+
+        return plot_family(self, axes, quantity, label)
+
+    def save(self, path) -> Path:
+        """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`)."""
+        path = check_ending(path, ENDINGS)
+        try:
+            if path.suffix.lower() == ".csv":
+                self._write_csv(path)
+            elif path.suffix.lower() == ".nc":
+                self._dataset().to_netcdf(path)
+            else:
+                with open(path, "w", encoding="utf-8") as file:
+                    file.writelines(json_line + "\n" for json_line in self.records())
+        except OSError as error:
+            raise InputError(f"the family cannot be saved to {path}: {error}") from None
+        return path
+
+    def records(self) -> Iterator[str]:
+        """The lines of a saved family: what it is, its points and events in order, its end."""
+        head = {"format": FAMILY_FORMAT, "along": self.name, "machine": self.machine}
+        yield to_json({**head, "settings": self.settings, "versions": self.versions})
+        events = list(self.events)
+        for index, point in enumerate(self.points):
+            yield json_line(point)
+            while events and events[0].after == index:
+                yield json_line(events.pop(0))
+        if self.end:
+            yield json_line(self.end)
+
+    @classmethod
+    def load(cls, path) -> "Family":
+        """Read a family that `save` or an interrupted `follow` wrote; a last line cut short is left out."""
+        try:
+            lines = Path(path).read_bytes().decode(errors="replace").splitlines()  # a cut may fall within a letter
+            head = json.loads(lines[0])
+            if head["format"] != FAMILY_FORMAT:
+                raise ValueError(f"format {head['format']!r}, expected {FAMILY_FORMAT!r}")
+            points, events, end = [], [], End("interrupted", "resume it to go on")
+            for number, line in enumerate(lines[1:], start=2):
+                try:
+                    json_line = json.loads(line)
+                    kind, *_ = json_line
+                except (ValueError, TypeError):
+                    if number < len(lines):
+                        raise
+                    break
+                if kind == "point":
+                    points.append(_point(json_line["point"]))
+                elif kind == "event":
+                    event = json_line["event"]
+                    events.append(Event(event["kind"], event["after"], _point(event["point"])))
+                else:
+                    end = End(**json_line["end"])
+            names = {"machine": head["machine"], "settings": head["settings"], "versions": head["versions"]}
+            return cls(head["along"], points=tuple(points), events=tuple(events), end=end, **names)
+        except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+            raise InputError(f"{path} is not a saved family: {error}") from None
+
+    def _write_csv(self, path: Path):
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow([self.name, *(self.points[0].also if self.points else ()), *COLUMNS])
+            for point in self.points:
+                row = [point.value, *point.also.values(), *(getattr(point, name) for name in COLUMNS)]
+                writer.writerow([f"{value:.17g}" if isinstance(value, float) else value for value in row])
+
+    def _dataset(self):
+        try:
+            import xarray
+        except ImportError:
+            raise InputError("NetCDF needs xarray: install persistent-orbits[data], or save as .json or .csv") from None
+        numbers = [name for name in COLUMNS if name != "stable_side"]
+        also = self.points[0].also if self.points else ()
+        data = {name: ("point", self.column(name)) for name in (*also, *numbers)}
+        attributes = {
+            "machine": to_json(self.machine),
+            "settings": to_json(self.settings),
+            "versions": to_json(self.versions),
+            "events": to_json([asdict(event) for event in self.events]),
+            "end": to_json(asdict(self.end)),
+        }
+        return xarray.Dataset(data, {self.name: ("point", self.column("value"))}, attributes)
+
+
+def json_line(item: Point | Event | End) -> str:
+    """A line of a saved family."""
+    return to_json({type(item).__name__.lower(): asdict(item)})
+
+
+def _point(data: dict) -> Point:
+    certificate = data.pop("certificate")
+    certificate["violations"] = tuple(certificate["violations"])
+    return Point(
+        **{**data, "u": tuple(data["u"]), "tangent": tuple(data["tangent"])}, certificate=Certificate(**certificate)
+    )

@@ -1,0 +1,1 @@
+"""Optimal control of motions through several phases."""

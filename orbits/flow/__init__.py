@@ -1,0 +1,1 @@
+"""The flow of one phase: steps with sensitivities, breakpoints, zero crossings, trajectories."""

@@ -1,0 +1,1 @@
+"""Motions through impacts and contacts: simulation, the return map, its multiplier."""

@@ -1,0 +1,1 @@
+"""Plain numerical methods on NumPy arrays: Bernstein polynomials, roots, quadrature."""

@@ -1,0 +1,1 @@
+"""One lossless periodic orbit: its equations, their solution, its certificate."""

@@ -1,0 +1,1 @@
+"""Expressions: formulas from text, Taylor series, compiled calls, and Ipopt."""

@@ -1,0 +1,137 @@
+"""Bernstein exclusion finds every root, however close to grazing; a bracket closes where rounding hides one."""
+
+import numpy as np
+import pytest
+
+from orbits.numerics.bernstein import (
+    PiecewisePolynomials,
+    _refine,
+    _refine_together,
+    bernstein,
+    derivative,
+    evaluate,
+    lowest,
+    piecewise_roots,
+    powers,
+    roots,
+    shifted,
+)
+from orbits.numerics.roots import bracketed_root
+
+RNG = np.random.default_rng(7)
+
+
+def test_bernstein_coefficients_enclose_the_values():
+    c = RNG.standard_normal((50, 9))
+    h = RNG.uniform(0.1, 3, 50)
+    values = np.stack([evaluate(c, s * h) for s in np.linspace(0, 1, 101)])
+    b = bernstein(c, h)
+    assert (b.min(1) <= values.min(0) + 1e-12).all()
+    assert (b.max(1) >= values.max(0) - 1e-12).all()
+
+
+def test_roots_are_those_of_the_companion_matrix():
+    for _ in range(200):
+        inside = np.sort(RNG.uniform(0.05, 1.95, RNG.integers(1, 6)))
+        if len(inside) > 1 and np.diff(inside).min() < 1e-2:
+            continue
+        c = np.poly([*inside, -1.0, 4.0])[::-1].copy()
+        assert roots(c, 2.0) == pytest.approx(inside, rel=1e-9)
+
+
+@pytest.mark.parametrize("exponent", range(1, 9))
+def test_no_grazing_pair_is_missed_and_none_invented(exponent):
+    """A parabola that dips below zero, or stays above it, by 10**-exponent inside a long curved piece."""
+    for _ in range(1250):
+        place, dip = RNG.uniform(0.4, 0.6), 10.0**-exponent * RNG.uniform(0.3, 1)
+        shape = np.polynomial.polynomial.polymul([place**2 - dip, -2 * place, 1.0], [1.0, RNG.uniform(-0.9, 2)])
+        assert len(roots(shape, 1.0)) == 2
+        above = np.polynomial.polynomial.polymul([place**2 + dip, -2 * place, 1.0], [1.0, RNG.uniform(-0.9, 2)])
+        assert roots(above, 1.0) == []
+
+
+def test_piecewise_roots_are_found_once_at_the_joints():
+    """The sine in pieces that end exactly on its zeros."""
+    starts = np.pi * np.arange(5)
+    orders = np.arange(36)
+    factorials = np.cumprod(np.maximum(orders, 1.0))
+    c = np.array([np.sin(start + orders * np.pi / 2) / factorials for start in starts])
+    c[:, 0] = np.sin(starts)  # rounding, of either sign
+    times = [starts[i] + t for i, t in piecewise_roots(c, np.full(5, np.pi), start=1)]
+    assert times[:4] == pytest.approx(np.pi * np.arange(1, 5), abs=1e-12)
+    assert len(times) <= 5  # the last end is a zero too, and rounding decides on which side
+
+
+def test_rising_roots_only():
+    c = np.array([np.poly([0.25, 0.5, 0.75])[::-1]])
+    assert [t for _, t in piecewise_roots(c, np.array([1.0]), rising=True)] == pytest.approx([0.25, 0.75])
+
+
+def test_lowest_value_is_inside_or_at_an_end():
+    c = np.array([[1.0, -2.0, 1.5], [0.5, 1.0, 0.0]])
+    value, piece, t = lowest(c, np.array([1.0, 1.0]))
+    assert (value, piece) == (pytest.approx(1 / 3), 0)
+    assert t == pytest.approx(2 / 3)
+    assert lowest(-c, np.array([1.0, 1.0]))[0] == pytest.approx(-1.5)
+
+
+def test_shift_and_derivative():
+    c = RNG.standard_normal((3, 2, 8))
+    h = np.array([0.3, 0.5, 0.9])
+    moved = shifted(c, h)
+    assert evaluate(moved, 0.2) == pytest.approx(evaluate(c, h[:, None] + 0.2))
+    step = 1e-6
+    slope = (evaluate(c, 0.4 + step) - evaluate(c, 0.4 - step)) / (2 * step)
+    assert evaluate(derivative(c), 0.4) == pytest.approx(slope, rel=1e-8)
+
+
+def test_many_roots_at_once_are_the_same_as_one_by_one():
+    """Stacks of polynomials with a dozen roots each, against each polynomial alone."""
+    rng = np.random.default_rng(4)
+    steps = rng.uniform(0.5, 2.0, (15, 3))
+    c = rng.normal(size=(15, 3, 8))
+    for i in range(2):  # joined up
+        powers = steps[:, i, None] ** np.arange(8)
+        c[:, i + 1, 0] = np.einsum("pk,pk->p", c[:, i], powers)
+    pile = PiecewisePolynomials(c.reshape(-1, 8), steps.ravel(), np.full(15, 3))
+    owner, piece, times = pile.roots()
+    found = [list(zip(piece[owner == p], times[owner == p], strict=True)) for p in range(15)]
+    least = list(zip(*pile.lowest(), strict=True))
+    assert len(owner) > 6
+    for p in range(15):
+        alone = [(k, s) for k in range(3) for s in roots(c[p, k], steps[p, k])]
+        assert [k for k, _ in found[p]] == [k for k, _ in alone]
+        assert [s for _, s in found[p]] == pytest.approx([s for _, s in alone], rel=1e-13, abs=1e-15)
+        value, k, s = least[p]
+        assert (value, k, s) == pytest.approx(lowest(c[p], steps[p]), rel=1e-14)
+        sampled = np.concatenate([evaluate(c[p, j][None], np.linspace(0, steps[p, j], 2001)) for j in range(3)])
+        assert sampled.min() - 1e-4 < value <= sampled.min() + 1e-15 * np.abs(sampled).max()
+        assert evaluate(c[p, k], s) == pytest.approx(value, abs=1e-14)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, -0.05, -0.45])
+@pytest.mark.parametrize("grain", [1e-14, 1e-13, 3e-13])
+def test_a_root_that_rounding_hides(grain, share):
+    """Plateaus beside the root cost few evaluations: the bracket closes by longer steps, not by halving from afar."""
+    asked = []
+
+    def function(x):
+        asked.append(x)
+        return float((np.round((np.sin(x) - 0.5) / grain) + share) * grain)
+
+    root = bracketed_root(function, 0.0, 1.0, -0.5, 0.34, width=1e-13)
+    assert abs(root - np.pi / 6) < 1e-13 + grain
+    assert len(asked) < 15
+
+
+def test_a_root_in_a_bracket_that_rounding_has_closed(monkeypatch):
+    """A line that misses zero by a rounding at the only place left: it is that, and found at once."""
+    calls = []
+    monkeypatch.setattr("orbits.numerics.bernstein.powers", lambda *a: calls.append(a) or powers(*a))
+    r = 0.21758109405527115
+    c, share = np.array([[-6.0 * r, 6.0]]), np.array([r])
+    c[0, 0] -= 2 * np.spacing(c[0, 0])
+    (t,) = _refine_together(c, np.ones(1), share, share, np.array([True]), share)
+    assert t == pytest.approx(r, abs=1e-16)
+    assert _refine(c[0], 1.0, r, r, True, r) == t
+    assert len(calls) < 4

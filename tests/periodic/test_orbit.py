@@ -1,0 +1,204 @@
+"""The orbit as its user holds it: states at any time, tables, files, plots, units."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from conftest import REFERENCES, machine_of
+
+from orbits import InputError, Orbit, find
+from orbits.io import to_json
+from orbits.plot import new_axes, save_figure
+from problems import Hopper, Juggler, hopper_in_si, juggler_in_si
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    return find(machine_of(REFERENCES[4]))
+
+
+def test_states_are_vectorised(orbit):
+    t = np.linspace(0, 2 * orbit.period, 24).reshape(2, 3, 4)
+    states = orbit(t)
+    assert states.shape == (2, 3, 4, 4)
+    assert states[1, 2, 3] == pytest.approx(orbit(t[1, 2, 3]), abs=1e-14)
+    with pytest.raises(InputError, match="finite"):
+        orbit(np.nan)
+
+
+def test_time_runs_backwards_too(orbit):
+    t = np.linspace(0.1, orbit.flight_time - 0.1, 30)
+    assert orbit(orbit.flight_time - t) * [1, -1, 1, -1] == pytest.approx(orbit(t), abs=1e-12)
+    assert orbit(-0.3) == pytest.approx(orbit(orbit.period - 0.3), abs=1e-12)
+
+
+def test_is_frozen(orbit):
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        orbit.alpha = 1.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        orbit.certificate.error = 0.0
+
+
+def test_prints_as_a_table(orbit):
+    text = str(orbit)
+    for word in ("family 1", "alpha", "2.33796347461205", "flight time", "admissible", "half orbit"):
+        assert word in text
+
+
+def test_saves_and_loads_to_the_last_bit(orbit, tmp_path):
+    again = Orbit.load(orbit.save(tmp_path / "hop.json"))
+    t = np.linspace(0, orbit.period, 50)
+    assert (again(t) == orbit(t)).all()
+    assert again.certificate == orbit.certificate
+    assert again.document() == orbit.document()
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"format": "other"}', '{"format": "persistent-orbits orbit 1"}', "\x00"]
+)
+def test_files_that_are_no_orbit(text, tmp_path):
+    path = tmp_path / "hop.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match="is not a saved orbit"):
+        Orbit.load(path)
+    with pytest.raises(InputError, match="is not a saved orbit"):
+        Orbit.load(tmp_path / "missing.json")
+
+
+def test_json_keeps_every_digit():
+    value = {"a": 0.1 + 0.2, "b": [1, 2.0, None, True, "x\n"], "c": np.array([1e-300, 5e300])}
+    again = json.loads(to_json(value))
+    assert again == {"a": 0.1 + 0.2, "b": [1, 2.0, None, True, "x\n"], "c": [1e-300, 5e300]}
+    assert isinstance(again["b"][1], float)
+    for bad in (np.nan, np.inf):
+        with pytest.raises(InputError, match="no place in a result"):
+            to_json({"a": bad})
+
+
+class TestPlots:
+    @pytest.mark.parametrize("kind", [Hopper, Juggler])
+    def test_figure_3(self, kind, tmp_path):
+        orbit = find(kind())
+        axes = orbit.plot()
+        names = {line.get_label() for line in axes.lines}
+        assert names >= ({"body", "foot", "centre of mass"} if kind is Hopper else {"ball", "hand"})
+        body = axes.lines[0]
+        assert body.get_ydata()[0] == pytest.approx(orbit(0.0)[0])
+        assert body.get_xdata()[-1] == pytest.approx(orbit.period)
+        assert save_figure(axes, tmp_path / "hop.png").stat().st_size > 10_000
+
+    def test_draws_into_given_axes(self, orbit):
+        axes = new_axes()
+        assert orbit.plot(axes) is axes
+        other = new_axes()
+        assert orbit.plot_phase_portrait(other) is other
+        assert len(other.lines) == 2
+
+    def test_an_orbit_without_contact_is_drawn_to_its_landing(self):
+        collapsing = find(machine_of(next(r for r in REFERENCES if not r["admissible"])), 2)
+        assert collapsing.plot().lines[0].get_xdata()[-1] == pytest.approx(collapsing.flight_time)
+
+    def test_animation(self, orbit, tmp_path):
+        from PIL import Image
+
+        for index, hop in enumerate((orbit, find(Hopper()), find(Juggler()))):
+            with Image.open(hop.animate(tmp_path / f"hop{index}.gif", frames=6)) as image:
+                assert image.n_frames == 6
+        with pytest.raises(InputError, match=r"needs an ending, \.gif"):
+            orbit.animate(tmp_path / "hop.mp4")
+
+    @pytest.mark.parametrize("name", ["missing/hop.png", "hop.docx"])
+    def test_files_that_cannot_be_written(self, orbit, tmp_path, name):
+        with pytest.raises(InputError, match="cannot be written"):
+            save_figure(orbit.plot(), tmp_path / name)
+
+
+class TestUnits:
+    def test_equation_13(self):
+        """Launch speed alpha g sqrt(M (m1 + m2)/k) of the linear hopper."""
+        m1, m2, k, g = 2.5, 0.4, 150.0, 9.81
+        orbit = find(hopper_in_si(m1, m2, stiffness=k, surface_gravity=g))
+        expected = 4.493409457909064 * g * np.sqrt(m2 / m1 * (m1 + m2) / k)
+        assert orbit.si()["launch_speed_m_per_s"] == pytest.approx(expected, rel=1e-14)
+
+    def test_flight_is_ballistic(self):
+        """Under constant gravity the centre of mass flies for 2 v/g and rises by v**2/(2 g)."""
+        m1, m2, g = 2.5, 0.4, 3.7
+        orbit = find(hopper_in_si(m1, m2, force="150*r + 800*r**3", surface_gravity=g, rest_length=0.9))
+        si = orbit.si()
+        v = m1 * si["launch_speed_m_per_s"] / (m1 + m2)
+        assert si["flight_time_s"] == pytest.approx(2 * v / g, rel=1e-13)
+        assert si["centre_of_mass_rise_m"] == pytest.approx(v**2 / (2 * g), rel=1e-12)
+
+    def test_rises_are_to_the_highest_point(self):
+        orbit = find(juggler_in_si(0.2, 0.3, stiffness=300.0), 2)
+        t = np.linspace(0, orbit.period, 100001)
+        for i, name in ((0, "ball"), (2, "hand")):
+            path = orbit(t)[:, i] * orbit.units.length
+            assert orbit.si()[f"{name}_rise_m"] == pytest.approx(path.max() - path[0], rel=1e-7)
+
+    def test_the_units_do_not_matter(self):
+        """The same machine measured against another stiffness is the same motion."""
+        a, b = (
+            find(hopper_in_si(60.0, 3.0, force="2e6*r**3 + 3e3*r*abs(r)", stiffness=k, rest_length=0.8)).si()
+            for k in (5e3, 1234.0)
+        )
+        for name in ("launch_speed_m_per_s", "flight_time_s", "contact_time_s", "smallest_separation_m"):
+            assert a[name] == pytest.approx(b[name], rel=1e-12)
+
+    def test_gravity_in_metres(self):
+        law = {"gravity": "1/(1 + z/R)**2", "parameters": {"R": 250.0}}
+        rover = {"surface_gravity": 1e-4, "rest_length": 0.6, "stiffness": 0.05}
+        a = find(hopper_in_si(2.5, 0.5, **rover, **law), 3)
+        b = find(hopper_in_si(2.5, 0.5, **rover, body_radius=250.0), 3)
+        assert a.alpha == pytest.approx(b.alpha, rel=1e-14)
+
+    def test_juggler(self):
+        orbit = find(juggler_in_si(0.2923, 0.2657, stiffness=8.8, surface_gravity=9.81 * np.sin(np.arctan(1.1 / 60))))
+        assert orbit.units.length == pytest.approx(5.431e-3, rel=1e-3)  # as the paper has it
+
+    @pytest.mark.parametrize(
+        ("statement", "message"),
+        [
+            ({}, "needs its stiffness"),
+            ({"stiffness": -1.0}, "stiffness = -1"),
+            ({"stiffness": 1.0, "body_radius": 1.0, "gravity": "1"}, "not both"),
+            ({"stiffness": 1.0, "parameters": {"q": 1.0}}, "has a parameter 'q'"),
+            ({"force": "r**3"}, "slope 0 at rest"),
+            ({"force": "3*r + r**3", "stiffness": 5.0}, "stiffness 3 N/m at rest, not 5"),
+            ({"stiffness": 1.0, "surface_gravity": 0.0}, "surface_gravity = 0"),
+            ({"stiffness": 1.0, "rest_length": 0.0}, "rest_length = 0"),
+        ],
+    )
+    def test_refusals(self, statement, message):
+        with pytest.raises(InputError, match=message):
+            hopper_in_si(1.0, 1.0, **statement)
+
+    def test_dimensionless_machines_have_none(self, orbit):
+        with pytest.raises(InputError, match="stated in dimensionless units"):
+            orbit.si()
+
+
+def test_a_damaged_file_is_refused(orbit, tmp_path):
+    path = orbit.save(tmp_path / "hop.json")
+    whole = json.loads(path.read_text())
+    for damage in (
+        lambda data: data.update(alpha="x"),
+        lambda data: data["motion"]["flight"].update(times=[0.0]),
+        lambda data: data["motion"]["flight"].update(names=["y1"]),
+        lambda data: data["motion"]["contact"].update(coefficients=[1.0]),
+        lambda data: data.pop("laws_in"),
+    ):
+        data = json.loads(json.dumps(whole))
+        damage(data)
+        path.write_text(json.dumps(data))
+        with pytest.raises(InputError, match="is not a saved orbit"):
+            Orbit.load(path)
+
+
+def test_what_an_orbit_holds_cannot_be_overwritten(orbit):
+    with pytest.raises(ValueError, match="read-only"):
+        orbit.flight.coefficients[:] = 0
+    with pytest.raises(InputError, match="finite numbers"):
+        orbit("a")

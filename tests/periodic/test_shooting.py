@@ -1,0 +1,218 @@
+"""The engine on statements of its own: several phases in a row, strange machines, and Ipopt's manners."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import casadi as ca
+import numpy as np
+import pytest
+from conftest import REFERENCES, machine_of
+
+from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find
+from orbits.model.model import Oscillator
+from orbits.periodic.single_shooting import Shooting
+from orbits.symbolic.calls import BufferedFunction, compile_function, compiled_before, compiler
+from orbits.symbolic.ipopt import solve_equations
+
+
+def across_contact(model) -> Statement:
+    """From rest in mid-contact through lift-off to rest in mid-flight: two phases, three unknowns."""
+    force = model.contact.watch["contact force"]
+    contact = Arc(
+        model.contact,
+        start=lambda u, before, p: [u["lowest"], 0.0],
+        duration=lambda u, p: u["standing"],
+        conditions=lambda u, x, p: [force(x, p, [])],
+    )
+    flight = Arc(
+        model.flight,
+        start=lambda u, before, p: [before[0], before[1], 0.0, 0.0],
+        duration=lambda u, p: u["flying"],
+        conditions=lambda u, x, p: [x[1], x[3]],
+    )
+    return Statement("cycle", ("lowest", "standing", "flying"), (contact, flight), ("standing", "flying"))
+
+
+@pytest.mark.parametrize("solver", ["newton", "multiple_shooting"])
+@pytest.mark.parametrize("reference", [REFERENCES[2], REFERENCES[4]], ids=["constant", "varying"])
+def test_a_phase_sequence_across_lift_off(reference, solver):
+    machine = machine_of(reference)
+    values = machine.values
+    p = np.array(list(values.values()))
+    orbit = find(machine)
+    lowest = orbit(orbit.flight_time + orbit.contact_time / 2)[0]
+    equations = Shooting(across_contact(machine.model), tuple(values))
+    guess = np.array([lowest, orbit.contact_time / 2, orbit.flight_time / 2]) * [1.03, 0.98, 1.02]
+    u, _ = getattr(equations, solver)(guess, p)
+    assert u == pytest.approx([lowest, orbit.contact_time / 2, orbit.flight_time / 2], rel=1e-12)
+    flight = equations.evaluate(u, p).trajectories[1]
+    assert flight(0.0)[1] == pytest.approx(float(reference["alpha"]), rel=1e-12)
+
+
+def test_derivatives_through_two_phases_and_a_parameter():
+    machine = machine_of(REFERENCES[4])
+    values = machine.values
+    p = np.array(list(values.values()))
+    equations = Shooting(across_contact(machine.model), tuple(values))
+    u, vary = np.array([-2.0, 1.6, 3.0]), ("beta", "mass_ratio")
+    jacobian = equations.evaluate(u, p, vary).jacobian
+    step = 1e-6
+    for j in range(5):
+        moves = [(u.copy(), p.copy()), (u.copy(), p.copy())]
+        for sign, (unknowns, parameters) in zip((1, -1), moves, strict=True):
+            if j < 3:
+                unknowns[j] += sign * step
+            else:
+                parameters[list(values).index(vary[j - 3])] += sign * step
+        ends = [equations.evaluate(*move).residual for move in moves]
+        assert jacobian[:, j] == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-6, abs=1e-6)
+
+
+def bouncing_pendulum() -> tuple[Statement, tuple[str, ...]]:
+    """A quarter of a pendulum's swing from the bottom to rest, its amplitude given: unknown speed and time."""
+    phase = Phase("swing", ("angle", "rate"), lambda x, p, q: [x[1], -ca.sin(x[0])])
+    arc = Arc(
+        phase,
+        start=lambda u, before, p: [0.0, u["rate"]],
+        duration=lambda u, p: u["quarter"],
+        conditions=lambda u, x, p: [x[0] - p["amplitude"], x[1]],
+    )
+    return Statement("pendulum", ("rate", "quarter"), (arc,), ("quarter",)), ("amplitude",)
+
+
+@pytest.mark.parametrize("solver", ["newton", "multiple_shooting"])
+@pytest.mark.parametrize("amplitude", [0.1, 1.5, 3.0])
+def test_the_pendulum_has_its_elliptic_period(solver, amplitude):
+    from scipy.special import ellipk
+
+    equations = Shooting(*bouncing_pendulum())
+    rate = 2 * np.sin(amplitude / 2)
+    u, _ = getattr(equations, solver)([1.02 * rate, 0.98 * ellipk(np.sin(amplitude / 2) ** 2)], np.array([amplitude]))
+    assert u == pytest.approx([rate, ellipk(np.sin(amplitude / 2) ** 2)], rel=1e-12)
+
+
+def test_breakpoints_are_nodes_of_the_multiple_shooting():
+    """A bilinear oscillator from -1 to rest on the other side: known arcs of circles."""
+    pieces = Pieces((1.0, 0.0), 1, lambda p: ([-np.inf, 0.0, np.inf], [[1.0], [p["k"]]]), "extension")
+    phase = Phase("swing", ("x", "v"), lambda x, p, q: [x[1], -q[0] * x[0]], pieces=pieces)
+    arc = Arc(
+        phase,
+        start=lambda u, before, p: [-1.0, 0.0],
+        duration=lambda u, p: u["half"],
+        conditions=lambda u, x, p: [x[1]],
+    )
+    equations = Shooting(Statement("swing", ("half",), (arc,), ("half",)), ("k",))
+    for solver in (equations.newton, equations.multiple_shooting):
+        assert solver([2.3], np.array([4.0]))[0] == pytest.approx([0.75 * np.pi], rel=1e-13)
+
+
+def test_no_solution_is_an_error_in_words():
+    statement, parameters = bouncing_pendulum()
+    equations = Shooting(statement, parameters)
+    with pytest.raises(NoOrbit, match=r"did not converge|stops being numbers|no convergence|no solution"):
+        equations.multiple_shooting([1.0, 1.0], np.array([40.0]))
+    with pytest.raises(NoOrbit, match="did not converge"):
+        equations.newton([1.0, 1.0], np.array([40.0]))
+
+
+def test_ipopt_reports_what_it_could_not_do():
+    z = ca.MX.sym("z", 2)
+    with pytest.raises(NoOrbit, match="equations off by"):
+        solve_equations(z, ca.vertcat(z[0] ** 2 + 1, z[1]), np.ones(2), np.full(2, -np.inf), np.ones(2))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are a POSIX matter")
+@pytest.mark.parametrize(
+    ("moment", "work"),
+    [
+        *(
+            (moment, "find(Hopper('r + 0.1*r**3', mass_ratio=0.5), 40, method='shooting')")
+            for moment in (0.3, 0.5, 0.7, 1.3)
+        ),
+        *((moment, "steering.start_up(Hopper(), 3, stroke=2.0)") for moment in (0.4, 0.9)),
+    ],
+)
+def test_an_interrupt_ends_the_program_at_once(moment, work):
+    """CasADi and Ipopt swallow the signal; the program must not go on, whatever it does just then."""
+    code = "from orbits import find; from problems import Hopper, steering; print('go', flush=True)\n"
+    code += f"while True: {work}"
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n" + code  # some shells ignore it
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout.readline() == "go\n"
+        time.sleep(moment)
+        process.send_signal(signal.SIGINT)
+        began = time.monotonic()
+        _, errors = process.communicate(timeout=30)
+        assert time.monotonic() - began < 2
+    finally:
+        process.kill()
+        process.communicate()
+    assert process.returncode != 0
+    assert "KeyboardInterrupt" in errors
+
+
+class TestCalls:
+    def test_is_the_function(self):
+        x, y = ca.SX.sym("x", 2), ca.SX.sym("y", 2, 3)
+        f = ca.Function("f", [x, y], [y.T @ x, ca.densify(ca.jacobian(y.T @ x, x))])
+        call = BufferedFunction(f)
+        a, b = np.array([1.0, 2.0]), np.arange(6.0).reshape(2, 3)
+        for got, expected in zip(call(a, b), f(a, b), strict=True):
+            assert got == pytest.approx(np.array(expected))
+        first = call(a, b)[0]
+        call(2 * a, b)
+        assert first == pytest.approx(np.array(f(a, b)[0]))  # results are the caller's own
+
+    @pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
+    def test_compiled_is_the_same(self):
+        x = ca.SX.sym("x", 3)
+        f = ca.Function("f", [x], [ca.sin(x) / (1 + x**2)])
+        compiled = compile_function(f)
+        assert np.array(compiled([0.1, 0.2, 0.3])) == pytest.approx(np.array(f([0.1, 0.2, 0.3])), rel=1e-15)
+
+    @pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
+    def test_machine_code_is_kept(self, monkeypatch, tmp_path):
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        x = ca.SX.sym("x")
+        f, g = (ca.Function("f", [x], [n * ca.sin(x)]) for n in (2, 3))
+        assert compiled_before(f) is None
+        compile_function(f)
+        (library,) = (tmp_path / "persistent-orbits").iterdir()
+        assert float(compiled_before(f)(0.5)) == pytest.approx(2 * np.sin(0.5))
+        assert compiled_before(g) is None
+        library.write_text("not a library")
+        assert compiled_before(ca.Function("h", [x], [x])) is None
+        monkeypatch.setenv("XDG_CACHE_HOME", str(library))  # a file: nothing can be kept, all the same it compiles
+        assert float(compile_function(g)(0.5)) == pytest.approx(3 * np.sin(0.5))
+
+    def test_without_a_compiler_nothing_is_missed(self, monkeypatch):
+        monkeypatch.setenv("CC", "no-such-compiler")
+        x = ca.SX.sym("x")
+        assert compile_function(ca.Function("f", [x], [x])) is None
+        monkeypatch.setattr("orbits.flow.taylor.compile_seconds", lambda function: 0.0)
+        from orbits.flow.flow import Flow
+
+        flow = Flow(Phase("free", ("x", "v"), lambda x, p, q: [x[1], -x[0]]), ())
+        assert flow.run([1.0, 0.0], [], 3.0)[0].end == pytest.approx([np.cos(3), -np.sin(3)], abs=1e-14)
+
+
+def test_methods_are_refused_by_name():
+    with pytest.raises(InputError, match="known: closed form, relative"):
+        find(machine_of(REFERENCES[0]), method="ipopt")
+
+
+def test_parameter_derivatives_of_a_closed_form():
+    """cos(w t) and its derivative with respect to the stiffness w^2."""
+    phase = Phase(
+        "swing", ("x", "v"), lambda x, p, q: [x[1], -p["k"] * x[0]], closed_form=lambda p: Oscillator(p["k"], 0.0)
+    )
+    arc = Arc(phase, lambda u, before, p: [1.0, 0.0], lambda u, p: u["time"], lambda u, x, p: [x[0]])
+    equations = Shooting(Statement("swing", ("time",), (arc,), ("time",)), ("k",))
+    here = equations.evaluate([1.2], np.array([2.0]), vary=("k",))
+    w = np.sqrt(2.0)
+    assert here.residual == pytest.approx([np.cos(1.2 * w)], abs=1e-15)
+    assert here.jacobian == pytest.approx(np.array([[-w * np.sin(1.2 * w), -0.6 / w * np.sin(1.2 * w)]]), rel=1e-13)
