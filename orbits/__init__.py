@@ -14,7 +14,9 @@ from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .hybrid.multiplier import multiplier
 from .hybrid.return_map import FixedPoint, Hops, ReturnMap
 from .hybrid.simulation import Simulation, simulate
-from .model.model import Affine, Arc, Model, Oscillator, Phase, Pieces, Reduction, Statement, Units
+from .model.closed_form import Oscillator
+from .model.model import Model, Reduction, Units
+from .model.phase import Affine, Arc, Phase, Pieces, Statement
 from .periodic.find import METHODS, find, find_all
 from .periodic.orbit import Certificate, Orbit
 

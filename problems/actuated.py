@@ -13,9 +13,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from orbits import InputError
-from orbits.model.model import Affine, Model, Phase
+from orbits.model.model import Model
+from orbits.model.phase import Affine, Phase
 
-from .machine import DAMPERS, Machine
+from .machine import DAMPERS, TwoMassMachine
 
 END, RATE = "u", "w"
 
@@ -27,10 +28,10 @@ class Actuated:
     machine : a `Hopper` or `Juggler` with a smooth spring law
     """
 
-    machine: Machine
+    machine: TwoMassMachine
 
     def __post_init__(self):
-        if not isinstance(self.machine, Machine):
+        if not isinstance(self.machine, TwoMassMachine):
             raise InputError(
                 f"a {type(self.machine).__name__} is no machine whose spring can be moved, as problems.Hopper()"
             )
@@ -66,7 +67,7 @@ class Actuated:
 
 
 @lru_cache(maxsize=64)
-def _actuated_model(kind: type[Machine], spring, gravity, has_length: bool) -> Model:
+def _actuated_model(kind: type[TwoMassMachine], spring, gravity, has_length: bool) -> Model:
     """The model of a machine, from the same laws, with the spring's force at r - u."""
     law = spring.expression
     moved = spring._replace(expression=lambda r, p, q: law(r - p[END], p, q), names=(*spring.names, END))

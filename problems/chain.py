@@ -20,7 +20,8 @@ import numpy as np
 from orbits import find, follow
 from orbits.errors import FlowError, InputError, NoOrbit
 from orbits.flow.flow import flow_of
-from orbits.model.model import Affine, Model, Phase
+from orbits.model.model import Model
+from orbits.model.phase import Affine, Phase
 
 from .laws import Key, Law, from_key, number, parameter_names
 from .relative import liftoff_extension
@@ -42,7 +43,7 @@ class Chain:
     """N masses in a column joined by N - 1 springs.
 
     masses : (N,), from the top, N from 2 to 12
-    springs : a spring as in `Machine`, for all, or (N - 1,) of them, from the top; smooth, with parameters in common
+    springs : a spring as in `TwoMassMachine`, for all, or (N - 1,) of them, from the top; smooth, parameters in common
     restitution : of the impacts of the lowest mass, 0 <= e <= 1
     parameters : values of the formulas' names
     """

@@ -27,7 +27,7 @@ from orbits.symbolic.formula import suggest
 
 from .hopper import Hopper
 from .juggler import Juggler
-from .machine import Machine
+from .machine import TwoMassMachine
 from .units import hopper_in_si, juggler_in_si
 
 KINDS = {"hopper": Hopper, "juggler": Juggler}
@@ -86,7 +86,7 @@ def design(statement: dict, where: str) -> dict:
     return asked | {"minimise": tuple(asked["minimise"])}
 
 
-def build(statement: dict, where: str = "the options") -> Machine:
+def build(statement: dict, where: str = "the options") -> TwoMassMachine:
     """The machine of a statement, as `read` gives it; `where` it was stated goes before every complaint."""
     try:
         return _build(statement)
@@ -94,7 +94,7 @@ def build(statement: dict, where: str = "the options") -> Machine:
         raise InputError(f"{where}: {error}") from None
 
 
-def _build(statement: dict) -> Machine:
+def _build(statement: dict) -> TwoMassMachine:
     kind = statement.get("machine", "hopper")
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"unknown machine {kind!r}{suggest(str(kind), KINDS)}")

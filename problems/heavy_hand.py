@@ -11,17 +11,19 @@ from functools import lru_cache
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.model.model import Model, Oscillator, Phase
+from orbits.model.closed_form import Oscillator
+from orbits.model.model import Model
+from orbits.model.phase import Phase
 
 from .juggler import juggler_model
 from .laws import Key
-from .machine import Machine, gravity_at
+from .machine import TwoMassMachine, gravity_at
 from .relative import straight_line
 
 
 @dataclass(frozen=True)
-class HeavyHand(Machine):
-    """Ball on a hand that it cannot slow down; see `Machine` for the arguments, of which it takes no mass ratio,
+class HeavyHand(TwoMassMachine):
+    """Ball on a hand that it cannot slow down; see `TwoMassMachine` for the arguments, of which it takes no mass ratio,
     damping or drag."""
 
     kind = "heavy hand"

@@ -13,10 +13,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from orbits.model.model import Affine, Model, Oscillator, Phase
+from orbits.model.closed_form import Oscillator
+from orbits.model.model import Model
+from orbits.model.phase import Affine, Phase
 
 from .laws import Key, from_key
-from .machine import Machine, damper, gravity_at
+from .machine import TwoMassMachine, damper, gravity_at
 from .relative import guess, no_orbit, relative_reduction, released, spring_pieces, straight_line, thrown, thrown_flight
 
 HOPPER_STATES = ("y1", "y1'", "y2", "y2'")
@@ -24,8 +26,8 @@ WEIGHT = "the foot's weight"
 
 
 @dataclass(frozen=True)
-class Hopper(Machine):
-    """Body and foot joined by a spring; see `Machine` for the arguments. `mass_ratio` is foot over body."""
+class Hopper(TwoMassMachine):
+    """Body and foot joined by a spring; see `TwoMassMachine` for the arguments. `mass_ratio` is foot over body."""
 
     kind = "hopper"
 

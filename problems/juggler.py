@@ -13,10 +13,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from orbits.model.model import Affine, Model, Oscillator, Phase
+from orbits.model.closed_form import Oscillator
+from orbits.model.model import Model
+from orbits.model.phase import Affine, Phase
 
 from .laws import Key, from_key
-from .machine import Machine, damper, gravity_at
+from .machine import TwoMassMachine, damper, gravity_at
 from .relative import guess, no_orbit, relative_reduction, released, spring_pieces, straight_line, thrown, thrown_flight
 
 JUGGLER_STATES = ("w1", "w1'", "w2", "w2'")
@@ -24,8 +26,8 @@ FREE = "zero force"
 
 
 @dataclass(frozen=True)
-class Juggler(Machine):
-    """Ball on a sprung hand; see `Machine` for the arguments. `mass_ratio` is hand over ball.
+class Juggler(TwoMassMachine):
+    """Ball on a sprung hand; see `TwoMassMachine` for the arguments. `mass_ratio` is hand over ball.
 
     The force is that of the hand's own spring, zero at lift-off. A hopper with spring force phi and lift-off extension
     rho moves as the juggler with force phi(r + rho) - 1 under constant gravity (eq. 6, with one clock).
@@ -39,7 +41,7 @@ class Juggler(Machine):
 
 @lru_cache(maxsize=64)
 def juggler_model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-    """The model of the keys of the laws, see `Machine.build`."""
+    """The model of the keys of the laws, see `TwoMassMachine.build`."""
     force = spring.expression
     pull, dampers = gravity_at(gravity), damper(damped)
 

@@ -21,7 +21,7 @@ MACHINE_NAMES = ("mass_ratio", "rest_length", "gravity_share", *DAMPERS)
 
 
 @dataclass(frozen=True)
-class Machine:
+class TwoMassMachine:
     """Two masses, a spring and gravity, in the units of the machine's module.
 
     spring : a law of `problems.springs`, a formula of the extension r, a law's name, "table:FILE",
@@ -120,7 +120,7 @@ class Machine:
             values[self.model.homotopy] = 1.0
         return values
 
-    def with_values(self, **values: float) -> "Machine":
+    def with_values(self, **values: float) -> "TwoMassMachine":
         """The same machine with other values of mass_ratio, rest_length, damping, drag or the formulas' parameters.
 
         Raises `InputError` for a name that it does not have, and for masses and lengths of a machine stated in SI:

@@ -12,7 +12,9 @@ import numpy as np
 
 from orbits.errors import FlowError, InputError, NoOrbit, OutOfRange
 from orbits.flow.flow import flow_of
-from orbits.model.model import Arc, Oscillator, Phase, Pieces, Reduction, Statement, ThrownOscillator
+from orbits.model.closed_form import Oscillator, ThrownOscillator
+from orbits.model.model import Reduction
+from orbits.model.phase import Arc, Phase, Pieces, Statement
 from orbits.numerics.bernstein import Crossings
 from orbits.numerics.roots import bracketed_root
 

@@ -16,12 +16,13 @@ import numpy as np
 from orbits import Control, Guess, Input, InputError, NoOrbit, Orbit, Simulation, Stage, find, simulate, steer
 from orbits.continuation.arguments import finite_number, whole_number
 from orbits.flow.flow import flow_of
-from orbits.model.model import Affine, Model
+from orbits.model.model import Model
+from orbits.model.phase import Affine
 from orbits.numerics.bernstein import derivative, piecewise_roots
 from orbits.numerics.roots import bracketed_root
 
 from .actuated import RATE, Actuated, along
-from .machine import DAMPERS, Machine
+from .machine import DAMPERS, TwoMassMachine
 
 # Positive work is rounded: power P counts as (P + sqrt(P^2 + round^2))/2, with this share of the mean power as `round`.
 ROUND = 0.1
@@ -40,7 +41,7 @@ SAMPLES_PER_LEG = 40
 
 
 def keep_hopping(
-    machine: Machine, *, family: int = 1, cost: str = "effort", lossless: bool = True, intervals: int = 40,
+    machine: TwoMassMachine, *, family: int = 1, cost: str = "effort", lossless: bool = True, intervals: int = 40,
     rate: float = np.inf, stroke: float = np.inf, orbit: Orbit | None = None, guess: Control | None = None,
 ) -> Control:  # fmt: skip
     """Keep a damped machine hopping periodically at locally least cost, near its lossless orbit without the damping.
@@ -85,7 +86,7 @@ def keep_hopping(
 
 
 def recover(
-    machine: Machine, short: float, *, family: int = 1, lossless: bool = True, intervals: int = 40,
+    machine: TwoMassMachine, short: float, *, family: int = 1, lossless: bool = True, intervals: int = 40,
     rate: float = np.inf, stroke: float = np.inf, orbit: Orbit | None = None, guess: Control | None = None,
 ) -> Control:  # fmt: skip
     """Bring a machine from a lift-off `short` of the lossless launch speed back to that in one hop, with locally least
@@ -107,7 +108,7 @@ def recover(
 
 
 def start_up(
-    machine: Machine, pumps: int, *, family: int = 1, intervals: int = 20, rate: float = np.inf,
+    machine: TwoMassMachine, pumps: int, *, family: int = 1, intervals: int = 20, rate: float = np.inf,
     stroke: float = np.inf, orbit: Orbit | None = None,
 ) -> Control:  # fmt: skip
     """Bring a machine from rest in contact onto its lossless orbit with locally least effort.
@@ -126,12 +127,12 @@ def start_up(
     return steer(stages, values, guess=_pumped(orbit, values["rest"], pumps))
 
 
-def _lossless(machine: Machine, family: int, orbit: Orbit | None) -> Orbit:
+def _lossless(machine: TwoMassMachine, family: int, orbit: Orbit | None) -> Orbit:
     """The orbit without the damping, found if it is not given."""
     return orbit or find(machine.with_values(**dict.fromkeys(DAMPERS, 0.0)), family=family)
 
 
-def _loses_nothing(machine: Machine) -> bool:
+def _loses_nothing(machine: TwoMassMachine) -> bool:
     return not any(getattr(machine, name) for name in DAMPERS)
 
 
@@ -154,7 +155,7 @@ def _cheapest(hop, values, starts, driven: Actuated, orbit: Orbit, lossless: boo
     return min(found, key=lambda one: one.cost)
 
 
-def rerun(machine: Machine, control: Control, hops: int = 0) -> Simulation:
+def rerun(machine: TwoMassMachine, control: Control, hops: int = 0) -> Simulation:
     """The machine driven open loop by the schedule of an answer, every event found as in any simulation; and then so
     many hops more, the spring's end at rest."""
     driven, schedule = Actuated(machine), control.schedule(RATE)
@@ -164,14 +165,14 @@ def rerun(machine: Machine, control: Control, hops: int = 0) -> Simulation:
     return simulate(driven, state=x, schedule=schedule, hops=1 + hops)
 
 
-def missed(machine: Machine, control: Control) -> float:
+def missed(machine: TwoMassMachine, control: Control) -> float:
     """The most by which the machine, driven open loop by the answer's schedule, ends its last contact elsewhere."""
     last, run = control.legs[-1], rerun(machine, control)
     aim = _flight_states(Actuated(machine), last, last.duration)
     return float(np.abs(run(run.end) - aim).max()) if run.end >= control.end * (1 - 1e-9) else np.inf
 
 
-def work(machine: Machine, control: Control) -> tuple[float, float]:
+def work(machine: TwoMassMachine, control: Control) -> tuple[float, float]:
     """The actuator's work on the machine, in the units of its energy: all of it, and its positive part alone."""
     driven, done, positive = Actuated(machine), 0.0, 0.0
     places, weights = np.polynomial.legendre.leggauss(SAMPLES_PER_LEG)

@@ -11,7 +11,7 @@ from .gravity import as_gravity
 from .hopper import Hopper
 from .juggler import Juggler
 from .laws import Law, number, parameter_names
-from .machine import Machine
+from .machine import TwoMassMachine
 from .springs import NAMED, as_spring
 
 
@@ -26,7 +26,7 @@ def juggler_in_si(ball_mass: float, hand_mass: float, **statement) -> Juggler:
 
 
 def machine_in_si(
-    kind: type[Machine],
+    kind: type[TwoMassMachine],
     masses: Mapping[str, float],
     *,
     surface_gravity: float = 9.80665,
@@ -39,7 +39,7 @@ def machine_in_si(
     damping: float = 0.0,
     drag: float = 0.0,
     parameters: Mapping[str, float] | None = None,
-) -> Machine:
+) -> TwoMassMachine:
     """A dimensionless machine, with the units that bring its results back to SI.
 
     masses : of the upper and the lower mass, by name, kg

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 
 from ..errors import InputError, finite_number, whole_number
+from ..model.machine import Machine, check_parameters
 from ..periodic.formulations import equations_of
 from .events import MARGINS, SIGNS
 from .family import RESERVED_NAMES, Point
@@ -25,21 +26,17 @@ def checked_options(at, watch, longest, most, stop_inadmissible) -> Options:
     return Options(values, dict(watch or {}), float(longest), most, bool(stop_inadmissible))
 
 
-def check_parameters(machine, *names: str):
-    """Raises `InputError` for a name that is none of the machine's parameters to follow."""
-    if not all(hasattr(machine, name) for name in ("model", "values", "describe", "units")):
-        raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper()")
-    free = [name for name in machine.values if name != machine.model.homotopy]
+def check_followed(machine: Machine, *names: str) -> None:
+    """Raise `InputError` for a name that is none of the machine's parameters, or that a table of orbits has already."""
+    check_parameters(machine, *names)
     for name in names:
-        if name not in free:
-            raise InputError(f"the machine has no parameter '{name}' to follow; it has {', '.join(free)}")
         if name in RESERVED_NAMES:
             raise InputError(f"a parameter called '{name}' cannot be told from the orbit's own; give it another name")
 
 
 def machine_at(machine, point: Point, along: str, method: str | None):
     """The machine at a point of its family along a parameter, and the method: the simplest when None is given."""
-    check_parameters(machine, along)
+    check_followed(machine, along)
     if not isinstance(point, Point):
         raise InputError("where to begin is the `point` of a family's event")
     machine = machine.with_values(**{along: point.value})

@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ..errors import InputError, NoOrbit
+from ..errors import InputError, NoOrbit, finite_number
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
-from .arguments import checked_options, finite_number, machine_at
+from .arguments import checked_options, machine_at
 from .corrector import Curve, CurvePoint
 from .family import Family, Point
 from .follow import collect_family

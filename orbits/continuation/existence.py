@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
-from .arguments import check_parameters, checked_options, finite_number, machine_at
+from ..errors import InputError, finite_number
+from .arguments import check_followed, checked_options, machine_at
 from .corrector import Curve
 from .family import Family, Point
 from .follow import collect_family, follow, start_tracer
@@ -94,7 +94,7 @@ def existence(
     From the machine's own orbit the family is followed in `across`; from where that passes each of `values` it is
     followed in `along` both ways, past folds. A row that the family does not come to in this way has no families.
     """
-    check_parameters(machine, along, across)
+    check_followed(machine, along, across)
     if along == across:
         raise InputError(f"a diagram in '{along}' needs another parameter besides")
     try:

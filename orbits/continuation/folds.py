@@ -11,11 +11,11 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from ..errors import InputError, NoOrbit
-from ..model.model import Arc, Phase, Statement
+from ..errors import InputError, NoOrbit, finite_number
+from ..model.phase import Arc, Phase, Statement
 from ..periodic.certificate import columns
 from ..periodic.single_shooting import Evaluation, Shooting, shooting_equations
-from .arguments import check_parameters, checked_options, finite_number, machine_at
+from .arguments import check_followed, checked_options, machine_at
 from .corrector import Curve, CurvePoint
 from .family import Family, Point
 from .follow import collect_family, start_tracer
@@ -151,7 +151,7 @@ def follow_fold(
 
     Returns a `Family` along `across`, whose points tell the value of `along` too (`column`); its "fold"s are cusps.
     """
-    check_parameters(machine, across)
+    check_followed(machine, across)
     if along == across:
         raise InputError(f"the fold in '{along}' is followed along another parameter")
     machine, method = machine_at(machine, fold, along, method)

@@ -5,11 +5,11 @@ from dataclasses import fields
 
 import numpy as np
 
-from ..errors import InputError, NoOrbit
+from ..errors import InputError, NoOrbit, finite_number
 from ..periodic.find import another_family, solve_family, solve_near
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
-from .arguments import bounds_of, check_parameters, checked_options, finite_number, machine_at
+from .arguments import bounds_of, check_followed, checked_options, machine_at
 from .checkpoint import Checkpoint
 from .corrector import Curve, CurvePoint, placed
 from .events import watched
@@ -107,7 +107,7 @@ def orbit_at(machine, point: Point, along: str, method: str | None = None) -> Or
 
 def _begin(machine, along, start, stop, family, orbit, method, options: Options, resume: Family | None) -> Tracer:
     """A walk from the first orbit, or from the last of a family."""
-    check_parameters(machine, along)
+    check_followed(machine, along)
     if resume is not None and (not isinstance(resume, Family) or any(point.also for point in resume.points[:1])):
         raise InputError("what is resumed is a family of `follow`, as Family.load gives it")
     if start is None:

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..flow.flow import Flow, flow_of
 from ..flow.taylor import runge_kutta
 from ..flow.trajectory import Trajectory
-from ..model.model import Phase
+from ..model.phase import Phase
 from ..numerics.bernstein import PiecewisePolynomials, powers
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.ipopt import Minimiser, Minimum

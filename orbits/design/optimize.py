@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..continuation.arguments import check_parameters
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..io import write_json
+from ..model.machine import check_parameters
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..continuation.arguments import check_parameters, finite_number
-from ..errors import InputError
+from ..errors import InputError, finite_number
+from ..model.machine import check_parameters
 from ..model.model import Model, Units
 from ..symbolic.formula import Formula, parse, suggest
 from .quantities import quantity_names

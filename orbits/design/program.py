@@ -15,7 +15,8 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..flow.flow import flow_of
-from ..model.model import Model, Statement, Units
+from ..model.model import Model, Units
+from ..model.phase import Statement
 from ..numerics.linear import solve
 from ..periodic.orbit import Orbit
 from ..symbolic.ipopt import Minimiser, Minimum

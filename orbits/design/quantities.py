@@ -15,7 +15,8 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit
 from ..flow.trajectory import Trajectory
-from ..model.model import Affine, Arc, Model, Phase, Statement, Units
+from ..model.model import Model, Units
+from ..model.phase import Affine, Arc, Phase, Statement
 from ..numerics.roots import bracketed_root
 from ..periodic.certificate import loss_coefficient
 from ..periodic.formulations import half_orbit

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
-from ..model.model import Affine, Phase
+from ..model.phase import Affine, Phase
 from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate
 from ..symbolic import interrupts
 from ..symbolic.calls import BufferedFunction

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..model.model import Affine
+from ..model.phase import Affine
 from ..numerics.bernstein import PiecewisePolynomials, evaluate, powers, shifted
 
 

@@ -15,10 +15,11 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway
+from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectory
-from ..model.model import Affine
+from ..model.machine import check_machine
+from ..model.phase import Affine
 from ..numerics.bernstein import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..periodic.certificate import gradients
@@ -85,8 +86,7 @@ class Impacts:
     """The impacts of a machine with its restitution and its own parameters, or with other values of them."""
 
     def __init__(self, machine, values: Mapping[str, float] | None = None):
-        if not all(hasattr(machine, name) for name in ("model", "values", "restitution")):
-            raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper()")
+        check_machine(machine, "restitution")
         self.machine = machine
         self.model, self.restitution = machine.model, float(machine.restitution)
         self.values = dict(values or machine.values)

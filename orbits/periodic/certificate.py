@@ -13,7 +13,8 @@ import numpy as np
 from ..errors import FlowError, NoOrbit, OutOfRange
 from ..flow.flow import first_zero, flow_of
 from ..flow.trajectory import Trajectories
-from ..model.model import Affine, Model, Phase
+from ..model.model import Model
+from ..model.phase import Affine, Phase
 from ..numerics.bernstein import derivative, evaluate
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.elementwise import ElementwiseFunction

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..model.machine import check_machine
 from ..model.model import Model
 from ..numerics.linear import solve
 from ..symbolic import interrupts
@@ -66,8 +67,7 @@ def find(
     the reason when there is none or a solve ends on another family, and `InputError` for a family or a method that
     cannot be.
     """
-    if not all(hasattr(machine, name) for name in ("model", "values", "describe", "units")):
-        raise InputError(f"find takes a machine such as problems.Hopper(), not {type(machine).__name__}")
+    check_machine(machine)
     with interrupts.deferred():
         if start is None:
             return _find(machine, 1 if family is None else family, method, progress)

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..flow.trajectory import Trajectories
-from ..model.model import Arc, Model, Phase, Statement
+from ..model.model import Model
+from ..model.phase import Arc, Phase, Statement
 from ..numerics.linear import solve
 from .certificate import Cycles, Solution, certify, follow_contacts, or_none
 from .error_bound import error_bounds

@@ -10,7 +10,8 @@ import numpy as np
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
 from ..io import to_json
-from ..model.model import Affine, Units
+from ..model.model import Units
+from ..model.phase import Affine
 from ..numerics.bernstein import lowest
 
 ORBIT_FORMAT = "persistent-orbits orbit 1"

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import FlowError, NoOrbit
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories, Trajectory
-from ..model.model import Arc, Statement
+from ..model.phase import Arc, Statement
 from ..numerics.bernstein import derivative, evaluate
 from ..numerics.linear import solve
 from ..symbolic.calls import BufferedFunction, MappedFunction

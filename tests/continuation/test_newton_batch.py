@@ -12,7 +12,7 @@ from orbits.continuation.corrector import Curve, interpolated
 from orbits.continuation.newton_batch import newton_batch
 from orbits.flow.flow import first_zero, flow_of
 from orbits.hybrid.impacts import Impacts
-from orbits.model.model import Affine
+from orbits.model.phase import Affine
 from orbits.periodic.formulations import equations_of
 from orbits.periodic.single_shooting import Shooting, joined
 from orbits.symbolic.calls import BufferedFunction

@@ -12,7 +12,7 @@ import pytest
 from conftest import REFERENCES, machine_of
 
 from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find
-from orbits.model.model import Oscillator
+from orbits.model.closed_form import Oscillator
 from orbits.periodic.single_shooting import Shooting
 from orbits.symbolic.calls import BufferedFunction, compile_function, compiled_before, compiler
 from orbits.symbolic.ipopt import solve_equations

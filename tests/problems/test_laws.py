@@ -205,7 +205,7 @@ def test_laws_are_not_mixed_up():
         (lambda: springs.table((r, r, r)), "two sequences"),
         (lambda: Hopper(parameters=[1]), "mapping of names"),
         (lambda: Hopper(parameters=None), "mapping of names"),
-        (lambda: find(object()), "takes a machine"),
+        (lambda: find(object()), "is no machine"),
     ):
         with pytest.raises(InputError, match=message):
             make()

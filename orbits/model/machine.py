@@ -1,0 +1,73 @@
+"""What the engine asks of a machine, in one place."""
+
+from typing import Any, Protocol, Self, runtime_checkable
+
+from ..errors import InputError
+from .model import Model, Units
+
+
+@runtime_checkable
+class Machine(Protocol):
+    """A machine of a certain kind with certain numbers, as `problems.Hopper` makes them.
+
+    Nothing of it changes once it is made. `find`, `find_all` and `sensitivities` need all of the parts below but
+    `with_values`; `follow`, `existence`, `optimize` and `pareto` need that too, since they change parameters;
+    `ReturnMap`, `simulate` and `multiplier` need a `restitution` besides (`ImpactingMachine`). `steer` takes no machine
+    but the phases of one.
+    """
+
+    @property
+    def model(self) -> Model:
+        """The kind of machine. Machines that differ only in numbers share the same object, so that what is built from
+        its expressions serves them all."""
+        ...
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Every parameter of the model by name, in a fixed order."""
+        ...
+
+    @property
+    def units(self) -> Units | None:
+        """What the dimensionless numbers stand for in SI; None for a machine that was stated without units."""
+        ...
+
+    def with_values(self, **values: float) -> Self:
+        """The same machine with other values of some parameters; raises `InputError` for what it cannot have."""
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """The machine in words and numbers, ready for JSON, with the keys of `orbits.periodic.orbit.MACHINE_FIELDS`."""
+        ...
+
+
+@runtime_checkable
+class ImpactingMachine(Machine, Protocol):
+    """A machine whose impacts have a coefficient of restitution, from 0 (plastic) to 1."""
+
+    @property
+    def restitution(self) -> float:
+        """The coefficient of restitution."""
+        ...
+
+    @property
+    def rest_length(self) -> float | None:
+        """The rest length of the spring; None where heights are counted from an unloaded spring of any length."""
+        ...
+
+
+def check_machine(machine: Any, *also: str) -> None:
+    """Raise `InputError`, naming what is missing, where something is no machine; `also` names further parts needed."""
+    for name in ("model", "values", "units", "describe", *also):
+        if not hasattr(machine, name):
+            raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): it has no '{name}'")
+
+
+def check_parameters(machine: Machine, *names: str) -> None:
+    """Raise `InputError` where something is no machine whose parameters can be changed, or one of the names is none of
+    its parameters."""
+    check_machine(machine, "with_values")
+    free = [name for name in machine.values if name != machine.model.homotopy]
+    for name in names:
+        if name not in free:
+            raise InputError(f"the machine has no parameter '{name}' to follow; it has {', '.join(free)}")
