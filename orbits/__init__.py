@@ -1,4 +1,4 @@
-"""Lossless periodic orbits of machines with plastic contact: found, certified, followed."""
+"""Lossless periodic orbits of machines with plastic contact: found, certified, followed, controlled and designed."""
 
 from .continuation.branching import follow_branch
 from .continuation.existence import Existence, existence
@@ -14,60 +14,19 @@ from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .hybrid.multiplier import multiplier
 from .hybrid.return_map import FixedPoint, Hops, ReturnMap
 from .hybrid.simulation import Simulation, simulate
+from .io import __version__
 from .model.closed_form import Oscillator
+from .model.machine import Machine
 from .model.model import Model, Reduction, Units
 from .model.phase import Affine, Arc, Phase, Pieces, Statement
 from .periodic.find import METHODS, find, find_all
 from .periodic.orbit import Certificate, Orbit
 
 __all__ = [
-    "METHODS",
-    "Active",
-    "Affine",
-    "Arc",
-    "Certificate",
-    "Control",
-    "Design",
-    "End",
-    "Event",
-    "Existence",
-    "Family",
-    "FixedPoint",
-    "FlowError",
-    "Front",
-    "Guess",
-    "Hops",
-    "Input",
-    "InputError",
-    "Model",
-    "NoOrbit",
-    "Orbit",
-    "OrbitsError",
-    "Oscillator",
-    "OutOfRange",
-    "Phase",
-    "Pieces",
-    "Point",
-    "Reduction",
-    "ReturnMap",
-    "Simulation",
-    "Stage",
-    "Statement",
-    "Units",
-    "existence",
-    "find",
-    "find_all",
-    "fold_statement",
-    "follow",
-    "follow_branch",
-    "follow_fold",
-    "multiplier",
-    "optimize",
-    "orbit_at",
-    "pareto",
-    "quantities",
-    "sensitivities",
-    "simulate",
-    "steer",
-    "trace",
-]
+    "METHODS", "Active", "Affine", "Arc", "Certificate", "Control", "Design", "End", "Event", "Existence", "Family",
+    "FixedPoint", "FlowError", "Front", "Guess", "Hops", "Input", "InputError", "Machine", "Model", "NoOrbit",
+    "Orbit", "OrbitsError", "Oscillator", "OutOfRange", "Phase", "Pieces", "Point", "Reduction", "ReturnMap",
+    "Simulation", "Stage", "Statement", "Units", "__version__", "existence", "find", "find_all", "fold_statement",
+    "follow", "follow_branch", "follow_fold", "multiplier", "optimize", "orbit_at", "pareto", "quantities",
+    "sensitivities", "simulate", "steer", "trace",
+]  # fmt: skip

@@ -1,13 +1,16 @@
-"""Files that results are written to: their names checked, their contents as JSON."""
+"""Files that results are written to: their names checked, their contents as JSON, and the version that wrote them."""
 
 import json
 from collections.abc import Mapping
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .errors import InputError
+
+__version__ = version("persistent-orbits")
 
 
 def to_json(value: Any) -> str:

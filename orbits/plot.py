@@ -3,8 +3,10 @@
 Results draw themselves by these functions, so this module stands below them and knows them by their attributes only.
 """
 
+from collections.abc import Iterable
 from itertools import cycle, pairwise
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,9 +14,12 @@ from .errors import InputError
 from .io import check_path
 from .model.model import Units
 
+# A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
+Axes: TypeAlias = Any
+
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 ANIMATIONS = (".gif",)
-# One colour a role, told apart by colour-blind readers too (Okabe and Ito 2008).
+# One colour for each role; colour-blind readers can tell them apart too (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
@@ -30,8 +35,8 @@ MARKERS = {
 }
 
 
-def new_axes(width: float = 7.0, height: float = 4.0):
-    """Axes on a figure of its own that no window or global state knows."""
+def new_axes(width: float = 7.0, height: float = 4.0) -> Axes:
+    """Axes on a new figure, which no window and no global state of matplotlib knows."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -40,8 +45,8 @@ def new_axes(width: float = 7.0, height: float = 4.0):
     return figure.add_subplot()
 
 
-def new_row(count: int, width: float = 4.2, height: float = 3.6, rows: int = 1):
-    """So many axes side by side on a figure of their own, or rows of them: an array of axes."""
+def new_row(count: int, width: float = 4.2, height: float = 3.6, rows: int = 1) -> np.ndarray:
+    """An array of `count` axes side by side on a new figure, or (rows, count) of them for more rows than one."""
     first = new_axes(width * count, height * rows)
     figure = first.figure
     first.remove()
@@ -54,12 +59,12 @@ def new_row(count: int, width: float = 4.2, height: float = 3.6, rows: int = 1):
 
 
 def scales(units: Units | None) -> tuple[float, float, str, str]:
-    """Factors of length and time for a plot and what to write behind their names: SI where the machine is stated so."""
+    """Factors of length and time for a plot, and their units as text: SI for a machine that is stated in SI."""
     return (1.0, 1.0, "", "") if units is None else (units.length, units.time, " (m)", " (s)")
 
 
-def plot_orbit(orbit, axes=None):
-    """Heights of the masses against time over a cycle, contact shaded, as in Fig. 3 of the paper; returns the axes.
+def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
+    """Plot heights of the masses against time over a cycle, contact shaded, as in Fig. 3 of the paper; return the axes.
 
     In metres and seconds for a machine that is stated in SI.
     """
@@ -80,14 +85,14 @@ def plot_orbit(orbit, axes=None):
     axes.set_xlabel("time" + seconds)
     axes.set_ylabel(_vertical(orbit) + metres)
     axes.set_title(title(orbit), fontsize="medium", wrap=True)
-    # below the axes: the curves fill them
+    # The legend stands below the axes, since the curves fill these.
     axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4)
     axes.spines[["top", "right"]].set_visible(False)
     return axes
 
 
-def plot_phase_portrait(orbit, axes=None):
-    """Speed against height of every mass over a cycle; returns the axes."""
+def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
+    """Plot speed against height of every mass over a cycle; return the axes."""
     length, time, metres, _ = scales(orbit.units)
     axes = axes or new_axes(4.5, 4.0)
     end = orbit.flight_time if orbit.contact_time is None else orbit.period
@@ -104,14 +109,14 @@ def plot_phase_portrait(orbit, axes=None):
     return axes
 
 
-def plot_family(family, axes=None, quantity: str = "alpha", label: str | None = None):
-    """A quantity of a family's orbits against the parameter, events marked; returns the axes.
+def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", label: str | None = None) -> Axes:
+    """Plot a quantity of a family's orbits against the parameter, with events marked; return the axes.
 
     Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
     """
     axes = axes or new_axes(6.5, 4.5)
     along = [(point, False) for point in family]
-    for event in reversed(family.events):  # motions begin and end there, not at the points beside
+    for event in reversed(family.events):  # admissibility changes at an event, not at a point beside it
         along.insert(event.after + 1, (event.point, True))
     x, y = (np.array([family.quantity(point, name) for point, _ in along]) for name in ("value", quantity))
     motion = np.array([point.admissible for point, _ in along])
@@ -138,8 +143,8 @@ def plot_family(family, axes=None, quantity: str = "alpha", label: str | None = 
     return axes
 
 
-def spread(family, count: int) -> list:
-    """So many points of a family at most, evenly along its curve as it is drawn, the first and the last among them."""
+def spread(family: Any, count: int) -> list:
+    """At most `count` points of a family, evenly spaced along its curve as drawn, with the first and the last."""
     places = np.array([family.column("value"), family.column("alpha")], dtype=float)
     places /= np.maximum(np.ptp(places, axis=1, keepdims=True), 1e-300)
     way = np.append(0.0, np.cumsum(np.hypot(*np.diff(places))))
@@ -147,8 +152,8 @@ def spread(family, count: int) -> list:
     return [family[int(i)] for i in np.unique(nearest)]
 
 
-def thumbnails(axes, family, orbits, quantity: str = "alpha"):
-    """Draw orbits of a family small, in a row above its axes, each joined to its place on the curve; returns the axes.
+def thumbnails(axes: Axes, family: Any, orbits: Iterable[tuple[Any, Any]], quantity: str = "alpha") -> Axes:
+    """Draw small orbits of a family in a row above its axes, each joined to its place on the curve; return the axes.
 
     orbits : (point of the family, its `Orbit`) of each
     """
@@ -172,12 +177,12 @@ def thumbnails(axes, family, orbits, quantity: str = "alpha"):
         axes.add_artist(ConnectionPatch((0.5, 0), place, small.transAxes, axes.transData, color="0.7", lw=0.7))
         axes.plot(*place, ".", color="0.4", ms=5, zorder=3)
     axes.set_title(axes.get_title(), fontsize="small", y=1.4)
-    axes.figure.draw_without_rendering()  # lower axes have other ticks: the layout is made again with these
+    axes.figure.draw_without_rendering()  # the axes are lower now and have other ticks, so the layout is made again
     return axes
 
 
-def plot_existence(diagram, axes=None):
-    """Where a family has orbits in two parameters, light, and where they are motions, dark; returns the axes."""
+def plot_existence(diagram: Any, axes: Axes | None = None) -> Axes:
+    """Plot where a family has orbits in two parameters (light) and where they are motions (dark); return the axes."""
     axes = axes or new_axes(6.0, 4.5)
     values = np.array(diagram.values)
     edges = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]])
@@ -206,8 +211,8 @@ def plot_existence(diagram, axes=None):
     return axes
 
 
-def plot_front(front, axes=None):
-    """A front of two objectives, one that is to be large ("-alpha") by its own value; returns the axes."""
+def plot_front(front: Any, axes: Axes | None = None) -> Axes:
+    """Plot a Pareto front of two objectives; an objective "-alpha" is shown by the value of alpha. Return the axes."""
     axes = axes or new_axes(5.4, 4.2)
     signs = [-1 if text.lstrip().startswith("-") else 1 for text in front.texts]
     axes.plot(*(front.values * signs).T, "o-", color=COLOURS[0], ms=4)
@@ -217,8 +222,16 @@ def plot_front(front, axes=None):
     return axes
 
 
-def plot_map(step, low: float, high: float, axes=None, samples: int = 4000, start: float | None = None, hops: int = 60):
-    """The return map between two launch speeds, with the identity line; returns the axes.
+def plot_map(
+    step: Any,
+    low: float,
+    high: float,
+    axes: Axes | None = None,
+    samples: int = 4000,
+    start: float | None = None,
+    hops: int = 60,
+) -> Axes:
+    """Plot the return map between two launch speeds, with the identity line; return the axes.
 
     step : a `ReturnMap`
     start : launch speed from which a cobweb of so many `hops` is drawn, None for no cobweb
@@ -245,8 +258,8 @@ def plot_map(step, low: float, high: float, axes=None, samples: int = 4000, star
     return axes
 
 
-def plot_simulation(run, axes=None):
-    """Heights of a simulated machine's masses against time, contacts shaded, impacts marked; returns the axes.
+def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
+    """Plot heights of a simulated machine's masses against time, contacts shaded, impacts marked; return the axes.
 
     In metres and seconds for a machine that is stated in SI.
     """
@@ -259,9 +272,7 @@ def plot_simulation(run, axes=None):
         axes.plot(time * t, length * height(states), color=colour, lw=lw, label=name)
     _shade_contacts(run, axes, time)
     impacts = [event for event in run.events if event.kind == "impact"]
-    _, struck = list(machine.model.heights(machine.values).values())[
-        :2
-    ]  # the lower mass, from which the gap is counted
+    _, struck, *_ = machine.model.heights(machine.values).values()  # the gap is counted from the lower mass
     places = [length * float(struck(event.after)) for event in impacts]
     axes.plot(
         [time * event.time for event in impacts], places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4
@@ -274,8 +285,8 @@ def plot_simulation(run, axes=None):
     return axes
 
 
-def plot_gap(run, axes=None, label: str | None = None):
-    """The gap of a simulated machine against time, a hopper's foot path as in Fig. 6 of the paper; returns the axes."""
+def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Axes:
+    """Plot the gap of a simulated machine against time, as the foot path in Fig. 6 of the paper; return the axes."""
     axes, machine = axes or new_axes(), run.machine
     length, time, metres, seconds = scales(machine.units)
     t = np.linspace(0, run.end, 4001)
@@ -292,8 +303,8 @@ def _shade_contacts(run, axes, time: float):
             axes.axvspan(time * leg.start, time * (leg.start + leg.path.times[-1]), fc=SHADE, zorder=0)
 
 
-def title(orbit) -> str:
-    """What says which orbit it is, in two lines."""
+def title(orbit: Any) -> str:
+    """The title of an orbit's plot: machine, family and speed in one line, the laws in another."""
     laws = [f"spring {orbit.machine['spring']}"]
     if orbit.machine["gravity"] != "1":
         laws.append(f"gravity {orbit.machine['gravity']}")
@@ -305,11 +316,11 @@ def title(orbit) -> str:
 
 
 def _vertical(orbit) -> str:
-    """Without a rest length the upper mass is measured from its place over an unloaded spring."""
+    """The name of the vertical axis; without a rest length the upper mass has a displacement and no height."""
     return "height" if orbit.machine["rest_length"] is not None else "displacement"
 
 
-def save_figure(axes, path) -> Path:
+def save_figure(axes: Axes, path: str | Path) -> Path:
     """Write the figure of some axes to a file, its kind from the ending; raises `InputError` when it cannot."""
     path = check_path(path, FIGURES)
     try:
@@ -319,7 +330,7 @@ def save_figure(axes, path) -> Path:
     return path
 
 
-def animate_orbit(orbit, path, frames: int = 80) -> Path:
+def animate_orbit(orbit: Any, path: str | Path, frames: int = 80) -> Path:
     """Write one cycle as an animated GIF of masses, spring and ground; returns the path."""
     closed = orbit.contact_time is not None
     t = np.linspace(0, orbit.period if closed else orbit.flight_time, _frames(frames), endpoint=not closed)
@@ -329,7 +340,7 @@ def animate_orbit(orbit, path, frames: int = 80) -> Path:
     return _animate(path, words, heights, orbit.shape.springs, orbit.machine["rest_length"] is None, orbit.units)
 
 
-def animate_simulation(run, path, frames: int = 200) -> Path:
+def animate_simulation(run: Any, path: str | Path, frames: int = 200) -> Path:
     """Write a simulated motion as an animated GIF of masses, spring and ground; returns the path."""
     t, machine = np.linspace(0, run.end, _frames(frames)), run.machine
     words = np.where(run.in_contact(t), "contact", "flight")
@@ -345,14 +356,16 @@ def _frames(frames) -> int:
 
 
 def _animate(path, words, heights, springs, floating: bool, units: Units | None) -> Path:
-    """Animate masses at heights (frames,), by name, under `words` for every frame; `floating` where nothing says how
-    far they are from each other."""
+    """Animate masses at heights (frames,), given by name, with a title from `words` for every frame.
+
+    With `floating` no rest length says how far the masses are apart, and they are drawn with room between them.
+    """
     from matplotlib.animation import FuncAnimation, PillowWriter
 
     path = check_path(path, ANIMATIONS)
     names = [name for name in heights if name != "centre of mass"]
     heights = {name: heights[name] for name in names} | {None: np.zeros(len(words))}
-    if floating:  # springs long enough, from the lowest up
+    if floating:  # room for springs that are long enough, from the lowest mass up
         room = 1.2 * max(np.ptp(height) for height in heights.values())
         lifts = {None: 0, springs[-1][0]: 0}
         for below, above in reversed(springs):
@@ -379,7 +392,7 @@ def _animate(path, words, heights, springs, floating: bool, units: Units | None)
     axes.legend(frameon=False, fontsize="small", loc="upper right", markerscale=0.4)
 
     axes.figure.canvas.draw()
-    axes.figure.set_layout_engine("none")  # laid out once, not again for every frame
+    axes.figure.set_layout_engine("none")  # the layout is made once, not again for every frame
 
     def draw(i):
         for coil, (below, above) in zip(coils, springs, strict=True):

@@ -1,41 +1,42 @@
 """Flows in closed form: an oscillator, alone or beside a coordinate that is thrown up."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 
 @dataclass(frozen=True)
 class Oscillator:
-    """Closed form of the phase x' = v, v' = -square (x - centre), square > 0.
+    """The flow of the phase x' = v, v' = -square (x - centre) with square > 0, in closed form.
 
-    watch : watched quantities, (slope, value at x = 0) of each, which must be straight lines in x
+    watch : slope and value at x = 0 of each watched quantity, which must be a straight line in x
     """
 
     square: float
     centre: float
     watch: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
-    def state(self, start, t):
+    def state(self, start: Any, t: Any) -> np.ndarray:
         """States (2, ...) at times `t` (...) after `start`."""
         omega = np.sqrt(self.square)
         c, s = np.cos(omega * t), np.sin(omega * t)
         x, v = start[0] - self.centre, start[1]
         return np.array([self.centre + x * c + v / omega * s, v * c - omega * x * s])
 
-    def transition(self, t):
-        """Derivative (2, 2) of the state at `t` with respect to the start."""
+    def transition(self, t: float) -> np.ndarray:
+        """Transition matrix (2, 2): the derivative of the state at time `t` with respect to the start."""
         omega = np.sqrt(self.square)
         c, s = np.cos(omega * t), np.sin(omega * t)
         return np.array([[c, s / omega], [-omega * s, c]])
 
-    def along(self, weights, states, order: int):
-        """Taylor coefficients (N, order + 1) of weights . (x, v, watched ...), the motions through `states` (2, N)."""
+    def along(self, weights: Sequence[float], states: np.ndarray, order: int) -> np.ndarray:
+        """Taylor coefficients (N, order + 1) of weights . (x, v, watched ...) on motions through `states` (2, N)."""
         at_x, at_v, *others = (*weights, *[0.0] * (2 + len(self.watch) - len(weights)))
         slopes, values = zip(*self.watch.values(), strict=True) if self.watch else ((), ())
         at_x += sum(a * slope for a, slope in zip(others, slopes, strict=True))
-        # x - centre and v exchange roles with every derivative
+        # With every derivative x - centre and v exchange their roles.
         x, v = states[0] - self.centre, states[1]
         even, odd = at_x * x + at_v * v, at_x * v - at_v * self.square * x
         k = np.arange(order + 1)
@@ -44,7 +45,7 @@ class Oscillator:
         c[:, 0] += at_x * self.centre + sum(a * value for a, value in zip(others, values, strict=True))
         return c
 
-    def series(self, states, order: int):
+    def series(self, states: np.ndarray, order: int) -> np.ndarray:
         """Taylor coefficients (N, 2 + watched, order + 1) of the motions through `states` (2, N)."""
         k = np.arange(order + 2)
         factors = (-self.square) ** (k // 2) / np.cumprod(np.maximum(k, 1.0))
@@ -61,11 +62,12 @@ class Oscillator:
 
 @dataclass(frozen=True)
 class ThrownOscillator:
-    """Closed form of an oscillator (x, v) beside a coordinate w thrown up under unit gravity, w'' = -1, both mixed into
-    the states: state = mix @ (x, v, w, w').
+    """The flow of an oscillator (x, v) beside a coordinate w that is thrown up under unit gravity, w'' = -1.
+
+    The states of the phase are mix @ (x, v, w, w').
 
     mix : (4, 4)
-    apart : its inverse, both stated since inverting would round
+    apart : the inverse of `mix`, stated since a numerical inverse would carry rounding errors
     """
 
     oscillator: Oscillator
@@ -73,22 +75,25 @@ class ThrownOscillator:
     apart: np.ndarray
     watch: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
-    square = property(lambda self: self.oscillator.square)
+    @property
+    def square(self) -> float:
+        """The squared frequency of the oscillator."""
+        return self.oscillator.square
 
-    def state(self, start, t):
+    def state(self, start: Any, t: Any) -> np.ndarray:
         """States (4, ...) at times `t` (...) after `start` (4, ...)."""
         x, v, w, rate = np.tensordot(self.apart, start, 1)
         swung = self.oscillator.state((x, v), t)
         thrown = np.stack(np.broadcast_arrays(w + t * (rate - 0.5 * t), rate - t))
         return np.tensordot(self.mix, np.concatenate([swung, thrown]), 1)
 
-    def transition(self, t):
-        """Derivative (4, 4) of the state at `t` with respect to the start."""
+    def transition(self, t: float) -> np.ndarray:
+        """Transition matrix (4, 4): the derivative of the state at time `t` with respect to the start."""
         apart = np.eye(4)
         apart[:2, :2], apart[2, 3] = self.oscillator.transition(t), t
         return self.mix @ apart @ self.apart
 
-    def along(self, weights, states, order: int):
+    def along(self, weights: Sequence[float], states: np.ndarray, order: int) -> np.ndarray:
         """Taylor coefficients (N, order + 1) of weights . state on the motions through `states` (4, N)."""
         x, v, w, rate = np.tensordot(self.apart, states, 1)
         at_x, at_v, at_w, at_rate = np.asarray(weights) @ self.mix
@@ -99,7 +104,7 @@ class ThrownOscillator:
         c[:, 2] -= 0.5 * at_w
         return c
 
-    def series(self, states, order: int):
+    def series(self, states: np.ndarray, order: int) -> np.ndarray:
         """Taylor coefficients (N, 4, order + 1) of the motions through `states` (4, N)."""
         apart = np.tensordot(self.apart, states, 1)
         rows = np.zeros((apart.shape[1], 4, order + 1))

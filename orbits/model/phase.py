@@ -1,47 +1,50 @@
-"""Phases with their vector fields, and boundary value statements on sequences of them.
+"""Phases with their vector fields, and boundary value statements on sequences of phases.
 
-Expressions are built by plain functions of CasADi scalars: a field is called as ``field(x, p, q)`` with a list `x` of
-states, a mapping `p` of named parameters and a list `q` with the data of a smooth piece, and returns a list of
-expressions.
+Expressions are built by plain functions of CasADi scalars. A vector field is called as ``field(x, p, q)`` with a list
+`x` of states, a mapping `p` of parameters by name and a list `q` with the data of the smooth piece that the state is
+on. It returns a list of expressions.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .closed_form import Oscillator, ThrownOscillator
 
 
 @dataclass(frozen=True)
 class Affine:
-    """The function weights . x + offset of a state, the weights one per state.
+    """The function weights . x + offset of a state x (n,), with one weight for each state.
 
-    For several motions at once weights and offset may be arrays (m,), one number for each (`Trajectories.series`).
+    For m trajectories at once a weight or the offset may be an array (m,), as `Trajectories.series` takes them.
     """
 
-    weights: tuple[float, ...]
-    offset: float = 0.0
+    weights: tuple[Any, ...]
+    offset: Any = 0.0
 
-    def __call__(self, x):
-        """Value at states `x` (..., n)."""
-        return x @ np.array(self.weights) + self.offset
+    def __call__(self, x: ArrayLike) -> Any:
+        """Values (...) at states `x` (..., n)."""
+        return np.asarray(x) @ np.array(self.weights) + self.offset
 
-    def series(self, coefficients):
-        """Taylor coefficients (..., K + 1) along those of the state (..., n, K + 1)."""
-        along = np.array(self.weights) @ coefficients
-        along[..., 0] += self.offset
-        return along
+    def series(self, coefficients: np.ndarray) -> np.ndarray:
+        """Taylor coefficients (..., K + 1) of the function from those of the states (..., n, K + 1)."""
+        values = np.array(self.weights) @ coefficients
+        values[..., 0] += self.offset
+        return values
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """Where a piecewise vector field is smooth: between `breaks` of one coordinate of the state.
+    """Where a piecewise vector field is smooth: between neighbouring breakpoints of one coordinate of the state.
 
-    coordinate : the weights w of the coordinate w . x
-    size : number of data values of a piece, the `q` of the field
-    table : parameters -> (breaks (m + 1), data (m, size)); the motion may not leave [breaks[0], breaks[-1]]
-    label : what to call the coordinate in a message
+    coordinate : weights w (n,) of the coordinate w . x
+    size : number of data values that a piece has, the `q` of the vector field
+    table : parameters -> (breakpoints (m + 1,), data (m, size)); a motion may not leave the interval between the first
+        and the last breakpoint
+    label : what a message calls the coordinate
     """
 
     coordinate: tuple[float, ...]
@@ -52,14 +55,15 @@ class Pieces:
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """One smooth (or piecewise smooth) way of moving.
+    """A way of moving with one vector field, which is smooth or smooth in pieces.
 
-    field : (x, p, q) -> x', see the module
-    watch : named quantities to carry along as Taylor series, (x, p, q) -> expression
-    pieces : where the field is smooth, None for everywhere
-    closed_form : parameters -> exact flow of the phase, used instead of integration
+    states : names of the n states
+    field : (x, p, q) -> x', as the module describes it
+    watch : quantities to be carried along as Taylor series, by name, each (x, p, q) -> expression
+    pieces : where the vector field is smooth; None where it is smooth everywhere
+    closed_form : parameters -> the exact flow of the phase, which is then used instead of integration
 
-    Phases and statements compare by identity: what is built from them is kept as long as they are.
+    Phases and statements compare by identity, since what is built from them is kept as long as they live.
     """
 
     name: str
@@ -72,10 +76,14 @@ class Phase:
 
 @dataclass(frozen=True, eq=False)
 class Arc:
-    """A phase travelled once: start (u, x_before, p) -> x, duration (u, p), conditions (u, x_end, p) -> zeros.
+    """A phase travelled once, with its boundary conditions.
 
-    `x_before` is the end of the arc before (empty for the first); `guard` (u, x_start, p, q) -> zeros holds at the
-    start. `u` and `p` are mappings of names, x and q lists, as in a phase's field.
+    start : (u, x_before, p) -> the first state; `x_before` is the last state of the arc before, empty for the first arc
+    duration : (u, p) -> the time it takes
+    conditions : (u, x_end, p) -> expressions that vanish at its end
+    guard : (u, x_start, p, q) -> expressions that vanish at its start
+
+    The unknowns `u` and the parameters `p` are mappings of names; `x` and `q` are lists, as in a vector field.
     """
 
     phase: Phase
@@ -87,11 +95,11 @@ class Arc:
 
 @dataclass(frozen=True, eq=False)
 class Statement:
-    """A square boundary value problem on a sequence of phases: what makes a motion an orbit.
+    """A square boundary value problem on a sequence of phases: it says what makes a motion an orbit.
 
     unknowns : names of the unknowns u
-    durations : names of the unknowns that are times; they stay positive
-    arcs : travelled in this order
+    arcs : in the order in which they are travelled
+    durations : names of those unknowns that are times, which stay positive
     """
 
     name: str
