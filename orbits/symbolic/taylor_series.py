@@ -7,7 +7,7 @@ The graph of f is walked once per order with the classical product, quotient and
 
 import casadi as ca
 
-from .elementwise import single_assignment
+from .instructions import single_assignment
 
 # Operations that have no Taylor series everywhere: comparison, absolute value, switches, splines.
 _NAMES = """
