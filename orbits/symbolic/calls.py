@@ -2,7 +2,7 @@
 
 import threading
 from abc import ABC, abstractmethod
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -27,11 +27,12 @@ class BufferedFunction:
             raise ValueError(f"the results of {function.name()} must be dense")
         self.flat = [np.zeros(rows * columns) for rows, columns in shapes]
         self.results = [flat.reshape(shape, order="F") for flat, shape in zip(self.flat, shapes, strict=True)]
+        self._buffer: Any
         self._buffer, self.trigger = function.buffer()
         for i, array in enumerate(self.arguments):
-            self._buffer.set_arg(i, memoryview(array))
+            self._buffer.set_arg(i, array.data)
         for i, array in enumerate(self.flat):
-            self._buffer.set_res(i, memoryview(array))
+            self._buffer.set_res(i, array.data)
 
     def __call__(self, *arguments: ArrayLike) -> list[np.ndarray]:
         """Results as matrices of the function's shapes; arguments of matching sizes, matrices included."""
@@ -130,7 +131,7 @@ class ElementwiseFunction(_BatchFunction):
                 values.append(None)
             elif op == ca.OP_INPUT:
                 values.append(columns[places[0]][places[1]])
-            elif op == ca.OP_CONST:
+            elif constant is not None:
                 values.append(ca.MX(constant))
             else:
                 apply = ca.MX.unary if len(places) == 1 else ca.MX.binary

@@ -41,8 +41,8 @@ def compile_seconds(function: ca.Function) -> float:
 def _library(function: ca.Function, path: str) -> Path:
     """Where the machine code of a function is kept: the name is a hash of its graph, the compiler and the machine."""
     root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    identity = [function.serialize(), ca.__version__, path, _optimisation(function), platform.machine(), sys.platform]
-    key = "\n".join(identity)
+    machine = [platform.machine(), sys.platform]
+    key = "\n".join([function.serialize(), ca.CasadiMeta.version(), path, _optimisation(function), *machine])
     return root / "persistent-orbits" / f"{hashlib.sha256(key.encode()).hexdigest()[:40]}.so"
 
 

@@ -56,7 +56,7 @@ def variations(field: ca.Function, varied: tuple[int, ...], order: int) -> tuple
     rates, watched = field(x, p)
     n, m = rates.numel(), watched.numel()
     jacobian = ca.horzcat(ca.jacobian(rates, x), ca.jacobian(rates, p)[:, list(varied)])
-    extended = ca.cse([rates, ca.vertcat(watched, *jacobian.nonzeros())])
+    extended = ca.cse([rates, ca.vertcat(watched, jacobian.nz[:])])
     c = taylor_coefficients(ca.Function("variations", [x, p], extended), x, p, order)
     entries = ca.sparsify(c[n + m :, :])
     series = ca.Function("series", [x, p], [ca.densify(c[: n + m, :].T), entries])
