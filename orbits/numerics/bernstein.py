@@ -6,6 +6,7 @@ and where there are more the interval is halved. Source: Farouki, "The Bernstein
 retrospective", CAGD 29 (2012).
 """
 
+from collections.abc import Iterator
 from functools import cache
 from math import comb
 
@@ -16,11 +17,11 @@ from .roots import CLOSED, MOST_ITERATIONS
 
 # Halving stops here: 2**-40 of a step is less than double precision can tell apart at a grazing pair.
 MOST_HALVINGS = 40
-# Up to this many roots are found sooner one by one: a single one in 20 microseconds, in 200 by arrays.
+# Up to this many roots are found faster one by one: a single root takes 20 microseconds, and 200 with arrays.
 FEW = 6
 # The size given to a zero that continues negative values, so that it has their sign; it is far below any rounding.
 TINY = 1e-300
-# From this many numbers on, their powers are computed sooner by doubling the number of powers.
+# From this many numbers on, their powers are computed faster by doubling the number of powers.
 MANY = 200
 # Newton's method ends where its next step, predicted from the last two, changes no digit of the root.
 NEGLIGIBLE = 1e-17
@@ -42,7 +43,7 @@ def powers(t: ArrayLike, count: int) -> np.ndarray:
         values[..., 0], values[..., 1:] = 1.0, t[..., None]
         return np.multiply.accumulate(values, axis=-1, out=values)
     values[..., 0], factor, done = 1.0, t[..., None], 1
-    while done < count:  # The next powers are those known already, times a power.
+    while done < count:  # the next powers are the known ones times one of them
         more = min(done, count - done)
         np.multiply(values[..., :more], factor, out=values[..., done : done + more])
         done += more
@@ -97,10 +98,8 @@ def roots(coefficients: np.ndarray, h: float) -> list[float]:
 
     A double root that rounding cannot separate is not reported.
     """
-    values = bernstein(coefficients, h)
-    found: list[tuple] = []
-    _isolate(values, 0.0, 1.0, MOST_HALVINGS, found)
-    return [_refine(coefficients, h, *bracket) for bracket in found]
+    brackets = _isolate(bernstein(coefficients, h), 0.0, 1.0, MOST_HALVINGS)
+    return [_refine(coefficients, h, *bracket) for bracket in brackets]
 
 
 def piecewise_roots(
@@ -166,7 +165,8 @@ class PiecewisePolynomials:
         series = self._without_first_zero(start)
         values = self._control_values(series, before)
         self.after = np.where(values[self.last, -1] >= 0, 1.0, -1.0)
-        brackets = _brackets(values, rising)
+        if not len(brackets := _brackets(values, rising)):
+            return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
         pieces = brackets[0].astype(int)
         if len(pieces) > FEW:
             times = _refine_together(series[pieces], self.steps[pieces], *brackets[1:])
@@ -222,13 +222,13 @@ class PiecewisePolynomials:
 def _brackets(values: np.ndarray, rising: bool) -> list[np.ndarray]:
     """The roots of pieces with Bernstein coefficients `values` (N, K + 1), in order.
 
-    Returns columns (r,): the piece, and as `_isolate` the bracket, whether it rises, and where it is about.
+    Returns columns (r,), none where there is no root: the piece, and the results of `_isolate`.
     """
     positive = values >= 0
     changes = positive[:, 1:] != positive[:, :-1]
     counts = np.count_nonzero(changes, axis=1)
     if not counts.any():
-        return [np.zeros(0)] * 5
+        return []
     single = np.flatnonzero((counts == 1) & (positive[:, -1] | (not rising)))
     j = changes[single].argmax(1)
     after = values[single, j + 1]
@@ -236,8 +236,7 @@ def _brackets(values: np.ndarray, rising: bool) -> list[np.ndarray]:
     columns = [single, np.zeros(len(j)), np.ones(len(j)), after >= 0, about]
     isolated: list[tuple] = []
     for i in np.flatnonzero(counts > 1):
-        found: list[tuple] = []
-        _isolate(values[i], 0.0, 1.0, MOST_HALVINGS, found)
+        found = _isolate(values[i], 0.0, 1.0, MOST_HALVINGS)
         isolated += [(i, *bracket) for bracket in found if bracket[2] or not rising]
     if isolated:
         columns = [np.append(a, b) for a, b in zip(columns, zip(*isolated, strict=True), strict=True)]
@@ -251,20 +250,19 @@ def _polygon_root(j, before, after, count: int):
     return (j + before / (before - after)) / (count - 1)
 
 
-def _isolate(values, low, high, depth, found):
-    """Append (low, high, whether it rises, about where) of each root to `found`, in shares of the interval."""
+def _isolate(values: np.ndarray, low: float, high: float, depth: int) -> Iterator[tuple[float, float, bool, float]]:
+    """The bracket (low, high) of each root, whether it rises, and where it is about, in shares of the interval."""
     positive = values >= 0
     changed = np.flatnonzero(positive[1:] != positive[:-1])
-    changes, crosses = len(changed), positive[0] != positive[-1]
-    if changes == 1 or (depth == 0 and crosses):
+    if len(changed) == 1 or (depth == 0 and positive[0] != positive[-1]):
         j = changed[0]
         about = _polygon_root(j, values[j], values[j + 1], len(values))
-        found.append((low, high, bool(positive[-1]), low + (high - low) * float(about)))
-    elif changes > 1 and depth > 0:
+        yield low, high, bool(positive[-1]), low + (high - low) * float(about)
+    elif len(changed) and depth > 0:
         left, right = _halve(values)
         middle = 0.5 * (low + high)
-        _isolate(left, low, middle, depth - 1, found)
-        _isolate(right, middle, high, depth - 1, found)
+        yield from _isolate(left, low, middle, depth - 1)
+        yield from _isolate(right, middle, high, depth - 1)
 
 
 def _halve(values):
