@@ -79,18 +79,15 @@ def derivative(coefficients: np.ndarray) -> np.ndarray:
 
 def shifted(coefficients: np.ndarray, h: np.ndarray) -> np.ndarray:
     """Coefficients (N, n, K + 1) about t = h (N,) instead of 0."""
-    degree = coefficients.shape[-1] - 1
-    return np.einsum("nrj,njk->nrk", coefficients, powers(h, degree + 1)[:, _lags(degree)] * _pascal(degree))
+    exponents, factors = _binomial(coefficients.shape[-1])
+    return np.einsum("nrj,njk->nrk", coefficients, powers(h, coefficients.shape[-1])[:, exponents] * factors)
 
 
 @cache
-def _pascal(degree: int) -> np.ndarray:
-    return np.array([[float(comb(j, k)) for k in range(degree + 1)] for j in range(degree + 1)])
-
-
-@cache
-def _lags(degree: int) -> np.ndarray:
-    return np.maximum(np.subtract.outer(np.arange(degree + 1), np.arange(degree + 1)), 0)
+def _binomial(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The exponents j - k, or 0, of h and the factors (j over k) in the expansion of (t + h)**j."""
+    factors = np.array([[float(comb(j, k)) for k in range(count)] for j in range(count)])
+    return np.maximum(np.subtract.outer(np.arange(count), np.arange(count)), 0), factors
 
 
 def roots(coefficients: np.ndarray, h: float) -> list[float]:

@@ -84,13 +84,9 @@ def solve_equations(
     z = ca.MX.sym("z", unknowns.numel())
     scaled = ca.Function("equations", [unknowns], [equations])(z * scale)
     # The objective is constant, so that Newton's method needs no second derivatives: a zero Hessian is declared.
-    no_hessian = ca.Function(
-        "hessian",
-        [z, ca.MX.sym("p", 0), ca.MX.sym("f"), ca.MX.sym("g", equations.numel())],
-        [ca.MX(z.numel(), z.numel())],
-        ["x", "p", "lam_f", "lam_g"],
-        ["triu_hess_gamma_x_x"],
-    )
+    symbols = [z, ca.MX.sym("p", 0), ca.MX.sym("f"), ca.MX.sym("g", equations.numel())]
+    zero = [ca.MX(z.numel(), z.numel())]
+    no_hessian = ca.Function("hessian", symbols, zero, ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"])
     watch = _Watch(z.numel(), equations.numel())
     options: dict[str, Any] = {**OPTIONS, "hess_lag": no_hessian, "iteration_callback": watch}
     problem: dict[str, Any] = {"x": z, "f": ca.MX(0), "g": scaled}

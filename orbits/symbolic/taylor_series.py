@@ -146,18 +146,6 @@ def _square(a, b, out, k: int) -> ca.SX:
     return products + a[k // 2] ** 2 if k % 2 == 0 else products
 
 
-def _quotient(a, b, out, k: int) -> ca.SX:
-    return (a[k] - _convolve(b, out, 1, k, k)) / b[0] if k else a[0] / b[0]
-
-
-def _inverse(a, b, out, k: int) -> ca.SX:
-    return -_convolve(a, out, 1, k, k) / a[0] if k else 1 / a[0]
-
-
-def _square_root(a, b, out, k: int) -> ca.SX:
-    return (a[k] - _convolve(out, out, 1, k - 1, k)) / (2 * out[0]) if k else ca.sqrt(a[0])
-
-
 def _power(a, b, out, k: int) -> ca.SX:
     if k == 0:
         return a[0] ** b[0]
@@ -220,9 +208,9 @@ _RECURSIONS: dict[int, Callable[..., ca.SX]] = {
     ca.OP_TWICE: lambda a, b, out, k: 2 * a[k],
     ca.OP_MUL: lambda a, b, out, k: _convolve(a, b, 0, k, k),
     ca.OP_SQ: _square,
-    ca.OP_DIV: _quotient,
-    ca.OP_INV: _inverse,
-    ca.OP_SQRT: _square_root,
+    ca.OP_DIV: lambda a, b, out, k: (a[k] - _convolve(b, out, 1, k, k)) / b[0] if k else a[0] / b[0],
+    ca.OP_INV: lambda a, b, out, k: -_convolve(a, out, 1, k, k) / a[0] if k else 1 / a[0],
+    ca.OP_SQRT: lambda a, b, out, k: (a[k] - _convolve(out, out, 1, k - 1, k)) / (2 * out[0]) if k else ca.sqrt(a[0]),
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
     ca.OP_EXP: lambda a, b, out, k: _weighted(a, out, k) if k else ca.exp(a[0]),
