@@ -19,8 +19,7 @@ from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from ..model.phase import Affine, Phase
 from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate
 from ..symbolic import interrupts
-from ..symbolic.calls import BufferedFunction
-from ..symbolic.elementwise import ElementwiseFunction
+from ..symbolic.calls import BufferedFunction, ElementwiseFunction
 from .breakpoints import ActivePiece, ActivePieces
 from .taylor import SHORTEST_STEP, TAYLOR_ORDER, RungeKuttaStepper, TaylorStepper, VectorField
 from .trajectory import Trajectories, Trajectory

@@ -8,14 +8,8 @@ import casadi as ca
 import numpy as np
 
 from ..numerics.bernstein import TINY
-from ..symbolic.calls import (
-    BufferedFunction,
-    MappedFunction,
-    compile_function,
-    compile_seconds,
-    compiled_before,
-    lengths,
-)
+from ..symbolic.calls import BufferedFunction, MappedFunction
+from ..symbolic.kernels import compile_function, compile_seconds, compiled_before, lengths
 from ..symbolic.taylor_series import has_taylor_series, taylor_coefficients, variations
 
 TAYLOR_ORDER = 28

@@ -24,7 +24,7 @@ from ..numerics.bernstein import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..periodic.certificate import gradients
 from ..periodic.formulations import vector
-from ..symbolic.elementwise import ElementwiseFunction
+from ..symbolic.calls import ElementwiseFunction
 
 # Straight pieces of the way to a state on which its energy is integrated.
 PANELS = 32

@@ -17,7 +17,7 @@ from ..model.model import Model
 from ..model.phase import Affine, Phase
 from ..numerics.bernstein import derivative, evaluate
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
-from ..symbolic.elementwise import ElementwiseFunction
+from ..symbolic.calls import ElementwiseFunction
 from .error_bound import DOUBTFUL_RATIO, EPS, NARROW
 from .orbit import Certificate
 

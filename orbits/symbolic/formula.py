@@ -1,15 +1,16 @@
-"""Formulas as text: an allow-list parser to one expression tree that evaluates on NumPy and on CasADi alike.
+"""Formulas given as text: parsed by an allow-list to a tree of operations, evaluated with NumPy and CasADi alike.
 
-Grammar: numbers, names, ``+ - * / **``, parentheses and the functions of `FUNCTIONS`. Nothing is ever handed to
-``eval``; what is not on the list is an error that shows the place.
+The grammar has numbers, names, ``+ - * / **``, parentheses and the functions of `FUNCTIONS`. Nothing is ever handed to
+``eval``; whatever is not on the list is an error that shows the place.
 """
 
 import difflib
 import operator
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
@@ -18,33 +19,19 @@ from ..errors import InputError
 
 MAX_LENGTH = 2000
 MAX_NODES = 1000
-# Each level of nesting costs a handful of Python frames, so this stays far from the interpreter's limit.
+# Each level of nesting costs a handful of Python frames, so that this stays far from the interpreter's limit.
 MAX_DEPTH = 60
 BLANKS = " \t\n\r\f\v"
 
 CONSTANTS = {"pi": np.pi}
 
-# name -> (NumPy's name, CasADi's name)
+# The names of each function in NumPy and in CasADi.
+_SAME = ("exp", "expm1", "log", "log1p", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "sign")
+_INVERSE = ("asin", "acos", "atan", "asinh", "acosh", "atanh")
 FUNCTIONS = {
-    "exp": ("exp", "exp"),
-    "expm1": ("expm1", "expm1"),
-    "log": ("log", "log"),
-    "log1p": ("log1p", "log1p"),
-    "sqrt": ("sqrt", "sqrt"),
-    "sin": ("sin", "sin"),
-    "cos": ("cos", "cos"),
-    "tan": ("tan", "tan"),
-    "asin": ("arcsin", "asin"),
-    "acos": ("arccos", "acos"),
-    "atan": ("arctan", "atan"),
-    "sinh": ("sinh", "sinh"),
-    "cosh": ("cosh", "cosh"),
-    "tanh": ("tanh", "tanh"),
-    "asinh": ("arcsinh", "asinh"),
-    "acosh": ("arccosh", "acosh"),
-    "atanh": ("arctanh", "atanh"),
+    **{name: (name, name) for name in _SAME},
+    **{name: ("arc" + name[1:], name) for name in _INVERSE},
     "abs": ("abs", "fabs"),
-    "sign": ("sign", "sign"),
 }
 
 _TOKEN = re.compile(
@@ -57,8 +44,8 @@ _TOKEN = re.compile(
 class Formula:
     """A parsed formula; call it with a value for every name it uses.
 
-    The values may be floats, NumPy arrays (any common shape) or CasADi SX/MX expressions; the result is of the same
-    kind. Arithmetic that has no value gives NaN or inf, never a warning: the caller checks.
+    The values may be floats, NumPy arrays (of any common shape) or CasADi SX or MX expressions; the result is of the
+    same kind. Arithmetic without a value gives NaN or inf and no warning: the caller checks.
     """
 
     text: str
@@ -66,17 +53,17 @@ class Formula:
 
     @cached_property
     def names(self) -> frozenset[str]:
-        """The names that must be given a value: everything but functions and constants."""
+        """The names that need a value: all but functions and constants."""
         return frozenset(node[1] for node in _nodes(self.tree) if node[0] == "name" and node[1] not in CONSTANTS)
 
     @property
     def pieces(self) -> list[str]:
-        """The functions in it that have no second derivative somewhere, whatever is inside."""
+        """The functions in it that have no second derivative somewhere, whatever their argument."""
         return sorted({node[1] for node in _nodes(self.tree) if node[0] == "call" and node[1] in ("abs", "sign")})
 
     @property
     def terms(self) -> "list[Formula]":
-        """What it is the sum of: itself, where it is no sum."""
+        """The terms of the sum that it is, up to their signs; itself where it is no sum."""
         terms, waiting = [], [self.tree]
         while waiting:
             tree = waiting.pop()
@@ -86,7 +73,7 @@ class Formula:
                 terms.append(Formula(self.text, tree))
         return terms
 
-    def __call__(self, /, **values):
+    def __call__(self, /, **values: Any) -> Any:
         if missing := sorted(self.names - values.keys()):
             raise InputError(f"'{self.text}' needs a value for {', '.join(missing)}")
         kinds = {type(value) for value in values.values() if isinstance(value, casadi.SX | casadi.MX)}
@@ -106,29 +93,34 @@ def parse(text: str) -> Formula:
     return Formula(text, _Parser(text).parse())
 
 
+class _Token(NamedTuple):
+    kind: str  # "number", "name", "operator" or "end"
+    word: str
+    position: int
+
+
 class _Parser:
-    """Recursive descent: sum > product > sign > power > atom, as in Python."""
+    """Recursive descent from sums over products, signs and powers to operands, with the precedence of Python."""
 
     def __init__(self, text: str):
         self.text, self.tokens, self.index, self.nodes, self.depth = text, _tokens(text), 0, 0, 0
 
     def parse(self) -> tuple:
         tree = self.sum()
-        kind, word, position = self.token
-        if kind != "end":
-            raise _error(self.text, position, f"an operator is missing before '{word}'")
+        if self.token.kind != "end":
+            raise _error(self.text, self.token.position, f"an operator is missing before '{self.token.word}'")
         return tree
 
     @property
-    def token(self):
+    def token(self) -> _Token:
         return self.tokens[self.index]
 
-    def take(self, *words: str):
-        kind, word, _ = self.token
-        if kind == "operator" and word in words:
-            self.index += 1
-            return word
-        return None
+    def take(self, *operators: str) -> str:
+        """The next token if it is one of `operators`, which is then passed; else ''."""
+        if self.token.kind != "operator" or self.token.word not in operators:
+            return ""
+        self.index += 1
+        return self.tokens[self.index - 1].word
 
     def node(self, *parts) -> tuple:
         self.nodes += 1
@@ -136,10 +128,10 @@ class _Parser:
             raise InputError(f"the formula has more than {MAX_NODES} operations; shorten it")
         return parts
 
-    def deeper(self, rule):
+    def nested(self, rule: Callable[[], tuple]) -> tuple:
         self.depth += 1
         if self.depth > MAX_DEPTH:
-            raise _error(self.text, self.token[2], f"nested deeper than {MAX_DEPTH} levels")
+            raise _error(self.text, self.token.position, f"nested deeper than {MAX_DEPTH} levels")
         tree = rule()
         self.depth -= 1
         return tree
@@ -158,65 +150,61 @@ class _Parser:
 
     def signed(self) -> tuple:
         sign = self.take("+", "-")
-        if sign is None:
+        if not sign:
             return self.power()
-        tree = self.deeper(self.signed)
+        tree = self.nested(self.signed)
         return self.node("negative", tree) if sign == "-" else tree
 
     def power(self) -> tuple:
-        base = self.atom()
-        return self.node("**", base, self.deeper(self.signed)) if self.take("**") else base
+        base = self.operand()
+        return self.node("**", base, self.nested(self.signed)) if self.take("**") else base
 
-    def atom(self) -> tuple:
+    def operand(self) -> tuple:
         kind, word, position = self.token
         if self.take("("):
-            return self.closed(position)
-        self.index += kind in ("number", "name")
+            return self.rest_of_parenthesis(position)
+        if kind not in ("number", "name"):
+            raise _error(self.text, position, "a number, a name or '(' is missing here")
+        self.index += 1
         if kind == "number":
             if not np.isfinite(float(word)):
                 raise _error(self.text, position, f"the number {word} is too large")
             return self.node("number", float(word))
-        if kind == "name":
-            if self.take("("):
-                if word not in FUNCTIONS:
-                    raise _error(self.text, position, f"unknown function '{word}'{suggest(word, FUNCTIONS)}")
-                return self.node("call", word, self.closed(position))
-            if word in FUNCTIONS:
-                raise _error(self.text, position, f"the function '{word}' needs an argument in parentheses")
-            return self.node("name", word)
-        raise _error(self.text, position, "a number, a name or '(' is missing here")
+        if self.take("("):
+            if word not in FUNCTIONS:
+                raise _error(self.text, position, f"unknown function '{word}'{suggest(word, FUNCTIONS)}")
+            return self.node("call", word, self.rest_of_parenthesis(position))
+        if word in FUNCTIONS:
+            raise _error(self.text, position, f"the function '{word}' needs an argument in parentheses")
+        return self.node("name", word)
 
-    def closed(self, position: int) -> tuple:
-        tree = self.deeper(self.sum)
+    def rest_of_parenthesis(self, position: int) -> tuple:
+        tree = self.nested(self.sum)
         if not self.take(")"):
             raise _error(self.text, position, "this has no closing parenthesis")
         return tree
 
 
-def suggest(word: str, known) -> str:
-    """'; did you mean ...' for the nearest known word, or the list of them, or nothing when there are none."""
+def suggest(word: str, known: Collection[str]) -> str:
+    """'; did you mean ...' with the nearest known word, else the list of them, or '' when there are none."""
     near = difflib.get_close_matches(word, list(known), n=1)
     if near:
         return f"; did you mean '{near[0]}'?"
     return f"; known: {', '.join(known)}" if known else ""
 
 
-def _tokens(text: str) -> list[tuple[str, str, int]]:
+def _tokens(text: str) -> list[_Token]:
     tokens, position, end = [], 0, len(text.rstrip(BLANKS))
     while position < end:
         match = _TOKEN.match(text, position)
-        if match is None:
+        if match is None or match.lastgroup is None:
             position += len(text[position:]) - len(text[position:].lstrip(BLANKS))
-            remedy = ": a power is written **" if text[position] == "^" else ""
-            raise _error(text, position, f"'{_visible(text[position])}' is not allowed{remedy}")
-        tokens.append((match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)))
+            character = text[position] if text[position].isprintable() else f"\\x{ord(text[position]):02x}"
+            remedy = ": a power is written **" if character == "^" else ""
+            raise _error(text, position, f"'{character}' is not allowed{remedy}")
+        tokens.append(_Token(match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)))
         position = match.end()
-    return [*tokens, ("end", "the end", end)]
-
-
-def _visible(character: str) -> str:
-    """What a terminal may be given for a character."""
-    return character if character.isprintable() else f"\\x{ord(character):02x}"
+    return [*tokens, _Token("end", "the end", end)]
 
 
 def _error(text: str, position: int, problem: str) -> InputError:
@@ -226,7 +214,7 @@ def _error(text: str, position: int, problem: str) -> InputError:
 
 
 def _nodes(tree: tuple) -> list[tuple]:
-    """Every node, each after its branches; without recursion, as a long sum is a deep tree."""
+    """All nodes, each after its branches; without recursion, as a long sum is a deep tree."""
     nodes, waiting = [], [tree]
     while waiting:
         node = waiting.pop()
@@ -236,7 +224,7 @@ def _nodes(tree: tuple) -> list[tuple]:
 
 
 def _evaluate(tree: tuple, values: Mapping, constant: type, symbolic: bool):
-    """The value of a tree; `constant` makes a number one of the values' kind."""
+    """The value of a tree; `constant` turns a number into the kind of the values."""
     stack = []
     for node in _nodes(tree):
         kind = node[0]

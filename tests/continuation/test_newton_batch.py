@@ -15,8 +15,7 @@ from orbits.hybrid.impacts import Impacts
 from orbits.model.phase import Affine
 from orbits.periodic.formulations import equations_of
 from orbits.periodic.single_shooting import Shooting, joined
-from orbits.symbolic.calls import BufferedFunction
-from orbits.symbolic.elementwise import ElementwiseFunction
+from orbits.symbolic.calls import BufferedFunction, ElementwiseFunction
 from orbits.symbolic.taylor_series import variations
 from problems import Hopper, springs
 

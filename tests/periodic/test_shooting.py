@@ -14,8 +14,9 @@ from conftest import REFERENCES, machine_of
 from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find
 from orbits.model.closed_form import Oscillator
 from orbits.periodic.single_shooting import Shooting
-from orbits.symbolic.calls import BufferedFunction, compile_function, compiled_before, compiler
+from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.ipopt import solve_equations
+from orbits.symbolic.kernels import compile_function, compiled_before, compiler
 
 
 def across_contact(model) -> Statement:
