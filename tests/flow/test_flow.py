@@ -6,8 +6,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from orbits import Affine, FlowError, Oscillator, OutOfRange, Phase, Pieces
-from orbits.flow.flow import Flow, first_zero
-from orbits.flow.taylor import VectorField, runge_kutta
+from orbits.flow.flow import Flow
+from orbits.flow.vector_field import VectorField, runge_kutta
+from orbits.flow.zero_crossing import first_zero
 
 START, TIME = np.array([0.83, 2.93]), 2.9
 
