@@ -18,8 +18,8 @@ from .vector_field import VectorField
 class PhaseDynamics:
     """The vector field of a phase and what integrates it; `parameters` names the entries of parameter vectors (np,).
 
-    The data (np + nq,) of the vector field are the parameters followed by the nq values of the smooth piece that the
-    state is on, where the field is piecewise.
+    The data (np + nq,) of a piecewise field are the parameters followed by the nq values of the smooth piece that the
+    state is on. `control` bounds the steps of all motions.
     """
 
     control = FLOW_CONTROL
@@ -29,7 +29,7 @@ class PhaseDynamics:
         self.size = len(phase.states)
         self.names = (*phase.states, *phase.watch)
         self.steppers: dict[tuple, TaylorStepper | RungeKuttaStepper] = {}
-        # One more than the steps of recent motions up to a zero: so many are taken in the first call of the next ones.
+        # Steps in the first block of motions up to a zero: one more than the most that recent ones took.
         self.expected_steps = self.control.look_ahead
 
     @cached_property

@@ -25,7 +25,7 @@ from .vector_field import TAYLOR_ORDER
 from .zero_crossing import ZeroSearch, until_zero
 from .zero_crossing import first_zero as first_zero
 
-# Rounding of the number of steps that a motion in closed form takes.
+# A share of the duration that does not count as a step of its own in closed form, since it is rounding.
 STEP_ROUNDING = 1e-12
 
 
@@ -96,9 +96,9 @@ class Flow(PhaseDynamics):
     ) -> tuple[np.ndarray, Trajectories | None]:
         """Motions from states (m, n) with parameters (m, np) up to the first sign change of an affine function.
 
-        They are followed together. Returns which of them (r,) reach it within the most Taylor steps of one call, and
-        these motions; None when no motion does, and where motions are better followed one by one: on a piecewise field,
-        without a Taylor series, and a single one in closed form. `skip_start` is that of `first_zero`.
+        Returns which of them (r,) reach it within the largest block of Taylor steps, and these motions. They are None
+        when no motion does, and where motions are better followed one by one: on a piecewise field, without a Taylor
+        series, and for a single start in closed form. `skip_start` is that of `first_zero`.
         """
         return until_zero(self, starts, ps, quantity, skip_start)
 
@@ -121,8 +121,8 @@ class Flow(PhaseDynamics):
         over : another affine function and a number: a motion on which that function has changed its sign so often
             never has the zero. It is only used for motions that take Taylor steps together.
 
-        Returns times (m,), NaN where it does not happen and infinity where it never will; rows (m, rows) there; and by
-        index the `FlowError` of each motion that breaks off before.
+        Returns times (m,), NaN where it does not happen in time and infinity where it never will; the rows (m, rows)
+        at these times; and by index the `FlowError` of each motion that breaks off before.
         """
         starts = np.asarray(starts, dtype=float)
         skip, limit = (np.broadcast_to(values, len(starts)) for values in (skip, limit))

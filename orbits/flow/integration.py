@@ -1,4 +1,4 @@
-"""Integration of one motion step by step, from breakpoint to breakpoint, to its end or to where a test stops it."""
+"""Integration of one motion, step by step and from breakpoint to breakpoint, until its end or until a test stops it."""
 
 from collections.abc import Callable
 
@@ -38,9 +38,8 @@ def integrate(
     while times[-1] < duration:
         interrupts.check()
         left = duration - times[-1]
-        steps, c, dc = stepper.advance(
-            x, piece.data, variations, piece.seeds, _block_size(piece, stepper, stop, left, h), left, h
-        )
+        block = _block_size(piece, stepper, stop, left, h)
+        steps, c, dc = stepper.advance(x, piece.data, variations, piece.seeds, block, left, h)
         steps, c = _accepted(dynamics, steps, c, times[-1], len(coefficients))
         count, last, side, stopped = _block_end(piece, c, steps, left, stop)
         for step in (*steps[: count - 1], last):
@@ -53,8 +52,7 @@ def integrate(
             variations = dc[count - 1, ..., 0] + dc[count - 1, ..., 1:] @ power
         h = steps[count - 1]
         if np.abs(x).max() > dynamics.control.runaway:
-            kind = RunsAway if h > dynamics.control.singular_step else BreaksDown
-            raise kind(f"the {dynamics.phase.name} runs away at time {times[-1]:.6g}, at {describe(dynamics, x)}")
+            raise _runaway(dynamics, x, times[-1], h)
         if stopped:
             break
         if duration - times[-1] < SAME_TIME * duration:
@@ -68,7 +66,7 @@ def integrate(
 
 
 def check_start(dynamics: PhaseDynamics, x: np.ndarray, p: np.ndarray, duration: float) -> None:
-    """Refuse a motion that has no finite start or no duration."""
+    """Raise `FlowError` for a motion without a finite start or a positive duration."""
     if not (np.isfinite(x).all() and np.isfinite(p).all() and duration > 0):
         raise FlowError(f"the {dynamics.phase.name} cannot start from {x} for a time {duration}")
 
@@ -76,6 +74,12 @@ def check_start(dynamics: PhaseDynamics, x: np.ndarray, p: np.ndarray, duration:
 def describe(dynamics: PhaseDynamics, x: np.ndarray) -> str:
     """A state in words."""
     return ", ".join(f"{name} = {value:.6g}" for name, value in zip(dynamics.phase.states, x, strict=False))
+
+
+def _runaway(dynamics: PhaseDynamics, x, t: float, h: float) -> FlowError:
+    """The error of a motion whose state is beyond all bounds after a step of length `h`."""
+    kind = RunsAway if h > dynamics.control.singular_step else BreaksDown
+    return kind(f"the {dynamics.phase.name} runs away at time {t:.6g}, at {describe(dynamics, x)}")
 
 
 def _block_size(piece: ActivePiece, stepper, stop: StopTest | None, left: float, h: float | None) -> int:
@@ -100,7 +104,7 @@ def _accepted(dynamics: PhaseDynamics, steps, c, t: float, taken: int) -> tuple[
 
 
 def _block_end(piece: ActivePiece, c, steps, left: float, stop: StopTest | None) -> tuple[int, float, int, bool]:
-    """Where a block of steps ends: how many steps are kept, the length of the last, the end of the smooth piece that it
+    """Where a block of steps ends: how many steps are kept, the length of the last, which end of the smooth piece it
     reaches (-1 lower, +1 upper, 0 neither), and whether the motion stops there."""
     count, last, side = len(steps), steps[-1], 0
     reached = np.cumsum(steps)

@@ -23,11 +23,11 @@ TRUNCATION = 1e-17
 # A step whose polynomial misses the differential equation by more, relative to the state, is rejected: it leads beyond
 # what the series can describe. Accepted steps miss it by rounding alone, which is smaller by orders of magnitude.
 LARGEST_DEFECT = 1e-10
-# No step is longer than this. It bounds the steps of a state at rest, whose series has no last terms.
+# No step is longer than this. A state at rest needs the bound, since its series has no last terms to choose a step by.
 LONGEST_STEP = 1e9
-# A step is halved when what is left of the duration is less than this many steps, so that the last two share it evenly.
+# Where less than this many steps are left of the duration, the last two share it evenly, so that none is tiny.
 SHARED_STEPS = 1.5
-# Time that the CasADi virtual machine takes for an instruction, about.
+# About the time that the CasADi virtual machine takes for one instruction.
 SECONDS_PER_INSTRUCTION = 2e-9
 # Interpretation may take this share of the time to compile before the cache of compiled functions is searched.
 SEARCH_SHARE = 0.02
@@ -50,8 +50,8 @@ class TaylorStepper:
         self.rows = graph.size + graph.field.numel_out(1)
         self.step_function, instructions = _step_function(graph, columns, varied)
         self.seconds_per_step = instructions * SECONDS_PER_INSTRUCTION
-        # A function is compiled once its interpretation has taken as long as compilation will, which costs at most
-        # twice the best possible time. The cache of compiled functions is searched a little earlier.
+        # The function is compiled once its interpretation has taken as long as compilation will, so that it never costs
+        # more than twice the best possible time. The cache of compiled functions is searched a little earlier.
         self.interpretation_budget = SEARCH_SHARE * compile_seconds(self.step_function)
         self.cache_searched = self.compiled = False
         self.lock = threading.RLock()  # One thread may compile while others step.
@@ -62,10 +62,10 @@ class TaylorStepper:
     def advance(
         self, x: np.ndarray, p: np.ndarray, dx: np.ndarray, dp: np.ndarray, count: int, left: float, hint: float | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """The accepted ones of `count` steps, which together last no longer than `left`; the `hint` is not needed.
+        """The accepted ones of `count` steps, which together last no longer than `left`; the `hint` is not used.
 
-        Returns steps (m,), coefficients (m, rows, K + 1) and sensitivities (m, n, columns, K + 1). Where no step is
-        accepted, the one step is NaN.
+        Returns steps (m,), coefficients (m, rows, K + 1) and sensitivities (m, n, columns, K + 1). A single NaN is
+        returned for the steps when none is accepted.
         """
         with self.lock:
             self.count_steps(count)

@@ -1,4 +1,4 @@
-"""Zeros of affine functions along motions: of one motion, and of many that are followed together."""
+"""Zeros of affine functions of the state along motions: of one motion, and of many that are integrated together."""
 
 from dataclasses import dataclass
 
@@ -44,13 +44,11 @@ def until_zero(
 ) -> tuple[np.ndarray, Trajectories | None]:
     """Motions up to the first sign change of an affine function, as `Flow.until_zero` describes them."""
     remaining, found = np.arange(len(starts)), []
-    one_in_closed_form = dynamics.phase.closed_form is not None and len(starts) == 1
-    if one_in_closed_form or not dynamics.smooth:
+    if (dynamics.phase.closed_form and len(starts) == 1) or not dynamics.smooth:
         return remaining[:0], None
-    count = dynamics.expected_steps
-    while len(remaining) and count <= dynamics.control.max_block:
-        stepper = dynamics.stepper(0)
-        assert isinstance(stepper, TaylorStepper)
+    count, most, stepper = dynamics.expected_steps, dynamics.control.max_block, dynamics.stepper(0)
+    assert isinstance(stepper, TaylorStepper)
+    while len(remaining) and count <= most:
         steps, c, accepted = stepper.advance_all(starts[remaining], ps[remaining], count)
         accepted = np.logical_and.accumulate(accepted, axis=1)
         if not accepted.all():  # The steps after a rejected one start from the state that it does.
@@ -63,7 +61,7 @@ def until_zero(
             last = piece[first]
             found.append((remaining[owner], _cut_motions(dynamics.names, c[owner], steps[owner], last, t[first])))
             if len(starts) > 1:
-                dynamics.expected_steps = min(int(last.max()) + 2, dynamics.control.max_block)
+                dynamics.expected_steps = min(int(last.max()) + 2, most)
         accepted[owner] = False
         remaining, count = remaining[accepted.all(1)], 2 * count
     if not found:
@@ -129,7 +127,10 @@ class ZeroSearch:
             self.rows[:, i] = slope * self.rows[:, 0] + value
 
     def by_taylor_steps(self, stepper: TaylorStepper) -> None:
-        """Search motions that take Taylor steps together, a block of as many steps each at a time."""
+        """Search motions that take Taylor steps together, in blocks of equal numbers of steps.
+
+        Motions with a rejected step, or whose zero at the start cannot be divided out, are searched one by one.
+        """
         dynamics, control = self.dynamics, self.dynamics.control
         remaining, x, began = np.arange(len(self.starts)), self.starts, np.zeros(len(self.starts))
         pieces = ActivePieces(dynamics, self.p, x)
@@ -146,7 +147,7 @@ class ZeroSearch:
             steps, c, accepted = stepper.advance_all(x, pieces.data, block)
             steps = pieces.cut(c, steps)
             ends = evaluate(c[:, -1, : dynamics.size], steps[:, -1:])
-            # A zero at the start that is divided out must lie at the start of a step of positive length.
+            # A zero that is divided out must lie at the start of an accepted step.
             plain = steps.any(1) & ((steps[:, 0] > 0) | (began > 0) | (self.skip[remaining] == 0))
             plain &= accepted.all(1) & (np.abs(ends).max(1) < control.runaway)
             if not plain.all():
@@ -188,7 +189,7 @@ class ZeroSearch:
         return owner, piece[first], t[first]
 
     def _search_block(self, remaining, began, steps, reached, c) -> np.ndarray:
-        """Search a block of steps, of the lengths `reached` in all; returns which motions have no zero in it."""
+        """Search a block of steps, whose ends are at `reached` in it; returns which motions have no zero there."""
         skip = np.where(began == 0, self.skip[remaining], 0)
         owner, piece, t = self._first_roots(series_along(self.quantity, c, steps), remaining, skip)
         found = began[owner] + np.where(piece > 0, reached[owner, piece - 1], 0.0) + t
@@ -200,7 +201,7 @@ class ZeroSearch:
         return left
 
     def _given_up(self, over: tuple[Affine, int], remaining, left, steps, c) -> np.ndarray:
-        """Which of the motions `left` never have a zero, since the other function has changed its sign so often."""
+        """Which of the motions `left` never have a zero, since the function of `over` has changed its sign so often."""
         quantity, most = over
         polynomials = series_along(quantity, c, steps)
         owner = polynomials.roots(before=self.over_signs[remaining])[0]
