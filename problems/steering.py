@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from orbits import Control, Guess, Input, InputError, NoOrbit, Orbit, Simulation, Stage, find, simulate, steer
-from orbits.continuation.arguments import finite_number, whole_number
+from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of
 from orbits.model.model import Model
 from orbits.model.phase import Affine

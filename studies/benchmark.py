@@ -33,7 +33,7 @@ from scipy.integrate import solve_ivp
 from orbits import METHODS, InputError, ReturnMap, find, follow, orbit_at
 from orbits.continuation.corrector import Curve
 from orbits.flow.flow import Flow
-from orbits.flow.taylor import RungeKuttaStepper
+from orbits.flow.runge_kutta import RungeKuttaStepper
 from orbits.plot import COLOURS, new_row, save_figure
 from problems import Chain, Hopper
 
@@ -191,10 +191,10 @@ def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
 
 def _compiled(stepper, wanted: bool) -> bool:
     """Have a scheme compiled, or see that it never is; False when it should be and there is no compiler."""
-    stepper.patience, asked = np.inf, False
-    while wanted and not stepper.compiled and (stepper.patience < np.inf or not asked):
-        stepper.patience, asked = -1.0, True
-        stepper.spend(0)
+    stepper.interpretation_budget, asked = np.inf, False
+    while wanted and not stepper.compiled and (stepper.interpretation_budget < np.inf or not asked):
+        stepper.interpretation_budget, asked = -1.0, True
+        stepper.count_steps(0)
     return stepper.compiled or not wanted
 
 

@@ -71,7 +71,7 @@ class NewtonBatch:
         """The results of `_newton`, or where there is a memory of so many points, of `_step`, with these arguments."""
         steppers = tuple(along.stepper(along.size + 1, (self.index,)) for along in self.equations.flows)
         for stepper, count in zip(steppers, counts, strict=True):
-            stepper.spend(count * len(arguments[0]))
+            stepper.count_steps(count * len(arguments[0]))
         key = counts, tuple(stepper.compiled for stepper in steppers)
         if not (built := self._built.get(key)):
             if len(self._built) >= MOST_KEPT:
@@ -125,7 +125,7 @@ class NewtonBatch:
             start, duration, dstart, longer = value[:-1], value[-1], ca.vertcat(dvalue[:-1, :], own), dvalue[-1, :]
             data = ca.repmat(ca.vertcat(q, ca.vec(ca.DM(dq[[self.index]]))), 1, count)
             begin = ca.vertcat(start, ca.vec(ca.DM(dx)), duration, LONGEST_STEP)
-            z, c, dc, made = stepper.one.mapaccum(count)(begin, data)
+            z, c, dc, made = stepper.step_function.mapaccum(count)(begin, data)
             end, transition, left = z[:size, -1], ca.reshape(z[size:-2, -1], size, size + 1), z[-2, -1]
             dend = transition @ dstart + along.vector_field.field(end, q)[0] @ longer
             holds, slope = arrive.function(u, start, end, q, ca.MX(0, 1))

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..flow.flow import Flow, flow_of
-from ..flow.taylor import runge_kutta
 from ..flow.trajectory import Trajectory
+from ..flow.vector_field import runge_kutta
 from ..model.phase import Phase
 from ..numerics.bernstein import PiecewisePolynomials, powers
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..flow.flow import first_zero
+from ..flow.zero_crossing import first_zero
 from ..periodic.certificate import loss_coefficient
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts
 

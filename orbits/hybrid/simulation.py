@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FlowError, InputError, finite_number, whole_number
-from ..flow.flow import first_zero
 from ..flow.trajectory import Trajectory
+from ..flow.zero_crossing import first_zero
 from ..numerics.bernstein import lowest
 from ..symbolic import interrupts
 from .impacts import CAP, LIFTOFF_ORDER, Impacts, failed

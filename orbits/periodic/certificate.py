@@ -11,8 +11,9 @@ import casadi as ca
 import numpy as np
 
 from ..errors import FlowError, NoOrbit, OutOfRange
-from ..flow.flow import first_zero, flow_of
+from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
+from ..flow.zero_crossing import first_zero
 from ..model.model import Model
 from ..model.phase import Affine, Phase
 from ..numerics.bernstein import derivative, evaluate

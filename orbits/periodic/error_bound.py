@@ -10,8 +10,8 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..flow.flow import Flow
-from ..flow.taylor import runge_kutta
 from ..flow.trajectory import Trajectory
+from ..flow.vector_field import runge_kutta
 from ..numerics.bernstein import powers
 from ..numerics.linear import solve
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS

@@ -10,7 +10,9 @@ from scipy.integrate import solve_ivp
 from orbits import FlowError, OutOfRange, ReturnMap, find, simulate
 from orbits.continuation.corrector import Curve, interpolated
 from orbits.continuation.newton_batch import newton_batch
-from orbits.flow.flow import first_zero, flow_of
+from orbits.flow.flow import flow_of
+from orbits.flow.step_control import FlowControl
+from orbits.flow.zero_crossing import first_zero
 from orbits.hybrid.impacts import Impacts
 from orbits.model.phase import Affine
 from orbits.periodic.formulations import equations_of
@@ -88,10 +90,10 @@ def test_motions_up_to_a_zero(name):
 
 def test_motions_of_too_many_steps_leave_the_others_alone(monkeypatch):
     """They are left out, and those of fewer are followed together the next time too."""
-    monkeypatch.setattr("orbits.flow.flow.MOST_AT_ONCE", 6)
+    monkeypatch.setattr("orbits.flow.dynamics.PhaseDynamics.control", FlowControl(max_block=6))
     rules, back = Impacts(MACHINES["cubic"]), Affine((1.0, 0.0, 0.0))
     starts = np.random.default_rng(8).normal(0, 4, (40, 2))
-    monkeypatch.setattr(rules.contact, "usual", 6)
+    monkeypatch.setattr(rules.contact, "expected_steps", 6)
     for _ in range(2):
         which, motions = rules.contact.until_zero(starts, np.tile(rules.p, (40, 1)), back)
         assert 0 < len(which) < 40
@@ -287,7 +289,7 @@ def test_steps_share_the_time_and_are_halved_in_vain():
     """A saturated spring, flat to the last digit where the motion starts: the series does not know what comes after."""
     along = flow_of(Hopper("tanh", parameters={"b": 1.0}).model.reduction.statement.arcs[0].phase, ("b",))
     start, p, duration, count = np.array([-30.0, 4.0]), np.array([1.0]), 12.0, 60
-    end, _, _, (taken, tried) = BufferedFunction(along.stepper(0).one.mapaccum(count))(
+    end, _, _, (taken, tried) = BufferedFunction(along.stepper(0).step_function.mapaccum(count))(
         [*start, duration, 1e9], np.ones((count, 1))
     )
     assert taken.sum() == pytest.approx(duration, rel=1e-15)
