@@ -16,7 +16,8 @@ from ..numerics.bernstein import powers
 from ..numerics.linear import solve
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import BufferedFunction
-from .single_shooting import Evaluation, Shooting
+from .evaluation import Evaluation
+from .single_shooting import Shooting
 
 # Square root of the number of steps from which roundings add by their bias more than at random.
 LONG_WALK = 20.0

@@ -12,9 +12,10 @@ from ..model.model import Model
 from ..numerics.linear import solve
 from ..symbolic import interrupts
 from .certificate import count_families
+from .evaluation import Evaluation
 from .formulations import certified_orbit, equations_of, halved, vector
 from .orbit import Orbit
-from .single_shooting import Evaluation, Shooting
+from .single_shooting import Shooting
 
 # Below this the homotopy is stuck at a fold or an end of the family.
 MIN_STEP = 1e-4

@@ -14,8 +14,9 @@ from ..model.phase import Arc, Phase, Statement
 from ..numerics.linear import solve
 from .certificate import Cycles, Solution, certify, follow_contacts, or_none
 from .error_bound import error_bounds
+from .evaluation import Evaluation
 from .orbit import Orbit, Shape
-from .single_shooting import Evaluation, Shooting, shooting_equations
+from .single_shooting import Shooting, shooting_equations
 
 # Energy pumped over a flight, as a share, beyond which the unfolded equations have no orbit but a forced motion.
 LARGEST_UNFOLDING = 1e-9

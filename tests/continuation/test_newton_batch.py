@@ -13,8 +13,9 @@ from orbits.continuation.newton_batch import newton_batch
 from orbits.flow.flow import first_zero, flow_of
 from orbits.hybrid.impacts import Impacts
 from orbits.model.phase import Affine
+from orbits.periodic.evaluation import joined
 from orbits.periodic.formulations import equations_of
-from orbits.periodic.single_shooting import Shooting, joined
+from orbits.periodic.single_shooting import Shooting
 from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.elementwise import ElementwiseFunction
 from orbits.symbolic.taylor_series import variations
