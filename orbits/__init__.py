@@ -17,8 +17,9 @@ from .hybrid.simulation import Simulation, simulate
 from .model.closed_form import Oscillator
 from .model.model import Model, Reduction, Units
 from .model.phase import Affine, Arc, Phase, Pieces, Statement
+from .periodic.certificate import Certificate
 from .periodic.find import METHODS, find, find_all
-from .periodic.orbit import Certificate, Orbit
+from .periodic.orbit import Orbit
 
 __all__ = [
     "METHODS",

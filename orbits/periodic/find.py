@@ -11,11 +11,13 @@ from ..model.machine import check_machine
 from ..model.model import Model
 from ..numerics.linear import solve
 from ..symbolic import interrupts
-from .certificate import count_families
+from .admissibility import count_families
 from .evaluation import Evaluation
-from .formulations import certified_orbit, equations_of, halved, vector
+from .formulations import equations_of
+from .interpretation import certified_orbit, halved
 from .orbit import Orbit
 from .single_shooting import Shooting
+from .solution import vector
 
 # Below this the homotopy is stuck at a fold or an end of the family.
 MIN_STEP = 1e-4

@@ -13,46 +13,11 @@ from ..io import to_json
 from ..model.model import Units
 from ..model.phase import Affine
 from ..numerics.bernstein import lowest
+from .certificate import Certificate
 
 ORBIT_FORMAT = "persistent-orbits orbit 1"
 # What describes a machine in a document.
 MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """What was checked of an orbit, after it was found; lengths, times and forces in the machine's units.
-
-    family : measured, stationary points of the extension from lift-off to mid-flight, less one
-    residual : largest of the equations that were solved
-    error : bound on |alpha - true alpha|, from an independent integration; at a fold of a family across its curve,
-        along which alpha itself is known to the square root of rounding only
-    energy_drift : largest change of energy over flight and contact, relative to the launch's kinetic energy
-    clearance : lowest interior minimum of the contact point's height in flight, None where it has none
-    smallest_separation : least distance within the machine over the cycle, None where no length is stated
-    unfolding : multiple of the energy gradient that the equations needed, None where they had no such unknown
-    smallest_contact_force : lowest interior minimum of the force in contact, None where it has none (at both ends the
-        force is 0, and normally it rises to one peak in between)
-    largest_contact_force : its peak, None where the contact does not end
-    landing_jerk : third derivative of the contact point's height at landing; negative on a motion
-    loss_coefficient : C of the one-step map alpha + d -> alpha + d - C d**(4/3) on the stable side, 10 C on the other
-    stable_side : "above" or "below" alpha
-    violations : what makes it no motion, in words; empty for an admissible orbit
-    """
-
-    family: int
-    residual: float
-    error: float
-    energy_drift: float
-    clearance: float | None
-    smallest_separation: float | None
-    smallest_contact_force: float | None
-    largest_contact_force: float | None
-    landing_jerk: float
-    loss_coefficient: float | None
-    stable_side: str | None
-    violations: tuple[str, ...]
-    unfolding: float | None = None
 
 
 @dataclass(frozen=True)
