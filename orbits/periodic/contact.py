@@ -1,4 +1,4 @@
-"""The contacts of solved orbits: from lossless landing up to mid-contact or, where nothing mirrors it, up to lift-off."""
+"""The contacts of solved orbits: from landing up to mid-contact or, where nothing mirrors it, up to lift-off."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -13,11 +13,12 @@ from ..model.model import Model, Reduction
 from ..numerics.linear import solve
 from .certificate import certify
 from .contact import follow_contacts
+from .cycle import Shape
 from .error_bound import error_bounds
 from .evaluation import Evaluation
 from .formulations import contact_reversor, equations_of, reduction_of
 from .local_law import landing_gap_slope
-from .orbit import Orbit, Shape
+from .orbit import Orbit
 from .single_shooting import Shooting
 from .solution import Cycles, Solution, or_none, vector
 
@@ -102,7 +103,7 @@ def certified_orbit(
 
 def halved(flights: Trajectories) -> Trajectories:
     """The halves of whole flights: of each the first, and the second from landing backwards."""
-    paths: list[Trajectory] = [flights[i] for i in range(len(flights))]
+    paths = [flights[i] for i in range(len(flights))]
     return Trajectories.of([half for path in paths for half in path.split(path.times[-1] / 2)])
 
 
