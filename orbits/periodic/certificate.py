@@ -67,7 +67,7 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
         launch = 0.5 * cycles.u["alpha"] * power
         drift = changes.max(1) / launch
         loss = _losses(model, cycles, checked.jerk, power)
-    finite = np.isfinite([cycles.error, cycles.residual, drift, checked.jerk]).all(0)
+    finite = np.all(np.isfinite([cycles.error, cycles.residual, drift, checked.jerk]), axis=0)
     for values in (loss, checked.separation, checked.smallest_force):
         finite &= np.isfinite(values) | (values == NONE)
     leaps = (changes > np.maximum(WORST_DRIFT * launch[:, None], DOUBTFUL_RATIO * floors)).any(1)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import NoOrbit
-from ..flow.trajectory import Trajectories, Trajectory
+from ..flow.trajectory import Trajectories
 from ..model.machine import Machine
 from ..model.model import Model, Reduction
 from ..numerics.linear import solve

@@ -3,7 +3,7 @@
 The formulas are arithmetic for NumPy arrays as well as for CasADi expressions.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -24,7 +24,7 @@ def loss_coefficient(impact_mass: Any, jerk: Any, gap_slope: Any, power: Any) ->
     return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
 
 
-def launch_power(gradient: Sequence, direction: Sequence) -> Any:
+def launch_power(gradient: Iterable, direction: Iterable) -> Any:
     """Derivative of the energy at launch by alpha, from the energy's gradient there and the launch state's derivative.
 
     Both are given by component.
@@ -42,6 +42,6 @@ def by_launch_speed(function: Callable[[Mapping], Sequence], u: Mapping) -> list
     return [np.imag(x) / COMPLEX_STEP for x in function({**u, "alpha": u["alpha"] + 1j * COMPLEX_STEP})]
 
 
-def landing_gap_slope(model: Model, change: Sequence, p: Mapping) -> Any:
+def landing_gap_slope(model: Model, change: Iterable, p: Mapping) -> Any:
     """Derivative by alpha of the gap at the orbit's landing time, from that of the flight state there, by component."""
     return sum(weight * d for weight, d in zip(model.gap(p).weights, change, strict=False))
