@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FlowError, OutOfRange
-from ..flow.flow import first_zero, flow_of
+from ..flow.flow import Flow, first_zero, flow_of
 from ..flow.trajectory import Trajectories, Trajectory
 from ..model.model import Model
 from ..model.phase import Affine, Phase
@@ -39,20 +39,26 @@ def follow_contacts(model: Model, u: Mapping, p: Mapping, limits: np.ndarray) ->
     found = {int(i): contacts[j] for j, i in enumerate(done) if contacts.ends[j] < limits[i]} if contacts else {}
     reasons: dict[int, str] = {}
     for i in sorted({*range(len(starts))} - found.keys()):
-        stop = first_zero(*end) if model.one_speed else None
-        try:
-            path, _ = flow.run(starts[i], ps[i], limits[i], stop=stop)
-        except FlowError as error:
-            reasons[i] = f"contact: {error}" if isinstance(error, OutOfRange) else model.violations["end"]
-            continue
-        if stop and not path.times[-1] < limits[i]:
-            reasons[i] = model.violations["end"]
+        contact = _single_contact(model, flow, starts[i], ps[i], limits[i], end)
+        if isinstance(contact, str):
+            reasons[i] = contact
         else:
-            found[i] = path
+            found[i] = contact
     order = sorted(found)
-    paths: list[Trajectory] = [found[i] for i in order]
     return {
         "with_contact": np.array(order, int),
-        "contacts": Trajectories.of(paths) if paths else None,
+        "contacts": Trajectories.of([found[i] for i in order]) if found else None,
         "without_contact": reasons,
     }
+
+
+def _single_contact(
+    model: Model, flow: Flow, start: np.ndarray, p: np.ndarray, limit: float, end: tuple[Affine, int]
+) -> Trajectory | str:
+    """The contact from one state, or the reason why it does not end."""
+    stop = first_zero(*end) if model.one_speed else None
+    try:
+        path, _ = flow.run(start, p, limit, stop=stop)
+    except FlowError as error:
+        return f"contact: {error}" if isinstance(error, OutOfRange) else model.violations["end"]
+    return model.violations["end"] if stop and not path.times[-1] < limit else path

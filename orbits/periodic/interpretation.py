@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,16 +28,18 @@ LARGEST_UNFOLDING = 1e-9
 LONGEST_CONTACT = 1e7
 
 
-class _Flights(NamedTuple):
-    """Fields of `Solution`."""
-
-    flight: Trajectories
-    halves: Trajectories
-    gap_slope: np.ndarray
+# The `flight`, the `halves` and the `gap_slope` of a `Solution`.
+_Flights = tuple[Trajectories, Trajectories, np.ndarray]
 
 
 def interpret(
-    model: Model, method: str, equations: Shooting, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation, errors
+    model: Model,
+    method: str,
+    equations: Shooting,
+    us: np.ndarray,
+    ps: np.ndarray,
+    evaluation: Evaluation,
+    errors: np.ndarray,
 ) -> Solution:
     """What solutions (m, n) of a method's equations with parameters (m, np) mean for the flight.
 
@@ -65,7 +66,7 @@ def with_contacts(model: Model, solution: Solution) -> Cycles:
 
 
 def certified_orbit(
-    machine: Machine, method: str, u, evaluation: Evaluation, error: float | None = None, *, began: float
+    machine: Machine, method: str, u: np.ndarray, evaluation: Evaluation, error: float | None = None, *, began: float
 ) -> Orbit:
     """The certified orbit of a solution `u` (n,) of a method's equations, whose evaluation there has one point.
 
@@ -114,13 +115,13 @@ def _reduced_flights(model: Model, reduction: Reduction, u: Mapping, p: Mapping,
     coefficients = reduction.complete(motions.starts, motions.coefficients, *of_steps)
     flight = Trajectories(motions.starts, motions.ends, coefficients, motions.counts, model.flight.states)
     landing = _landing_by_alpha(evaluation, reduction.reversor)
-    return _Flights(flight, flight, reduction.gap_slope(2 * flight.ends, landing.T, p))
+    return flight, flight, reduction.gap_slope(2 * flight.ends, landing.T, p)
 
 
 def _mirrored_flights(model: Model, reversor: tuple[int, ...], p: Mapping, evaluation: Evaluation) -> _Flights:
     """The flights of solutions of the `half_orbit` statement."""
     flight = evaluation.trajectories[0].only(model.flight.states)
-    return _Flights(flight, flight, landing_gap_slope(model, _landing_by_alpha(evaluation, reversor).T, p))
+    return flight, flight, landing_gap_slope(model, _landing_by_alpha(evaluation, reversor).T, p)
 
 
 def _whole_flights(model: Model, u: Mapping, p: Mapping, evaluation: Evaluation) -> _Flights:
@@ -130,7 +131,7 @@ def _whole_flights(model: Model, u: Mapping, p: Mapping, evaluation: Evaluation)
         raise NoOrbit(f"the landing conditions hold only {reason}").about(i)
     flight = evaluation.trajectories[0].only(model.flight.states)
     landing = (evaluation.transitions[0] @ evaluation.starts[0])[:, :, 1]
-    return _Flights(flight, halved(flight), landing_gap_slope(model, landing.T, p))
+    return flight, halved(flight), landing_gap_slope(model, landing.T, p)
 
 
 def _landing_by_alpha(evaluation: Evaluation, reversor: tuple[int, ...]) -> np.ndarray:

@@ -2,8 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import FlowError, NoOrbit
 from ..numerics.linear import solve
@@ -39,8 +41,8 @@ class Damping:
 DAMPING = Damping()
 
 
-def settles(size, last, growth):
-    """Whether a relative Newton step of this size is the last one worth taking.
+def settles(size: Any, last: Any, growth: Any) -> Any:
+    """Whether a relative Newton step of this size is the last one worth taking; numbers, or (m,) of several steps.
 
     `last` is the size of the step before, `growth` that of a small change of the state over the motion.
     """
@@ -48,7 +50,7 @@ def settles(size, last, growth):
 
 
 def newton(
-    evaluate: Callable[[np.ndarray], PointEvaluation], u, durations: list[int], name: str, attempts: int = 30
+    evaluate: Callable[[np.ndarray], PointEvaluation], u: ArrayLike, durations: list[int], name: str, attempts: int = 30
 ) -> tuple[np.ndarray, PointEvaluation, np.ndarray]:
     """The last iterate (n,) of Newton's method from `u` (n,), the equations there, and the step (n,) that settles them.
 

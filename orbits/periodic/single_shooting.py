@@ -126,12 +126,18 @@ class Shooting:
         ]
         return np.eye(n, n + k), dp, np.eye(k, n + k, n), seeds
 
-    def evaluate_all(self, us, ps, vary: tuple[str, ...] = ()) -> Evaluation:
+    def evaluate_all(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
         """`evaluate` at points (m, n) with parameters (m, np)."""
         return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
 
     def newton_steps(
-        self, vary: str, evaluation: Evaluation, xs, ps, rows, targets
+        self,
+        vary: str,
+        evaluation: Evaluation,
+        xs: np.ndarray,
+        ps: np.ndarray,
+        rows: np.ndarray,
+        targets: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, Evaluation]:
         """Newton steps from points X (m, n + 1), unknowns and a varied parameter, towards F = 0 and rows . X = targets.
 
@@ -151,7 +157,7 @@ class Shooting:
         ps[:, self.parameters.index(vary)] = new[:, -1]
         return steps, directions, self.moved(evaluation, new[:, :-1], ps, steps)
 
-    def moved(self, evaluation: Evaluation, us, ps, steps) -> Evaluation:
+    def moved(self, evaluation: Evaluation, us: np.ndarray, ps: np.ndarray, steps: np.ndarray) -> Evaluation:
         """The equations after Newton steps (m, n + k) that settle them, at the points `us` (m, n) with parameters `ps`
         (m, np) to which those lead: the residuals exactly, the motions to first order, the derivatives as before."""
         if any(motions.variations is None for motions in evaluation.trajectories):  # closed forms cost nothing
@@ -180,7 +186,7 @@ class Shooting:
             residuals.append(boundary.conditions.function(u, start, end, p, ca.SX(0, 1))[0])
         return MappedFunction(dense("arrivals", [u, p, *ends], [ca.vertcat(*residuals)]))
 
-    def residual(self, u, p, paths: tuple[Trajectory, ...], end_of: Callable) -> np.ndarray:
+    def residual(self, u: np.ndarray, p: np.ndarray, paths: tuple[Trajectory, ...], end_of: Callable) -> np.ndarray:
         """The residual (n,) where every arc ends at end_of(flow, start, p, path), one of `paths` for each."""
         before, residuals = np.zeros(0), []
         for flow, path, boundary in zip(self.flows, paths, self.ends, strict=True):
