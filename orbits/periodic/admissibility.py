@@ -17,8 +17,8 @@ from .solution import NONE, Cycles
 
 # A stationary point this near to the middle of the motion, as a share of its time, is the middle itself.
 MIDDLE = 1e-7
-# The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this share
-# of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
+# The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
+# share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
 STATIONARY = 1e-6
 # A violation: the index of the orbit, and what is wrong in words.
 Violation = tuple[int, str]
