@@ -72,12 +72,7 @@ def solve_by_homotopy(
 
 
 def _corrected(
-    model: Model,
-    equations: Shooting,
-    correct: Corrector,
-    predicted: np.ndarray,
-    family: int,
-    p: Mapping[str, float],
+    model: Model, equations: Shooting, correct: Corrector, predicted: np.ndarray, family: int, p: Mapping[str, float]
 ) -> tuple[np.ndarray, Evaluation]:
     """The solution near a predicted point; raises `NoOrbit` where it is far from it or of another family."""
     unknowns = equations.statement.unknowns

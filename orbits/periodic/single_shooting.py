@@ -131,13 +131,7 @@ class Shooting:
         return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
 
     def newton_steps(
-        self,
-        vary: str,
-        evaluation: Evaluation,
-        xs: np.ndarray,
-        ps: np.ndarray,
-        rows: np.ndarray,
-        targets: np.ndarray,
+        self, vary: str, evaluation: Evaluation, xs: np.ndarray, ps: np.ndarray, rows: np.ndarray, targets: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, Evaluation]:
         """Newton steps from points X (m, n + 1), unknowns and a varied parameter, towards F = 0 and rows . X = targets.
 
