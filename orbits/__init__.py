@@ -19,8 +19,9 @@ from .model.closed_form import Oscillator
 from .model.machine import Machine
 from .model.model import Model, Reduction, Units
 from .model.phase import Affine, Arc, Phase, Pieces, Statement
+from .periodic.certificate import Certificate
 from .periodic.find import METHODS, find, find_all
-from .periodic.orbit import Certificate, Orbit
+from .periodic.orbit import Orbit
 
 __all__ = [
     "METHODS", "Active", "Affine", "Arc", "Certificate", "Control", "Design", "End", "Event", "Existence", "Family",

@@ -15,11 +15,14 @@ from itertools import groupby
 import numpy as np
 
 from ..errors import NoOrbit, OrbitsError
-from ..periodic.certificate import certify, or_none
+from ..periodic.certificate import certify
 from ..periodic.error_bound import error_bounds
-from ..periodic.formulations import certified_orbit, equations_of, interpret, with_contacts
+from ..periodic.evaluation import Evaluation, joined
+from ..periodic.formulations import equations_of
+from ..periodic.interpretation import certified_orbit, interpret, with_contacts
+from ..periodic.newton import STALLED_RATIO, settles
 from ..periodic.orbit import Orbit
-from ..periodic.single_shooting import STALLED_RATIO, Evaluation, joined, settles
+from ..periodic.solution import or_none
 from ..symbolic.calls import room_for
 from .family import Point
 from .newton_batch import NewtonBatch, newton_batch

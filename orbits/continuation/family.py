@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..io import check_ending, to_json
-from ..periodic.orbit import Certificate
+from ..periodic.certificate import Certificate
 
 FAMILY_FORMAT = "persistent-orbits family 1"
 # Endings of the files that a family saves to; the first two are lines of JSON.

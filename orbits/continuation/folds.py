@@ -13,8 +13,9 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.phase import Arc, Phase, Statement
-from ..periodic.certificate import columns
-from ..periodic.single_shooting import Evaluation, Shooting, shooting_equations
+from ..periodic.evaluation import Evaluation
+from ..periodic.single_shooting import Shooting, shooting_equations
+from ..periodic.solution import columns
 from .arguments import check_followed, checked_options, machine_at
 from .corrector import Curve, CurvePoint
 from .family import Family, Point

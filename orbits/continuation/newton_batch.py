@@ -12,7 +12,8 @@ import numpy as np
 
 from ..flow.taylor import LONGEST_STEP
 from ..flow.trajectory import Trajectories
-from ..periodic.single_shooting import Evaluation, Shooting, dense
+from ..periodic.evaluation import Evaluation
+from ..periodic.single_shooting import Shooting, dense
 from ..symbolic.calls import MappedFunction
 from .predictor import hermite
 

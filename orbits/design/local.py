@@ -13,8 +13,10 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit
 from ..model.model import Model
-from ..periodic.formulations import certified_orbit, equations_of, vector
+from ..periodic.formulations import equations_of
+from ..periodic.interpretation import certified_orbit
 from ..periodic.orbit import Orbit
+from ..periodic.solution import vector
 from ..symbolic import interrupts
 from ..symbolic.ipopt import Minimum
 from .problem import DesignProblem, Outputs, units_of

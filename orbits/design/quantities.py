@@ -18,8 +18,8 @@ from ..flow.trajectory import Trajectory
 from ..model.model import Model, Units
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..numerics.roots import bracketed_root
-from ..periodic.certificate import loss_coefficient
 from ..periodic.formulations import half_orbit
+from ..periodic.local_law import loss_coefficient
 from ..periodic.orbit import Orbit
 
 # Quantities of every orbit and the powers of length, time and force in their units. C is a loss of speed per speed to

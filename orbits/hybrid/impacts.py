@@ -22,8 +22,8 @@ from ..model.machine import check_machine
 from ..model.phase import Affine
 from ..numerics.bernstein import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
-from ..periodic.certificate import gradients
-from ..periodic.formulations import vector
+from ..periodic.energy import gradients
+from ..periodic.solution import vector
 from ..symbolic.calls import ElementwiseFunction
 
 # Straight pieces of the way to a state on which its energy is integrated.

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.zero_crossing import first_zero
-from ..periodic.certificate import loss_coefficient
+from ..periodic.local_law import loss_coefficient
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts
 
 # An impact slower than this, beside the launch speed, is tangential.

@@ -15,7 +15,8 @@ from ..flow.flow import flow_of
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
 from ..periodic.find import find
-from ..periodic.formulations import certified_orbit, equations_of
+from ..periodic.formulations import equations_of
+from ..periodic.interpretation import certified_orbit
 from .impacts import CAP, LIFTOFF_ORDER, STATUS, Impacts, failed
 
 # Launch speeds that are computed together: few enough to stay in a processor's cache.

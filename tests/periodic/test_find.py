@@ -211,10 +211,10 @@ def test_the_direct_statement_is_degenerate_and_the_unfolded_one_is_not():
     orbit = find(machine)
     values = machine.values
     equations = shooting_equations(whole_flight(machine.model), tuple(values))
-    here = equations.evaluate([1.0, orbit.alpha, orbit.flight_time, 0.0], np.array(list(values.values())))
-    singular = np.linalg.svd(here.jacobian[1:3, 1:3], compute_uv=False)
+    evaluation = equations.evaluate([1.0, orbit.alpha, orbit.flight_time, 0.0], np.array(list(values.values())))
+    singular = np.linalg.svd(evaluation.jacobian[1:3, 1:3], compute_uv=False)
     assert singular[-1] < 1e-12 * singular[0]
-    assert np.linalg.cond(here.jacobian) < 1e6
+    assert np.linalg.cond(evaluation.jacobian) < 1e6
 
 
 def test_contact_and_flight_are_one_periodic_motion():
