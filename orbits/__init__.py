@@ -11,8 +11,10 @@ from .design.local import Active
 from .design.optimize import Design, optimize, quantities, sensitivities
 from .design.pareto import Front, pareto
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
+from .hybrid.fixed_points import FixedPoint
+from .hybrid.hops import Hops
 from .hybrid.multiplier import multiplier
-from .hybrid.return_map import FixedPoint, Hops, ReturnMap
+from .hybrid.return_map import ReturnMap
 from .hybrid.simulation import Simulation, simulate
 from .model.closed_form import Oscillator
 from .model.model import Model, Reduction, Units
