@@ -5,8 +5,10 @@ from .continuation.existence import Existence, existence
 from .continuation.family import End, Event, Family, Point
 from .continuation.folds import fold_statement, follow_fold
 from .continuation.follow import follow, orbit_at, trace
-from .control.steer import Control, Guess, steer
-from .control.transcription import Input, Stage
+from .control.guess import Guess
+from .control.motion import Control
+from .control.stage import Input, Stage
+from .control.steer import steer
 from .design.local import Active
 from .design.optimize import Design, optimize, quantities, sensitivities
 from .design.pareto import Front, pareto

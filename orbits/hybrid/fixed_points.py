@@ -100,7 +100,7 @@ def _orbits_of_families(impacts: Impacts, high: float) -> Iterator[Orbit]:
 
 
 def _all_orbits(impacts: Impacts, reduction: Reduction, low: float, high: float) -> Iterator[Orbit]:
-    """All orbits under constant gravity: half a flight lasts the time alpha, and ends where the reduced motion turns."""
+    """All orbits under constant gravity: half a flight lasts the time alpha, until the reduced motion turns."""
     model, p, names = impacts.model, impacts.p, tuple(impacts.values)
     flow = flow_of(reduction.statement.arcs[0].phase, names)
     (liftoff,) = model.release(np.array([low]), impacts.values)

@@ -192,18 +192,18 @@ def simulate(
         raise InputError(
             f"inject = {inject:g}: a launch of a {impacts.model.name} is more than the speed that it adds to"
         )
-    x, launch_speed, order = _start(impacts, inputs(0.0)[0], alpha, state)
+    x, launch_speed, order = _initial_state(impacts, inputs(0.0)[0], alpha, state)
     with interrupts.deferred():
         return _Run(impacts, inject, hops, float(time), cap, inputs).simulate(x, order, launch_speed)
 
 
-def _start(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None]:
+def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None]:
     """The first flight state at parameters `p`, the launch speed if it is a launch, and the order of the gap's zero
     there, None where the machine starts in contact."""
     if (alpha is None) == (state is None):
         raise InputError("a simulation starts from a launch speed alpha or from a state: give one of them")
     if alpha is not None:
-        x, alpha = _launch(impacts, alpha)
+        x, alpha = _launch_state(impacts, alpha)
         if not impacts.opens(x)[0]:
             raise InputError(f"alpha = {alpha:g} is no launch: the damper is too strong for the contact to open")
         return x[0], alpha, LIFTOFF_ORDER
@@ -226,7 +226,7 @@ def _start(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None,
     return x, None, 0
 
 
-def _launch(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
+def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
     """The flight state (1, n) of a launch, given by its speed or by its unknowns, and its speed."""
     names = impacts.model.launch_unknowns
     if isinstance(launch, Mapping):
