@@ -47,7 +47,7 @@ def reason_of_failure(problem: Transcription, found: Minimum) -> str:
         return "there are more conditions than inputs can meet: take more intervals, or drop a condition"
     worst = int(np.argmax(np.nan_to_num(found.off, nan=np.inf)))
     name, off = problem.labels[worst], float(found.off[worst])
-    active = "".join(_active_bounds(problem, found))
+    active = "".join(_bounds_in_the_way(problem, found))
     if found.kind == "infeasible":
         return f"no motion meets the conditions: {name} is missed by {off:.2g}{active}; widen a bound"
     if found.feasible:
@@ -69,7 +69,7 @@ def reason_of_unsettled(motion: MotionRollout, rounds: int, tolerance: float) ->
     )
 
 
-def _active_bounds(problem: Transcription, found: Minimum) -> list[str]:
+def _bounds_in_the_way(problem: Transcription, found: Minimum) -> list[str]:
     """The bounds that an iteration ended at, in words: of durations, of inputs on most of their intervals if they are
     numbers, and of path expressions somewhere within their stage."""
     short, inputs = [], []

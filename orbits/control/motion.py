@@ -90,7 +90,7 @@ class Control:
         """
         if strange := set(names).difference(*(leg.inputs.names for leg in self.legs)):
             raise InputError(f"there is no input '{min(strange)}'")
-        rows = {name: [_column(leg.inputs, name) for leg in self.legs] for name in names}
+        rows = {name: [_input_column(leg.inputs, name) for leg in self.legs] for name in names}
         if varying := [name for name, columns in rows.items() if any(c[:, 1:].any() for c in columns)]:
             raise InputError(f"input '{varying[0]}' varies within an interval: it is no schedule; give it degree 0")
         times = np.concatenate([leg.start + leg.inputs.times[:-1] for leg in self.legs] + [[self.end]])
@@ -107,6 +107,6 @@ class Control:
         return "\n".join([*rows, found, f"  {self.iterations} iterations, {self.rounds} rounds, {self.seconds:.2f} s"])
 
 
-def _column(inputs: Trajectory, name: str) -> np.ndarray:
+def _input_column(inputs: Trajectory, name: str) -> np.ndarray:
     """Coefficients (N, K + 1) of an input on each interval, 0 where the stage does not have it."""
     return inputs.row(name) if name in inputs.names else np.zeros((len(inputs.steps), 1))

@@ -6,8 +6,6 @@ from ..flow.flow import Flow
 from ..model.phase import Affine
 from ..numerics.bernstein import Crossings
 
-# Name of the contact force among the quantities that a contact phase watches.
-CONTACT_FORCE = "contact force"
 # After this many zeros of the contact's speed the contact never ends, see `ContactEnd`.
 TURNS = 3
 # A contact whose rates are all below this is at rest. An overdamped contact gets there without turning.
@@ -16,7 +14,7 @@ STILL_RATE = 1e-12
 
 def contact_force(contact: Flow) -> Affine:
     """The contact force as an affine function of the rows of a contact's motion."""
-    return Affine(tuple(float(name == CONTACT_FORCE) for name in contact.names))
+    return Affine(tuple(float(name == "contact force") for name in contact.names))
 
 
 class ContactEnd:

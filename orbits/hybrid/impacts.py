@@ -25,7 +25,7 @@ from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..periodic.certificate import gradients
 from ..periodic.formulations import vector
 from ..symbolic.elementwise import ElementwiseFunction
-from .contact import CONTACT_FORCE, TURNS, ContactEnd, contact_force
+from .contact import TURNS, ContactEnd, contact_force
 
 # How a hop ends other than by "lifts_off" (of a map) and "done" (of a simulation).
 STATUSES = {
@@ -176,7 +176,7 @@ class Impacts:
         outcome, ends = np.full(len(ys), "", dtype=STATUS), np.full(ys.shape, np.nan)
         if speed and contact.method == "Taylor":
             limit = self.options.batch_contact * (1 + np.abs(ys).max(1))
-            times, rows, _ = contact.first_zeros(ys, self.p, contact_force(contact), limit, over=(speed, TURNS))
+            times, rows, _ = contact.first_zeros(ys, self.p, self.contact_force, limit, over=(speed, TURNS))
             lifts = np.isfinite(times)
             outcome[lifts], ends[lifts] = "lifts_off", rows[lifts, : contact.size]
             outcome[np.isinf(times)] = "rests"
@@ -244,9 +244,14 @@ class Impacts:
         return watched[:, self.force_index], -(rates @ self.gap_speed)
 
     @cached_property
+    def contact_force(self) -> Affine:
+        """The contact force as a function of the rows of the contact's motion."""
+        return contact_force(self.contact)
+
+    @cached_property
     def force_index(self) -> int:
         """Index of the contact force among the quantities that the contact watches."""
-        return list(self.model.contact.watch).index(CONTACT_FORCE)
+        return self.contact_force.weights.index(1.0) - self.contact.size
 
     def gap_rates(self, x: np.ndarray) -> np.ndarray:
         """Third and fourth derivative (2, m) of the gap in time at flight states (m, n)."""

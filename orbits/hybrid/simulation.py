@@ -20,7 +20,6 @@ from ..flow.trajectory import Trajectory
 from ..model.machine import ImpactingMachine
 from ..numerics.bernstein import lowest
 from ..symbolic import interrupts
-from .contact import CONTACT_FORCE
 from .impacts import CAP, LIFTOFF_ORDER, Impacts, status_of_failure
 from .schedule import Schedule
 
@@ -217,7 +216,7 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
     gap, speed, tolerance = impacts.gap(x), float(x @ impacts.gap_speed), TOUCHING * (1 + np.abs(x).max())
     if abs(gap) <= tolerance and abs(speed) <= tolerance:
         path, _ = impacts.contact.run(impacts.onto_contact @ x, p, tolerance)
-        force, rise = path.row(CONTACT_FORCE)[0, :2]
+        force, rise = impacts.contact_force.series(path.coefficients)[0, :2]
         if abs(force) <= tolerance and rise < 0:
             return x, None, LIFTOFF_ORDER  # just lifting off
         return x, None, None if force >= 0 else 2
