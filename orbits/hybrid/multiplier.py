@@ -56,6 +56,7 @@ def _through_flight(impacts: Impacts, alpha: float, x, change, order: int) -> tu
         path, variations = impacts.flight.run(x, impacts.p, limit, seeds=change[:, None], stop=closes)
     except FlowError as error:
         raise NoOrbit(f"the flight does not end: {error}") from None
+    assert variations is not None  # there are seeds
     x, change = path.end[: len(x)], variations[:, 0]
     speed = float(impacts.gap_speed @ x)
     if order == LIFTOFF_ORDER and abs(speed) < TANGENTIAL * alpha:  # later bounces may be arbitrarily slow
@@ -88,6 +89,7 @@ def _through_contact(impacts: Impacts, y, change) -> float:
         raise NoOrbit(f"the contact does not end: {error}") from None
     if end.outcome != "lifts_off":
         raise NoOrbit("the machine rests: it does not lift off again")
+    assert variations is not None  # there are seeds
     y, change = path.end[: contact.size], variations[:, 0]
     if not impacts.liftoff(y[None])[1][0]:
         raise NoOrbit("the contact ends where no launch does: the map has no next launch speed")
