@@ -68,5 +68,9 @@ def _sampled(stage: Stage, guess: Guess | ControlledLeg) -> StageUnknowns:
 
 def _guess_of_leg(leg: ControlledLeg, size: int) -> Guess:
     """A guess with the `size` states and the inputs of a leg."""
-    inputs = {name: lambda t, i=i: leg.inputs(t)[i] for i, name in enumerate(leg.inputs.names)}
+
+    def input_of(i: int) -> Callable[[float], float]:
+        return lambda t: leg.inputs(t)[i]
+
+    inputs = {name: input_of(i) for i, name in enumerate(leg.inputs.names)}
     return Guess(leg.duration, lambda t: leg.path(t)[:size], inputs)

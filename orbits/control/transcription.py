@@ -25,6 +25,7 @@ STALLS = {
     "ipopt.acceptable_compl_inf_tol": 1e-8,
 }
 
+# Multipliers of the bounds of the unknowns, and of the constraints.
 Multipliers = tuple[np.ndarray, np.ndarray]
 
 
@@ -211,7 +212,8 @@ class Transcription:
 
         multipliers : of a minimum nearby, from which the iteration starts; None for a cold start
         """
-        return self._minimiser(x, p, bounds, np.array(self._limits).T, multipliers)
+        least, most = np.array(self._limits).T
+        return self._minimiser(x, p, bounds, (least, most), multipliers)
 
     def padded(self, multipliers: Multipliers) -> Multipliers:
         """Multipliers of the same problem with fewer exchange points, for this one."""

@@ -9,6 +9,7 @@ from .fixed_points import SpeedMap, or_zero
 # infinitely many intervals, ever shorter.
 SETTLED = 1e-5
 
+# (lowest, highest) of each interval, ascending.
 Intervals = list[tuple[float, float]]
 
 
