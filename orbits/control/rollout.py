@@ -1,17 +1,15 @@
 """Rollouts: the solution of the nonlinear program integrated accurately, open loop, with its errors."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import comb
 
 import numpy as np
 
-from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectory
 from ..numerics.bernstein import PiecewisePolynomials, powers
 from .motion import ControlledLeg, WarmStart
-from .stage import Stage, interval_phase
+from .stage import Stage, stage_flow
 from .transcription import StageUnknowns, Transcription
 
 
@@ -94,19 +92,16 @@ class MotionRollout:
         """The legs of the accurate motion."""
         starts = np.cumsum([0.0, *(part.duration for part in self.unknowns)]).tolist()
         return tuple(
-            ControlledLeg(
-                stage.stage.phase.name, start, stage.path,
-                input_polynomials(stage.stage, part.duration, part.coefficients),
-            )
-            for stage, part, start in zip(self.stages, self.unknowns, starts, strict=False)
-        )  # fmt: skip
+            ControlledLeg(of.stage.phase.name, start, of.path, input_polynomials(of.stage, duration, coefficients))
+            for of, (duration, _, coefficients), start in zip(self.stages, self.unknowns, starts, strict=False)
+        )
 
 
 def roll_out(solution: WarmStart, cost: float, fixed: np.ndarray) -> MotionRollout:
     """Integrate a solution, whose cost in the nonlinear program is given, at the given parameters `fixed`."""
     problem = solution.problem
     unknowns, values = problem.unpack(solution.x), np.concatenate([fixed, problem.free_values(solution.x)])
-    pairs = list(zip(problem.stages, unknowns, strict=True))
+    pairs = zip(problem.stages, unknowns, strict=True)
     stages = [roll_out_stage(stage, problem.names, values, part) for stage, part in pairs]
     accurate, missed = _cost_and_defect(problem, values, stages)
     distance = max(stage.distance(part.nodes) for stage, part in zip(stages, unknowns, strict=True))
@@ -126,7 +121,7 @@ def _cost_and_defect(problem: Transcription, values, stages: list[StageRollout])
 
 def roll_out_stage(stage: Stage, names: tuple[str, ...], values: np.ndarray, unknowns: StageUnknowns) -> StageRollout:
     """Integrate a stage of a solution accurately, open loop, with parameters `names` of the given values."""
-    flow, (duration, nodes, coefficients) = _accurate_flow(stage, names), unknowns
+    flow, (duration, nodes, coefficients) = stage_flow(stage, names), unknowns
     size, n, h = len(stage.phase.states), stage.intervals, duration / stage.intervals
     x, cost, blocks, lengths, interval, began, ends = nodes[:, 0], 0.0, [], [], [], [], [nodes[:, 0]]
     keep = [*range(size), *range(size + 2, len(flow.names))]  # all rows but those of the clock and the cost
@@ -142,9 +137,7 @@ def roll_out_stage(stage: Stage, names: tuple[str, ...], values: np.ndarray, unk
     times[-1] = duration
     dense = Trajectory(times, np.concatenate(blocks), tuple(flow.names[i] for i in keep))
     overstepped = _overstepped(stage, dict(zip(names, values, strict=True)), coefficients)
-    return StageRollout(
-        stage, dense, np.array(ends).T, cost, np.array(interval), np.concatenate(began), overstepped
-    )  # fmt: skip
+    return StageRollout(stage, dense, np.array(ends).T, cost, np.array(interval), np.concatenate(began), overstepped)
 
 
 def _overstepped(stage: Stage, named: dict[str, float], coefficients: np.ndarray) -> float:
@@ -155,12 +148,6 @@ def _overstepped(stage: Stage, named: dict[str, float], coefficients: np.ndarray
         low, high = (float(bound(named)) if callable(bound) else bound for bound in (given.low, given.high))
         most = max(most, float((low - values).max()), float((values - high).max()))
     return most
-
-
-@lru_cache(maxsize=64)
-def _accurate_flow(stage: Stage, names: Sequence[str]) -> Flow:
-    """The accurate flow of a stage's intervals."""
-    return flow_of(interval_phase(stage), stage.interval_parameters(names))
 
 
 def input_polynomials(stage: Stage, duration: float, coefficients: np.ndarray) -> Trajectory:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, whole_number
+from ..flow.flow import Flow, flow_of
 from ..model.phase import Phase
 
 # Name of the length of an interval among the parameters of a phase. The apostrophe keeps it apart from identifiers.
@@ -68,10 +69,6 @@ class Stage:
         ends = np.cumsum([given.degree + 1 for given in self.inputs.values()]).tolist()
         return {name: slice(a, b) for name, a, b in zip(self.inputs, [0, *ends], ends, strict=False)}
 
-    def interval_parameters(self, names: Sequence[str]) -> tuple[str, ...]:
-        """The parameters of `interval_phase`: those of the problem, the length of the interval, and coefficients."""
-        return (*names, INTERVAL_LENGTH, *self.coefficient_names)
-
 
 @lru_cache(maxsize=64)
 def interval_phase(stage: Stage) -> Phase:
@@ -100,6 +97,11 @@ def interval_phase(stage: Stage) -> Phase:
 
     watch = {name: lambda x, p, q, of=of: of(*with_inputs(x, p), q) for name, of in stage.path.items()}
     return Phase(stage.phase.name, (*stage.phase.states, "clock", "cost"), rates, watch)
+
+
+def stage_flow(stage: Stage, names: tuple[str, ...]) -> Flow:
+    """The flow of `interval_phase`; its parameters are the problem's, the interval's length, and coefficients."""
+    return flow_of(interval_phase(stage), (*names, INTERVAL_LENGTH, *stage.coefficient_names))
 
 
 def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:

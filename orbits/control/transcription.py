@@ -7,12 +7,11 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..flow.flow import flow_of
 from ..flow.taylor import runge_kutta
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.ipopt import Minimiser, Minimum
 from ..symbolic.taylor_series import taylor_coefficients
-from .stage import Stage, interval_phase
+from .stage import Stage, stage_flow
 
 # Order of the Taylor steps. A step of order twelve costs half of one of the accurate flow, and where twelve is too low
 # the steps are halved.
@@ -42,14 +41,11 @@ class StageUnknowns(NamedTuple):
 def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
     """(state, share, parameters with length and coefficients) -> state, running cost and path expressions after that
     share of an interval."""
-    graph = flow_of(interval_phase(stage), stage.interval_parameters(names)).vector_field
+    graph = stage_flow(stage, names).vector_field
     size, share = len(stage.phase.states), ca.SX.sym("share")
     if graph.has_series:
         series = taylor_coefficients(graph.field, graph.x, graph.p, CONTROL_ORDER)[: graph.size, :]
-
-        def state_at(t):
-            return series @ ca.vertcat(*[t**k for k in range(CONTROL_ORDER + 1)])
-
+        state_at = lambda t: series @ ca.vertcat(*[t**k for k in range(CONTROL_ORDER + 1)])  # noqa: E731
         end = state_at(share)
         # The series of a cost with near corners converges slowly; Gauss's rule keeps a positive cost positive.
         rates = [graph.field(state_at(share * float(place)), graph.p)[0][size + 1] for place in GAUSS_PLACES]
@@ -94,13 +90,9 @@ class Transcription:
     """
 
     def __init__(
-        self,
-        stages: tuple[Stage, ...],
-        fixed: tuple[str, ...],
-        free: tuple[str, ...],
-        substeps: tuple[int, ...],
-        exchange_points: tuple[tuple[int, int], ...],
-    ):
+        self, stages: tuple[Stage, ...], fixed: tuple[str, ...], free: tuple[str, ...],
+        substeps: tuple[int, ...], exchange_points: tuple[tuple[int, int], ...],
+    ):  # fmt: skip
         self.stages, self.fixed, self.free = stages, fixed, free
         self.substeps, self.exchange_points = substeps, exchange_points
         self.names = (*fixed, *free)
@@ -229,11 +221,8 @@ class Transcription:
 
 @lru_cache(maxsize=32)
 def transcription(
-    stages: tuple[Stage, ...],
-    fixed: tuple[str, ...],
-    free: tuple[str, ...],
-    substeps: tuple[int, ...] | None = None,
-    exchange_points: tuple[tuple[int, int], ...] = (),
-) -> Transcription:
+    stages: tuple[Stage, ...], fixed: tuple[str, ...], free: tuple[str, ...],
+    substeps: tuple[int, ...] | None = None, exchange_points: tuple[tuple[int, int], ...] = (),
+) -> Transcription:  # fmt: skip
     """The nonlinear program of stages, kept for the next call."""
     return Transcription(stages, fixed, free, substeps or (1,) * len(stages), exchange_points)

@@ -17,15 +17,12 @@ def preimages(next_speeds: SpeedMap, edges: Intervals, grid: np.ndarray, followi
     """The intervals of launch speeds whose next one lies in one of the intervals `edges`, from a grid that resolves the
     map."""
     levels = np.unique(edges)
-    above = following[:, None] >= levels
-    i, k = np.nonzero(above[1:] != above[:-1])
-
-    def above_level(alpha, which):
-        return or_zero(next_speeds(alpha)) - levels[k[which]]
-
+    excess = following[:, None] - levels
+    i, k = np.nonzero((excess[1:] >= 0) != (excess[:-1] >= 0))
     ends, *_ = enclosed_sign_changes(
-        above_level, grid[i], grid[i + 1], following[i] - levels[k], following[i + 1] - levels[k]
-    )
+        lambda alpha, which: or_zero(next_speeds(alpha)) - levels[k[which]],
+        grid[i], grid[i + 1], excess[i, k], excess[i + 1, k],
+    )  # fmt: skip
     ends = np.unique([grid[0], *ends, grid[-1]])
     ends = ends[np.append(True, np.diff(ends) > 1e-15 * ends[1:])]
     inside = within(or_zero(next_speeds(0.5 * (ends[1:] + ends[:-1]))), edges)
@@ -38,11 +35,8 @@ def basin_of(
 ) -> Intervals:
     """The intervals of launch speeds that come to one of the `lossless` ones within `hops` hops, from a grid that
     resolves the map from the lowest of these on; the search ends once a hop adds no more than a length of `least`."""
-    ends = [*lossless[1:], float(grid[-1])]
-    intervals = [
-        (star, _end_of_descent(next_speeds, star, end, grid, following))
-        for star, end in zip(lossless, ends, strict=True)
-    ]
+    pairs = zip(lossless, [*lossless[1:], float(grid[-1])], strict=True)
+    intervals = [(star, _end_of_descent(next_speeds, star, end, grid, following)) for star, end in pairs]
     total = 0.0
     for _ in range(hops):
         intervals = preimages(next_speeds, intervals, grid, following)
@@ -54,16 +48,11 @@ def basin_of(
 
 def _end_of_descent(next_speeds: SpeedMap, star: float, end: float, grid, following) -> float:
     """The launch speed from which on the map falls below the lossless one, `star`; `end` where it does not before."""
-
-    def above_star(alpha, which):
-        return or_zero(next_speeds(alpha)) - star
-
-    i = np.flatnonzero((grid > star) & (grid < end) & (following < star))[:1]
+    i, excess = np.flatnonzero((grid > star) & (grid < end) & (following < star))[:1], following - star
     if not len(i):
         return end
-    return float(
-        enclosed_sign_changes(above_star, grid[i - 1], grid[i], following[i - 1] - star, following[i] - star)[0][0]
-    )
+    above = lambda alpha, which: or_zero(next_speeds(alpha)) - star  # noqa: E731
+    return float(enclosed_sign_changes(above, grid[i - 1], grid[i], excess[i - 1], excess[i])[0][0])
 
 
 def within(values: np.ndarray, edges) -> np.ndarray:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
@@ -38,13 +39,7 @@ class FixedPoint:
 
 def crossings(next_speeds: SpeedMap, grid: np.ndarray, following: np.ndarray) -> np.ndarray:
     """Launch speeds (k,) at which the map crosses the identity line, from its values on a grid."""
-
-    def gain(alpha, which=None):
-        return or_zero(next_speeds(alpha)) - alpha
-
-    values = following - grid
-    i = np.flatnonzero((values[1:] >= 0) != (values[:-1] >= 0))
-    a, b, fa, fb = enclosed_sign_changes(gain, grid[i], grid[i + 1], values[i], values[i + 1])
+    a, b, fa, fb = _sign_changes(lambda alpha, which: or_zero(next_speeds(alpha)) - alpha, grid, following - grid)
     continuous = np.maximum(np.abs(fa), np.abs(fb)) <= JUMP * a
     return np.where(np.abs(fa) <= np.abs(fb), a, b)[continuous]
 
@@ -66,6 +61,12 @@ def resolved_map(
     return grid, or_zero(values + slope * grid)
 
 
+def _sign_changes(function: Callable, grid: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, ...]:
+    """`enclosed_sign_changes` of one function between neighbours of a grid, from its values there."""
+    i = np.flatnonzero((values[1:] >= 0) != (values[:-1] >= 0))
+    return enclosed_sign_changes(function, grid[i], grid[i + 1], values[i], values[i + 1])
+
+
 def or_zero(speeds: np.ndarray) -> np.ndarray:
     """Launch speeds with 0 in place of NaN."""
     return np.nan_to_num(speeds, nan=0.0)
@@ -85,18 +86,17 @@ def lossless_speeds(impacts: Impacts, low: float, high: float) -> list[float]:
 
 def _orbits_of_families(impacts: Impacts, high: float) -> Iterator[Orbit]:
     """The orbit that `find` gives of each family, until several in a row lie beyond `high` or do not exist."""
-    beyond, family = 0, 1
-    while beyond <= FURTHER:
+    beyond = 0
+    for family in count(1):
         try:
             orbit = find(impacts.machine, family)
         except NoOrbit:
             orbit = None
-        if orbit and orbit.alpha <= high:
-            beyond = 0
+        beyond = 0 if orbit and orbit.alpha <= high else beyond + 1
+        if beyond > FURTHER:
+            return
+        if orbit and not beyond:
             yield orbit
-        else:
-            beyond += 1
-        family += 1
 
 
 def _all_orbits(impacts: Impacts, reduction: Reduction, low: float, high: float) -> Iterator[Orbit]:
@@ -121,9 +121,8 @@ def _all_orbits(impacts: Impacts, reduction: Reduction, low: float, high: float)
     ]
     shortest = max(np.concatenate([[high - low], *half_oscillations]).min(), (high - low) / MOST_SAMPLES)
     grid, values = resolved(end_speed, np.linspace(low, high, 2 + int(PER_TURN * (high - low) / shortest)), True)
-    i = np.flatnonzero((values[1:] >= 0) != (values[:-1] >= 0))
     equations = equations_of(model, "relative", names)
-    for alpha in enclosed_sign_changes(end_speed, grid[i], grid[i + 1], values[i], values[i + 1])[0]:
+    for alpha in _sign_changes(end_speed, grid, values)[0]:
         began = time.perf_counter()
         try:
             u, evaluation = equations.newton([liftoff, alpha], p)

@@ -78,14 +78,12 @@ IMPACT_OPTIONS = ImpactOptions()
 class Landing:
     """The effect of impacts on flight states, (m, ...) each.
 
-    speed : speed of the gap before the impact
     held : whether sustained contact follows, at once or after infinitely many bounces
     state : the state after the impact; it moves away where the machine bounces
     loss : loss of energy
     wait : the time that infinitely many bounces take, 0 where there are none
     """
 
-    speed: np.ndarray
     held: np.ndarray
     state: np.ndarray
     loss: np.ndarray
@@ -99,11 +97,9 @@ class Impacts:
     """
 
     def __init__(
-        self,
-        machine: ImpactingMachine,
-        values: Mapping[str, float] | None = None,
+        self, machine: ImpactingMachine, values: Mapping[str, float] | None = None,
         options: ImpactOptions = IMPACT_OPTIONS,
-    ):
+    ):  # fmt: skip
         check_machine(machine, "restitution")
         self.machine, self.options = machine, options
         self.model, self.restitution = machine.model, float(machine.restitution)
@@ -132,7 +128,7 @@ class Impacts:
             wait = np.where(held & summed, wait, 0.0)
         loss = 0.5 * self.model.impact_mass(self.values) * speed**2 * np.where(held, 1.0, 1 - e**2)
         state = stuck - np.where(held, 0.0, e * speed)[:, None] * self.direction
-        return Landing(speed, held, state, loss, wait)
+        return Landing(held, state, loss, wait)
 
     def launch(self, alpha: ArrayLike) -> np.ndarray:
         """Flight states (m, n) at lift-off with launch speeds (m,)."""

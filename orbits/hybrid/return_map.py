@@ -81,12 +81,9 @@ class ReturnMap:
         beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
         # A jump that is smaller than the changes beside it would not be seen in a plot.
         i = np.flatnonzero((np.diff(hops.impacts) != 0) & (change > beside))
-
-        def same_impacts(alpha, which):
-            return np.where(self(alpha).impacts == hops.impacts[i[which]], 1.0, -1.0)
-
+        same = lambda alpha, which: np.where(self(alpha).impacts == hops.impacts[i[which]], 1.0, -1.0)  # noqa: E731
         ones = np.ones(len(i))
-        a, b, _, _ = enclosed_sign_changes(same_impacts, hops.alpha[i], hops.alpha[i + 1], ones, -ones)
+        a, b, _, _ = enclosed_sign_changes(same, hops.alpha[i], hops.alpha[i + 1], ones, -ones)
         return i[np.abs(or_zero(self._next(a)) - or_zero(self._next(b))) > JUMP * a]
 
     def preimages(
