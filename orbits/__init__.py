@@ -5,14 +5,18 @@ from .continuation.existence import Existence, existence
 from .continuation.family import End, Event, Family, Point
 from .continuation.folds import fold_statement, follow_fold
 from .continuation.follow import follow, orbit_at, trace
-from .control.steer import Control, Guess, steer
-from .control.transcription import Input, Stage
+from .control.guess import Guess
+from .control.motion import Control
+from .control.stage import Input, Stage
+from .control.steer import steer
 from .design.local import Active
 from .design.optimize import Design, optimize, quantities, sensitivities
 from .design.pareto import Front, pareto
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
+from .hybrid.fixed_points import FixedPoint
+from .hybrid.hops import Hops
 from .hybrid.multiplier import multiplier
-from .hybrid.return_map import FixedPoint, Hops, ReturnMap
+from .hybrid.return_map import ReturnMap
 from .hybrid.simulation import Simulation, simulate
 from .io import __version__
 from .model.closed_form import Oscillator

@@ -64,9 +64,9 @@ def test_contacts_to_their_ends(name):
     rules = Impacts(MACHINES[name])
     speeds = np.linspace(0.05, 6, 40)
     standing = np.column_stack([np.full(40, rules.launch(speeds)[0, 0] * 0.9), -speeds])
-    status, ends = rules.stand_all(standing)
+    status, ends = rules.sustained_contacts(standing)
     for start, how, end in zip(standing, status, ends, strict=True):
-        path, expected, _ = rules.stand(start)
+        path, expected, _ = rules.sustained_contact(start)
         assert how == expected
         if how == "lifts_off":
             assert end == pytest.approx(path.end[:2], rel=1e-9, abs=1e-9)
