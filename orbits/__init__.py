@@ -7,9 +7,10 @@ from .continuation.folds import fold_statement, follow_fold
 from .continuation.follow import follow, orbit_at, trace
 from .control.steer import Control, Guess, steer
 from .control.transcription import Input, Stage
-from .design.local import Active
-from .design.optimize import Design, optimize, quantities, sensitivities
+from .design.optimality import Active
+from .design.optimize import Design, optimize
 from .design.pareto import Front, pareto
+from .design.sensitivities import quantities, sensitivities
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .hybrid.multiplier import multiplier
 from .hybrid.return_map import FixedPoint, Hops, ReturnMap

@@ -60,8 +60,8 @@ def finite_number(name: str, value) -> float:
     return number
 
 
-def whole_number(name: str, value, what: str, least: int = 1) -> int:
-    """`value` as a number of `what`, from `least`; raises `InputError` that names it."""
+def whole_number(name: str, value, what: str = "", least: int = 1) -> int:
+    """`value` as a whole number, of `what` where that is said, from `least`; raises `InputError` that names it."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise InputError(f"{name} = {value!r}; it is a number of {what}, from {least}")
+        raise InputError(f"{name} = {value!r}; it is a {f'number of {what},' if what else 'whole number'} from {least}")
     return int(value)
