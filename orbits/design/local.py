@@ -9,7 +9,6 @@ a program leads nowhere else and the optimality conditions hold.
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -80,17 +79,6 @@ class Infeasible(NoOrbit):
         self.size = size
 
 
-class Correction(NamedTuple):
-    """The certified orbit that a program leads to.
-
-    exact : whether the program's solution agrees with the orbit's own equations
-    """
-
-    machine: Machine
-    orbit: Orbit
-    exact: bool
-
-
 @dataclass(frozen=True, eq=False)
 class LocalSearch:
     """The state of a search from one start.
@@ -122,11 +110,6 @@ class LocalSearch:
     weights: Weights = OBJECTIVE
     collapses: int = 0
     reason: str = ""
-
-    @property
-    def where(self) -> str:
-        """The current parameters, for messages."""
-        return _parameters_text(self.problem, self.machine)
 
     def at(self, machine: Machine, orbit: Orbit, ties: Ties) -> "LocalSearch":
         """The search at another orbit, with the demands that this orbit adds."""
@@ -164,7 +147,7 @@ def local_optimum(machine: Machine, orbit: Orbit, problem: DesignProblem) -> Loc
             return result
         search = result
     reason = search.reason and f": {search.reason}"
-    raise NoOrbit(f"no optimum within {SEARCH.rounds} programs, at {search.where}{reason}")
+    raise NoOrbit(f"no optimum within {SEARCH.rounds} programs, at {problem.where(search.machine)}{reason}")
 
 
 def _initial_search(machine: Machine, orbit: Orbit, problem: DesignProblem) -> LocalSearch:
@@ -185,26 +168,31 @@ def _next(search: LocalSearch) -> LocalSearch | LocalOptimum:
         search = replace(search, weights=PENALISED)
         minimum = search.solve()
     try:
-        machine, orbit, exact = _correct(search, minimum.x)
+        machine, orbit, agrees = _correct(search, minimum.x)
     except NoOrbit as error:
         collapsed = str(error) == search.machine.model.violations["end"]
         return _rejected(replace(search, collapses=search.collapses + collapsed), str(error))
     stopped = _at_trust_region(search, minimum.x)
-    resting = stopped and _resting(search.problem, search.machine, machine)
-    if resting and (escape := _escape(search, machine, orbit, SEARCH.escape_ratio)):
-        raise Unbounded(escape)
-    moved = search.at(machine, orbit, search.ties)
+    if stopped and _resting(search.problem, search.machine, machine):
+        _check_escape(search, machine, orbit, SEARCH.escape_ratio)
+    return _accepted(search, search.at(machine, orbit, search.ties), minimum, stopped, agrees and not stopped)
+
+
+def _accepted(
+    search: LocalSearch, moved: LocalSearch, minimum: Minimum, stopped: bool, converged: bool
+) -> LocalSearch | LocalOptimum:
+    """The search after a round that led to another orbit, or the optimum if it led nowhere else."""
     same = (moved.point.places, moved.point.demands) == (search.point.places, search.point.demands)
-    settled = exact and not stopped and same and orbit.admissible
+    settled = converged and same and moved.orbit.admissible
     if search.weights.violation:
         moved = _toward_feasibility(moved, settled, search.machine)
     elif settled and not minimum.reason:
-        optimum = optimum_at(machine, orbit, search.problem, moved.point, search.scales(), search.flat)
+        optimum = optimum_at(moved.machine, moved.orbit, moved.problem, moved.point, search.scales(), search.flat)
         if optimum.kkt <= SEARCH.stationary:
             return optimum
         return _rejected(moved, f"the optimality conditions are off by {optimum.kkt:.1e}")
     if not same:
-        moved = _with_ties(search, moved, exact and not stopped)
+        moved = _with_ties(search, moved, converged)
     # A program that stops at the trust region is continued further, but only while its extremes keep their places.
     return replace(moved, reach=search.reach / 2 if stopped and not same else min(1.0, 2 * search.reach))
 
@@ -214,16 +202,18 @@ def _rejected(search: LocalSearch, reason: str) -> LocalSearch:
     search = replace(search, reach=search.reach / 4, reason=reason)
     if search.reach >= SEARCH.least_reach and search.collapses <= SEARCH.most_collapses:
         return search
+    where, collapse = search.problem.where(search.machine), search.machine.model.violations["end"]
     if search.collapses:
-        end = search.machine.model.violations["end"]
-        raise Unbounded(f"the design runs into a collapse just beyond {search.where}: {end}") from None
-    if escape := _escape(search, search.machine, search.orbit, SEARCH.loss_ratio):
-        raise Unbounded(escape) from None
-    raise NoOrbit(f"the design cannot be carried on from {search.where}: {reason}") from None
+        raise Unbounded(f"the design runs into a collapse just beyond {where}: {collapse}") from None
+    _check_escape(search, search.machine, search.orbit, SEARCH.loss_ratio)
+    raise NoOrbit(f"the design cannot be carried on from {where}: {reason}") from None
 
 
-def _correct(search: LocalSearch, x: np.ndarray) -> Correction:
-    """The certified orbit near the solution of a program; raises `NoOrbit` where there is none of the same family."""
+def _correct(search: LocalSearch, x: np.ndarray) -> tuple[Machine, Orbit, bool]:
+    """The certified orbit near the solution of a program, and whether it agrees with that solution.
+
+    Raises `NoOrbit` where there is none of the same family.
+    """
     problem, low, high = search.problem, np.array(search.problem.low), np.array(search.problem.high)
     k = len(problem.names)
     theta = np.clip(x[:k], low, high)
@@ -239,7 +229,7 @@ def _correct(search: LocalSearch, x: np.ndarray) -> Correction:
     if orbit.contact_time is None:
         raise NoOrbit("; ".join(orbit.violations))
     rounding = np.max(np.abs(theta - x[:k]) / units)
-    return Correction(machine, orbit, bool(change < SEARCH.agreement + SEARCH.swing * rounding))
+    return machine, orbit, bool(change < SEARCH.agreement + SEARCH.swing * rounding)
 
 
 def corrected_orbit(machine: Machine, u: np.ndarray) -> tuple[Orbit, np.ndarray]:
@@ -315,24 +305,21 @@ def _constraint_sizes(machine: Machine, problem: DesignProblem, point: DesignPoi
 def _check_values(problem: DesignProblem, machine: Machine, values: np.ndarray) -> None:
     """Raise `NoOrbit` where the objective or a constraint is not a finite number."""
     if not np.isfinite(values).all():
-        where = _parameters_text(problem, machine)
-        raise NoOrbit(f"'{problem.text}' or a constraint has no value at {where}")
+        raise NoOrbit(f"'{problem.text}' or a constraint has no value at {problem.where(machine)}")
 
 
-def _escape(search: LocalSearch, machine: Machine, orbit: Orbit, ratio: float) -> str:
-    """Where an orbit goes that has become `ratio` times as fast or long as the first, or as slow or short; else ''."""
+def _check_escape(search: LocalSearch, machine: Machine, orbit: Orbit, ratio: float) -> None:
+    """Raise `Unbounded` where an orbit has become `ratio` times as fast or long as the first, or as slow or short."""
     problem = search.problem
     for name in ("alpha", "contact_time"):
         growth = getattr(orbit, name) / getattr(search.first, name)
         if not 1 / ratio < growth < ratio:
             end, relation = ("escapes", "<=") if growth > 1 else ("shrinks to nothing", ">=")
-            return (
+            raise Unbounded(
                 f"the objective has no {'least' if problem.sign > 0 else 'largest'} value: '{problem.text}' gets "
-                f"better as the orbit {end}, {name} = {getattr(orbit, name):.4g} at "
-                f"{_parameters_text(problem, machine)} and still going; bound it, as "
-                f"subject_to=['{name} {relation} ...']"
-            )
-    return ""
+                f"better as the orbit {end}, {name} = {getattr(orbit, name):.4g} at {problem.where(machine)} and still "
+                f"going; bound it, as subject_to=['{name} {relation} ...']"
+            ) from None
 
 
 def _change(problem: DesignProblem, before: Machine, after: Machine) -> float:
@@ -372,11 +359,6 @@ def _infeasible(search: LocalSearch, violations: np.ndarray) -> Infeasible:
     bounds = ", ".join(f"{low:g} <= {name} <= {high:g}" for low, name, high in stated)
     return Infeasible(
         f"no motion was found with {bounds} that meets the constraints: at best {' and '.join(missed)}, with "
-        f"{search.where}; relax it, or widen the bounds",
+        f"{problem.where(search.machine)}; relax it, or widen the bounds",
         float(violations.sum()),
     )
-
-
-def _parameters_text(problem: DesignProblem, machine: Machine) -> str:
-    """The designed parameters of a machine in words."""
-    return ", ".join(f"{name} = {machine.values[name]:.6g}" for name in problem.names)

@@ -102,26 +102,34 @@ def pareto(
         problems = [design_problem(machine, text, None, over, subject_to) for text in texts]
         ends = []
         for i, problem in enumerate(problems):
-            best = _with_pair(multistart(machine, problem, family, starts, seed), texts)
+            best = _with_both(multistart(machine, problem, family, starts, seed), texts)
             ends.append(_corner(best, problems[1 - i], i, family, texts))
             report((i + 1) / points)
         designs, refused = [ends[0]], []
-        (_, high), (_, low) = map(_objectives, ends)
-        # Where one design is best in both objectives, there is nothing between the ends.
-        between = _dominates([low], [high])
-        levels = np.linspace(high, low, points)[1:-1] if between else np.zeros(0)
         starting = starting_points(machine, problems[0], starts, seed) if starts else []
-        for i, level in enumerate(levels.tolist()):
+        levels = _levels(ends, points)
+        for i, level in enumerate(levels):
             problem = _with_bound(problems[0], texts[1], level, machine)
             known = [{**d.parameters, "orbit": d.orbit} for d in dict.fromkeys((designs[-1], *ends))]
             try:
-                designs.append(_with_pair(best_design(machine, problem, family, [*known, *starting]), texts))
+                designs.append(_with_both(best_design(machine, problem, family, [*known, *starting]), texts))
             except OrbitsError as error:
                 refused.append((level, f"none found from {len(known) + len(starting)} starts: {error}"))
             report((i + 3) / points)
-        designs += ends[1:] if len(levels) or points == 2 else []
-        front = [d for d in designs if not any(_dominates(_objectives(other), _objectives(d)) for other in designs)]
-        return Front(texts, tuple(sorted(front, key=_objectives)), tuple(refused), time.perf_counter() - began)
+        designs += ends[1:] if levels or points == 2 else []
+        return Front(texts, _undominated(designs), tuple(refused), time.perf_counter() - began)
+
+
+def _levels(ends: Sequence[Design], points: int) -> list[float]:
+    """Levels of the second objective between the ends; none where one design is best in both objectives."""
+    (_, high), (_, low) = map(_objectives, ends)
+    return np.linspace(high, low, points)[1:-1].tolist() if _dominates([low], [high]) else []
+
+
+def _undominated(designs: Sequence[Design]) -> tuple[Design, ...]:
+    """The designs that no other one dominates, in ascending order of the first objective."""
+    best = [d for d in designs if not any(_dominates(_objectives(other), _objectives(d)) for other in designs)]
+    return tuple(sorted(best, key=_objectives))
 
 
 def _corner(end: Design, other: DesignProblem, index: int, family: int, texts: tuple[str, str]) -> Design:
@@ -133,7 +141,7 @@ def _corner(end: Design, other: DesignProblem, index: int, family: int, texts: t
     problem = _with_bound(other, texts[index], own + SAME_OBJECTIVE * abs(own), end.machine)
     start = {**end.parameters, "orbit": end.orbit}
     try:
-        further = _with_pair(best_design(end.machine, problem, family, [start]), texts)
+        further = _with_both(best_design(end.machine, problem, family, [start]), texts)
     except OrbitsError:
         return end
     return further if rival - _objectives(further)[1 - index] > WORTH * abs(rival) else end
@@ -178,7 +186,7 @@ def _dominates(one: Sequence[float], other: Sequence[float]) -> bool:
     return all(a <= b + s for a, b, s in pairs) and any(a < b - s for a, b, s in pairs)
 
 
-def _with_pair(design: Design, texts: tuple[str, str]) -> Design:
+def _with_both(design: Design, texts: tuple[str, str]) -> Design:
     """A design with the values of both objectives."""
     values = quantities(design.machine, design.orbit, texts)
     return replace(design, pair=(values[texts[0]], values[texts[1]]))

@@ -67,6 +67,10 @@ class DesignProblem:
         """The values (k,) of the parameters that a machine has."""
         return np.array([machine.values[name] for name in self.names])
 
+    def where(self, machine: Machine) -> str:
+        """The values of the parameters that a machine has, for messages."""
+        return ", ".join(f"{name} = {machine.values[name]:.6g}" for name in self.names)
+
     def units(self, theta: np.ndarray) -> np.ndarray:
         """What counts as one unit of each parameter at values (k,): the distance between its bounds, or its value."""
         return np.where(self.wide, np.abs(theta), np.subtract(self.high, self.low))
