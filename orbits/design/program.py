@@ -28,9 +28,10 @@ from .statement import design_statement
 
 # What is demanded of a motion stays this far above zero, in the machine's units: a motion that just touches is refused.
 DEMAND_MARGIN = 1e-9
-# The landing jerk keeps this share of its value at the first orbit: where it vanishes there is no lossless landing.
+# A program keeps this share of the landing jerk at its start: where that vanishes there is no lossless landing.
 LEAST_JERK = 1e-6
-# Shooting nodes stay this near to those at the first orbit, in their sizes: without an orbit the states would run off.
+# A program keeps its shooting nodes this near to their guess, in their sizes, since an iterate far off has no orbit and
+# its states would run off.
 NODE_RANGE = 4.0
 # The guess is already an orbit, so the barrier starts small; and so small a program can be solved to rounding.
 DESIGN_OPTIONS = {
@@ -185,7 +186,7 @@ class DesignPoint:
 
     @cached_property
     def _derivatives(self) -> list[np.ndarray]:
-        state = np.concatenate([self.theta, self.u, self.trajectory.node_values])
+        state = np.concatenate([self.theta, self.u, self.trajectory.nodes])
         scales = np.ones(self.program.scales.numel())
         return self.program.derivatives(state, self._parameters(Weights(1.0, 0.0), scales))
 
@@ -233,9 +234,9 @@ class DesignPoint:
         Raises `NoOrbit` where a formula has no value on the way.
         """
         m = len(self.program.outputs.formulas) - 1
-        theta, nodes, slacks = self.theta, self.trajectory.node_values, np.zeros(2 * m)
+        theta, nodes, slacks = self.theta, self.trajectory.nodes, np.zeros(2 * m)
         size = np.maximum(np.abs(self.u), 0.1 * np.abs(self.u).max())
-        node_size = self.trajectory.node_sizes
+        node_size = self.trajectory.sizes
         guess = np.concatenate([theta, self.u, nodes, slacks])
         scale = np.concatenate([units, size, node_size, np.ones(2 * m)])
         # A mesh serves motions that last up to so many times as long. The first unknown is the lift-off extension and

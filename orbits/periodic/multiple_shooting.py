@@ -137,54 +137,36 @@ def _legs(flow: Flow, path: Trajectory, p: np.ndarray) -> tuple[np.ndarray, list
 
 @dataclass(frozen=True, eq=False)
 class MeshTrajectory:
-    """The trajectory of a statement on a mesh, as the values of a `ShootingMesh`'s symbols.
+    """The trajectory of a statement on a mesh, as values for a `ShootingMesh`.
 
-    shares : of each arc (N,), the step sizes as shares of its duration
-    nodes : of each arc (n, N), the states at the ends of the steps
-    sizes : of each arc (n,), the largest absolute value of each state, at least 1
+    counts : number of steps of each arc
+    data : values of its symbol `data`
+    nodes, sizes : values of its symbol `nodes`, and what counts as one unit of each
     """
 
-    shares: tuple[np.ndarray, ...]
-    nodes: tuple[np.ndarray, ...]
-    sizes: tuple[np.ndarray, ...]
-
-    @property
-    def counts(self) -> tuple[int, ...]:
-        """Number of steps of each arc."""
-        return tuple(map(len, self.shares))
-
-    @property
-    def data(self) -> np.ndarray:
-        """The values of the symbol `data`."""
-        return np.concatenate([part for pair in zip(self.shares, self.sizes, strict=True) for part in pair])
-
-    @property
-    def node_values(self) -> np.ndarray:
-        """The values of the symbol `nodes`."""
-        return np.concatenate([nodes.ravel(order="F") for nodes in self.nodes])
-
-    @property
-    def node_sizes(self) -> np.ndarray:
-        """What counts as one unit of each of the `node_values`."""
-        return np.concatenate([np.tile(size, len(part)) for size, part in zip(self.sizes, self.shares, strict=True)])
+    counts: tuple[int, ...]
+    data: np.ndarray
+    nodes: np.ndarray
+    sizes: np.ndarray
 
 
 def trajectory_on_mesh(statement: Statement, u: dict[str, float], p: dict[str, float]) -> MeshTrajectory:
     """The trajectory of a statement at unknowns and parameters by name, on a mesh that serves its neighbours too."""
-    shares, nodes, sizes = [], [], []
+    counts, data, nodes, sizes = [], [], [], []
     before: list[float] = []
     for arc in statement.arcs:
         start, duration = [float(x) for x in arc.start(u, before, p)], float(arc.duration(u, p))
         path, _ = flow_of(arc.phase, tuple(p)).run(start, np.array(list(p.values())), duration)
         groups = int(np.ceil((MESH_RESERVE * len(path.steps) + SPARE_MESH_STEPS) / STEP_GROUP))
-        positions = np.linspace(0, len(path.steps), STEP_GROUP * groups + 1)
-        times = np.interp(positions, np.arange(len(path.times)), path.times)
+        counts.append(STEP_GROUP * groups)
+        times = np.interp(np.linspace(0, len(path.steps), counts[-1] + 1), np.arange(len(path.times)), path.times)
         states = path(times[1:])[:, : len(start)]
-        shares.append(np.diff(times) / times[-1])
-        nodes.append(states.T)
-        sizes.append(np.maximum(np.abs(states).max(0), 1.0))
+        size = np.maximum(np.abs(states).max(0), 1.0)
+        data += [np.diff(times) / times[-1], size]
+        nodes.append(states.ravel())
+        sizes.append(np.tile(size, counts[-1]))
         before = states[-1].tolist()
-    return MeshTrajectory(tuple(shares), tuple(nodes), tuple(sizes))
+    return MeshTrajectory(tuple(counts), *map(np.concatenate, (data, nodes, sizes)))
 
 
 class ShootingMesh:
@@ -192,7 +174,7 @@ class ShootingMesh:
     unknowns and `p` (np,) of the parameters.
 
     nodes : symbol of all shooting nodes, arc by arc and step by step
-    data : symbol of the shares and the sizes of a `MeshTrajectory`
+    data : symbol of the step sizes as shares of an arc's duration (N,), and of the sizes of its states (n,), arc by arc
     equations : vanish on a solution; all are of order one, the defects first and then the statement's own conditions
     ends : the state at the end of each arc
     """
