@@ -130,12 +130,15 @@ def _value_and_rate(model: Model, names: tuple[str, ...], extreme: str, index: i
 
 
 def locate(model: Model, orbit: Orbit, p: Mapping, name: str) -> tuple[Place, float] | None:
-    """The place of an extreme on an orbit and its time from the start of the phase, or None if there is none."""
-    best, extreme = None, extreme_of(model, name)
-    largest = -np.inf
+    """The place of an extreme on an orbit and its time from the start of the phase, or None if there is none.
+
+    Raises `NoOrbit` for a contact that does not end.
+    """
+    best, largest, extreme = None, -np.inf, extreme_of(model, name)
     for index, (phase, _) in enumerate(extreme.functions):
         path = orbit.flight if phase == "flight" else orbit.contact
-        assert path is not None  # an orbit whose contact never ends is refused before
+        if path is None:
+            raise NoOrbit("; ".join(orbit.violations))
         count = SAMPLES_PER_STEP * len(path.steps)
         t = np.interp(np.arange(count + 1) / SAMPLES_PER_STEP, np.arange(len(path.times)), path.times)
         function = _value_and_rate(model, tuple(p), name, index)

@@ -235,14 +235,12 @@ class DesignPoint:
         """
         m = len(self.program.outputs.formulas) - 1
         theta, nodes, slacks = self.theta, self.trajectory.nodes, np.zeros(2 * m)
-        size = np.maximum(np.abs(self.u), 0.1 * np.abs(self.u).max())
-        node_size = self.trajectory.sizes
+        size, node_size = np.maximum(np.abs(self.u), 0.1 * np.abs(self.u).max()), self.trajectory.sizes
         guess = np.concatenate([theta, self.u, nodes, slacks])
         scale = np.concatenate([units, size, node_size, np.ones(2 * m)])
         # A mesh serves motions that last up to so many times as long. The first unknown is the lift-off extension and
         # may have either sign; all others are times and a speed.
-        factor, free = 1 + min(reach, 1.0), [np.inf]
-        span = NODE_RANGE * node_size
+        factor, free, span = 1 + min(reach, 1.0), [np.inf], NODE_RANGE * node_size
         lower = np.concatenate([bounds[0], np.negative(free), self.u[1:] / factor, nodes - span, slacks])
         most_violation = np.full(2 * m, np.inf if weights.violation else 0.0)
         upper = np.concatenate([bounds[1], free, self.u[1:] * factor, nodes + span, most_violation])

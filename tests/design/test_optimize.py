@@ -394,6 +394,9 @@ def test_phase_that_collapses():
     assert float(str(error.value).split("beta = ")[1].split(":")[0]) == pytest.approx(collapse, rel=1e-5)
     with pytest.raises(NoOrbit, match="the spring collapses"):
         optimize(soft, minimise="stroke", over={"beta": (-0.0099, -0.0095)})
+    endless = soft.with_values(beta=-0.0072)
+    with pytest.raises(NoOrbit, match="the spring collapses"):
+        quantities(endless, find(endless))
 
 
 FILE = """machine = "hopper"
