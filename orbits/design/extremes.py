@@ -21,7 +21,7 @@ from ..periodic.orbit import Orbit
 
 # Samples per step of a trajectory among which an extreme is looked for; it is then found exactly.
 SAMPLES_PER_STEP = 24
-# What an orbit is told that lacks a local extreme.
+# What the error says of an orbit without a local extreme.
 ABSENT = {
     "gap": "clearance: the gap has no lowest point inside the flight",
     "force": "smallest_contact_force: the force has no lowest value inside the contact",

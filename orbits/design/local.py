@@ -3,7 +3,7 @@
 Each round solves the nonlinear program on the mesh of the current orbit, within a trust region of the parameters. The
 orbit is then corrected at the new parameters by its own equations, and certified. What the certificate finds nearly
 violated is demanded from then on, and an extreme that has moved to another place is taken there. The search ends where
-a program leads nowhere else and the optimality conditions hold.
+it leads nowhere else and the optimality conditions hold.
 """
 
 import time
@@ -23,8 +23,8 @@ from .problem import DesignProblem, Outputs, formula_units
 from .program import DEMAND_MARGIN, DesignPoint, Ties, Weights, design_point
 from .statement import base_statement
 
-# The cost of a program is the objective, with the constraints held; or the violations and a little of the objective,
-# until the constraints are met; or the violations alone, to see whether the constraints can be met at all.
+# The cost of a nonlinear program is the objective, with the constraints held; or the violations and a little of the objective,
+# until the constraints are met; or the violations alone, to see whether they can be met at all.
 OBJECTIVE, PENALISED, FEASIBILITY = Weights(1.0, 0.0), Weights(1e-3, 1.0), Weights(0.0, 1.0)
 
 
@@ -34,12 +34,12 @@ class LocalSearchOptions:
 
     rounds : nonlinear programs solved, at most
     least_reach : smallest trust region, as a share of the parameters' range
-    most_collapses : programs that lead into a contact without end, before that is taken for what the objective asks for
-    escape_ratio, rest : an orbit so many times as fast or long as the first escapes, if the parameters change by less
-        than the share `rest` of their values and of their distances to the bounds
-    loss_ratio : an orbit that is lost was escaping, if it is so many times as fast or long as the first
-    agreement, swing : the mesh is fine enough if the corrected unknowns differ by no more than the share `agreement`,
-        and by `swing` times the share by which a parameter was rounded or put on its bound
+    most_collapses : rounds that lead into a contact without end, before the objective counts as unbounded
+    escape_ratio, rest : an orbit so many times as fast or long as the first escapes, if the parameters change by no
+        more than the share `rest` of their values and of their distances to the bounds
+    loss_ratio : where the search cannot go on, an orbit so many times as fast or long as the first was escaping
+    agreement, swing : the mesh is fine enough if the correction changes the unknowns by less than the share `agreement`
+        plus `swing` times the share by which a parameter was rounded or put on its bound
     largest_correction : a correction by a larger share of the unknowns leads to another orbit
     on_bound : a parameter nearer to its bound than this share of its unit is put on it, since Ipopt stays inside
     stationary : largest slope of the Lagrangian, as a share of the objective over a parameter's range
@@ -87,12 +87,12 @@ class LocalSearch:
     sizes : what counts as one unit of each constraint, see `_constraint_sizes`
     flat : which parameters (k,) nothing depended on at the start
     machine, orbit, point : the current orbit, and the objective and the constraints there
-    demands : quantities that programs keep positive
+    demands : quantities that are kept positive
     ties : extremes that are held equal at several places
     visited : the places of the extremes at earlier orbits
     reach : the trust region, as a share of the parameters' range
-    weights : of the next program's cost
-    collapses : how many programs led into a contact without end
+    weights : of the cost in the next round
+    collapses : number of rounds that led into a contact without end
     reason : why the last rejected round was rejected
     """
 
@@ -147,7 +147,7 @@ def local_optimum(machine: Machine, orbit: Orbit, problem: DesignProblem) -> Loc
             return result
         search = result
     reason = search.reason and f": {search.reason}"
-    raise NoOrbit(f"no optimum within {SEARCH.rounds} programs, at {problem.where(search.machine)}{reason}")
+    raise NoOrbit(f"no optimum within {SEARCH.rounds} nonlinear programs, at {problem.where(search.machine)}{reason}")
 
 
 def _initial_search(machine: Machine, orbit: Orbit, problem: DesignProblem) -> LocalSearch:
@@ -193,7 +193,7 @@ def _accepted(
         return _rejected(moved, f"the optimality conditions are off by {optimum.kkt:.1e}")
     if not same:
         moved = _with_ties(search, moved, converged)
-    # A program that stops at the trust region is continued further, but only while its extremes keep their places.
+    # The mesh does not serve a motion whose extremes have moved to other places, so the trust region must not grow then.
     return replace(moved, reach=search.reach / 2 if stopped and not same else min(1.0, 2 * search.reach))
 
 
@@ -210,7 +210,7 @@ def _rejected(search: LocalSearch, reason: str) -> LocalSearch:
 
 
 def _correct(search: LocalSearch, x: np.ndarray) -> tuple[Machine, Orbit, bool]:
-    """The certified orbit near the solution of a program, and whether it agrees with that solution.
+    """The certified orbit near the solution of a nonlinear program, and whether it agrees with that solution.
 
     Raises `NoOrbit` where there is none of the same family.
     """
@@ -225,7 +225,7 @@ def _correct(search: LocalSearch, x: np.ndarray) -> tuple[Machine, Orbit, bool]:
     orbit, u = corrected_orbit(machine, guess)
     change = np.max(np.abs(u - guess) / np.maximum(np.abs(u), 1e-3))
     if change > SEARCH.largest_correction or orbit.family != search.first.family:
-        raise NoOrbit("the program leads to another orbit")
+        raise NoOrbit("the nonlinear program leads to another orbit")
     if orbit.contact_time is None:
         raise NoOrbit("; ".join(orbit.violations))
     rounding = np.max(np.abs(theta - x[:k]) / units)
@@ -242,7 +242,7 @@ def corrected_orbit(machine: Machine, u: np.ndarray) -> tuple[Orbit, np.ndarray]
 
 
 def _toward_feasibility(moved: LocalSearch, settled: bool, before: Machine) -> LocalSearch:
-    """The search with the weights of its next program, as long as violations are penalised."""
+    """The search with the weights of its next round, as long as violations are penalised."""
     violations = moved.violations()
     if violations.sum() <= SEARCH.met:
         return replace(moved, weights=OBJECTIVE)
@@ -287,7 +287,7 @@ def _constraint_sizes(machine: Machine, problem: DesignProblem, point: DesignPoi
     """What counts as one unit of each constraint: the largest of its bounds and of the terms that it compares; where
     that is zero, its value, or what the parameters change it by.
 
-    The sizes are those at the start for all programs, since sizes that shrank with a violation would never show it met.
+    The sizes are those at the start in all rounds, since sizes that shrank with a violation would never show it met.
     """
     known: Mapping[str, float] = machine.values | point.quantities
     theta = point.theta
@@ -336,7 +336,7 @@ def _resting(problem: DesignProblem, before: Machine, after: Machine) -> bool:
 
 
 def _at_trust_region(search: LocalSearch, x: np.ndarray) -> bool:
-    """Whether the solution of a program was stopped by the trust region of the parameters or of the unknowns."""
+    """Whether the solution of a nonlinear program lies on the trust region of the parameters or unknowns."""
     problem, point, reach = search.problem, search.point, search.reach
     k, n = len(problem.names), len(point.u)
     theta, (low, high) = x[:k], problem.within(point.theta, reach)

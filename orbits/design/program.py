@@ -28,10 +28,9 @@ from .statement import design_statement
 
 # What is demanded of a motion stays this far above zero, in the machine's units: a motion that just touches is refused.
 DEMAND_MARGIN = 1e-9
-# A program keeps this share of the landing jerk at its start: where that vanishes there is no lossless landing.
+# The landing jerk keeps this share of its value at the guess: where it vanishes there is no lossless landing.
 LEAST_JERK = 1e-6
-# A program keeps its shooting nodes this near to their guess, in their sizes, since an iterate far off has no orbit and
-# its states would run off.
+# The shooting nodes stay this near to their guess, in their sizes: far from an orbit the states would run off.
 NODE_RANGE = 4.0
 # The guess is already an orbit, so the barrier starts small; and so small a program can be solved to rounding.
 DESIGN_OPTIONS = {
@@ -93,7 +92,7 @@ class DesignProgram:
 
     @cached_property
     def _derivatives(self) -> ca.Function:
-        """Built on first use, since most programs are solved more often than differentiated."""
+        """Built on first use, since most nonlinear programs are solved more often than differentiated."""
         state, parameters, equations, results = self._graph
         jacobians = ca.jacobian(equations, state), ca.jacobian(results, state)
         return ca.Function("derivatives", [state, parameters], [equations, results, *jacobians])
