@@ -3,7 +3,7 @@
 Each round solves the nonlinear program on the mesh of the current orbit, within a trust region of the parameters. The
 orbit is then corrected at the new parameters by its own equations, and certified. What the certificate finds nearly
 violated is demanded from then on, and an extreme that has moved to another place is taken there. The search ends where
-it leads nowhere else and the optimality conditions hold.
+a round leads nowhere else and the optimality conditions hold.
 """
 
 import time
@@ -23,8 +23,8 @@ from .problem import DesignProblem, Outputs, formula_units
 from .program import DEMAND_MARGIN, DesignPoint, Ties, Weights, design_point
 from .statement import base_statement
 
-# The cost of a nonlinear program is the objective, with the constraints held; or the violations and a little of the objective,
-# until the constraints are met; or the violations alone, to see whether they can be met at all.
+# The cost of a nonlinear program is the objective, with the constraints held; or the violations and a little of the
+# objective, until the constraints are met; or the violations alone, to see whether they can be met at all.
 OBJECTIVE, PENALISED, FEASIBILITY = Weights(1.0, 0.0), Weights(1e-3, 1.0), Weights(0.0, 1.0)
 
 
@@ -193,7 +193,7 @@ def _accepted(
         return _rejected(moved, f"the optimality conditions are off by {optimum.kkt:.1e}")
     if not same:
         moved = _with_ties(search, moved, converged)
-    # The mesh does not serve a motion whose extremes have moved to other places, so the trust region must not grow then.
+    # A nonlinear program does not hold beyond where extremes move to other places, so the trust region shrinks then.
     return replace(moved, reach=search.reach / 2 if stopped and not same else min(1.0, 2 * search.reach))
 
 
