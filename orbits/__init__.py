@@ -9,9 +9,10 @@ from .control.guess import Guess
 from .control.motion import Control
 from .control.stage import Input, Stage
 from .control.steer import steer
-from .design.local import Active
-from .design.optimize import Design, optimize, quantities, sensitivities
+from .design.optimality import Active
+from .design.optimize import Design, optimize
 from .design.pareto import Front, pareto
+from .design.sensitivities import quantities, sensitivities
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .hybrid.fixed_points import FixedPoint
 from .hybrid.hops import Hops

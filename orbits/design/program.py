@@ -1,47 +1,40 @@
-"""An orbit and its parameters as one nonlinear program, and their derivatives by the implicit function theorem.
+"""An orbit and its parameters as one nonlinear program, and derivatives of quantities by the implicit function theorem.
 
-Unknowns: the parameters theta, those of the design statement, the states at the nodes of its mesh, and what the
-constraints are exceeded by, which is held at zero except when it is what is minimised. The mesh is of the motion's own
-Taylor steps, as shares of the arcs' durations: with the states at its nodes as unknowns the derivatives stay sparse,
-and small changes do not grow along the motion.
+Unknowns: the parameters theta; those of the design statement; the shooting nodes on its mesh; and the violations of the
+constraints, which are held at zero except where they are minimised. With the shooting nodes as unknowns the derivatives
+stay sparse, and small changes do not grow along the trajectory.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ..errors import NoOrbit
-from ..flow.flow import flow_of
+from ..model.machine import Machine
 from ..model.model import Model, Units
 from ..model.phase import Statement
 from ..numerics.linear import solve
+from ..periodic.multiple_shooting import MeshTrajectory, ShootingMesh, trajectory_on_mesh
 from ..periodic.orbit import Orbit
 from ..symbolic.ipopt import Minimiser, Minimum
+from .extremes import Place, extreme_values, locate, no_extreme
 from .problem import Outputs
-from .quantities import (
-    VARIED,
-    Place,
-    design_statement,
-    expressions,
-    extremes,
-    locate,
-    missing,
-    parts_of,
-    unit_of,
-)
+from .quantities import VARIATIONAL, expressions, extremes_of, unit_of
+from .statement import design_statement
 
-# What the demands on a motion stay away from zero by, in the machine's units, and the landing jerk as a share of its
-# first value: a motion that just touches is none.
+# What is demanded of a motion stays this far above zero, in the machine's units: a motion that just touches is refused.
 DEMAND_MARGIN = 1e-9
-JERK_LEFT = 1e-6
-# Nodes stay this near to the first motion's, in its sizes: where there is no orbit the states would run off.
+# The landing jerk keeps this share of its value at the guess: where it vanishes there is no lossless landing.
+LEAST_JERK = 1e-6
+# The shooting nodes stay this near to their guess, in their sizes: far from an orbit the states would run off.
 NODE_RANGE = 4.0
-# Of Ipopt's: the guess is an orbit already, and so small a program can be solved to rounding.
+# The guess is already an orbit, so the barrier starts small; and so small a program can be solved to rounding.
 DESIGN_OPTIONS = {
-    "calc_lam_p": False,  # which is not in use, and would be complained of where a formula has no value
+    "calc_lam_p": False,  # not in use, and CasADi would complain of it where a formula has no value
     "ipopt.tol": 1e-13,
     "ipopt.compl_inf_tol": 1e-13,
     "ipopt.max_iter": 80,
@@ -49,286 +42,247 @@ DESIGN_OPTIONS = {
     "ipopt.bound_push": 1e-4,
     "ipopt.bound_frac": 1e-4,
 }
-# A mesh has this many times the steps that its motion needs, and a few more, so that it serves the neighbours too; of
-# few numbers of steps, so that the graph is built for few.
-ROOM, SPARE_NODES, GROUPS = 1.1, 1, 4
+# Several places of one extreme with their times, by the name of the extreme.
+Ties = Mapping[str, tuple[tuple[Place, float], ...]]
 
 
-@dataclass(frozen=True, eq=False)
-class MeshMotion:
-    """A statement's arcs travelled at one point.
+class Weights(NamedTuple):
+    """Weights in the cost of a nonlinear program; constraints with a violation of weight 0 are held exactly."""
 
-    shares : of each arc (N,), the steps as parts of its duration
-    nodes : of each arc (n, N), the states at the steps' ends
-    sizes : of each arc (n,), the largest of each state, at least 1
-    """
-
-    shares: tuple[np.ndarray, ...]
-    nodes: tuple[np.ndarray, ...]
-    sizes: tuple[np.ndarray, ...]
-
-    @property
-    def counts(self) -> tuple[int, ...]:
-        """Steps of each arc."""
-        return tuple(map(len, self.shares))
-
-
-def motion_on_mesh(statement: Statement, u: dict, p: dict) -> MeshMotion:
-    """The motion of a statement at unknowns and parameters by name, on meshes with room for the neighbours'."""
-    shares, nodes, sizes, last = [], [], [], []
-    for arc in statement.arcs:
-        start, duration = [float(x) for x in arc.start(u, last, p)], float(arc.duration(u, p))
-        path, _ = flow_of(arc.phase, tuple(p)).run(start, np.array(list(p.values())), duration)
-        places = np.linspace(
-            0, len(path.steps), GROUPS * int(np.ceil((ROOM * len(path.steps) + SPARE_NODES) / GROUPS)) + 1
-        )
-        times = np.interp(places, np.arange(len(path.times)), path.times)
-        states = path(times[1:])[:, : len(start)]
-        shares.append(np.diff(times) / times[-1])
-        nodes.append(states.T)
-        sizes.append(np.maximum(np.abs(states).max(0), 1.0))
-        last = states[-1].tolist()
-    return MeshMotion(tuple(shares), tuple(nodes), tuple(sizes))
-
-
-class ShootingMesh:
-    """The graph of a statement with `counts` steps of its arcs, at expressions `u` (n,) and `p` (np,) of the unknowns
-    and the parameters.
-
-    nodes : symbol of all nodes, arc by arc and step by step
-    data : symbol of what a motion fixes: shares and sizes, see `data_of`
-    equations : vanish on a solution; of order one: the steps', then the statement's own
-    ends : of each arc, the state at its end
-    """
-
-    def __init__(self, statement: Statement, parameters: tuple[str, ...], counts: Sequence[int], u: ca.MX, p: ca.MX):
-        sizes = [len(arc.phase.states) for arc in statement.arcs]
-        self.nodes = ca.MX.sym("x", sum(n * count for n, count in zip(sizes, counts, strict=True)))
-        self.data = ca.MX.sym("mesh", sum(n + count for n, count in zip(sizes, counts, strict=True)))
-        self.ends: list[ca.MX] = []
-        steps, own, place, at, before = [], [], 0, 0, ca.MX(0, 1)
-        for arc, n, count in zip(statement.arcs, sizes, counts, strict=True):
-            states = ca.reshape(self.nodes[place : place + n * count], n, count)
-            shares, size = self.data[at : at + count].T, self.data[at + count : at + count + n]
-            depart, arrive = ends_of(statement, parameters, arc, before.numel())
-            start, duration = depart(u, before, p)
-            step = flow_of(arc.phase, parameters).vector_field.step.map(count)
-            there = step(ca.horzcat(start, states[:, :-1]), duration * shares, ca.repmat(p, 1, count))
-            steps.append(ca.vec((there - states) / size))
-            before = states[:, -1]
-            own.append(arrive(u, start, before, p))
-            self.ends.append(before)
-            place, at = place + n * count, at + count + n
-        self.equations = ca.vertcat(*steps, *own)
-
-    @staticmethod
-    def data_of(motion: MeshMotion) -> np.ndarray:
-        """The values of `data`."""
-        return np.concatenate([part for pair in zip(motion.shares, motion.sizes, strict=True) for part in pair])
-
-    @staticmethod
-    def nodes_of(motion: MeshMotion) -> tuple[np.ndarray, np.ndarray]:
-        """The values of `nodes`, and what counts as one unit of each."""
-        values = np.concatenate([nodes.ravel(order="F") for nodes in motion.nodes])
-        units = [np.tile(size, len(shares)) for size, shares in zip(motion.sizes, motion.shares, strict=True)]
-        return values, np.concatenate(units)
-
-
-def ends_of(statement: Statement, parameters: tuple[str, ...], arc, before: int) -> tuple[ca.Function, ca.Function]:
-    """Where an arc starts and for how long, (u, state before, p); and what vanishes at its ends, (u, start, end, p)."""
-    u, p = ca.SX.sym("u", len(statement.unknowns)), ca.SX.sym("p", len(parameters))
-    named = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
-    values = dict(zip(parameters, ca.vertsplit(p), strict=True))
-    last = ca.SX.sym("b", before)
-    x, y = (ca.SX.sym(name, len(arc.phase.states)) for name in "xy")
-    start = ca.vertcat(*arc.start(named, ca.vertsplit(last), values))
-    holds = [*arc.guard(named, ca.vertsplit(x), values, []), *arc.conditions(named, ca.vertsplit(y), values)]
-    depart = ca.Function("depart", [u, last, p], [ca.densify(start), ca.SX(arc.duration(named, values))])
-    return depart, ca.Function("arrive", [u, x, y, p], [ca.densify(ca.vertcat(*holds))])
+    objective: float
+    violation: float
 
 
 class DesignProgram:
-    """The program of what is asked, built once for all values."""
+    """The nonlinear program of some outputs over parameters, built once for all values.
 
-    def __init__(self, model: Model, names: tuple[str, ...], asked: Outputs, places: tuple[Place, ...], counts):
-        self.asked, self.names = asked, names
-        words = asked.words(model, dict.fromkeys(names, 1.0))
-        statement = design_statement(model, any(name in VARIED for name in words), places)
-        self.unknowns, self.size = statement.unknowns, len(statement.unknowns)
-        k, m = len(asked.over), len(asked.formulas) - 1
-        theta, u, fixed = ca.MX.sym("theta", k), ca.MX.sym("u", self.size), ca.MX.sym("fixed", len(names))
-        p = ca.vertcat(*[theta[asked.over.index(n)] if n in asked.over else fixed[i] for i, n in enumerate(names)])
+    unknowns : names of the unknowns of the design statement
+    scales : symbol of the scales of the formulas, the landing jerk and the demands
+    reported, tied : where the quantities, and the differences between two places of an extreme, are among the results
+    equations : number of equations that vanish on an orbit
+    """
+
+    def __init__(
+        self, model: Model, names: tuple[str, ...], outputs: Outputs, places: tuple[Place, ...], counts: tuple[int, ...]
+    ):
+        self.outputs = outputs
+        quantities = outputs.quantities(model, dict.fromkeys(names, 1.0))
+        statement = design_statement(model, any(name in VARIATIONAL for name in quantities), places)
+        self.unknowns = statement.unknowns
+        over, m = outputs.over, len(outputs.formulas) - 1
+        theta, fixed = ca.MX.sym("theta", len(over)), ca.MX.sym("fixed", len(names))
+        u, units = ca.MX.sym("u", len(self.unknowns)), ca.MX.sym("units", 3)
+        p = ca.vertcat(*[theta[over.index(name)] if name in over else fixed[i] for i, name in enumerate(names)])
         mesh = ShootingMesh(statement, names, counts, u, p)
-        units = ca.MX.sym("units", 3)
-        values = _values(model, statement, names, asked, words, places).call([u, p, units, *mesh.ends], True)
-        formulas, demands, reports, ties = values
-        self.scales = ca.MX.sym("scales", 1 + m + 1 + len(asked.demands))
-        self.weights = ca.MX.sym("weights", 2)
-        over, under = ca.MX.sym("over", m), ca.MX.sym("under", m)
-        scaled = ca.vertcat(formulas, demands) / self.scales
-        held = scaled[1 : 1 + m] - over + under
+        results = _results(model, statement, names, outputs, places).call([u, p, units, *mesh.ends], True)
+        formulas, demands, reports, ties = results
+        self.scales = ca.MX.sym("scales", formulas.numel() + demands.numel())
+        self.reported = slice(self.scales.numel(), self.scales.numel() + reports.numel())
+        self.tied = slice(self.reported.stop, self.reported.stop + ties.numel())
         self.equations = mesh.equations.numel() + ties.numel()
-        parameters = ca.vertcat(fixed, units, mesh.data, self.weights, self.scales)
-        unknowns = ca.vertcat(theta, u, mesh.nodes, over, under)
-        cost = self.weights[0] * scaled[0] + self.weights[1] * (ca.sum1(over) + ca.sum1(under))
-        pair = [cost, ca.vertcat(mesh.equations, ties, held, scaled[1 + m :])]
-        z, scale = ca.MX.sym("z", unknowns.numel()), ca.MX.sym("scale", unknowns.numel())
-        pair = ca.Function("program", [unknowns, parameters], pair).call([z * scale, parameters], True)
-        self.program = Minimiser(z, ca.vertcat(parameters, scale), *pair, DESIGN_OPTIONS)
+        weights, excess, shortfall = ca.MX.sym("weights", 2), ca.MX.sym("excess", m), ca.MX.sym("shortfall", m)
+        parameters = ca.vertcat(fixed, units, mesh.data, weights, self.scales)
         state = ca.vertcat(theta, u, mesh.nodes)
-        zeros, results = mesh.equations, ca.vertcat(formulas, demands, reports, ties)
-        self.ties = ties.numel()
-        # Built when they are asked for: most programs are solved more often than differentiated.
-        self._derivatives = lambda: ca.Function(
-            "derivatives", [state, parameters], [zeros, results, ca.jacobian(zeros, state), ca.jacobian(results, state)]
-        )
-        self._built: ca.Function | None = None
+        scaled = ca.vertcat(formulas, demands) / self.scales
+        cost = weights[0] * scaled[0] + weights[1] * (ca.sum1(excess) + ca.sum1(shortfall))
+        constraints = scaled[1 : 1 + m] - excess + shortfall
+        held = ca.vertcat(mesh.equations, ties, constraints, scaled[1 + m :])
+        self.solver = _scaled_minimiser(ca.vertcat(state, excess, shortfall), parameters, cost, held)
+        self._graph = state, parameters, mesh.equations, ca.vertcat(*results)
 
-    def derivatives(self, state, parameters) -> list[np.ndarray]:
-        """Equations, values, and the Jacobians of both by (theta, u, nodes)."""
-        self._built = self._built or self._derivatives()
-        return [value.full() for value in self._built(state, parameters)]
+    @cached_property
+    def _derivatives(self) -> ca.Function:
+        """Built on first use, since most nonlinear programs are solved more often than differentiated."""
+        state, parameters, equations, results = self._graph
+        jacobians = ca.jacobian(equations, state), ca.jacobian(results, state)
+        return ca.Function("derivatives", [state, parameters], [equations, results, *jacobians])
+
+    def derivatives(self, state: np.ndarray, parameters: np.ndarray) -> list[np.ndarray]:
+        """Equations, results, and the Jacobians of both by the state (theta, u, shooting nodes)."""
+        return [value.full() for value in self._derivatives(state, parameters)]
 
 
-def _values(model: Model, statement, names, asked: Outputs, words, places) -> ca.Function:
-    """(u, p, units, end of each arc ...) -> the formulas, the demands in the machine's units, the quantities in use,
-    and what vanishes where an extreme is taken at several places at once."""
+def _scaled_minimiser(unknowns: ca.MX, parameters: ca.MX, cost: ca.MX, constraints: ca.MX) -> Minimiser:
+    """A solver in unknowns divided by a scale, which is a further parameter."""
+    z, scale = ca.MX.sym("z", unknowns.numel()), ca.MX.sym("scale", unknowns.numel())
+    program = ca.Function("program", [unknowns, parameters], [cost, constraints])
+    cost, constraints = program.call([z * scale, parameters], True)
+    return Minimiser(z, ca.vertcat(parameters, scale), cost, constraints, DESIGN_OPTIONS)
+
+
+def _results(
+    model: Model, statement: Statement, names: tuple[str, ...], outputs: Outputs, places: tuple[Place, ...]
+) -> ca.Function:
+    """(u, p, units, end of each arc ...) -> the formulas; minus the landing jerk and the demands, in the machine's
+    units; the quantities in use; and the differences between two places of an extreme."""
     u, p, units = ca.SX.sym("u", len(statement.unknowns)), ca.SX.sym("p", len(names)), ca.SX.sym("units", 3)
     ends = [ca.SX.sym("x", len(arc.phase.states)) for arc in statement.arcs]
-    named = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
+    unknowns = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
     values = dict(zip(names, ca.vertsplit(p), strict=True))
-    split = [ca.vertsplit(end) for end in ends]
-    found = expressions(model, [*words, "landing_jerk"], places, named, split, values)
-    unit = Units(*ca.vertsplit(units))
-    stated = {name: found[name] * unit_of(name, unit) for name in words} | values
+    states = [ca.vertsplit(end) for end in ends]
+    quantities = outputs.quantities(model, values)
+    found = expressions(model, [*quantities, "landing_jerk"], places, unknowns, states, values)
+    length, time, force = ca.vertsplit(units)
+    stated = {name: found[name] * unit_of(name, length, time, force) for name in quantities} | values
     if "rest_length" in values:
-        stated["rest_length"] = values["rest_length"] * unit.length
-    formulas = [formula(**{name: stated[name] for name in formula.names}) for formula in asked.formulas]
-    demands = [-found["landing_jerk"], *(found[name] for name in asked.demands)]
-    reports = [stated[name] for name in words]
-    ties = [first - other for first, *rest in extremes(model, places, named, split, values).values() for other in rest]
-    results = [ca.densify(ca.vertcat(*part)) if part else ca.SX(0, 1) for part in (formulas, demands, reports, ties)]
-    return ca.Function("values", [u, p, units, *ends], results)
+        stated["rest_length"] = values["rest_length"] * length
+    extremes = extreme_values(model, places, unknowns, states, values)
+    results = (
+        [formula(**{name: stated[name] for name in formula.names}) for formula in outputs.formulas],
+        [-found["landing_jerk"], *(found[name] for name in outputs.demands)],
+        [stated[name] for name in quantities],
+        [first - other for first, *others in extremes.values() for other in others],
+    )
+    columns = [ca.densify(ca.vertcat(*part)) if part else ca.SX(0, 1) for part in results]
+    return ca.Function("results", [u, p, units, *ends], columns)
 
 
 @lru_cache(maxsize=64)
 def design_program(
-    model: Model, names: tuple[str, ...], asked: Outputs, places: tuple[Place, ...], counts
+    model: Model, names: tuple[str, ...], outputs: Outputs, places: tuple[Place, ...], counts: tuple[int, ...]
 ) -> DesignProgram:
-    """The graph, kept for the next call with the same question."""
-    return DesignProgram(model, names, asked, places, counts)
+    """The nonlinear program, kept for the next call with the same arguments."""
+    return DesignProgram(model, names, outputs, places, counts)
 
 
 @dataclass(frozen=True, eq=False)
 class DesignPoint:
-    """A question at an orbit: the graph with everything that it needs to be solved from there.
+    """The outputs at one orbit: the nonlinear program with everything that it needs to be solved from there.
 
-    places : where its extremes are taken
-    p, u : the parameters by name, the unknowns of the design statement
-    motion : of that statement
+    places : where the extremes are taken
+    p : the parameters by name
+    u : the unknowns of the design statement
+    trajectory : of that statement
     units : what the formulas' numbers are in
-    demands : those of the question that the orbit knows
-    words : the quantities in use
+    demands : those of the outputs that the orbit has
+    names : of the quantities in use
     """
 
     program: DesignProgram
     places: tuple[Place, ...]
     p: dict[str, float]
     u: np.ndarray
-    motion: MeshMotion
+    trajectory: MeshTrajectory
     units: Units
     demands: tuple[str, ...]
-    words: tuple[str, ...]
+    names: tuple[str, ...]
 
     @property
     def theta(self) -> np.ndarray:
-        return np.array([self.p[name] for name in self.program.asked.over])
+        """The parameters to design, (k,)."""
+        return np.array([self.p[name] for name in self.program.outputs.over])
 
-    def parameters(self, weights, scales) -> np.ndarray:
-        fixed, units = list(self.p.values()), [self.units.length, self.units.time, self.units.force]
-        return np.concatenate([fixed, units, ShootingMesh.data_of(self.motion), weights, scales])
+    @property
+    def place_times(self) -> dict[Place, float]:
+        """The places with their times from the start of the phase, 0 for those at its start or middle."""
+        unknowns = dict(zip(self.program.unknowns, self.u.tolist(), strict=True))
+        return {place: unknowns.get(f"at {i}", 0.0) for i, place in enumerate(self.places)}
+
+    def _parameters(self, weights: Weights, scales: np.ndarray) -> np.ndarray:
+        """The parameters of the nonlinear program."""
+        units = [self.units.length, self.units.time, self.units.force]
+        return np.concatenate([list(self.p.values()), units, self.trajectory.data, weights, scales])
 
     @cached_property
     def _derivatives(self) -> list[np.ndarray]:
-        nodes, _ = ShootingMesh.nodes_of(self.motion)
-        state = np.concatenate([self.theta, self.u, nodes])
-        return self.program.derivatives(state, self.parameters([1.0, 0.0], np.ones(self.program.scales.numel())))
+        state = np.concatenate([self.theta, self.u, self.trajectory.nodes])
+        scales = np.ones(self.program.scales.numel())
+        return self.program.derivatives(state, self._parameters(Weights(1.0, 0.0), scales))
 
     @property
     def values(self) -> np.ndarray:
-        """Values (rows,) of the formulas, the landing jerk times -1, the demands, the words and the ties."""
+        """The results (rows,): formulas, minus the landing jerk, demands, quantities in use, ties."""
         return self._derivatives[1].ravel()
+
+    @property
+    def scaled_values(self) -> np.ndarray:
+        """The results that have a scale: all but the quantities in use and the ties."""
+        return self.values[: self.program.reported.start]
+
+    @property
+    def quantities(self) -> dict[str, float]:
+        """The quantities in use, by name."""
+        return dict(zip(self.names, self.values[self.program.reported].tolist(), strict=True))
 
     @cached_property
     def slopes(self) -> np.ndarray:
-        """Derivatives (rows, k) of the values by the parameters, the orbit going with them."""
-        _, _, zeros_by, values_by = self._derivatives
-        k = len(self.program.asked.over)
-        moved = -solve(zeros_by[:, k:], zeros_by[:, :k])
-        return values_by[:, :k] + values_by[:, k:] @ moved
+        """Derivatives (rows, k) of the results by the parameters, along which the orbit stays lossless."""
+        _, _, equations_by, results_by = self._derivatives
+        k = len(self.program.outputs.over)
+        by_theta = -solve(equations_by[:, k:], equations_by[:, :k])
+        return results_by[:, :k] + results_by[:, k:] @ by_theta
 
-    def minimise(self, bounds, units, reach: float, limits, scales, weights) -> Minimum:
-        """The program solved from here.
+    def minimise(
+        self,
+        bounds: tuple[np.ndarray, np.ndarray],
+        units: np.ndarray,
+        reach: float,
+        limits: list[np.ndarray],
+        scales: np.ndarray,
+        weights: Weights,
+    ) -> Minimum:
+        """The nonlinear program solved from here.
 
-        bounds : of the parameters, (low, high) within reach
+        bounds : (low, high) of the parameters, already within the trust region
         units : of the parameters
-        reach : by this share may the unknowns grow
+        reach : the trust region; by this share may the times and the launch speed change, at most by a factor of 2
         limits : (low, high) of the constraints, in scaled units
-        scales : of the formulas and the demands
-        weights : of the objective, and of what the constraints are exceeded by; 0 where they may not be
+        scales : of the formulas, the landing jerk and the demands
+        weights : of the cost
+
+        Raises `NoOrbit` where a formula has no value on the way.
         """
-        g, m, k = self.program, len(self.program.asked.formulas) - 1, len(self.program.asked.over)
-        nodes, unit = ShootingMesh.nodes_of(self.motion)
-        guess = np.concatenate([self.theta, self.u, nodes, np.zeros(2 * m)])
-        size = np.maximum(np.abs(self.u), 0.1 * np.abs(self.u).max())
-        scale = np.concatenate([units, size, unit, np.ones(2 * m)])
-        lower, upper = np.full(len(guess), -np.inf), np.full(len(guess), np.inf)
-        lower[:k], upper[:k] = bounds
-        # A mesh serves motions up to so many times as long; all but the lift-off extension are times and a speed.
-        factor = 1 + min(reach, 1.0)
-        lower[k + 1 : k + g.size], upper[k + 1 : k + g.size] = self.u[1:] / factor, self.u[1:] * factor
-        nodes = slice(k + g.size, len(guess) - 2 * m)
-        lower[nodes], upper[nodes] = guess[nodes] - NODE_RANGE * unit, guess[nodes] + NODE_RANGE * unit
-        lower[len(guess) - 2 * m :], upper[len(guess) - 2 * m :] = 0.0, np.inf if weights[1] else 0.0
-        demanded = np.array([JERK_LEFT, *(DEMAND_MARGIN for _ in self.demands)])
-        least = np.concatenate([np.zeros(g.equations), limits[0], demanded])
-        most = np.concatenate([np.zeros(g.equations), limits[1], np.full(len(demanded), np.inf)])
-        p = np.concatenate([self.parameters(weights, scales), scale])
-        found = g.program(guess / scale, p, (lower / scale, upper / scale), (least, most))
-        if found.kind == "undefined":
+        m = len(self.program.outputs.formulas) - 1
+        theta, nodes, slacks = self.theta, self.trajectory.nodes, np.zeros(2 * m)
+        size, node_size = np.maximum(np.abs(self.u), 0.1 * np.abs(self.u).max()), self.trajectory.sizes
+        guess = np.concatenate([theta, self.u, nodes, slacks])
+        scale = np.concatenate([units, size, node_size, np.ones(2 * m)])
+        # A mesh serves motions that last up to so many times as long. The first unknown is the lift-off extension and
+        # may have either sign; all others are times and a speed.
+        factor, free, span = 1 + min(reach, 1.0), [np.inf], NODE_RANGE * node_size
+        lower = np.concatenate([bounds[0], np.negative(free), self.u[1:] / factor, nodes - span, slacks])
+        most_violation = np.full(2 * m, np.inf if weights.violation else 0.0)
+        upper = np.concatenate([bounds[1], free, self.u[1:] * factor, nodes + span, most_violation])
+        demanded = np.array([LEAST_JERK, *(DEMAND_MARGIN for _ in self.demands)])
+        zeros = np.zeros(self.program.equations)
+        least = np.concatenate([zeros, limits[0], demanded])
+        most = np.concatenate([zeros, limits[1], np.full(len(demanded), np.inf)])
+        parameters = np.concatenate([self._parameters(weights, scales), scale])
+        minimum = self.program.solver(guess / scale, parameters, (lower / scale, upper / scale), (least, most))
+        if minimum.kind == "undefined":
+            texts = " or ".join(repr(formula.text) for formula in self.program.outputs.formulas)
             raise NoOrbit(
-                f"{' or '.join(repr(f.text) for f in g.asked.formulas)} has no finite value or slope on the way: keep "
-                "the parameters, by their bounds, where it has; else state the machine in units nearer to 1"
+                f"{texts} has no finite value or slope on the way: keep the parameters, by their bounds, where it has; "
+                "else state the machine in units nearer to 1"
             )
-        return replace(found, x=found.x * scale)
+        return replace(minimum, x=minimum.x * scale)
 
 
 def design_point(
-    machine, orbit: Orbit, asked: Outputs, units: Units, both: Mapping[str, tuple] | None = None
+    machine: Machine, orbit: Orbit, outputs: Outputs, units: Units, ties: Ties | None = None
 ) -> DesignPoint:
-    """A question at an orbit of a machine.
+    """The outputs at an orbit of a machine.
 
-    both : extremes, by name, that are to be taken at several places, which are then equal
+    ties : extremes, by name, that are taken at further places too, where they are to be equal
     Raises `NoOrbit` for a contact that does not end, or an extreme that the orbit does not have.
     """
     model, p = machine.model, dict(machine.values)
     if orbit.contact_time is None:
         raise NoOrbit("; ".join(orbit.violations))
-    demands = tuple(d for d in asked.demands if locate(model, orbit, p, parts_of(d)[0]))
-    asked = Outputs(asked.formulas, asked.over, demands)
-    words = asked.words(model, p)
-    places, times = [], []
-    for part in dict.fromkeys(part for word in words for part in parts_of(word)):
-        found = locate(model, orbit, p, part)
-        if found is None:
-            raise missing(model, part)
-        known = {found[0]: found[1]} | dict((both or {}).get(part, ()))
-        places += known.keys()
-        times += known.values()
-    statement = design_statement(model, any(name in VARIED for name in words), tuple(places))
-    given = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
-    given |= {"contact": orbit.contact_time / 2} | {f"at {i}": time for i, time in enumerate(times)}
-    u = np.array([given[name] for name in statement.unknowns])
-    motion = motion_on_mesh(statement, dict(zip(statement.unknowns, u.tolist(), strict=True)), p)
-    built = design_program(model, tuple(p), asked, tuple(places), motion.counts)
-    return DesignPoint(built, tuple(places), p, u, motion, units, demands, tuple(words))
+    demands = tuple(name for name in outputs.demands if locate(model, orbit, p, extremes_of(name)[0]))
+    outputs = replace(outputs, demands=demands)
+    names = outputs.quantities(model, p)
+    times: dict[Place, float] = {}
+    for extreme in dict.fromkeys(extreme for name in names for extreme in extremes_of(name)):
+        located = locate(model, orbit, p, extreme)
+        if located is None:
+            raise no_extreme(extreme)
+        times |= {located[0]: located[1]} | dict((ties or {}).get(extreme, ()))
+    places = tuple(times)
+    statement = design_statement(model, any(name in VARIATIONAL for name in names), places)
+    known = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
+    known |= {"contact": orbit.contact_time / 2} | {f"at {i}": time for i, time in enumerate(times.values())}
+    u = {name: known[name] for name in statement.unknowns}
+    trajectory = trajectory_on_mesh(statement, u, p)
+    program = design_program(model, tuple(p), outputs, places, trajectory.counts)
+    return DesignPoint(program, places, p, np.array(list(u.values())), trajectory, units, demands, tuple(names))
