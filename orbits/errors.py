@@ -57,8 +57,13 @@ def finite_number(name: str, value: object) -> float:
     return number
 
 
-def whole_number(name: str, value, what: str = "", least: int = 1) -> int:
-    """`value` as a whole number, of `what` where that is said, from `least`; raises `InputError` that names it."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise InputError(f"{name} = {value!r}; it is a {f'number of {what},' if what else 'whole number'} from {least}")
-    return int(value)
+def whole_number(name: str, value: object, what: str = "", least: int = 1, most: int | None = None) -> int:
+    """`value` as a whole number, of `what` if that is given, from `least` to `most`; raises `InputError` that names it and the bounds."""
+    number = least - 1
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        number = int(value)
+    if number < least or (most is not None and number > most):
+        bounds = "upwards" if most is None else f"to {most}"
+        kind = f"number of {what}," if what else "whole number"
+        raise InputError(f"{name} = {value!r}; it is a {kind} from {least} {bounds}")
+    return number

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import FlowError, InputError, finite_number, whole_number
 from ..flow.trajectory import Trajectory
+from ..flow.zero_crossing import first_zero
 from ..model.machine import ImpactingMachine
 from ..numerics.bernstein import lowest
 from ..symbolic import interrupts
