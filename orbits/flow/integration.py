@@ -40,7 +40,7 @@ def integrate(
         left = duration - times[-1]
         block = _block_size(piece, stepper, stop, left, h)
         steps, c, dc = stepper.advance(x, piece.data, variations, piece.seeds, block, left, h)
-        steps, c = _accepted(dynamics, steps, c, times[-1], len(coefficients))
+        steps, c = _accepted_steps(dynamics, steps, c, times[-1], len(coefficients))
         count, last, side, stopped = _block_end(piece, c, steps, left, stop)
         for step in (*steps[: count - 1], last):
             times.append(times[-1] + step)
@@ -93,7 +93,7 @@ def _block_size(piece: ActivePiece, stepper, stop: StopTest | None, left: float,
     return int(2 ** np.ceil(np.log2(np.clip(left / h, 1, look_ahead)))) if h else stepper.expected_steps
 
 
-def _accepted(dynamics: PhaseDynamics, steps, c, t: float, taken: int) -> tuple[np.ndarray, np.ndarray]:
+def _accepted_steps(dynamics: PhaseDynamics, steps, c, t: float, taken: int) -> tuple[np.ndarray, np.ndarray]:
     """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""
     accepted = (steps > dynamics.control.shortest_step * max(t, 1.0)) & np.isfinite(c).all((1, 2))
     if not accepted[0] or taken > dynamics.control.max_steps:
