@@ -58,7 +58,7 @@ def finite_number(name: str, value: object) -> float:
 
 
 def whole_number(name: str, value: object, what: str = "", least: int = 1, most: int | None = None) -> int:
-    """`value` as a whole number (of `what`) from `least` to `most`; raises `InputError` that names it and the bounds."""
+    """`value` as a whole number (of `what`) from `least` to `most`; raises `InputError` with the bounds."""
     number = least - 1
     if isinstance(value, int | np.integer) and not isinstance(value, bool):
         number = int(value)
