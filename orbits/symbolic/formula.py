@@ -74,6 +74,7 @@ class Formula:
         return terms
 
     def __call__(self, /, **values: Any) -> Any:
+        """The value; raises `InputError` where a name has none."""
         if missing := sorted(self.names - values.keys()):
             raise InputError(f"'{self.text}' needs a value for {', '.join(missing)}")
         kinds = {type(value) for value in values.values() if isinstance(value, casadi.SX | casadi.MX)}
@@ -198,7 +199,7 @@ def _tokens(text: str) -> list[_Token]:
     while position < end:
         match = _TOKEN.match(text, position)
         if match is None or match.lastgroup is None:
-            position += len(text[position:]) - len(text[position:].lstrip(BLANKS))
+            position = len(text) - len(text[position:].lstrip(BLANKS))
             character = text[position] if text[position].isprintable() else f"\\x{ord(text[position]):02x}"
             remedy = ": a power is written **" if character == "^" else ""
             raise _error(text, position, f"'{character}' is not allowed{remedy}")
