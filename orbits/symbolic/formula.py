@@ -1,13 +1,14 @@
 """Formulas given as text: parsed by an allow-list to a tree of operations, evaluated with NumPy and CasADi alike.
 
 The grammar has numbers, names, ``+ - * / **``, parentheses and the functions of `FUNCTIONS`. Nothing is ever handed to
-``eval``; whatever is not on the list is an error that shows the place.
+``eval``; whatever is not on the list is an error that shows the place. Python's own parser gives the precedence.
 """
 
+import ast
 import difflib
 import operator
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -91,7 +92,11 @@ def parse(text: str) -> Formula:
         raise InputError(f"a formula is text, not {type(text).__name__}")
     if len(text) > MAX_LENGTH:
         raise InputError(f"the formula has {len(text)} characters; at most {MAX_LENGTH} are allowed")
-    return Formula(text, _Parser(text).parse())
+    tokens = _tokens(text)
+    _check_tokens(text, tokens)
+    # Python's parser sees numbers and names as plain names: keywords may be names here, and 007 is a number.
+    words = [f"_{i}" if kind in ("number", "name") else word for i, (kind, word, _) in enumerate(tokens[:-1])]
+    return Formula(text, _as_tuples(ast.parse(" ".join(words), mode="eval").body, tokens))
 
 
 class _Token(NamedTuple):
@@ -100,90 +105,77 @@ class _Token(NamedTuple):
     position: int
 
 
-class _Parser:
-    """Recursive descent from sums over products, signs and powers to operands, with the precedence of Python."""
+def _check_tokens(text: str, tokens: list[_Token]) -> None:
+    """Raise the error of the first token that cannot stand where it is."""
+    opened: list[int] = []  # the places of the parentheses that are open
+    pending = [0]  # the signs and powers, outside and within each of them, whose operand has not ended
+    operand_next, count = True, 0
+    for i, (kind, word, position) in enumerate(tokens):
+        count += word not in ("(", ")")
+        if operand_next and word == "(":
+            opened.append(tokens[i - 1].position if i and tokens[i - 1].kind == "name" else position)
+            pending.append(0)
+        elif operand_next and word in ("+", "-"):
+            count -= word == "+"
+            pending[-1] += 1
+        elif operand_next:
+            operand_next = _is_call(text, tokens[i], tokens[min(i + 1, len(tokens) - 1)])
+        elif word == ")" and opened:
+            opened.pop()
+            pending.pop()
+        elif kind == "operator" and word != ")" and word != "(":
+            operand_next = True
+            pending[-1] = pending[-1] + 1 if word == "**" else 0
+        elif opened:
+            raise _error(text, opened[-1], "this has no closing parenthesis")
+        elif kind != "end":
+            raise _error(text, position, f"an operator is missing before '{word}'")
+        if len(opened) + sum(pending) > MAX_DEPTH:
+            raise _error(text, tokens[i + 1].position, f"nested deeper than {MAX_DEPTH} levels")
+    if count - 1 > MAX_NODES:
+        raise InputError(f"the formula has more than {MAX_NODES} operations; shorten it")
 
-    def __init__(self, text: str):
-        self.text, self.tokens, self.index, self.nodes, self.depth = text, _tokens(text), 0, 0, 0
 
-    def parse(self) -> tuple:
-        tree = self.sum()
-        if self.token.kind != "end":
-            raise _error(self.text, self.token.position, f"an operator is missing before '{self.token.word}'")
-        return tree
+def _is_call(text: str, token: _Token, following: _Token) -> bool:
+    """Whether a token where an operand must stand is a function, whose argument follows; raises if it is no operand."""
+    kind, word, position = token
+    if kind not in ("number", "name"):
+        raise _error(text, position, "a number, a name or '(' is missing here")
+    if kind == "number" and not np.isfinite(float(word)):
+        raise _error(text, position, f"the number {word} is too large")
+    called = kind == "name" and following.word == "("
+    if called and word not in FUNCTIONS:
+        raise _error(text, position, f"unknown function '{word}'{suggest(word, FUNCTIONS)}")
+    if word in FUNCTIONS and not called:
+        raise _error(text, position, f"the function '{word}' needs an argument in parentheses")
+    return called
 
-    @property
-    def token(self) -> _Token:
-        return self.tokens[self.index]
 
-    def take(self, *operators: str) -> str:
-        """The next token if it is one of `operators`, which is then passed; else ''."""
-        if self.token.kind != "operator" or self.token.word not in operators:
-            return ""
-        self.index += 1
-        return self.tokens[self.index - 1].word
+def _as_tuples(node: ast.expr, tokens: list[_Token]) -> tuple:
+    """Python's syntax tree as one of tuples; operators that associate to the left need no recursion."""
+    chain: list[ast.BinOp] = []
+    while isinstance(node, ast.BinOp):
+        chain.append(node)
+        node = node.left
+    match node:
+        case ast.Name(id=place) if tokens[int(place[1:])].kind == "number":
+            tree: tuple = ("number", float(tokens[int(place[1:])].word))
+        case ast.Name(id=place):
+            tree = ("name", tokens[int(place[1:])].word)
+        case ast.Call(func=ast.Name(id=place), args=[argument], keywords=[]):
+            tree = ("call", tokens[int(place[1:])].word, _as_tuples(argument, tokens))
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            tree = ("negative", _as_tuples(operand, tokens))
+        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+            tree = _as_tuples(operand, tokens)
+        case _:
+            raise AssertionError(f"{type(node).__name__} is no part of a formula")
+    for parent in reversed(chain):
+        tree = (_SIGNS[type(parent.op)], tree, _as_tuples(parent.right, tokens))
+    return tree
 
-    def node(self, *parts) -> tuple:
-        self.nodes += 1
-        if self.nodes > MAX_NODES:
-            raise InputError(f"the formula has more than {MAX_NODES} operations; shorten it")
-        return parts
 
-    def nested(self, rule: Callable[[], tuple]) -> tuple:
-        self.depth += 1
-        if self.depth > MAX_DEPTH:
-            raise _error(self.text, self.token.position, f"nested deeper than {MAX_DEPTH} levels")
-        tree = rule()
-        self.depth -= 1
-        return tree
-
-    def sum(self) -> tuple:
-        tree = self.product()
-        while sign := self.take("+", "-"):
-            tree = self.node(sign, tree, self.product())
-        return tree
-
-    def product(self) -> tuple:
-        tree = self.signed()
-        while sign := self.take("*", "/"):
-            tree = self.node(sign, tree, self.signed())
-        return tree
-
-    def signed(self) -> tuple:
-        sign = self.take("+", "-")
-        if not sign:
-            return self.power()
-        tree = self.nested(self.signed)
-        return self.node("negative", tree) if sign == "-" else tree
-
-    def power(self) -> tuple:
-        base = self.operand()
-        return self.node("**", base, self.nested(self.signed)) if self.take("**") else base
-
-    def operand(self) -> tuple:
-        kind, word, position = self.token
-        if self.take("("):
-            return self.rest_of_parenthesis(position)
-        if kind not in ("number", "name"):
-            raise _error(self.text, position, "a number, a name or '(' is missing here")
-        self.index += 1
-        if kind == "number":
-            if not np.isfinite(float(word)):
-                raise _error(self.text, position, f"the number {word} is too large")
-            return self.node("number", float(word))
-        if self.take("("):
-            if word not in FUNCTIONS:
-                raise _error(self.text, position, f"unknown function '{word}'{suggest(word, FUNCTIONS)}")
-            return self.node("call", word, self.rest_of_parenthesis(position))
-        if word in FUNCTIONS:
-            raise _error(self.text, position, f"the function '{word}' needs an argument in parentheses")
-        return self.node("name", word)
-
-    def rest_of_parenthesis(self, position: int) -> tuple:
-        tree = self.nested(self.sum)
-        if not self.take(")"):
-            raise _error(self.text, position, "this has no closing parenthesis")
-        return tree
+_SIGNS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 
 
 def suggest(word: str, known: Collection[str]) -> str:
