@@ -69,7 +69,7 @@ class NewtonBatch:
 
     def _called(self, memory: int, counts: tuple[int, ...], *arguments) -> list[np.ndarray]:
         """The results of `_newton`, or where there is a memory of so many points, of `_step`, with these arguments."""
-        steppers = tuple(along.taylor_stepper(along.size + 1, (self.index,)) for along in self.equations.flows)
+        steppers = tuple(along.stepper(along.size + 1, (self.index,)) for along in self.equations.flows)
         for stepper, count in zip(steppers, counts, strict=True):
             stepper.count_steps(count * len(arguments[0]))
         key = counts, tuple(stepper.compiled for stepper in steppers)
