@@ -4,6 +4,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..model.phase import Phase
 from ..symbolic.calls import BufferedFunction, ElementwiseFunction
@@ -74,7 +75,13 @@ class PhaseDynamics:
             self.steppers[columns, varied] = form(self.vector_field, columns, varied)
         return self.steppers[columns, varied]
 
-    def rates(self, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+    def taylor_stepper(self, columns: int, varied: tuple[int, ...] = ()) -> TaylorStepper:
+        """The `stepper` of a field that is known to have a Taylor series."""
+        stepper = self.stepper(columns, varied)
+        assert isinstance(stepper, TaylorStepper)
+        return stepper
+
+    def rates(self, x: ArrayLike, p: ArrayLike) -> np.ndarray:
         """The field at one state (n,), with parameters and piece data (np + nq,)."""
         return self._rates(x, p)[0].ravel()
 

@@ -46,7 +46,7 @@ class Flow(PhaseDynamics):
         seeds: np.ndarray | None = None,
         parameter_seeds: np.ndarray | None = None,
         stop: StopTest | None = None,
-    ) -> tuple[Trajectory, np.ndarray | None]:
+    ) -> tuple[Trajectory, np.ndarray]:
         """The motion from `start` (n,) for a `duration`, or until `stop` ends it.
 
         p : parameter vector (np,)
@@ -54,8 +54,9 @@ class Flow(PhaseDynamics):
         parameter_seeds : derivatives (np, columns) of the parameters with respect to the same
         stop : (coefficients (m, rows, K + 1), steps (m,)) -> (step, time in it) to stop at, or None
 
-        Returns (Trajectory, derivatives (n, columns) of the end at fixed duration, or None without seeds). Raises
-        `FlowError` when the motion blows up, leaves the range of a piecewise field or is not a number.
+        Returns the motion and the derivatives (n, columns) of its end at fixed duration, without columns where there
+        are no seeds. Raises `FlowError` when the motion blows up, leaves the range of a piecewise field or is not a
+        number.
         """
         x, p = np.array(start, dtype=float), np.asarray(p, dtype=float)
         if self.phase.closed_form and (parameter_seeds is None or not parameter_seeds.any()):
@@ -83,7 +84,7 @@ class Flow(PhaseDynamics):
             raise FlowError(f"the {self.phase.name} takes too many steps, at {describe(self, start)}")
         c = np.concatenate(blocks)
         times = np.append(step * np.arange(len(c)), end)
-        variations = None if seeds is None else form.transition(end) @ seeds
+        variations = np.zeros((self.size, 0)) if seeds is None else form.transition(end) @ seeds
         return Trajectory(times, c, (*self.phase.states, *form.watch)), variations
 
     def _closed_form(self, p: np.ndarray):

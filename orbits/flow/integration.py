@@ -24,11 +24,11 @@ def integrate(
     seeds: np.ndarray | None,
     parameter_seeds: np.ndarray | None,
     stop: StopTest | None,
-) -> tuple[Trajectory, np.ndarray | None]:
+) -> tuple[Trajectory, np.ndarray]:
     """The motion from `x`, as `Flow.run` describes it, by the steps of the phase's stepper."""
     check_start(dynamics, x, p, duration)
-    columns = 0 if seeds is None else seeds.shape[1]
     variations = np.zeros((len(x), 0)) if seeds is None else seeds
+    columns = variations.shape[1]
     piece = ActivePiece(dynamics, p, x, columns, parameter_seeds)
     stepper = dynamics.stepper(columns, piece.varied())
     times: list[float] = [0.0]
@@ -62,7 +62,7 @@ def integrate(
     if not stop:
         stepper.expected_steps = min(len(coefficients), dynamics.control.max_block)
     path = Trajectory(np.array(times), np.array(coefficients), dynamics.names, np.array(slopes) if columns else None)
-    return path, None if seeds is None else variations
+    return path, variations
 
 
 def check_start(dynamics: PhaseDynamics, x: np.ndarray, p: np.ndarray, duration: float) -> None:

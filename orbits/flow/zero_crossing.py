@@ -46,8 +46,7 @@ def until_zero(
     remaining, found = np.arange(len(starts)), []
     if (dynamics.phase.closed_form and len(starts) == 1) or not dynamics.smooth:
         return remaining[:0], None
-    count, most, stepper = dynamics.expected_steps, dynamics.control.max_block, dynamics.stepper(0)
-    assert isinstance(stepper, TaylorStepper)
+    count, most, stepper = dynamics.expected_steps, dynamics.control.max_block, dynamics.taylor_stepper(0)
     while len(remaining) and count <= most:
         steps, c, accepted = stepper.advance_all(starts[remaining], ps[remaining], count)
         accepted = np.logical_and.accumulate(accepted, axis=1)
