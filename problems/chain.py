@@ -24,7 +24,7 @@ from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 
 from .laws import Key, Law, from_key, number, parameter_names
-from .relative import liftoff_extension
+from .liftoff import Liftoff
 from .springs import NAMED, as_spring
 
 MOST_MASSES = 12
@@ -321,7 +321,7 @@ def _chain_model(springs: tuple[Key, ...]) -> Model:
         raise NoOrbit("the hops of a chain have no family numbers: give `find` a start, as Chain.starts makes them")
 
     def lifted(p):
-        return liftoff_extension(from_key(springs[-1], p), 1.0 - p[names[-1]], "the weight of the lowest mass")
+        return Liftoff(1.0 - p[names[-1]], "the weight of the lowest mass").extension(from_key(springs[-1], p))
 
     def release(alpha, p):
         if count > 2:

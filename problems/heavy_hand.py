@@ -15,9 +15,9 @@ from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
 from orbits.model.phase import Phase
 
-from .juggler import juggler_model
+from .juggler import JugglerEquations, juggler_model
 from .laws import Key
-from .machine import TwoMassMachine, gravity_at
+from .machine import TwoMassMachine
 from .relative import straight_line
 
 
@@ -44,10 +44,8 @@ class HeavyHand(TwoMassMachine):
 @lru_cache(maxsize=64)
 def _heavy_hand_model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
     finite = juggler_model(spring, gravity, has_length, False)
-    force, pull = spring.expression, gravity_at(gravity)
-
-    def weight(w, p):
-        return pull(p.get("rest_length", 0.0) + w, p)
+    equations = JugglerEquations(spring, gravity, False)
+    force, weight = equations.force, equations.weight
 
     def oscillator(p):
         k, zero = straight_line(spring, p)

@@ -85,6 +85,11 @@ class Law:
         breaks = self.pieces[1](self.parameters)[0]
         return float(breaks[0]), float(breaks[-1])
 
+    def rest(self) -> float:
+        """The place of the range nearest to 0, where a spring is unloaded."""
+        low, high = self.range()
+        return min(max(0.0, low), high)
+
     def with_parameters(self, **values: float) -> "Law":
         """The same law with other values of some parameters."""
         for name in values:

@@ -1,6 +1,6 @@
 """What a machine states, whatever moves in it: spring, gravity, masses, lengths, units."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 
@@ -146,16 +146,3 @@ class TwoMassMachine:
             "laws_in": "SI" if self.units else "units of the machine",
             **({f"unit_{name}": value for name, value in asdict(self.units).items()} if self.units else {}),
         }
-
-
-def damper(damped: bool) -> Callable:
-    """p -> the coefficients of the damper beside the spring and of the drag on each mass."""
-    return (lambda p: (p["damping"], p["drag"])) if damped else (lambda p: (0.0, 0.0))
-
-
-def gravity_at(key: Key | None) -> Callable:
-    """(z, p) -> gravity ratio; its share over constant gravity is a parameter, along which an orbit is followed."""
-    if key is None:
-        return lambda z, p: 1.0
-    law = key.expression
-    return lambda z, p: 1 + p["gravity_share"] * (law(z, p, []) - 1)
