@@ -212,6 +212,14 @@ def number(name: str, value, low: float = -math.inf, high: float = math.inf) -> 
     return result
 
 
+def coefficient_of_restitution(value) -> float:
+    """`value` as a coefficient of restitution, from 0 to 1; raises `InputError` for another."""
+    result = number("restitution", value)
+    if not 0 <= result <= 1:
+        raise InputError(f"restitution = {result:g} is out of bounds; it lies between 0 and 1")
+    return result
+
+
 def _quoted(names) -> str:
     return ", ".join(f"'{name}'" for name in names)
 

@@ -11,7 +11,7 @@ from orbits.symbolic.formula import suggest
 from . import gravity as gravities
 from . import springs
 from .gravity import as_gravity
-from .laws import Key, Law, number, parameter_names
+from .laws import Key, Law, coefficient_of_restitution, number, parameter_names
 from .springs import as_spring
 
 # Beyond this one of the two masses is lost in rounding.
@@ -50,8 +50,7 @@ class TwoMassMachine:
 
     def __post_init__(self):
         number("mass_ratio", self.mass_ratio, *MASS_RATIOS)
-        if not 0 <= number("restitution", self.restitution) <= 1:
-            raise InputError(f"restitution = {self.restitution:g} is out of bounds; it lies between 0 and 1")
+        coefficient_of_restitution(self.restitution)
         if self.rest_length is not None:
             number("rest_length", self.rest_length, low=0)
         for name in DAMPERS:

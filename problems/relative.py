@@ -144,7 +144,7 @@ def thrown(times: np.ndarray, count: int, u: Mapping[str, float]) -> np.ndarray:
 
 def thrown_flight(reduction: Reduction | None, mix: Callable, apart: Callable) -> Callable | None:
     """The closed form of the whole flight where its relative motion has one; p -> matrices as in `ThrownOscillator`."""
-    oscillator = reduction.statement.arcs[0].phase.closed_form if reduction else None
+    oscillator: Callable | None = reduction.statement.arcs[0].phase.closed_form if reduction else None
     if oscillator is None:
         return None
     return lambda p: ThrownOscillator(oscillator(p), mix(p), apart(p))
