@@ -7,6 +7,7 @@ linear spring, period-one bouncing is stable for pi < alpha < sqrt(pi^2 + 3) (Sc
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -33,8 +34,8 @@ class HeavyHand(TwoMassMachine):
         if self.mass_ratio != 1 or self.damped:
             raise InputError("an infinitely heavy hand has no mass ratio, damping or drag")
 
-    def describe(self) -> dict:
-        """The machine as JSON-ready data; its mass ratio is beyond all numbers."""
+    def describe(self) -> dict[str, Any]:
+        """The machine as JSON-ready data, without a mass ratio, which is infinite."""
         return {**super().describe(), "mass_ratio": None}
 
     def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
