@@ -32,7 +32,7 @@ class Actuated:
 
     machine: TwoMassMachine
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not isinstance(self.machine, TwoMassMachine):
             raise InputError(
                 f"a {type(self.machine).__name__} is no machine whose spring can be moved, as problems.Hopper()"

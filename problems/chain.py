@@ -25,7 +25,7 @@ from orbits.flow.flow import flow_of
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 
-from .laws import Key, Law, coefficient_of_restitution, from_key, number, parameter_names
+from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number, own_parameters
 from .liftoff import Liftoff
 from .linear_chain import linear_orbits
 from .springs import NAMED, as_spring
@@ -55,7 +55,7 @@ class Chain:
     units = None
     rest_length = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if np.ndim(self.masses) != 1 or not isinstance(self.parameters, Mapping):
             raise InputError(
                 "a chain is told by a list of masses, from the top, and a mapping of its springs' parameters"
@@ -74,8 +74,7 @@ class Chain:
 
     def _spring(self, law: Any) -> Law:
         """The law of one spring, with the parameters that it has."""
-        names = parameter_names(law, "r", NAMED)
-        spring = as_spring(law, {name: self.parameters[name] for name in self.parameters.keys() & names})
+        spring = as_spring(law, own_parameters(law, "r", NAMED, self.parameters))
         if spring.pieces:
             raise InputError(f"spring '{spring.text}' is piecewise; a chain takes smooth ones")
         return spring
@@ -214,7 +213,7 @@ class _ChainEquations:
         own = {f"y{self.count - 1}": "liftoff", f"y{self.count - 1}'": "alpha"}
         self.launched = tuple(own.get(name, name) for name in self.states[:-2])
 
-    def _moving(self, x, p, q):
+    def _moving(self, x: Scalars, p: Parameters, q: Scalars) -> list[tuple[Any, Any, Any]]:
         """(m, velocity, upward force) of each mass, in contact without the lowest."""
         positions = [*x[::2], 0.0][: self.count]
         pulls = [
@@ -224,22 +223,22 @@ class _ChainEquations:
         forces = [up - down - p[m] for m, up, down in zip(self.masses, [0, *pulls], [*pulls, 0], strict=True)]
         return [(p[m], v, force) for m, v, force in zip(self.masses, x[1::2], forces, strict=False)]
 
-    def field(self, x, p, q):
+    def field(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         return [rate for m, v, force in self._moving(x, p, q) for rate in (v, force / m)]
 
-    def gradient(self, x, p, q):
+    def gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         return [part for m, v, force in self._moving(x, p, q) for part in (-force, m * v)]
 
-    def contact_force(self, x, p, q):
+    def contact_force(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
         return p[self.lowest] - self.springs[-1].expression(x[-2], p, q)
 
-    def liftoff(self, u, p, q):
+    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Any:
         return self.springs[-1].expression(u["liftoff"], p, q) - p[self.lowest]
 
-    def touchdown(self, u, p):
+    def touchdown(self, u: Parameters, p: Parameters) -> list[Any]:
         return [sign * u[name] for name, sign in zip(self.launched, (1, -1) * (self.count - 1), strict=True)]
 
-    def heights(self, p):
+    def heights(self, p: Parameters) -> dict[str, Affine]:
         eye, whole = np.eye(2 * self.count), sum(p[m] for m in self.masses)
         masses = {f"mass {i + 1}": Affine(tuple(eye[2 * i])) for i in range(self.count)}
         centre = sum(p[m] * eye[2 * i] for i, m in enumerate(self.masses)) / whole

@@ -1,6 +1,7 @@
 """The `orbits` command. Heavy imports wait until they are needed, so that --help and errors are quick."""
 
 import sys
+from typing import Any
 
 import click
 
@@ -38,7 +39,7 @@ Examples:
 
 @click.group(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(package_name="persistent-orbits", prog_name="orbits")
-def orbits():
+def orbits() -> None:
     """Motions of hopping and juggling machines that lose nothing, even with plastic collisions.
 
     A spring's force is a formula of its extension r, gravity a formula of the height z; every other name in them is a
@@ -63,13 +64,23 @@ def orbits():
 @plot_option
 @animate_option
 @file_option("--save", "document", "Save the orbit (.json), for Orbit.load.")
-def find_command(family, method, allow_inadmissible, as_json, explain, plot, animate, save, **machine):
+def find_command(
+    family: int,
+    method: str | None,
+    allow_inadmissible: bool,
+    as_json: bool,
+    explain: bool,
+    plot: str | None,
+    animate: str | None,
+    save: str | None,
+    **options: Any,
+) -> None:
     """Find one lossless orbit and certify it."""
     from orbits.periodic.find import find as find_orbit
     from orbits.plot import save_figure
 
     with progress() as report:
-        orbit = find_orbit(machine_of(**machine), family, method=method, progress=report)
+        orbit = find_orbit(machine_of(**options), family, method=method, progress=report)
     if plot is not None:
         save_figure(orbit.plot(), plot)
     if animate is not None:
@@ -84,7 +95,7 @@ def find_command(family, method, allow_inadmissible, as_json, explain, plot, ani
         raise click.exceptions.Exit(1)
 
 
-# Orbits drawn small above the figure of a family.
+# How many orbits are drawn small above the figure of a family.
 THUMBNAILS = 6
 
 
@@ -106,8 +117,21 @@ THUMBNAILS = 6
 @file_option("--save", "family", "Save the whole family: .csv, .nc or .jsonl.")
 @click.option("--resume", metavar="FILE", help="Go on from the end of a family written by --output or --save.")
 def follow_command(
-    family, along, start, stop, at, longest, method, stop_inadmissible, as_json, plot, output, save, resume, **machine
-):
+    family: int,
+    along: str,
+    start: float | None,
+    stop: float,
+    at: str | None,
+    longest: float,
+    method: str | None,
+    stop_inadmissible: bool,
+    as_json: bool,
+    plot: str | None,
+    output: str | None,
+    save: str | None,
+    resume: str | None,
+    **options: Any,
+) -> None:
     """Follow a family of orbits along a parameter, past folds, to its end."""
     from orbits.continuation.family import Family
     from orbits.continuation.follow import follow as follow_family
@@ -119,14 +143,14 @@ def follow_command(
         values = [float(value) for value in at.split(",")] if at else []
     except ValueError:
         raise InputError(f"--at {at!r} is not a list of numbers, as 0.5,1,2") from None
-    if start is not None:  # it replaces what --set says
-        machine["settings"] = [setting for setting in machine["settings"] if not sets(setting, along)]
+    if start is not None:  # --from replaces what --set says
+        options["settings"] = [setting for setting in options["settings"] if not sets(setting, along)]
         if along in ("mass_ratio", "rest_length"):
-            machine[along] = start
+            options[along] = start
         else:
-            machine["settings"].append(f"{along}={start!r}")
+            options["settings"].append(f"{along}={start!r}")
     before = None if resume is None else Family.load(resume)
-    machine = machine_of(**machine)
+    machine = machine_of(**options)
     with progress() as report:
         followed = follow_family(
             machine, along, stop, start, family, at=values, longest=longest,
@@ -155,7 +179,9 @@ def follow_command(
 @json_option
 @file_option("--plot", "figure", "Write a figure of the map from A to B (.png, .pdf, .svg).")
 @click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
-def return_map(alpha, inject, as_json, plot, cobweb, **machine):
+def return_map(
+    alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, **options: Any
+) -> None:
     """Map launch speeds to the next ones, with the losses and impacts in between."""
     from orbits.errors import InputError
     from orbits.hybrid.return_map import ReturnMap
@@ -170,7 +196,7 @@ def return_map(alpha, inject, as_json, plot, cobweb, **machine):
         raise InputError("--cobweb is drawn into a figure: give --plot FILE too")
     if cobweb is not None and not 0 < cobweb < float("inf"):
         raise InputError(f"--cobweb {cobweb:g}; a launch speed is above 0")
-    step = ReturnMap(machine_of(**machine), inject)
+    step = ReturnMap(machine_of(**options), inject)
     hops = step(speeds)
     if plot is not None:
         save_figure(plot_map(step, speeds[0], speeds[-1], start=cobweb), plot)
@@ -204,12 +230,21 @@ def return_map(alpha, inject, as_json, plot, cobweb, **machine):
 @json_option
 @plot_option
 @animate_option
-def simulate_command(alpha, hops, end, inject, as_json, plot, animate, **machine):
+def simulate_command(
+    alpha: float,
+    hops: int | None,
+    end: float | None,
+    inject: float,
+    as_json: bool,
+    plot: str | None,
+    animate: str | None,
+    **options: Any,
+) -> None:
     """Follow the machine's motion from a launch, through every impact and contact."""
     from orbits.hybrid.simulation import simulate as run_machine
     from orbits.plot import save_figure
 
-    machine = machine_of(**machine)
+    machine = machine_of(**options)
     run = run_machine(machine, alpha, hops=hops, time=float("inf") if end is None else end, inject=inject)
     if plot is not None:
         save_figure(run.plot(), plot)
@@ -223,10 +258,10 @@ def simulate_command(alpha, hops, end, inject, as_json, plot, animate, **machine
 @json_option
 @file_option("--plot", "figure", "Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
 @file_option("--save", "document", "Save the design, or the front, as a JSON document.")
-def optimize_command(file, as_json, plot, save):
+def optimize_command(file: str, as_json: bool, plot: str | None, save: str | None) -> None:
     """Find the best design of a machine, or a front of two objectives, as its file asks."""
     from orbits.design.optimize import optimize as best_design
-    from orbits.design.pareto import pareto
+    from orbits.design.pareto import Front, pareto
     from orbits.errors import InputError
     from orbits.plot import plot_front, save_figure
 
@@ -241,7 +276,7 @@ def optimize_command(file, as_json, plot, save):
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
     if plot is not None:
-        save_figure(plot_front(found) if front else found.orbit.plot(), plot)
+        save_figure(plot_front(found) if isinstance(found, Front) else found.orbit.plot(), plot)
     if save is not None:
         found.save(save)
     print_result(found, as_json)

@@ -29,7 +29,7 @@ class HeavyHand(TwoMassMachine):
 
     kind = "heavy hand"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         if self.mass_ratio != 1 or self.damped:
             raise InputError("an infinitely heavy hand has no mass ratio, damping or drag")

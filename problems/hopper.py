@@ -10,14 +10,16 @@ and in contact y2 = 0 until phi(y1) = 1.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 
-from .laws import Key, from_key
+from .laws import Key, Parameters, Scalars, from_key
 from .liftoff import Liftoff
 from .machine import TwoMassMachine
 from .relative import (
@@ -46,10 +48,10 @@ class Hopper(TwoMassMachine):
 class _HopperEquations(TwoMassEquations):
     """The functions of a hopper's model, see `Model` for their arguments."""
 
-    def body_weight(self, y1, p):
+    def body_weight(self, y1: Any, p: Parameters) -> Any:
         return self.pull(p["rest_length"] + y1, p) if self.gravity else 1.0
 
-    def flight(self, x, p, q):
+    def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M, (c, d) = p["mass_ratio"], self.dampers(p)
         tension = self.force(x[0] - x[2], p, q) + c * (x[1] - x[3])
         return [
@@ -59,14 +61,14 @@ class _HopperEquations(TwoMassEquations):
             (tension - self.pull(x[2], p) - d * x[3]) / (1 + M),
         ]
 
-    def contact(self, x, p, q):
+    def contact(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M, (c, d) = p["mass_ratio"], self.dampers(p)
         return [x[1], -(M * (self.force(x[0], p, q) + (c + d) * x[1]) + self.body_weight(x[0], p)) / (1 + M)]
 
-    def contact_force(self, x, p, q):
+    def contact_force(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
         return 1 - self.force(x[0], p, q) - self.dampers(p)[0] * x[1]
 
-    def flight_gradient(self, x, p, q):
+    def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M, tension = p["mass_ratio"], self.force(x[0] - x[2], p, q)
         return [
             M * tension + self.body_weight(x[0], p),
@@ -75,44 +77,44 @@ class _HopperEquations(TwoMassEquations):
             (1 + M) * M * x[3],
         ]
 
-    def contact_gradient(self, x, p, q):
+    def contact_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M = p["mass_ratio"]
         return [M * self.force(x[0], p, q) + self.body_weight(x[0], p), (1 + M) * x[1]]
 
-    def contact_oscillator(self, p):
+    def contact_oscillator(self, p: Parameters) -> Oscillator:
         M = p["mass_ratio"]
         k, zero = straight_line(self.spring, p)
         return Oscillator(M * k / (1 + M), zero - 1 / (M * k), {"contact force": (-k, 1 + k * zero)})
 
-    def liftoff(self, u, p, q):
+    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Any:
         return self.force(u["liftoff"], p, q) + self.dampers(p)[0] * u["alpha"] - 1
 
-    def release(self, alpha, p):
+    def release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
         return FOOT_LIFTOFF.extensions_at(from_key(self.spring, p), self.dampers(p)[0], alpha)
 
     @staticmethod
-    def mix(p):
+    def mix(p: Parameters) -> np.ndarray:
         """y1, y1', y2, y2' from r, r', w, w' with w = y1 + M y2."""
         M = p["mass_ratio"]
         return np.array([[M, 0, 1, 0], [0, M, 0, 1], [-1, 0, 1, 0], [0, -1, 0, 1]]) / (1 + M)
 
     @staticmethod
-    def apart(p):
+    def apart(p: Parameters) -> np.ndarray:
         """r, r', w, w' from y1, y1', y2, y2'."""
         return np.array([[1, 0, -1, 0], [0, 1, 0, -1], [1, 0, p["mass_ratio"], 0], [0, 1, 0, p["mass_ratio"]]])
 
     @staticmethod
-    def complete(times, coefficients, u, p):
+    def complete(times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
         M, flown = np.reshape(p["mass_ratio"], (-1, 1, 1)), thrown(times, coefficients.shape[2], u)
         swung = coefficients[:, :2]
         return np.concatenate([M * swung + flown, flown - swung], axis=1) / (1 + M)
 
     @staticmethod
-    def gap_slope(times, dz, p):
+    def gap_slope(times: np.ndarray, dz: np.ndarray, p: Parameters) -> np.ndarray:
         return (times - dz[0]) / (1 + p["mass_ratio"])
 
     @staticmethod
-    def heights(p):
+    def heights(p: Parameters) -> dict[str, Affine]:
         M, length = p["mass_ratio"], p.get("rest_length", 0.0)
         return {
             "body": Affine((1.0, 0.0, 0.0, 0.0), length),

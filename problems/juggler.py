@@ -10,14 +10,16 @@ and in contact both move as one, (1 + M) w'' = -M phi(w) - (1 + M) gamma(rest_le
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 
-from .laws import Key, from_key
+from .laws import Key, Parameters, Scalars, from_key
 from .liftoff import Liftoff
 from .machine import TwoMassMachine
 from .relative import (
@@ -50,62 +52,62 @@ class Juggler(TwoMassMachine):
 class JugglerEquations(TwoMassEquations):
     """The functions of a juggler's model, see `Model` for their arguments."""
 
-    def weight(self, w, p):
+    def weight(self, w: Any, p: Parameters) -> Any:
         """Gravity ratio where a mass of coordinate w is."""
         return self.pull(p.get("rest_length", 0.0) + w, p)
 
-    def flight(self, x, p, q):
+    def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M, (c, d) = p["mass_ratio"], self.dampers(p)
         held = self.force(x[2], p, q) + (c + d) * x[3]
         return [x[1], -M * d * x[1] - self.weight(x[0], p), x[3], -held - self.weight(x[2], p)]
 
-    def contact(self, x, p, q):
+    def contact(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M, (c, d) = p["mass_ratio"], self.dampers(p)
         return [x[1], -M / (1 + M) * (self.force(x[0], p, q) + (c + 2 * d) * x[1]) - self.weight(x[0], p)]
 
-    def contact_force(self, x, p, q):
+    def contact_force(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
         return -(self.force(x[0], p, q) + self.liftoff_damping(p) * x[1]) / (1 + p["mass_ratio"])
 
-    def liftoff_damping(self, p):
+    def liftoff_damping(self, p: Parameters) -> Any:
         """Of the force between ball and hand per speed: of the hand's dampers less the ball's."""
         (c, d), M = self.dampers(p), p["mass_ratio"]
         return c + (1 - M) * d
 
-    def flight_gradient(self, x, p, q):
+    def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M = p["mass_ratio"]
         return [self.weight(x[0], p), x[1], M * (self.force(x[2], p, q) + self.weight(x[2], p)), M * x[3]]
 
-    def contact_gradient(self, x, p, q):
+    def contact_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M = p["mass_ratio"]
         return [M * self.force(x[0], p, q) + (1 + M) * self.weight(x[0], p), (1 + M) * x[1]]
 
-    def contact_oscillator(self, p):
+    def contact_oscillator(self, p: Parameters) -> Oscillator:
         M = p["mass_ratio"]
         k, zero = straight_line(self.spring, p)
         force = {"contact force": (-k / (1 + M), k * zero / (1 + M))}
         return Oscillator(M * k / (1 + M), zero - (1 + M) / (M * k), force)
 
-    def liftoff(self, u, p, q):
+    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Any:
         return self.force(u["liftoff"], p, q) + self.liftoff_damping(p) * u["alpha"]
 
-    def release(self, alpha, p):
+    def release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
         return HAND_LIFTOFF.extensions_at(from_key(self.spring, p), self.liftoff_damping(p), alpha)
 
     @staticmethod
-    def mix(p):
+    def mix(p: Parameters) -> np.ndarray:
         """w1, w1', w2, w2' from w2, w2', w1, w1' (the hand swings, the ball is thrown); its own inverse."""
         return np.eye(4)[[2, 3, 0, 1]]
 
     @staticmethod
-    def complete(times, coefficients, u, p):
+    def complete(times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
         return np.concatenate([thrown(times, coefficients.shape[2], u), coefficients[:, :2]], axis=1)
 
     @staticmethod
-    def gap_slope(times, dz, p):
+    def gap_slope(times: np.ndarray, dz: np.ndarray, p: Parameters) -> np.ndarray:
         return times - dz[0]
 
     @staticmethod
-    def heights(p):
+    def heights(p: Parameters) -> dict[str, Affine]:
         length = p.get("rest_length", 0.0)
         return {"ball": Affine((1.0, 0.0, 0.0, 0.0), length), "hand": Affine((0.0, 0.0, 1.0, 0.0), length)}
 

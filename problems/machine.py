@@ -1,4 +1,4 @@
-"""What a machine states, whatever moves in it: spring, gravity, masses, lengths, units."""
+"""What a machine of two masses is stated by: spring, gravity, mass ratio, rest length, losses and units."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -12,7 +12,7 @@ from orbits.symbolic.formula import suggest
 from . import gravity as gravities
 from . import springs
 from .gravity import as_gravity
-from .laws import Key, Law, coefficient_of_restitution, number, parameter_names
+from .laws import Key, Law, coefficient_of_restitution, number, own_parameters
 from .springs import as_spring
 
 # Beyond these bounds one of the two masses is lost in rounding.
@@ -34,7 +34,7 @@ class TwoMassMachine:
     damping : of the damper beside the spring, force over speed, from 0
     drag : force over speed on each mass, against its motion, from 0
     parameters : values of the formulas' other names
-    units : what the numbers stand for in SI, see `units.machine_in_si`; the laws' parameters are then in SI themselves
+    units : of the numbers in SI, see `units.machine_in_si`; the parameters of the laws are then in SI themselves
     """
 
     spring: Any = "r"
@@ -49,7 +49,7 @@ class TwoMassMachine:
 
     kind = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         number("mass_ratio", self.mass_ratio, *MASS_RATIOS)
         coefficient_of_restitution(self.restitution)
         if self.rest_length is not None:
@@ -68,14 +68,14 @@ class TwoMassMachine:
             )
 
     def _laws(self) -> tuple[Law, Law]:
-        """The two laws, each given the parameters that it knows."""
+        """The two laws, each with its own parameters; raises `InputError` for unknown, reserved and ambiguous names."""
         if not isinstance(self.parameters, Mapping):
             raise InputError(f"parameters = {self.parameters!r}; they are a mapping of names to numbers")
         given = dict(self.parameters)
         for name in given:
             number(name, given[name])
         spring, gravity = (
-            make(law, {name: given[name] for name in given.keys() & parameter_names(law, variable, named)})
+            make(law, own_parameters(law, variable, named, given))
             for make, law, variable, named in (
                 (as_spring, self.spring, "r", springs.NAMED),
                 (as_gravity, self.gravity, "z", gravities.NAMED),

@@ -7,6 +7,7 @@ alpha, and an orbit is a root of r'(alpha) = 0: a problem in two states (section
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from orbits.model.model import Reduction
 from orbits.model.phase import Arc, Phase, Pieces, Statement
 
 from .launch_speed import lowest_launch_speed
-from .laws import Key, from_key
+from .laws import Key, Parameters, from_key
 from .liftoff import Liftoff
 
 # Outside these bounds the lengths of lift-off overflow or vanish beside others.
@@ -101,12 +102,12 @@ class TwoMassEquations:
         self.spring, self.gravity, self.damped = spring, gravity, damped
         self.force = spring.expression
 
-    def pull(self, z, p):
+    def pull(self, z: Any, p: Parameters) -> Any:
         """Gravity ratio at height z; its share over constant gravity is a parameter, along which orbits are
         followed."""
         return 1 + p["gravity_share"] * (self.gravity.expression(z, p, []) - 1) if self.gravity else 1.0
 
-    def dampers(self, p):
+    def dampers(self, p: Parameters) -> tuple[Any, Any]:
         """Coefficients of the damper beside the spring and of the drag on each mass."""
         return (p["damping"], p["drag"]) if self.damped else (0.0, 0.0)
 

@@ -40,8 +40,8 @@ def read_table(path: Path, in_si: bool) -> tuple[np.ndarray, np.ndarray]:
         raise InputError(f"the table {path} has no rows; it needs a header and at least {FEWEST_ROWS} rows")
     if all(_is_number(cell) for cell in rows[0]):
         raise InputError(f"the table {path} has no header; name its columns in the first row")
-    extension = _column(path, rows[0], EXTENSION_NAMES, METRES, in_si)
-    force = _column(path, rows[0], FORCE_NAMES, NEWTONS, in_si)
+    extension = _named_column(path, rows[0], EXTENSION_NAMES, METRES, in_si)
+    force = _named_column(path, rows[0], FORCE_NAMES, NEWTONS, in_si)
     values = []
     for line, row in enumerate(rows[1:], start=2):
         try:
@@ -114,7 +114,9 @@ def _limited_curvatures(curvature: np.ndarray, slope: np.ndarray, h: np.ndarray,
     return np.clip(curvature, low, high)
 
 
-def _column(path: Path, header: list[str], names: tuple[str, ...], units: dict[str, float], in_si: bool) -> _Column:
+def _named_column(
+    path: Path, header: list[str], names: tuple[str, ...], units: dict[str, float], in_si: bool
+) -> _Column:
     """The first column of a header that has one of the names, perhaps with a unit after it."""
     for index, cell in enumerate(header):
         name, *others = re.split(r"[\s_()\[\]/]+", cell.strip().lower())

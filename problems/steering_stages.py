@@ -14,6 +14,7 @@ from orbits.model.model import Model
 from orbits.model.phase import Affine
 
 from .actuated import RATE, Actuated, along
+from .laws import Parameters, Scalars
 
 # A little effort is added to positive work and to the peak rate, so that their minima are unique.
 EFFORT_WEIGHTS = {"work": 1e-3, "peak": 1e-6}
@@ -78,29 +79,29 @@ class HopStatement:
     lossless: bool
     periodic: bool
 
-    def lifted(self, x, before, p):
+    def lifted(self, x: Scalars, before: Scalars, p: Parameters) -> list[Any]:
         """The start of the flight."""
         if self.periodic:
             return _difference(x, _product(self.model.embed, before))
         return _difference(x, self.model.launch({"liftoff": p["liftoff"], "alpha": p["launch"]}, p))
 
-    def landed(self, x, p):
+    def landed(self, x: Scalars, p: Parameters) -> list[Any]:
         """The end of the flight."""
         if not self.lossless:
             return [along(self.gap, x)]
         return [along(self.gap, x), self._gap_speed(x, p), self._contact_force(_product(self._to_contact, x), p, [])]
 
-    def approaching(self, x, p):
+    def approaching(self, x: Scalars, p: Parameters) -> list[Any]:
         """What is positive at a plastic landing."""
         return [] if self.lossless else [-self._gap_speed(x, p)]
 
-    def stuck(self, x, before, p):
+    def stuck(self, x: Scalars, before: Scalars, p: Parameters) -> list[Any]:
         """The start of the contact, after the impact."""
         speed = self._gap_speed(before, p)
         after = [part - speed * share for part, share in zip(before, self.impact, strict=True)]
         return _difference(x, _product(self._to_contact, after))
 
-    def launched(self, x, p):
+    def launched(self, x: Scalars, p: Parameters) -> list[Any]:
         """The end of the contact."""
         aim = [] if self.periodic else [along(self.model.contact_speed, x) - p["aim"], x[-1]]
         return [self._contact_force(x, p, []), *aim]
@@ -113,7 +114,7 @@ class HopStatement:
     def _contact_force(self) -> Callable:
         return self.model.contact.watch["contact force"]
 
-    def _gap_speed(self, x, p):
+    def _gap_speed(self, x: Scalars, p: Parameters) -> Any:
         return along(Affine(self.gap.weights), self.model.flight.field(x, {**p, RATE: 0.0}, []))
 
 
@@ -184,10 +185,10 @@ def swing_stages(model: Model, pumps: int, intervals: int, limits: Limits, time:
 def _running_cost(kind: str, model: Model, embed: np.ndarray) -> Callable:
     """The cost's rate; positive work is rounded by the parameter "round", see `steering.keep_hopping`."""
 
-    def effort(x, p, q):
+    def effort(x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         return EFFORT_WEIGHTS.get(kind, 1.0) * p[RATE] ** 2
 
-    def work(x, p, q):
+    def work(x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         power = model.flight_gradient(_product(embed, x), p, q)[-1] * p[RATE]
         return 0.5 * (power + (power**2 + p["round"] ** 2) ** 0.5) + effort(x, p, q)
 

@@ -11,7 +11,7 @@ from . import gravity as gravities
 from .gravity import as_gravity
 from .hopper import Hopper
 from .juggler import Juggler
-from .laws import Law, number, parameter_names
+from .laws import Law, number, own_parameters
 from .machine import TwoMassMachine
 from .springs import NAMED, as_spring
 
@@ -87,9 +87,7 @@ def _gravity_law(gravity: Any, body_radius: float | None, given: Mapping[str, fl
     """The law of gravity in SI."""
     if body_radius is None:
         law = "1" if gravity is None else gravity
-        return as_gravity(
-            law, {name: given[name] for name in given.keys() & parameter_names(law, "z", gravities.NAMED)}
-        )
+        return as_gravity(law, own_parameters(law, "z", gravities.NAMED, given))
     if gravity is not None:
         raise InputError("give body_radius or gravity, not both")
     return gravities.formula("1/(1 + z/body_radius)**2", body_radius=number("body_radius", body_radius, low=0))
@@ -101,8 +99,7 @@ def _spring(force: Any, stiffness: float | None, given: Mapping[str, float]) -> 
         if stiffness is None:
             raise InputError("a spring in SI needs its stiffness (N/m) or its force law")
         return as_spring("r"), number("stiffness", stiffness, low=0)
-    known = given.keys() & parameter_names(force, "r", NAMED)
-    law = as_spring(force, {name: given[name] for name in known}, in_si=True)
+    law = as_spring(force, own_parameters(force, "r", NAMED, given), in_si=True)
     slope = float(law.with_slope(0.0)[1])
     if stiffness is not None:
         k = number("stiffness", stiffness, low=0)
