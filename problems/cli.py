@@ -65,16 +65,9 @@ def orbits() -> None:
 @animate_option
 @file_option("--save", "document", "Save the orbit (.json), for Orbit.load.")
 def find_command(
-    family: int,
-    method: str | None,
-    allow_inadmissible: bool,
-    as_json: bool,
-    explain: bool,
-    plot: str | None,
-    animate: str | None,
-    save: str | None,
-    **options: Any,
-) -> None:
+    family: int, method: str | None, allow_inadmissible: bool, as_json: bool, explain: bool, plot: str | None,
+    animate: str | None, save: str | None, **options: Any,
+) -> None:  # fmt: skip
     """Find one lossless orbit and certify it."""
     from orbits.periodic.find import find as find_orbit
     from orbits.plot import save_figure
@@ -117,21 +110,10 @@ THUMBNAILS = 6
 @file_option("--save", "family", "Save the whole family: .csv, .nc or .jsonl.")
 @click.option("--resume", metavar="FILE", help="Go on from the end of a family written by --output or --save.")
 def follow_command(
-    family: int,
-    along: str,
-    start: float | None,
-    stop: float,
-    at: str | None,
-    longest: float,
-    method: str | None,
-    stop_inadmissible: bool,
-    as_json: bool,
-    plot: str | None,
-    output: str | None,
-    save: str | None,
-    resume: str | None,
-    **options: Any,
-) -> None:
+    family: int, along: str, start: float | None, stop: float, at: str | None, longest: float, method: str | None,
+    stop_inadmissible: bool, as_json: bool, plot: str | None, output: str | None, save: str | None,
+    resume: str | None, **options: Any,
+) -> None:  # fmt: skip
     """Follow a family of orbits along a parameter, past folds, to its end."""
     from orbits.continuation.family import Family
     from orbits.continuation.follow import follow as follow_family
@@ -181,7 +163,7 @@ def follow_command(
 @click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
 def return_map(
     alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, **options: Any
-) -> None:
+) -> None:  # fmt: skip
     """Map launch speeds to the next ones, with the losses and impacts in between."""
     from orbits.errors import InputError
     from orbits.hybrid.return_map import ReturnMap
@@ -231,15 +213,9 @@ def return_map(
 @plot_option
 @animate_option
 def simulate_command(
-    alpha: float,
-    hops: int | None,
-    end: float | None,
-    inject: float,
-    as_json: bool,
-    plot: str | None,
-    animate: str | None,
-    **options: Any,
-) -> None:
+    alpha: float, hops: int | None, end: float | None, inject: float, as_json: bool, plot: str | None,
+    animate: str | None, **options: Any,
+) -> None:  # fmt: skip
     """Follow the machine's motion from a launch, through every impact and contact."""
     from orbits.hybrid.simulation import simulate as run_machine
     from orbits.plot import save_figure
