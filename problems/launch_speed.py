@@ -33,7 +33,7 @@ class LaunchSearch:
     longest_flight: float = 1e3
 
 
-SEARCH = LaunchSearch()
+LAUNCH_SEARCH = LaunchSearch()
 
 
 class _Sample(NamedTuple):
@@ -64,7 +64,7 @@ def lowest_launch_speed(
     def sample(alpha: float) -> _Sample:
         return _sample(phase, p, liftoff, family, alpha)
 
-    fastest, slowest = SEARCH.fastest * family * scale, SEARCH.slowest * scale
+    fastest, slowest = LAUNCH_SEARCH.fastest * family * scale, LAUNCH_SEARCH.slowest * scale
     samples = [_Sample(0.0, 1.0)]
     no_return = np.inf  # the lowest speed from which the extension does not come back
     alpha, reason = 2 * family * scale, ""  # rather low for most springs; where it is too fast, from the slowest
@@ -107,7 +107,7 @@ def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: 
         clock[0] += steps.sum()
         return None
 
-    longest = SEARCH.longest_flight * (1 + alpha)
+    longest = LAUNCH_SEARCH.longest_flight * (1 + alpha)
     flow_of(phase, tuple(p)).run([liftoff, alpha], list(p.values()), longest, stop=second_turn)
     return (turns[0], turns[1] - turns[0]) if len(turns) == 2 else (np.inf, np.inf)
 
@@ -127,7 +127,7 @@ def _sample(phase: Phase, p: dict[str, float], liftoff: float, family: int, alph
 
 def _estimated_root(sample: Callable, early: _Sample, late: _Sample) -> float:
     """The root between a sample where the turn comes too late and a faster one where it comes too early."""
-    enough = min(SEARCH.accuracy * late.half_period, SEARCH.depth * abs(late.lateness))
+    enough = min(LAUNCH_SEARCH.accuracy * late.half_period, LAUNCH_SEARCH.depth * abs(late.lateness))
     return bracketed_root(
         lambda alpha: sample(alpha).lateness, early.alpha, late.alpha, early.lateness, late.lateness, enough
     )
@@ -146,7 +146,7 @@ def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float
     before, last = samples[-2:]
     slope = (last.lateness - before.lateness) / (last.alpha - before.alpha) if len(samples) > 2 else 0.0
     ahead = 1.2 * last.lateness / max(-slope, 0.3) if slope < 0 else last.lateness / 1.5
-    alpha = last.alpha + max(ahead, SEARCH.shortest_step * (scale + last.alpha))
+    alpha = last.alpha + max(ahead, LAUNCH_SEARCH.shortest_step * (scale + last.alpha))
     return alpha if alpha < no_return else 0.5 * (last.alpha + no_return)
 
 

@@ -305,10 +305,10 @@ machine = Hopper(**json.loads({machine!r}))
 machine.model, machine.values
 t.append(time.perf_counter())
 import orbits.periodic.find as search
-whole = search.as_orbit
+whole = search.certified_orbit
 def certify(*args, **options):
     t.append(time.perf_counter()); return whole(*args, **options)
-search.as_orbit = certify
+search.certified_orbit = certify
 orbit = find(machine, {family})
 t.append(time.perf_counter())
 print(json.dumps([[b - a for a, b in zip(t, t[1:])], list(orbit.skipped)]))

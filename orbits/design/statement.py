@@ -5,7 +5,7 @@ arcs end at the extremes. For the loss coefficient the first arc carries its var
 adjoint that takes it back over the mirrored half.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import casadi as ca
@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..model.model import Model
 from ..model.phase import Arc, Phase, Statement
 from ..periodic.formulations import half_orbit
-from ..periodic.local_law import loss_coefficient
+from ..periodic.local_law import by_launch_speed, launch_power, loss_coefficient
 from .extremes import Place, affine, phase_named
 
 
@@ -80,7 +80,7 @@ def _variational(model: Model, arc: Arc) -> Arc:
         return [*ca.vertsplit(rates), *ca.vertsplit(ca.densify(variation)), *ca.vertsplit(ca.densify(adjoint))]
 
     def start(u, before, p):
-        variation = _by_alpha(lambda u: arc.start(u, before, p), u)
+        variation = by_launch_speed(lambda u: arc.start(u, before, p), u)
         adjoint = [sign * w for sign, w in zip(signs, _gap_weights(model, n, p), strict=True)]
         return [*arc.start(u, before, p), *variation, *adjoint]
 
@@ -107,14 +107,6 @@ def _gap_weights(model: Model, n: int, p: Mapping) -> list:
     return [slope(0.0, [float(i == j) for j in range(n)], p) - slope(0.0, zero, p) for i in range(n)]
 
 
-def _by_alpha(function: Callable, u: Mapping) -> list:
-    """Derivatives of a list of plain expressions by the launch speed, which is a number or a symbol."""
-    if isinstance(u["alpha"], ca.SX):
-        values = ca.vertcat(*function(u))
-        return ca.vertsplit(ca.densify(ca.jacobian(values, u["alpha"])))
-    return [complex(x).imag * 1e30 for x in function({**u, "alpha": u["alpha"] + 1e-30j})]
-
-
 def landing_jerk(model: Model, u: Mapping, p: Mapping) -> ca.SX:
     """Third derivative of the gap at landing, which is minus that at lift-off."""
     x = ca.SX.sym("x", len(model.flight.states))
@@ -136,5 +128,5 @@ def landing_sensitivity(model: Model, half: ca.SX, end: Sequence, p: Mapping) ->
 def loss(model: Model, jerk: ca.SX, slope: ca.SX, u: Mapping, p: Mapping) -> ca.SX:
     """C of the map alpha + d -> alpha + d - C d**(4/3), from the landing jerk and the landing sensitivity."""
     gradient = model.flight_gradient(model.launch(u, p), p, [])
-    power = sum(g * d for g, d in zip(gradient, _by_alpha(lambda u: model.launch(u, p), u), strict=True))
+    power = launch_power(gradient, by_launch_speed(lambda u: model.launch(u, p), u))
     return loss_coefficient(model.impact_mass(p), -jerk, ca.fabs(slope), power)

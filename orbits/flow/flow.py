@@ -23,7 +23,6 @@ from .taylor import TaylorStepper
 from .trajectory import Trajectories, Trajectory
 from .vector_field import TAYLOR_ORDER
 from .zero_crossing import ZeroSearch, until_zero
-from .zero_crossing import first_zero as first_zero
 
 # A share of the duration that does not count as a step of its own in closed form, since it is rounding.
 STEP_ROUNDING = 1e-12

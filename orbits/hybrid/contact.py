@@ -5,16 +5,12 @@ import numpy as np
 from ..flow.flow import Flow
 from ..model.phase import Affine
 from ..numerics.bernstein import Crossings
+from ..periodic.contact import contact_force_row
 
 # After this many zeros of the contact's speed the contact never ends, see `ContactEnd`.
 TURNS = 3
 # A contact whose rates are all below this is at rest. An overdamped contact gets there without turning.
 STILL_RATE = 1e-12
-
-
-def contact_force(contact: Flow) -> Affine:
-    """The contact force as an affine function of the rows of a contact's motion."""
-    return Affine(tuple(float(name == "contact force") for name in contact.names))
 
 
 class ContactEnd:
@@ -29,7 +25,7 @@ class ContactEnd:
     """
 
     def __init__(self, contact: Flow, speed: Affine | None):
-        self.size, self.force, self.speed = contact.size, contact_force(contact), speed
+        self.size, self.force, self.speed = contact.size, contact_force_row(contact.phase), speed
         self.force_zeros, self.speed_zeros = Crossings(), Crossings()
         self.turns_left = TURNS
         self.outcome: str | None = None
@@ -44,7 +40,7 @@ class ContactEnd:
 
     def _rest(self, speed: Affine, coefficients, steps) -> list[tuple[int, float]]:
         """Places from which the force never ends the contact: the last turn, and steps at whose start it is still."""
-        turns = self.speed_zeros(speed.series(coefficients[:, : len(speed.weights)]), steps)
+        turns = self.speed_zeros(speed.series(coefficients), steps)
         last, self.turns_left = turns[self.turns_left - 1 : self.turns_left], self.turns_left - len(turns)
         still = np.flatnonzero(np.abs(coefficients[:, : self.size, 1]).max(1) < STILL_RATE)[:1]
         return [*last, *((int(i), float(steps[i])) for i in still)]

@@ -22,10 +22,11 @@ from ..flow.trajectory import Trajectory
 from ..model.machine import ImpactingMachine, check_machine
 from ..model.phase import Affine
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
+from ..periodic.contact import contact_force_row
 from ..periodic.energy import gradients
 from ..periodic.solution import vector
 from ..symbolic.calls import ElementwiseFunction
-from .contact import TURNS, ContactEnd, contact_force
+from .contact import TURNS, ContactEnd
 
 # How a hop ends other than by "lifts_off" (of a map) and "done" (of a simulation).
 STATUSES = {
@@ -242,7 +243,7 @@ class Impacts:
     @cached_property
     def contact_force(self) -> Affine:
         """The contact force as a function of the rows of the contact's motion."""
-        return contact_force(self.contact)
+        return contact_force_row(self.contact.phase)
 
     @cached_property
     def force_index(self) -> int:

@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 
 from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectory
-from ..model.phase import Arc, Statement
+from ..model.phase import Statement
 from ..numerics.bernstein import derivative, evaluate
 from ..numerics.linear import solve
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.ipopt import solve_equations
 from .evaluation import Evaluation, PointEvaluation, stacked
-from .multiple_shooting import MultipleShooting
+from .multiple_shooting import MultipleShooting, boundary_functions
 from .newton import newton
 
 
@@ -62,27 +62,8 @@ class Shooting:
     @cached_property
     def ends(self) -> list[BoundaryFunctions]:
         """The boundary functions of each arc."""
-        sizes = [0, *(flow.size for flow in self.flows)]
-        return [self._boundary_functions(*each) for each in zip(self.statement.arcs, sizes, sizes[1:], strict=False)]
-
-    def _boundary_functions(self, arc: Arc, size_before: int, size: int) -> BoundaryFunctions:
-        u, p = ca.SX.sym("u", self.size), ca.SX.sym("p", len(self.parameters))
-        before, x0, x1 = (ca.SX.sym(name, n) for name, n in (("b", size_before), ("x", size), ("y", size)))
-        q = ca.SX.sym("q", arc.phase.pieces.size if arc.phase.pieces else 0)
-        unknowns = dict(zip(self.statement.unknowns, ca.vertsplit(u), strict=True))
-        parameters = dict(zip(self.parameters, ca.vertsplit(p), strict=True))
-        start = arc.start(unknowns, ca.vertsplit(before), parameters)
-        departure = ca.vertcat(*start, arc.duration(unknowns, parameters))
-        guard = arc.guard(unknowns, ca.vertsplit(x0), parameters, ca.vertsplit(q))
-        conditions = ca.vertcat(*guard, *arc.conditions(unknowns, ca.vertsplit(x1), parameters))
-
-        def with_derivatives(name: str, arguments: list, value: ca.SX) -> BufferedFunction:
-            return BufferedFunction(dense(name, arguments, [value, ca.jacobian(value, ca.vertcat(*arguments))]))
-
-        return BoundaryFunctions(
-            with_derivatives("departure", [u, before, p], departure),
-            with_derivatives("conditions", [u, x0, x1, p, q], conditions),
-        )
+        functions = boundary_functions(self.statement, self.parameters)
+        return [BoundaryFunctions(*map(_with_derivatives, functions_of_arc)) for functions_of_arc in functions]
 
     def evaluate(self, u: ArrayLike, p: ArrayLike, vary: tuple[str, ...] = ()) -> PointEvaluation:
         """Residual, Jacobian and motion at one point; the error control of the flow chooses the steps.
@@ -208,6 +189,13 @@ class Shooting:
         problem = MultipleShooting(self, np.asarray(u, float), np.asarray(p, float))
         solution = solve_equations(problem.unknowns, problem.equations, problem.guess, problem.lower, problem.scale)
         return self.newton(solution[: self.size], p)  # Ipopt ends at its tolerance, this at rounding
+
+
+def _with_derivatives(function: ca.Function) -> BufferedFunction:
+    """The results of a function in one column, and its derivatives by all arguments."""
+    arguments = function.sx_in()
+    value = ca.vertcat(*function.call(arguments))
+    return BufferedFunction(dense(function.name(), arguments, [value, ca.jacobian(value, ca.vertcat(*arguments))]))
 
 
 def _end_of_path(flow: Flow, start: np.ndarray, p: np.ndarray, path: Trajectory) -> np.ndarray:
