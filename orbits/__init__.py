@@ -5,6 +5,7 @@ from .continuation.existence import Existence, existence
 from .continuation.family import End, Event, Family, Point
 from .continuation.folds import fold_statement, follow_fold
 from .continuation.follow import follow, orbit_at, trace
+from .continuation.step_control import StepControl
 from .control.steer import Control, Guess, steer
 from .control.transcription import Input, Stage
 from .design.local import Active
@@ -53,6 +54,7 @@ __all__ = [
     "Simulation",
     "Stage",
     "Statement",
+    "StepControl",
     "Units",
     "existence",
     "find",
