@@ -48,7 +48,7 @@ def test_they_are_keywords_documented_and_fixed():
 
 @pytest.mark.parametrize(
     "constants",
-    [{"target_correction": 1e-9}, {"largest_correction": 1e-6}, {"largest_turn": 0.01}, {"longest_step": 0.02}],
+    [{"target_correction": 1e-9}, {"largest_correction": 1e-3}, {"largest_turn": 0.01}, {"longest_step": 0.02}],
     ids=lambda constants: next(iter(constants)),
 )
 def test_stricter_control_takes_more_steps_along_the_same_curve(constants):
@@ -58,10 +58,9 @@ def test_stricter_control_takes_more_steps_along_the_same_curve(constants):
     assert usual[-1].alpha == pytest.approx(ALPHA, rel=1e-13)
 
 
-def test_the_first_step_has_the_length_asked_for():
-    for length in (1e-3, 1e-2):
-        first, second, *_ = cubic(first_step=length)
-        assert second.value == pytest.approx(length / 2, rel=0.1)  # a step has two points at least
+def test_the_first_step_is_as_long_as_asked_for():
+    short, long = (cubic(first_step=length)[1].value for length in (1e-3, 1e-2))
+    assert long == pytest.approx(10 * short, rel=0.1)
 
 
 def test_a_run_gives_up_after_the_rejections_allowed():
@@ -98,15 +97,15 @@ def test_points_certified_one_by_one_are_the_same_curve(monkeypatch):
 
 
 def test_every_way_along_a_curve_takes_them():
-    machine, short = Hopper("r + beta*r**3 + delta*r**5", parameters={"beta": 0.0, "delta": 0.0}), {"most": 3}
-    control = StepControl(first_step=1e-3)
-    first, second, *_ = (
-        item.machine["parameters"]["beta"]
-        for item in list(trace(machine, "beta", 1.0, step_control=control, **short))[:2]
-    )
-    assert second - first == pytest.approx(5e-4, rel=0.1)
+    machine = Hopper("r + beta*r**3 + delta*r**5", parameters={"beta": 0.0, "delta": 0.0})
     fold = next(event.point for event in follow(machine, "beta", -0.02).events if event.kind == "fold")
-    curve = follow_fold(machine, fold, "beta", "delta", 3e-5, step_control=control, **short)
-    assert curve[1].value == pytest.approx(5e-4 * 3e-5, rel=0.1)
-    diagram = existence(machine, "beta", (-0.001, 0.001), "delta", [0.0, 1e-6], step_control=control, **short)
-    assert diagram.rows[0][1][1].value == pytest.approx(5e-4 * 0.002, rel=0.1)
+
+    def second_values(length: float):
+        options = {"most": 3, "step_control": StepControl(first_step=length)}
+        _, orbit, *_ = trace(machine, "beta", 1.0, **options)
+        yield orbit.machine["parameters"]["beta"]
+        yield follow_fold(machine, fold, "beta", "delta", 3e-5, **options)[1].value
+        diagram = existence(machine, "beta", (-0.001, 0.001), "delta", [0.0, 1e-6], **options)
+        yield diagram.rows[0][0][1].value
+
+    assert list(second_values(1e-2)) == pytest.approx([10 * value for value in second_values(1e-3)], rel=0.1)
