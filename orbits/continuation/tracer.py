@@ -45,7 +45,7 @@ class TracerState:
 
 
 class Rejection(NamedTuple):
-    """Why the point after those certified is rejected, and the length of the curve from the point before it."""
+    """Why a point is rejected, and the length of the curve from the point before it."""
 
     error: OrbitsError
     length: float
@@ -67,6 +67,11 @@ class Batch:
     failure: OrbitsError | None
     length: float
     whole: bool
+
+    @property
+    def reason(self) -> str:
+        """Why not all of the points were certified, or why there are no more."""
+        return str(self.rejection.error if self.rejection else self.failure)
 
 
 class Tracer:
@@ -121,27 +126,37 @@ class Tracer:
         while True:
             state = replace(state, batch_size=min(state.batch_size, self.options.most - state.index))
             batch = batch or self._next_batch(state)
-            accepted = 0
+            last, index, ends = state.last, state.index, [*state.ends]
             for point in batch.certified:
                 try:
-                    state, items, end = self._advance(state, point)
+                    segment, end = self.endings.cut(Segment(self.curve, last, point))
+                    located = segment.events(self.options.at, self.options.watch)
                 except OrbitsError as error:
-                    rejection = Rejection(NoOrbit(f"what happens next cannot be located ({error})"), point.length)
-                    batch = replace(batch, rejection=rejection)
+                    reason = NoOrbit(f"what happens next cannot be located ({error})")
+                    batch = replace(batch, rejection=Rejection(reason, point.length))
                     break
+                items, added = self._items(located, segment.b, index, goes_on=end is None)
+                if index + added >= self.options.most:
+                    most = self.options.most
+                    yield End("stopped", f"after {index + 1} points: no more than {most} were asked for")
+                    return
                 yield from items
-                history.append((state.last.point.alpha, state.last.value))
-                if end := end or self.endings.far(state.last, history):
+                last, index = segment.b, index + added
+                history.append((last.point.alpha, last.value))
+                if end := end or self.endings.far(last, history):
                     yield end
                     return
-                accepted += 1
-            state = self._after(state, batch, accepted)
-            gives_up = state.length <= self.control.shortest_step or state.rejections > self.control.most_rejections
-            if batch.failure or (batch.rejection and gives_up):
-                reason = str(batch.rejection.error if batch.rejection else batch.failure)
-                yield self.endings.lost(reason, state.last, history)
+                if point.parts:
+                    ends.append(point)
+            state = self._after(replace(state, last=last, index=index), batch, ends)
+            if batch.failure or (batch.rejection and self._gives_up(state)):
+                yield self.endings.lost(batch.reason, last, history)
                 return
             batch = None
+
+    def _gives_up(self, state: TracerState) -> bool:
+        """Whether the steps are too short, or too many points have been rejected, to go on."""
+        return state.length <= self.control.shortest_step or state.rejections > self.control.most_rejections
 
     def _next_batch(self, state: TracerState) -> Batch:
         """The next points, certified, after the state's last point if that is not certified yet."""
@@ -175,37 +190,30 @@ class Tracer:
             family = point.point.family
         return certified, error
 
-    def _advance(
-        self, state: TracerState, point: CurvePoint
-    ) -> tuple[TracerState, list[CurvePoint | Event | End], End | None]:
-        """The state at the next point, the items up to it, and the end of the curve if it ends there."""
-        segment, end = self.endings.cut(Segment(self.curve, state.last, point))
-        located, point = segment.events(self.options.at, self.options.watch), segment.b
-        index, asked = state.index, sum(kind == "asked" for kind, _ in located)
-        if index + asked + 1 >= self.options.most:
-            limit = End("stopped", f"after {index + 1} points: no more than {self.options.most} were asked for")
-            return state, [], limit
-        items: list[CurvePoint | Event | End] = []
+    def _items(self, located, point: CurvePoint, index: int, goes_on: bool) -> tuple[list[CurvePoint | Event], int]:
+        """The items from the point `index` on to the next one, with the events located between; and how many of these
+        are points."""
+        items: list[CurvePoint | Event] = []
+        start = index
         for kind, event in located:
             if kind == "asked":
                 index += 1
                 items.append(event)
             items.append(Event(kind, index, event.point))
-        index += 1
         items.append(point)
-        if end is None and point.value in self.options.at:
-            items.append(Event("asked", index, point.point))
-        return replace(state, last=point, index=index), items, end
+        if goes_on and point.value in self.options.at:
+            items.append(Event("asked", index + 1, point.point))
+        return items, index + 1 - start
 
-    def _after(self, state: TracerState, batch: Batch, accepted: int) -> TracerState:
-        """The state after a batch of which so many points have been accepted."""
-        ends = [*state.ends, *(point for point in batch.certified[:accepted] if point.parts)]
+    def _after(self, state: TracerState, batch: Batch, ends: list[CurvePoint]) -> TracerState:
+        """The state after a batch and the ends of its accepted steps: longer batches if nothing was rejected, else
+        shorter steps one at a time."""
+        control = self.control
         if batch.rejection is None:
-            batch_size = min(self.control.batch_growth * state.batch_size, self.control.largest_batch)
-            batch_size = batch_size if batch.whole else 1
-            return replace(state, ends=tuple(ends[-MEMORY:]), length=batch.length, batch_size=batch_size)
+            size = min(control.batch_growth * state.batch_size, control.largest_batch) if batch.whole else 1
+            return replace(state, ends=tuple(ends[-MEMORY:]), length=batch.length, batch_size=size)
         if ends[-1] is not state.last:
-            ends.append(state.last)
-        rejections = max(state.rejections - len(batch.certified) / self.control.recovery, 0.0) + 1
+            ends = [*ends, state.last]
+        rejections = max(state.rejections - len(batch.certified) / control.recovery, 0.0) + 1
         length = 0.5 * batch.rejection.length
         return replace(state, ends=tuple(ends[-MEMORY:]), length=length, batch_size=1, rejections=rejections)
