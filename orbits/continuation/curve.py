@@ -54,7 +54,7 @@ class CurvePoint:
     evaluation, index : the equations at several points, to first order from the last Newton step, and this one's place
     counts : numbers of Taylor steps that suffice for each arc, as in `NewtonBatch`; None where motions are evaluated
         one by one
-    length : of the curve from the point before
+    length : length of the curve from the point before
     parts : number of points that the step ending here is divided into; 0 at a point that does not end a step
     certified : the orbit without its motion, None before it is certified
     """
@@ -71,7 +71,7 @@ class CurvePoint:
 
     @property
     def value(self) -> float:
-        """Of the parameter."""
+        """The value of the parameter."""
         return float(self.x[-1])
 
     @property
@@ -88,7 +88,7 @@ class CurvePoint:
 
     @cached_property
     def signs(self) -> tuple:
-        """Of every test function at a certified point."""
+        """The signs of all test functions at a certified point."""
         point = self.point
         tests = (test(point) for test in TEST_FUNCTIONS.values())
         sides = [test is not None and test >= 0 for test in tests]

@@ -1,8 +1,8 @@
 """Curves of folds in two parameters: where a family's orbits begin to exist.
 
-At a fold the equations F(u, a) = 0 have a direction v in which nothing changes, F_u v = 0. Both together are a boundary
-value statement again, on phases of twice the states: the motion, and its first variation in the direction v. Its own
-derivatives, which shooting finds as for any statement, are the exact second derivatives of F.
+At a fold the Jacobian of the equations F(u, a) = 0 is singular: F_u v = 0 for a direction v. F = 0 and F_u v = 0 are
+one boundary-value statement on phases with twice the states: the motion, and its first variation in the direction v.
+Shooting differentiates this statement as any other, which gives the exact second derivatives of F.
 """
 
 from collections.abc import Sequence
@@ -26,10 +26,11 @@ from .step_control import StepControl
 
 @lru_cache(maxsize=64)
 def fold_statement(statement: Statement, along: str) -> Statement:
-    """The folds of a statement with respect to a parameter: unknowns u, v but for that of "alpha", and the parameter.
+    """The statement of the folds of another one in a parameter, with the unknowns u, v without its entry for "alpha",
+    and the parameter.
 
-    v is scaled to 1 in the component of the launch speed, which a fold of a family always has. A motion in pieces has
-    no second derivatives everywhere: raises `InputError`.
+    v is scaled so that its entry for the launch speed, which is never zero at a fold of a family, is 1. Raises
+    `InputError` for a piecewise law, which has no second derivatives at its breakpoints.
     """
     if any(arc.phase.pieces for arc in statement.arcs):
         raise InputError("a fold of a piecewise law cannot be followed: it has no second derivatives everywhere")
@@ -157,7 +158,7 @@ def follow_fold(
     at, longest, most, step_control, output : as in `follow`
     method : that of the family, "relative" or "half orbit"; None for the simplest
 
-    Returns a `Family` along `across`, whose points tell the value of `along` too (`column`); its "fold"s are cusps.
+    Returns a `Family` along `across`, whose points have the value of `along` too (`column`); its "fold"s are cusps.
     """
     check_followed(machine, across)
     if along == across:

@@ -122,7 +122,7 @@ def test_a_parameter_that_does_not_matter_leaves_alpha_alone():
 
 
 def test_stiffness_only_changes_the_units():
-    """A flight in closed form has Taylor's steps where its parameter varies, which neighbours can share too."""
+    """A flight in closed form takes Taylor steps where its parameter varies, and neighbours are solved in one call."""
     machine = Hopper("k*r", parameters={"k": 1.0})
     family = follow(machine, "k", 9.0)
     assert family.column("alpha") * np.sqrt(family.column("k")) == pytest.approx(4.493409457909064, rel=1e-13)
@@ -140,7 +140,7 @@ def test_the_last_step_is_of_the_motion_itself():
 
 
 def test_motions_are_followed_together(monkeypatch):
-    """A spring that stiffens needs ever more steps, but mostly there are enough; also one that runs off."""
+    """A stiffening spring needs ever more Taylor steps, but those tried mostly suffice; so too on an escaping curve."""
     found, alone, step, evaluate = [], [], NewtonBatch.step, Curve.evaluate
     monkeypatch.setattr(NewtonBatch, "step", lambda *a: found.append(step(*a)) or found[-1])
     monkeypatch.setattr(Curve, "evaluate", lambda self, xs: alone.append(len(xs)) or evaluate(self, xs))
@@ -542,7 +542,7 @@ def test_a_first_orbit_of_another_family_is_refused(monkeypatch):
 
 
 def test_what_rests_on_a_chain_of_points():
-    """Those on either side as far as the chain keeps its direction: a cubic through two, a line through one."""
+    """Points on either side are used while the chain keeps its direction: a cubic through two, a line through one."""
     t = np.array([0.0, 0.1, 0.3, 0.35, 0.2])
     xs, tangents = np.stack([t**3, t], axis=1), np.stack([3 * t**2, np.ones(5)], axis=1)
     tangents[4] *= -1  # turned round
