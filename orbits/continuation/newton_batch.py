@@ -6,6 +6,7 @@ steps. With a fixed number of steps the equations, their Jacobian and the Newton
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -73,7 +74,8 @@ class NewtonBatch:
 
     def _call(self, memory: int, counts: tuple[int, ...], *arguments) -> list[np.ndarray]:
         """The results of `_newton_function`, or of `_step_function` where `memory` points are predicted from."""
-        steppers = tuple(flow.stepper(flow.size + 1, (self.index,)) for flow in self.equations.flows)
+        # Smooth arcs have Taylor steppers.
+        steppers: tuple[Any, ...] = tuple(flow.stepper(flow.size + 1, (self.index,)) for flow in self.equations.flows)
         for stepper, count in zip(steppers, counts, strict=True):
             stepper.spend(count * len(arguments[0]))
         key = counts, tuple(stepper.compiled for stepper in steppers)
