@@ -5,6 +5,7 @@ from .continuation.existence import Existence, existence
 from .continuation.family import End, Event, Family, Point
 from .continuation.folds import fold_statement, follow_fold
 from .continuation.follow import follow, orbit_at, trace
+from .continuation.step_control import StepControl
 from .control.guess import Guess
 from .control.motion import Control
 from .control.stage import Input, Stage
@@ -32,7 +33,8 @@ __all__ = [
     "METHODS", "Active", "Affine", "Arc", "Certificate", "Control", "Design", "End", "Event", "Existence", "Family",
     "FixedPoint", "FlowError", "Front", "Guess", "Hops", "Input", "InputError", "Machine", "Model", "NoOrbit",
     "Orbit", "OrbitsError", "Oscillator", "OutOfRange", "Phase", "Pieces", "Point", "Reduction", "ReturnMap",
-    "Simulation", "Stage", "Statement", "Units", "__version__", "existence", "find", "find_all", "fold_statement",
+    "Simulation", "Stage", "Statement", "StepControl", "Units", "__version__",
+    "existence", "find", "find_all", "fold_statement",
     "follow", "follow_branch", "follow_fold", "multiplier", "optimize", "orbit_at", "pareto", "quantities",
     "sensitivities", "simulate", "steer", "trace",
 ]  # fmt: skip

@@ -31,7 +31,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from orbits import METHODS, InputError, ReturnMap, find, follow, orbit_at
-from orbits.continuation.corrector import Curve
+from orbits.continuation.corrector import newton_steps
+from orbits.continuation.curve import Curve
 from orbits.flow.flow import Flow
 from orbits.flow.runge_kutta import RungeKuttaStepper
 from orbits.plot import COLOURS, new_row, save_figure
@@ -280,7 +281,8 @@ def _followed(machine, along: str, stop: float, number: int, golden: dict[float,
     points = family.points[-40:]
     xs, rows = np.array([[*point.u, point.value] for point in points]), np.array([point.tangent for point in points])
     levels = np.einsum("mi,mi->m", rows, xs)
-    once, _ = timed(lambda: curve.newton_steps(xs, rows, levels), seconds)
+    *_, counts = newton_steps(curve, xs, rows, levels)
+    once, _ = timed(lambda: newton_steps(curve, xs, rows, levels, counts), seconds)
     rows = [
         {"way": "follow, certified", "seconds": took / len(family), "error": error, "points": len(family)},
         {"way": NEWTON, "seconds": once / len(points), "error": 0.0},

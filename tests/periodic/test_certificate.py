@@ -9,7 +9,8 @@ import pytest
 from conftest import REFERENCES, machine_of, name_of
 
 from orbits import METHODS, NoOrbit, find
-from orbits.continuation.corrector import Curve
+from orbits.continuation.corrector import correct_all
+from orbits.continuation.curve import Curve
 from orbits.flow.flow import flow_of
 from orbits.numerics.linear import solve
 from orbits.periodic.local_law import by_launch_speed, landing_gap_slope, launch_power
@@ -270,7 +271,7 @@ def test_whole_flights_certified_together():
     xs = np.array(
         [[o.liftoff_extension, o.alpha, o.flight_time, 0.0, M] for o, M in zip(mirrored, ratios, strict=True)]
     )
-    ats, error = curve.checked(curve.correct_all(xs, np.tile(row, (4, 1)), xs[:, 4], np.tile(row, (4, 1))))
+    ats, error = curve.certify_all(correct_all(curve, xs, np.tile(row, (4, 1)), xs[:, 4], np.tile(row, (4, 1))))
     assert error is None
     for at, orbit in zip(ats, mirrored, strict=True):
         assert at.point.alpha == pytest.approx(orbit.alpha, rel=1e-12)
