@@ -78,6 +78,10 @@ class Actuated:
         """The machine as JSON-ready data."""
         return {**self.machine.describe(), "actuated": True}
 
+    def with_values(self, **values: float) -> "Actuated":
+        """The same actuator on the machine with other values of its parameters."""
+        return replace(self, machine=self.machine.with_values(**values))
+
 
 @lru_cache(maxsize=64)
 def _actuated_model(kind: type[TwoMassMachine], spring: Key, gravity: Key | None, has_length: bool) -> Model:

@@ -20,7 +20,7 @@ k = [1e3, 1e5]
 """
 
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +119,7 @@ def _build(statement: dict[str, Any]) -> TwoMassMachine:
     return IN_SI[kind](**si, force=statement.get("spring"), **common)
 
 
-def _check_keys(where: object, data: dict[str, Any], known: Iterable[str]) -> None:
+def _check_keys(where: object, data: dict[str, Any], known: Collection[str]) -> None:
     for name in data:
         if name not in known:
             raise InputError(f"{where}: unknown key '{name}'{suggest(name, known)}")

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from orbits import Control, Guess, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
 from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of
+from orbits.flow.trajectory import Trajectory
 from orbits.numerics.bernstein import derivative, piecewise_roots
 from orbits.numerics.roots import bracketed_root
 
@@ -283,10 +284,11 @@ def _undriven_guess(driven: Actuated, launch: float) -> list[Guess]:
     first, last = run.legs[0].path, contacts[0].path
     ends = (float(path.times[-1]) for path in (first, last))
     sizes = len(driven.model.embed), driven.model.embed.shape[1]
-    return [
-        Guess(end, lambda t, path=path, size=size: path(t)[:size])
-        for end, path, size in zip(ends, (first, last), sizes, strict=True)
-    ]
+
+    def guess(end: float, path: Trajectory, size: int) -> Guess:
+        return Guess(end, lambda t: path(t)[:size])
+
+    return [guess(*each) for each in zip(ends, (first, last), sizes, strict=True)]
 
 
 def _mid_contact(orbit: Orbit) -> float:

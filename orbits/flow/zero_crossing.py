@@ -27,7 +27,7 @@ def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> S
     crossings = Crossings(skip_start, rising)
 
     def stop(coefficients, steps):
-        found = crossings(quantity.series(coefficients[:, : len(quantity.weights)]), steps)
+        found = crossings(quantity.series(coefficients), steps)
         return found[0] if found else None
 
     return stop
@@ -35,7 +35,7 @@ def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> S
 
 def series_along(quantity: Affine, c: np.ndarray, steps: np.ndarray) -> PiecewisePolynomials:
     """An affine function along several motions of as many steps each, coefficients (m, count, rows, K + 1)."""
-    series = quantity.series(c[:, :, : len(quantity.weights)]).reshape(-1, c.shape[3])
+    series = quantity.series(c).reshape(-1, c.shape[3])
     return PiecewisePolynomials(series, steps.ravel(), np.full(len(steps), steps.shape[1]))
 
 

@@ -65,7 +65,7 @@ class Shooting:
         functions = boundary_functions(self.statement, self.parameters)
         return [BoundaryFunctions(*map(_with_derivatives, functions_of_arc)) for functions_of_arc in functions]
 
-    def evaluate(self, u: ArrayLike, p: ArrayLike, vary: tuple[str, ...] = ()) -> PointEvaluation:
+    def evaluate(self, u: ArrayLike, p: np.ndarray, vary: tuple[str, ...] = ()) -> PointEvaluation:
         """Residual, Jacobian and motion at one point; the error control of the flow chooses the steps.
 
         Raises `FlowError` when the motion cannot be integrated.
@@ -171,7 +171,7 @@ class Shooting:
             residuals.append(boundary.conditions(u, start, before, p, q)[0].ravel())
         return np.concatenate(residuals)
 
-    def newton(self, u: ArrayLike, p: ArrayLike, attempts: int = 30) -> tuple[np.ndarray, Evaluation]:
+    def newton(self, u: ArrayLike, p: np.ndarray, attempts: int = 30) -> tuple[np.ndarray, Evaluation]:
         """The solution (n,) by Newton's method from `u`, to rounding, and the equations at this one point.
 
         Raises `NoOrbit` without convergence; see `newton`.
@@ -181,12 +181,12 @@ class Shooting:
         new = last + step
         return new, self.moved(stacked([evaluation]), new[None], np.reshape(p, (1, -1)), step[None])
 
-    def multiple_shooting(self, u: ArrayLike, p: ArrayLike) -> tuple[np.ndarray, Evaluation]:
+    def multiple_shooting(self, u: ArrayLike, p: np.ndarray) -> tuple[np.ndarray, Evaluation]:
         """As `newton`, after Ipopt has solved the equations with a shooting node at the end of every integration step.
 
         A step that ends on a breakpoint of a piecewise field has a free length, and its node is held on the breakpoint.
         """
-        problem = MultipleShooting(self, np.asarray(u, float), np.asarray(p, float))
+        problem = MultipleShooting(self, np.asarray(u, float), p)
         solution = solve_equations(problem.unknowns, problem.equations, problem.guess, problem.lower, problem.scale)
         return self.newton(solution[: self.size], p)  # Ipopt ends at its tolerance, this at rounding
 
