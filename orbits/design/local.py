@@ -20,9 +20,9 @@ from ..periodic.orbit import Orbit
 from ..periodic.solution import vector
 from ..symbolic import interrupts
 from ..symbolic.ipopt import Minimum
+from .nlp import DEMAND_MARGIN, DesignPoint, Ties, Weights, design_point
 from .optimality import LocalOptimum, optimum_at
 from .problem import DesignProblem, Outputs, formula_units
-from .program import DEMAND_MARGIN, DesignPoint, Ties, Weights, design_point
 from .statement import base_statement
 
 # The cost of a nonlinear program is the objective, with the constraints held; or the violations and a little of the

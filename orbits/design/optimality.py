@@ -13,8 +13,8 @@ import numpy as np
 from ..errors import InputError
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit
+from .nlp import DesignPoint
 from .problem import DesignProblem
-from .program import DesignPoint
 
 # A bound or a constraint is active within this share of its size; the nonlinear program is solved more exactly.
 ACTIVE = 1e-7

@@ -8,8 +8,8 @@ from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
 from .extremes import locate
+from .nlp import design_point
 from .problem import Outputs, formula_names, formula_units, free_parameters, known_formula
-from .program import design_point
 from .quantities import extremes_of, quantity_names
 
 

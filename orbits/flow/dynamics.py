@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from ..model.phase import Phase
 from ..symbolic.calls import BufferedFunction, ElementwiseFunction
+from .bounds import FLOW_CONTROL
 from .runge_kutta import RungeKuttaStepper
-from .step_control import FLOW_CONTROL
 from .taylor import TaylorStepper
 from .trajectory import Trajectories, Trajectory
 from .vector_field import VectorField

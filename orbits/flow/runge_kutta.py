@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 
 from ..symbolic.calls import BufferedFunction
-from .step_control import FLOW_CONTROL
+from .bounds import FLOW_CONTROL
 from .vector_field import VectorField, runge_kutta
 
 # The first step that is tried. Later ones try four times the step before, so that the length can also grow.

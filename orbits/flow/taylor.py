@@ -9,7 +9,7 @@ from ..numerics.bernstein import TINY
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.kernels import compile_function, compile_seconds, compiled_before, lengths
 from ..symbolic.taylor_series import variations
-from .step_control import FLOW_CONTROL
+from .bounds import FLOW_CONTROL
 from .vector_field import TAYLOR_ORDER, VectorField, symbolic_powers
 
 # Truncation error of a step relative to the state: a tenth of the rounding error of the sum.
