@@ -5,28 +5,36 @@ from .continuation.existence import Existence, existence
 from .continuation.family import End, Event, Family, Point
 from .continuation.folds import fold_statement, follow_fold
 from .continuation.follow import follow, orbit_at, trace
-from .control.steer import Control, Guess, steer
-from .control.transcription import Input, Stage
-from .design.local import Active
-from .design.optimize import Design, optimize, quantities, sensitivities
+from .continuation.step_control import StepControl
+from .control.guess import Guess
+from .control.motion import Control
+from .control.stage import Input, Stage
+from .control.steer import steer
+from .design.optimality import Active
+from .design.optimize import Design, optimize
 from .design.pareto import Front, pareto
+from .design.sensitivities import quantities, sensitivities
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
+from .hybrid.fixed_points import FixedPoint
+from .hybrid.hops import Hops
 from .hybrid.multiplier import multiplier
-from .hybrid.return_map import FixedPoint, Hops, ReturnMap
+from .hybrid.return_map import ReturnMap
 from .hybrid.simulation import Simulation, simulate
 from .io import __version__
 from .model.closed_form import Oscillator
 from .model.machine import Machine
 from .model.model import Model, Reduction, Units
 from .model.phase import Affine, Arc, Phase, Pieces, Statement
+from .periodic.certificate import Certificate
 from .periodic.find import METHODS, find, find_all
-from .periodic.orbit import Certificate, Orbit
+from .periodic.orbit import Orbit
 
 __all__ = [
     "METHODS", "Active", "Affine", "Arc", "Certificate", "Control", "Design", "End", "Event", "Existence", "Family",
     "FixedPoint", "FlowError", "Front", "Guess", "Hops", "Input", "InputError", "Machine", "Model", "NoOrbit",
     "Orbit", "OrbitsError", "Oscillator", "OutOfRange", "Phase", "Pieces", "Point", "Reduction", "ReturnMap",
-    "Simulation", "Stage", "Statement", "Units", "__version__", "existence", "find", "find_all", "fold_statement",
+    "Simulation", "Stage", "Statement", "StepControl", "Units", "__version__",
+    "existence", "find", "find_all", "fold_statement",
     "follow", "follow_branch", "follow_fold", "multiplier", "optimize", "orbit_at", "pareto", "quantities",
     "sensitivities", "simulate", "steer", "trace",
 ]  # fmt: skip

@@ -1,7 +1,4 @@
-"""What can go wrong, in the user's terms, and numbers that are asked for, checked.
-
-Every exception of the toolkit derives from `OrbitsError`.
-"""
+"""The toolkit's exceptions, all derived from `OrbitsError`, and the checks of numbers that a user gives."""
 
 from numbers import Real
 from typing import Self
@@ -10,21 +7,21 @@ import numpy as np
 
 
 class OrbitsError(Exception):
-    """Base of all errors raised on purpose; the message says what, where and what to do.
+    """Base of all errors raised on purpose; the message says what is wrong, where, and what to do.
 
-    index : of several things asked for together, the one that it is about; None where it is about them all
+    index : the position of the member of a batch that the error is about; None where it is about the whole batch
     """
 
     index: int | None = None
 
     def about(self, index: int) -> Self:
-        """The error, being about one of several things."""
+        """This error, with the position of the member of a batch that it is about."""
         self.index = int(index)
         return self
 
 
 class InputError(OrbitsError, ValueError):
-    """The question is ill posed: a number, formula, file or option that cannot be meant."""
+    """A number, formula, file or option that the user gave has no meaning."""
 
 
 class NoOrbit(OrbitsError):
@@ -32,22 +29,22 @@ class NoOrbit(OrbitsError):
 
 
 class FlowError(NoOrbit):
-    """A motion cannot be carried on: it blows up or stops being a number."""
+    """A trajectory cannot be continued: it blows up, or its state is no longer a number."""
 
 
 class OutOfRange(FlowError):
-    """A motion needs a law where it is not defined, as outside a measured table."""
+    """A trajectory needs a law where it is not defined, as outside a measured table."""
 
 
 class RunsAway(FlowError):
-    """A motion goes beyond all bounds."""
+    """A trajectory grows beyond all bounds."""
 
 
 class BreaksDown(FlowError):
-    """A motion comes to a singularity: its steps vanish or are not numbers."""
+    """A trajectory comes to a singularity: its step size goes to zero or is not a number."""
 
 
-def finite_number(name: str, value) -> float:
+def finite_number(name: str, value: object) -> float:
     """`value` as a finite float; raises `InputError` that names it."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
@@ -60,8 +57,13 @@ def finite_number(name: str, value) -> float:
     return number
 
 
-def whole_number(name: str, value, what: str, least: int = 1) -> int:
-    """`value` as a number of `what`, from `least`; raises `InputError` that names it."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise InputError(f"{name} = {value!r}; it is a number of {what}, from {least}")
-    return int(value)
+def whole_number(name: str, value: object, what: str = "", least: int = 1, most: int | None = None) -> int:
+    """`value` as a whole number (of `what`) from `least` to `most`; raises `InputError` with the bounds."""
+    number = least - 1
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        number = int(value)
+    if number < least or (most is not None and number > most):
+        bounds = "upwards" if most is None else f"to {most}"
+        kind = f"number of {what}," if what else "whole number"
+        raise InputError(f"{name} = {value!r}; it is a {kind} from {least} {bounds}")
+    return number

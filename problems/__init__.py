@@ -1,6 +1,7 @@
 """The machines, their springs and their gravity: each is imported when it is first asked for."""
 
 from importlib import import_module
+from typing import Any
 
 _HOMES = {
     "Actuated": ".actuated",
@@ -29,7 +30,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> Any:
     # The command line lives in this package and must answer --help before CasADi and NumPy are loaded.
     if name not in _HOMES:
         raise AttributeError(f"module 'problems' has no attribute '{name}'")

@@ -6,16 +6,18 @@ the machine at the rate -m phi(r - u) w, m the mass ratio, in the units of the m
 contact force vanishes, landing where the gap does.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
-from orbits import InputError
-from orbits.model.model import Model
+from orbits.errors import InputError
+from orbits.model.model import Model, Units
 from orbits.model.phase import Affine, Phase
 
+from .laws import Key
 from .machine import DAMPERS, TwoMassMachine
 
 END, RATE = "u", "w"
@@ -23,14 +25,14 @@ END, RATE = "u", "w"
 
 @dataclass(frozen=True)
 class Actuated:
-    """A machine with a moved spring's end, as `simulate` takes it; the last of its state is u.
+    """A machine whose spring's end is moved, as `simulate` takes it; the last state is u.
 
     machine : a `Hopper` or `Juggler` with a smooth spring law
     """
 
     machine: TwoMassMachine
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not isinstance(self.machine, TwoMassMachine):
             raise InputError(
                 f"a {type(self.machine).__name__} is no machine whose spring can be moved, as problems.Hopper()"
@@ -42,10 +44,10 @@ class Actuated:
 
     @cached_property
     def model(self) -> Model:
-        """The machine's own, with u beside each state; machines that differ only in numbers share it."""
+        """The machine's own model with u beside each state; machines that differ only in numbers share it."""
         machine = self.machine
-        gravity = machine.gravity.key if machine.gravity.key.degree() > 0 else None
-        return _actuated_model(type(machine), machine.spring.key, gravity, machine.rest_length is not None)
+        kind: type = type(machine)
+        return _actuated_model(kind, machine.spring.key, machine.varying_gravity, machine.rest_length is not None)
 
     @property
     def values(self) -> dict[str, float]:
@@ -54,66 +56,94 @@ class Actuated:
 
     @property
     def still(self) -> dict[str, float]:
-        """The same without the actuator's rate, which is an input."""
+        """Every parameter but the actuator's rate, which is an input."""
         return {**self.machine.values, **{name: float(getattr(self.machine, name)) for name in DAMPERS}}
 
-    restitution = property(lambda self: self.machine.restitution)
-    units = property(lambda self: self.machine.units)
-    rest_length = property(lambda self: self.machine.rest_length)
+    @property
+    def restitution(self) -> float:
+        """The machine's coefficient of restitution."""
+        return self.machine.restitution
 
-    def describe(self) -> dict:
+    @property
+    def units(self) -> Units | None:
+        """The machine's units."""
+        return self.machine.units
+
+    @property
+    def rest_length(self) -> float | None:
+        """The machine's rest length."""
+        return self.machine.rest_length
+
+    def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""
         return {**self.machine.describe(), "actuated": True}
 
+    def with_values(self, **values: float) -> "Actuated":
+        """The same actuator on the machine with other values of its parameters."""
+        return replace(self, machine=self.machine.with_values(**values))
+
 
 @lru_cache(maxsize=64)
-def _actuated_model(kind: type[TwoMassMachine], spring, gravity, has_length: bool) -> Model:
+def _actuated_model(kind: type[TwoMassMachine], spring: Key, gravity: Key | None, has_length: bool) -> Model:
     """The model of a machine, from the same laws, with the spring's force at r - u."""
     law = spring.expression
     moved = spring._replace(expression=lambda r, p, q: law(r - p[END], p, q), names=(*spring.names, END))
     plain = kind().build(moved, gravity, has_length, True)
-
-    def driven(phase: Phase) -> Phase:
-        size = len(phase.states)
-        inner = lambda of: lambda x, p, q: of(x[:size], {**p, END: x[size]}, q)  # noqa: E731
-        rates = inner(phase.field)
-        watch = {name: inner(of) for name, of in phase.watch.items()}
-        return Phase(phase.name, (*phase.states, END), lambda x, p, q: [*rates(x, p, q), p[RATE]], watch)
-
     unmoved = kind().build(spring, gravity, has_length, True)
-    onto = Affine(tuple(np.array(plain.extension.weights) @ plain.embed), plain.extension.offset)
+    # In contact the extension is the same function of the state that `embed` makes a flight state.
+    contact_extension = Affine(tuple(np.array(plain.extension.weights) @ plain.embed), plain.extension.offset)
 
     def gradient(of: Callable, extension: Affine) -> Callable:
         def with_end(x, p, q):
-            tension = moved.expression(along(extension, x), {**p, END: x[-1]}, q)
-            return [*of(x[:-1], {**p, END: x[-1]}, q), -p["mass_ratio"] * tension]
+            values = {**p, END: x[-1]}
+            return [*of(x[:-1], values, q), -p["mass_ratio"] * moved.expression(along(extension, x), values, q)]
 
         return with_end
 
-    wide = lambda affine: affine and Affine((*affine.weights, 0.0), affine.offset)  # noqa: E731
+    def separation(p):
+        distance = plain.separation(p)
+        return distance and _widened(distance)
+
     embed = np.zeros(np.add(plain.embed.shape, 1))
     embed[:-1, :-1], embed[-1, -1] = plain.embed, 1.0
     return replace(
         plain,
-        flight=driven(plain.flight),
-        contact=driven(plain.contact),
+        flight=_driven(plain.flight),
+        contact=_driven(plain.contact),
         embed=embed,
         launch=lambda u, p: [*unmoved.launch(u, p), 0.0],
         release=unmoved.release,
         liftoff=unmoved.liftoff,
         flight_gradient=gradient(plain.flight_gradient, plain.extension),
-        contact_gradient=gradient(plain.contact_gradient, onto),
-        extension=wide(plain.extension),
-        gap=lambda p: wide(plain.gap(p)),
-        separation=lambda p: wide(plain.separation(p)),
-        heights=lambda p: {name: wide(height) for name, height in plain.heights(p).items()},
+        contact_gradient=gradient(plain.contact_gradient, contact_extension),
+        extension=_widened(plain.extension),
+        gap=lambda p: _widened(plain.gap(p)),
+        separation=separation,
+        heights=lambda p: {name: _widened(height) for name, height in plain.heights(p).items()},
         impact=lambda p: np.append(plain.impact(p), 0.0),
-        contact_speed=wide(plain.contact_speed),
+        contact_speed=_widened(plain.contact_speed),
         reversor=None,
         reduction=None,
     )
 
 
-def along(affine: Affine, x):
+def _driven(phase: Phase) -> Phase:
+    """A phase in which the spring's end is the last state, moved at the actuator's rate."""
+    size = len(phase.states)
+
+    def with_end(of: Callable) -> Callable:
+        return lambda x, p, q: of(x[:size], {**p, END: x[size]}, q)
+
+    field = with_end(phase.field)
+    watch = {name: with_end(of) for name, of in phase.watch.items()}
+    return Phase(phase.name, (*phase.states, END), lambda x, p, q: [*field(x, p, q), p[RATE]], watch)
+
+
+def _widened(affine: Affine) -> Affine:
+    """A function of a machine's state as one of the state with u beside it."""
+    return Affine((*affine.weights, 0.0), affine.offset)
+
+
+def along(affine: Affine, x: Sequence[Any]) -> Any:
     """An affine function of a state's expressions."""
     return sum((weight * part for weight, part in zip(affine.weights, x, strict=False) if weight), affine.offset)

@@ -1,11 +1,23 @@
 """The `orbits` command. Heavy imports wait until they are needed, so that --help and errors are quick."""
 
 import sys
-import threading
-import time
-from contextlib import contextmanager
+from typing import Any
 
 import click
+
+from .options import (
+    animate_option,
+    file_option,
+    json_option,
+    launch_speeds,
+    loss_options,
+    machine_of,
+    machine_options,
+    plot_option,
+    print_result,
+    progress,
+    sets,
+)
 
 EXAMPLES = """\b
 Examples:
@@ -27,62 +39,12 @@ Examples:
 
 @click.group(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(package_name="persistent-orbits", prog_name="orbits")
-def orbits():
+def orbits() -> None:
     """Motions of hopping and juggling machines that lose nothing, even with plastic collisions.
 
     A spring's force is a formula of its extension r, gravity a formula of the height z; every other name in them is a
     parameter that --set gives a value. Lengths are in units of the foot's weight over the stiffness.
     """
-
-
-def machine_options(command):
-    """The options that describe a machine, the same for every subcommand."""
-    options = [
-        click.option(
-            "--machine", metavar="hopper|juggler|FILE.toml", help="Kind of machine, or a file that states it."
-        ),
-        click.option(
-            "--mass-ratio",
-            type=click.FloatRange(0, min_open=True),
-            metavar="M",
-            help="Foot (hand) over body (ball) mass; default 1.",
-        ),
-        click.option(
-            "--rest-length",
-            type=click.FloatRange(0, min_open=True),
-            metavar="L",
-            help="Of the spring; default: long enough.",
-        ),
-        click.option(
-            "--spring", metavar="LAW", help="Formula of r, a law's name, table:FILE.csv or potential:FORMULA."
-        ),
-        click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
-        click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter; repeatable."),
-    ]
-    for option in reversed(options):
-        command = option(command)
-    return command
-
-
-def loss_options(command):
-    """The options that say what a machine loses, beside those that describe it."""
-    options = [
-        click.option(
-            "--restitution", type=click.FloatRange(0, 1), metavar="e", help="Of the impacts; default 0, plastic."
-        ),
-        click.option("--damping", type=click.FloatRange(0), metavar="c", help="Of the damper beside the spring."),
-        click.option("--drag", type=click.FloatRange(0), metavar="d", help="On each mass, against its motion."),
-        click.option(
-            "--inject",
-            type=float,
-            default=0.0,
-            metavar="EPS",
-            help="Added to every launch speed, in the machine's units.",
-        ),
-    ]
-    for option in reversed(options):
-        command = option(command)
-    return command
 
 
 @orbits.command("find", epilog="\b\nExit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
@@ -97,40 +59,36 @@ def loss_options(command):
 )
 @click.option("--method", metavar="NAME", help="Force a way: 'closed form', 'relative', 'half orbit' or 'shooting'.")
 @click.option("--allow-inadmissible", is_flag=True, help="Exit 0 also for a root that is no motion.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+@json_option
 @click.option("--explain", is_flag=True, help="Say which way was taken and what the scene did not need.")
-@click.option("--plot", metavar="FILE", help="Write a figure (.png, .pdf, .svg).")
-@click.option("--animate", metavar="FILE", help="Write an animation (.gif).")
-@click.option("--save", metavar="FILE", help="Save the orbit (.json), for Orbit.load.")
-def find_command(family, method, allow_inadmissible, as_json, explain, plot, animate, save, **machine):
+@plot_option
+@animate_option
+@file_option("--save", "document", "Save the orbit (.json), for Orbit.load.")
+def find_command(
+    family: int, method: str | None, allow_inadmissible: bool, as_json: bool, explain: bool, plot: str | None,
+    animate: str | None, save: str | None, **options: Any,
+) -> None:  # fmt: skip
     """Find one lossless orbit and certify it."""
-    from orbits.io import check_path, to_json
     from orbits.periodic.find import find as find_orbit
-    from orbits.plot import ANIMATIONS, FIGURES, save_figure
+    from orbits.plot import save_figure
 
-    for path, endings in ((plot, FIGURES), (animate, ANIMATIONS), (save, ())):
-        if path is not None:
-            check_path(path, endings)  # before the search, not after it
     with progress() as report:
-        orbit = find_orbit(machine_of(**machine), family, method=method, progress=report)
+        orbit = find_orbit(machine_of(**options), family, method=method, progress=report)
     if plot is not None:
         save_figure(orbit.plot(), plot)
     if animate is not None:
         orbit.animate(animate)
     if save is not None:
         orbit.save(save)
-    if as_json:
-        click.echo(to_json(orbit.document()))
-    else:
-        click.echo(str(orbit))
-        if explain:
-            click.echo("  what this scene did not need:")
-            click.echo("".join(f"      {line}\n" for line in orbit.skipped), nl=False)
+    print_result(orbit, as_json)
+    if explain and not as_json:
+        click.echo("  what this scene did not need:")
+        click.echo("".join(f"      {line}\n" for line in orbit.skipped), nl=False)
     if not orbit.admissible and not allow_inadmissible:
         raise click.exceptions.Exit(1)
 
 
-# Orbits drawn small above the figure of a family.
+# How many orbits are drawn small above the figure of a family.
 THUMBNAILS = 6
 
 
@@ -146,37 +104,35 @@ THUMBNAILS = 6
 @click.option("--longest", type=float, default=0.02, show_default=True, help="Longest step, as a share of the way.")
 @click.option("--method", metavar="NAME", help="As in find.")
 @click.option("--stop-inadmissible", is_flag=True, help="End where the orbits are no motions any more.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-@click.option("--plot", metavar="FILE", help="Write a figure (.png, .pdf, .svg).")
-@click.option("--output", metavar="FILE", help="Write each point as it is found: .jsonl, to resume from or to load.")
-@click.option("--save", metavar="FILE", help="Save the whole family: .csv, .nc or .jsonl.")
+@json_option
+@plot_option
+@file_option("--output", "lines", "Write each point as it is found: .jsonl, to resume from or to load.")
+@file_option("--save", "family", "Save the whole family: .csv, .nc or .jsonl.")
 @click.option("--resume", metavar="FILE", help="Go on from the end of a family written by --output or --save.")
 def follow_command(
-    family, along, start, stop, at, longest, method, stop_inadmissible, as_json, plot, output, save, resume, **machine
-):
+    family: int, along: str, start: float | None, stop: float, at: str | None, longest: float, method: str | None,
+    stop_inadmissible: bool, as_json: bool, plot: str | None, output: str | None, save: str | None,
+    resume: str | None, **options: Any,
+) -> None:  # fmt: skip
     """Follow a family of orbits along a parameter, past folds, to its end."""
-
-    from orbits.continuation.family import ENDINGS, Family
+    from orbits.continuation.family import Family
     from orbits.continuation.follow import follow as follow_family
     from orbits.continuation.follow import orbit_at
     from orbits.errors import InputError
-    from orbits.io import check_path, to_json
-    from orbits.plot import FIGURES, plot_family, save_figure, spread, thumbnails
+    from orbits.plot import plot_family, save_figure, spread, thumbnails
 
-    for path, endings in ((plot, FIGURES), (output, ENDINGS[:2]), (save, ENDINGS)):
-        if path is not None:
-            check_path(path, endings)
     try:
         values = [float(value) for value in at.split(",")] if at else []
     except ValueError:
         raise InputError(f"--at {at!r} is not a list of numbers, as 0.5,1,2") from None
-    settings = [text for text in machine.pop("settings") if not (start is not None and _sets(text, along))]
-    if start is not None and along not in ("mass_ratio", "rest_length"):
-        settings.append(f"{along}={start!r}")
-    elif start is not None:
-        machine[along] = start
+    if start is not None:  # --from replaces what --set says
+        options["settings"] = [setting for setting in options["settings"] if not sets(setting, along)]
+        if along in ("mass_ratio", "rest_length"):
+            options[along] = start
+        else:
+            options["settings"].append(f"{along}={start!r}")
     before = None if resume is None else Family.load(resume)
-    machine = machine_of(**machine, settings=settings)
+    machine = machine_of(**options)
     with progress() as report:
         followed = follow_family(
             machine, along, stop, start, family, at=values, longest=longest,
@@ -188,18 +144,9 @@ def follow_command(
         save_figure(thumbnails(plot_family(followed), followed, small), plot)
     if save is not None:
         followed.save(save)
-    click.echo(to_json(followed.document()) if as_json else str(followed))
+    print_result(followed, as_json)
     if followed.end.kind == "stuck":
         raise click.exceptions.Exit(1)
-
-
-def _sets(setting: str, name: str) -> bool:
-    """Whether a --set gives this name a value, which another option then replaces."""
-    try:
-        float(setting.partition("=")[2])
-    except ValueError:
-        return False
-    return setting.partition("=")[0].strip() == name
 
 
 @orbits.command("map", epilog="\b\nExit code: 0 done, also for hops that come to rest; 2 bad input.")
@@ -211,28 +158,27 @@ def _sets(setting: str, name: str) -> bool:
     metavar="A|A:B:N",
     help="A launch speed, or N of them from A to B, in the machine's units.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-@click.option("--plot", metavar="FILE", help="Write a figure of the map from A to B (.png, .pdf, .svg).")
+@json_option
+@file_option("--plot", "figure", "Write a figure of the map from A to B (.png, .pdf, .svg).")
 @click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
-def return_map(alpha, inject, as_json, plot, cobweb, **machine):
+def return_map(
+    alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, **options: Any
+) -> None:  # fmt: skip
     """Map launch speeds to the next ones, with the losses and impacts in between."""
-    import numpy as np
-
     from orbits.errors import InputError
     from orbits.hybrid.return_map import ReturnMap
-    from orbits.io import check_path, to_json
-    from orbits.plot import FIGURES, plot_map, save_figure
+    from orbits.io import to_json
+    from orbits.plot import plot_map, save_figure
 
     speeds = launch_speeds(alpha)
     if plot is not None:
-        check_path(plot, FIGURES)
         if len(speeds) < 2:
             raise InputError(f"--plot needs a range, --alpha A:B:N, not --alpha {alpha}")
     elif cobweb is not None:
         raise InputError("--cobweb is drawn into a figure: give --plot FILE too")
-    if cobweb is not None and not (np.isfinite(cobweb) and cobweb > 0):
+    if cobweb is not None and not 0 < cobweb < float("inf"):
         raise InputError(f"--cobweb {cobweb:g}; a launch speed is above 0")
-    step = ReturnMap(machine_of(**machine), inject)
+    step = ReturnMap(machine_of(**options), inject)
     hops = step(speeds)
     if plot is not None:
         save_figure(plot_map(step, speeds[0], speeds[-1], start=cobweb), plot)
@@ -263,45 +209,40 @@ def return_map(alpha, inject, as_json, plot, cobweb, **machine):
     metavar="T",
     help="End at this time, in the machine's units.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-@click.option("--plot", metavar="FILE", help="Write a figure (.png, .pdf, .svg).")
-@click.option("--animate", metavar="FILE", help="Write an animation (.gif).")
-def simulate_command(alpha, hops, end, inject, as_json, plot, animate, **machine):
+@json_option
+@plot_option
+@animate_option
+def simulate_command(
+    alpha: float, hops: int | None, end: float | None, inject: float, as_json: bool, plot: str | None,
+    animate: str | None, **options: Any,
+) -> None:  # fmt: skip
     """Follow the machine's motion from a launch, through every impact and contact."""
     from orbits.hybrid.simulation import simulate as run_machine
-    from orbits.io import check_path, to_json
-    from orbits.plot import ANIMATIONS, FIGURES, save_figure
+    from orbits.plot import save_figure
 
-    for path, endings in ((plot, FIGURES), (animate, ANIMATIONS)):
-        if path is not None:
-            check_path(path, endings)
-    machine = machine_of(**machine)
+    machine = machine_of(**options)
     run = run_machine(machine, alpha, hops=hops, time=float("inf") if end is None else end, inject=inject)
     if plot is not None:
         save_figure(run.plot(), plot)
     if animate is not None:
         run.animate(animate)
-    click.echo(to_json(run.document()) if as_json else str(run))
+    print_result(run, as_json)
 
 
 @orbits.command("optimize", epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")
 @click.argument("file", metavar="FILE.toml")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-@click.option("--plot", metavar="FILE", help="Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
-@click.option("--save", metavar="FILE", help="Save the design, or the front, as a JSON document.")
-def optimize_command(file, as_json, plot, save):
+@json_option
+@file_option("--plot", "figure", "Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
+@file_option("--save", "document", "Save the design, or the front, as a JSON document.")
+def optimize_command(file: str, as_json: bool, plot: str | None, save: str | None) -> None:
     """Find the best design of a machine, or a front of two objectives, as its file asks."""
     from orbits.design.optimize import optimize as best_design
-    from orbits.design.pareto import pareto
+    from orbits.design.pareto import Front, pareto
     from orbits.errors import InputError
-    from orbits.io import check_path, to_json
-    from orbits.plot import FIGURES, plot_front, save_figure
+    from orbits.plot import plot_front, save_figure
 
     from .files import build, design, read
 
-    for path, endings in ((plot, FIGURES), (save, ())):
-        if path is not None:
-            check_path(path, endings)
     statement = read(file)
     machine, asked = build(statement, file), design(statement, file)
     front = isinstance(asked.get("minimise"), tuple)
@@ -311,90 +252,13 @@ def optimize_command(file, as_json, plot, save):
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
     if plot is not None:
-        save_figure(plot_front(found) if front else found.orbit.plot(), plot)
+        save_figure(plot_front(found) if isinstance(found, Front) else found.orbit.plot(), plot)
     if save is not None:
         found.save(save)
-    click.echo(to_json(found.document()) if as_json else str(found))
+    print_result(found, as_json)
 
 
-def launch_speeds(text: str):
-    """The launch speeds that A or A:B:N stands for."""
-    import numpy as np
-
-    from orbits.errors import InputError
-
-    parts = text.split(":")
-    try:
-        if len(parts) == 1:
-            return np.array([float(text)])
-        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
-    except (ValueError, IndexError):
-        low = high = count = np.nan
-    if len(parts) == 3 and count >= 2 and np.isfinite([low, high]).all():
-        if not low < high:
-            raise InputError(f"--alpha {text!r}: the range goes up, A < B")
-        return np.linspace(low, high, count)
-    raise InputError(f"--alpha {text!r} is neither a number nor a range A:B:N of N launch speeds, from 2")
-
-
-def machine_of(machine, mass_ratio, rest_length, spring, gravity, settings, **losses):
-    """The machine that the options describe, over what its file says."""
-    from orbits.errors import InputError
-
-    from .files import KINDS, build, read
-
-    statement, where = {"machine": "hopper"}, "the options"
-    if machine in KINDS:
-        statement["machine"] = machine
-    elif machine is not None:
-        if not machine.endswith(".toml"):
-            raise InputError(f"--machine {machine!r} is neither {' nor '.join(KINDS)} nor a .toml file")
-        statement, where = read(machine), machine
-    given = {"mass_ratio": mass_ratio, "rest_length": rest_length, "spring": spring, "gravity": gravity, **losses}
-    statement |= {name: value for name, value in given.items() if value is not None}
-    values = {}
-    for setting in settings:
-        name, equals, value = setting.partition("=")
-        if not equals or not name.strip().isidentifier():
-            raise InputError(f"--set {setting!r} is not of the form NAME=VALUE")
-        if name.strip() in values:
-            raise InputError(f"--set gives {name.strip()!r} two values")
-        try:
-            values[name.strip()] = float(value)
-        except ValueError:
-            raise InputError(f"--set {setting!r}: {value!r} is not a number") from None
-    statement["parameters"] = {**statement.get("parameters", {}), **values}
-    return build(statement, where)
-
-
-@contextmanager
-def progress():
-    """Show elapsed time and share done on a terminal, from the second second on."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    share, done, began = [0.0], threading.Event(), time.monotonic()
-
-    def show():
-        wait = 1.0
-        while not done.wait(wait):
-            wait = 0.2
-            text = f"\rsearching, {time.monotonic() - began:.0f} s" + (f", {100 * share[0]:.0f}%" if share[0] else "")
-            sys.stderr.write(text)
-            sys.stderr.flush()
-        if wait < 1:
-            sys.stderr.write("\r" + " " * 40 + "\r")
-
-    thread = threading.Thread(target=show, daemon=True)
-    thread.start()
-    try:
-        yield lambda value: share.__setitem__(0, value)
-    finally:
-        done.set()
-        thread.join()
-
-
-def main():
+def main() -> None:
     """Run the command; what goes wrong is one message and an exit code, never a traceback."""
     try:
         code = orbits.main(prog_name="orbits", standalone_mode=False) or 0
@@ -406,7 +270,7 @@ def main():
     except (click.Abort, KeyboardInterrupt):
         code = _failed("interrupted", 130)
     except BrokenPipeError:
-        sys.stderr.close()  # whoever read the output has gone
+        sys.stderr.close()  # the reader of the output has closed it
         code = 0
     except Exception as error:
         from orbits.errors import InputError, OrbitsError

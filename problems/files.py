@@ -20,7 +20,9 @@ k = [1e3, 1e5]
 """
 
 import tomllib
+from collections.abc import Callable, Collection
 from pathlib import Path
+from typing import Any
 
 from orbits.errors import InputError
 from orbits.symbolic.formula import suggest
@@ -30,8 +32,8 @@ from .juggler import Juggler
 from .machine import TwoMassMachine
 from .units import hopper_in_si, juggler_in_si
 
-KINDS = {"hopper": Hopper, "juggler": Juggler}
-IN_SI = {"hopper": hopper_in_si, "juggler": juggler_in_si}
+KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
+IN_SI: dict[str, Callable[..., TwoMassMachine]] = {"hopper": hopper_in_si, "juggler": juggler_in_si}
 MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
 KEYS = (
     "machine",
@@ -50,7 +52,7 @@ DESIGN_KEYS = ("minimise", "maximise", "over", "subject_to", "family", "starts",
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
 
 
-def read(path) -> dict:
+def read(path: str | Path) -> dict[str, Any]:
     """The statement in a TOML file, its keys checked; raises `InputError` that names the file and the key."""
     path = Path(path)
     try:
@@ -68,9 +70,9 @@ def read(path) -> dict:
     return data
 
 
-def design(statement: dict, where: str) -> dict:
+def design(statement: dict[str, Any], where: str) -> dict[str, Any]:
     """What a statement asks to be designed, as arguments of `orbits.optimize`, or of `orbits.pareto` with two
-    objectives; raises `InputError` where the keys are not its own."""
+    objectives; raises `InputError` for unknown or missing keys."""
     if "design" not in statement:
         raise InputError(f"{where} has no [design]: state what to minimise or maximise, over which parameters")
     asked = dict(statement["design"])
@@ -86,15 +88,15 @@ def design(statement: dict, where: str) -> dict:
     return asked | {"minimise": tuple(asked["minimise"])}
 
 
-def build(statement: dict, where: str = "the options") -> TwoMassMachine:
-    """The machine of a statement, as `read` gives it; `where` it was stated goes before every complaint."""
+def build(statement: dict[str, Any], where: str = "the options") -> TwoMassMachine:
+    """The machine of a statement, as `read` gives it; raises `InputError`, whose message begins with `where` it is."""
     try:
         return _build(statement)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
 
 
-def _build(statement: dict) -> TwoMassMachine:
+def _build(statement: dict[str, Any]) -> TwoMassMachine:
     kind = statement.get("machine", "hopper")
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"unknown machine {kind!r}{suggest(str(kind), KINDS)}")
@@ -117,7 +119,7 @@ def _build(statement: dict) -> TwoMassMachine:
     return IN_SI[kind](**si, force=statement.get("spring"), **common)
 
 
-def _check_keys(where, data: dict, known: tuple[str, ...]):
+def _check_keys(where: object, data: dict[str, Any], known: Collection[str]) -> None:
     for name in data:
         if name not in known:
             raise InputError(f"{where}: unknown key '{name}'{suggest(name, known)}")

@@ -4,6 +4,9 @@ Heights and the laws' lengths R and H are in the machine's unit of length (in m 
 its inverse.
 """
 
+from collections.abc import Callable, Mapping
+from typing import Any
+
 import numpy as np
 
 from orbits.errors import InputError
@@ -17,13 +20,13 @@ def formula(text: str, /, **parameters: float) -> Law:
     return _checked(laws.from_formula(text, "z", parameters))
 
 
-def function(ratio, /, **parameters: float) -> Law:
+def function(ratio: Callable, /, **parameters: float) -> Law:
     """Gravity from a Python function ratio(z, **parameters)."""
     return _checked(laws.from_function(ratio, "z", parameters))
 
 
 def constant() -> Law:
-    """The same at every height."""
+    """Constant gravity, the same at every height."""
     return formula("1")
 
 
@@ -47,7 +50,7 @@ def exponential(*, H: float = 1000.0) -> Law:
 NAMED = {law.__name__: law for law in (constant, inverse_square, linear, exponential)}
 
 
-def as_gravity(law, parameters: dict[str, float] | None = None) -> Law:
+def as_gravity(law: Any, parameters: Mapping[str, float] | None = None) -> Law:
     """A gravity law from a law, a formula, a law's name or a Python function."""
     if isinstance(law, str) and law.startswith(("table:", "potential:")):
         raise InputError(f"gravity '{law}': gravity is a formula of z or a law's name; only springs are tables")
@@ -55,6 +58,7 @@ def as_gravity(law, parameters: dict[str, float] | None = None) -> Law:
 
 
 def _checked(law: Law) -> Law:
+    """A law of gravity; raises `InputError` where it is piecewise or is not 1 at the ground."""
     if law.pieces is not None:
         raise InputError(f"gravity '{law.text}' is piecewise; write it as one smooth formula of z")
     with np.errstate(all="ignore"):

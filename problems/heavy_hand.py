@@ -7,6 +7,7 @@ linear spring, period-one bouncing is stable for pi < alpha < sqrt(pi^2 + 3) (Sc
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +16,9 @@ from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
 from orbits.model.phase import Phase
 
-from .juggler import juggler_model
+from .juggler import JugglerEquations, juggler_model
 from .laws import Key
-from .machine import TwoMassMachine, gravity_at
+from .machine import TwoMassMachine
 from .relative import straight_line
 
 
@@ -28,13 +29,13 @@ class HeavyHand(TwoMassMachine):
 
     kind = "heavy hand"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         if self.mass_ratio != 1 or self.damped:
             raise InputError("an infinitely heavy hand has no mass ratio, damping or drag")
 
-    def describe(self) -> dict:
-        """The machine as JSON-ready data; its mass ratio is beyond all numbers."""
+    def describe(self) -> dict[str, Any]:
+        """The machine as JSON-ready data, without a mass ratio, which is infinite."""
         return {**super().describe(), "mass_ratio": None}
 
     def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
@@ -44,10 +45,8 @@ class HeavyHand(TwoMassMachine):
 @lru_cache(maxsize=64)
 def _heavy_hand_model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
     finite = juggler_model(spring, gravity, has_length, False)
-    force, pull = spring.expression, gravity_at(gravity)
-
-    def weight(w, p):
-        return pull(p.get("rest_length", 0.0) + w, p)
+    equations = JugglerEquations(spring, gravity, False)
+    force, weight = equations.force, equations.weight
 
     def oscillator(p):
         k, zero = straight_line(spring, p)

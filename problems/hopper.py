@@ -10,19 +10,29 @@ and in contact y2 = 0 until phi(y1) = 1.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 
-from .laws import Key, from_key
-from .machine import TwoMassMachine, damper, gravity_at
-from .relative import guess, no_orbit, relative_reduction, released, spring_pieces, straight_line, thrown, thrown_flight
+from .laws import Key, Parameters, Scalars, from_key
+from .liftoff import Liftoff
+from .machine import TwoMassMachine
+from .relative import (
+    TwoMassEquations,
+    launch_guess,
+    refuse_damping,
+    spring_pieces,
+    straight_line,
+    thrown,
+    thrown_flight,
+)
 
-HOPPER_STATES = ("y1", "y1'", "y2", "y2'")
-WEIGHT = "the foot's weight"
+FOOT_LIFTOFF = Liftoff(0.0, "the foot's weight")
 
 
 @dataclass(frozen=True)
@@ -35,59 +45,76 @@ class Hopper(TwoMassMachine):
         return _hopper_model(spring, gravity, has_length, damped)
 
 
-@lru_cache(maxsize=64)
-def _hopper_model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-    force = spring.expression
-    pull, dampers = gravity_at(gravity), damper(damped)
+class _HopperEquations(TwoMassEquations):
+    """The functions of a hopper's model, see `Model` for their arguments."""
 
-    def body_weight(y1, p):
-        return pull(p["rest_length"] + y1, p) if gravity else 1.0
+    def body_weight(self, y1: Any, p: Parameters) -> Any:
+        return self.pull(p["rest_length"] + y1, p) if self.gravity else 1.0
 
-    def flight(x, p, q):
-        M, (c, d) = p["mass_ratio"], dampers(p)
-        tension = force(x[0] - x[2], p, q) + c * (x[1] - x[3])
+    def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+        M, (c, d) = p["mass_ratio"], self.dampers(p)
+        tension = self.force(x[0] - x[2], p, q) + c * (x[1] - x[3])
         return [
             x[1],
-            -(M * (tension + d * x[1]) + body_weight(x[0], p)) / (1 + M),
+            -(M * (tension + d * x[1]) + self.body_weight(x[0], p)) / (1 + M),
             x[3],
-            (tension - pull(x[2], p) - d * x[3]) / (1 + M),
+            (tension - self.pull(x[2], p) - d * x[3]) / (1 + M),
         ]
 
-    def contact(x, p, q):
-        M, (c, d) = p["mass_ratio"], dampers(p)
-        return [x[1], -(M * (force(x[0], p, q) + (c + d) * x[1]) + body_weight(x[0], p)) / (1 + M)]
+    def contact(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+        M, (c, d) = p["mass_ratio"], self.dampers(p)
+        return [x[1], -(M * (self.force(x[0], p, q) + (c + d) * x[1]) + self.body_weight(x[0], p)) / (1 + M)]
 
-    def flight_gradient(x, p, q):
-        M, tension = p["mass_ratio"], force(x[0] - x[2], p, q)
+    def contact_force(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
+        return 1 - self.force(x[0], p, q) - self.dampers(p)[0] * x[1]
+
+    def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+        M, tension = p["mass_ratio"], self.force(x[0] - x[2], p, q)
         return [
-            M * tension + body_weight(x[0], p),
+            M * tension + self.body_weight(x[0], p),
             (1 + M) * x[1],
-            M * (pull(x[2], p) - tension),
+            M * (self.pull(x[2], p) - tension),
             (1 + M) * M * x[3],
         ]
 
-    def contact_gradient(x, p, q):
+    def contact_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M = p["mass_ratio"]
-        return [M * force(x[0], p, q) + body_weight(x[0], p), (1 + M) * x[1]]
+        return [M * self.force(x[0], p, q) + self.body_weight(x[0], p), (1 + M) * x[1]]
 
-    def contact_oscillator(p):
+    def contact_oscillator(self, p: Parameters) -> Oscillator:
         M = p["mass_ratio"]
-        k, zero = straight_line(spring, p)
+        k, zero = straight_line(self.spring, p)
         return Oscillator(M * k / (1 + M), zero - 1 / (M * k), {"contact force": (-k, 1 + k * zero)})
 
-    def mix(p):
-        M = p["mass_ratio"]  # y1, y1', y2, y2' from r, r', w, w' with w = y1 + M y2
+    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Any:
+        return self.force(u["liftoff"], p, q) + self.dampers(p)[0] * u["alpha"] - 1
+
+    def release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
+        return FOOT_LIFTOFF.extensions_at(from_key(self.spring, p), self.dampers(p)[0], alpha)
+
+    @staticmethod
+    def mix(p: Parameters) -> np.ndarray:
+        """y1, y1', y2, y2' from r, r', w, w' with w = y1 + M y2."""
+        M = p["mass_ratio"]
         return np.array([[M, 0, 1, 0], [0, M, 0, 1], [-1, 0, 1, 0], [0, -1, 0, 1]]) / (1 + M)
 
-    def apart(p):
+    @staticmethod
+    def apart(p: Parameters) -> np.ndarray:
+        """r, r', w, w' from y1, y1', y2, y2'."""
         return np.array([[1, 0, -1, 0], [0, 1, 0, -1], [1, 0, p["mass_ratio"], 0], [0, 1, 0, p["mass_ratio"]]])
 
-    def complete(times, coefficients, u, p):
+    @staticmethod
+    def complete(times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
         M, flown = np.reshape(p["mass_ratio"], (-1, 1, 1)), thrown(times, coefficients.shape[2], u)
         swung = coefficients[:, :2]
         return np.concatenate([M * swung + flown, flown - swung], axis=1) / (1 + M)
 
-    def heights(p):
+    @staticmethod
+    def gap_slope(times: np.ndarray, dz: np.ndarray, p: Parameters) -> np.ndarray:
+        return (times - dz[0]) / (1 + p["mass_ratio"])
+
+    @staticmethod
+    def heights(p: Parameters) -> dict[str, Affine]:
         M, length = p["mass_ratio"], p.get("rest_length", 0.0)
         return {
             "body": Affine((1.0, 0.0, 0.0, 0.0), length),
@@ -95,41 +122,43 @@ def _hopper_model(spring: Key, gravity: Key | None, has_length: bool, damped: bo
             "centre of mass": Affine((1 / (1 + M), 0.0, M / (1 + M), 0.0), length / (1 + M)),
         }
 
-    reduction = None
-    if gravity is None and not damped:
-        reduction = relative_reduction(
-            spring, 0.0, complete, lambda t, dz, p: (t - dz[0]) / (1 + p["mass_ratio"]), WEIGHT
-        )
+
+@lru_cache(maxsize=64)
+def _hopper_model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+    """The model of the keys of the laws, see `TwoMassMachine.build`."""
+    equations = _HopperEquations(spring, gravity, damped)
+    reduction = equations.reduction(FOOT_LIFTOFF)
+    extension = Affine((1.0, 0.0, -1.0, 0.0))
     return Model(
         name="hopper",
         flight=Phase(
             "flight",
-            HOPPER_STATES,
-            flight,
-            pieces=spring_pieces(spring, (1.0, 0.0, -1.0, 0.0)),
-            closed_form=thrown_flight(reduction, mix, apart),
+            ("y1", "y1'", "y2", "y2'"),
+            equations.flight,
+            pieces=spring_pieces(spring, extension.weights),
+            closed_form=thrown_flight(reduction, equations.mix, equations.apart),
         ),
         contact=Phase(
             "contact",
             ("y1", "y1'"),
-            contact,
-            {"contact force": lambda x, p, q: 1 - force(x[0], p, q) - dampers(p)[0] * x[1]},
+            equations.contact,
+            {"contact force": equations.contact_force},
             spring_pieces(spring, (1.0, 0.0)),
-            contact_oscillator if spring.degree() == 1 and gravity is None and not damped else None,
+            equations.contact_oscillator if spring.degree() == 1 and reduction else None,
         ),
         launch=lambda u, p: [u["liftoff"], u["alpha"], 0.0, 0.0],
-        liftoff=lambda u, p, q: force(u["liftoff"], p, q) + dampers(p)[0] * u["alpha"] - 1,
+        liftoff=equations.liftoff,
         landing=lambda u, x, p: [x[2], x[3], x[0] - u["liftoff"]],
         reversor=None if damped else (1, -1, 1, -1),
-        release=lambda alpha, p: released(from_key(spring, p), 0.0, WEIGHT, dampers(p)[0], alpha),
+        release=equations.release,
         touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
         embed=np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]),
-        flight_gradient=flight_gradient,
-        contact_gradient=contact_gradient,
-        extension=Affine((1.0, 0.0, -1.0, 0.0)),
+        flight_gradient=equations.flight_gradient,
+        contact_gradient=equations.contact_gradient,
+        extension=extension,
         gap=lambda p: Affine((0.0, 0.0, 1.0, 0.0)),
-        separation=lambda p: Affine((1.0, 0.0, -1.0, 0.0), p["rest_length"]) if "rest_length" in p else None,
-        heights=heights,
+        separation=lambda p: Affine(extension.weights, p["rest_length"]) if "rest_length" in p else None,
+        heights=equations.heights,
         impact_mass=lambda p: p["mass_ratio"] * (1 + p["mass_ratio"]),
         impact=lambda p: np.array([0.0, 0.0, 0.0, 1.0]),
         contact_speed=Affine((0.0, 1.0)),
@@ -140,9 +169,9 @@ def _hopper_model(spring: Key, gravity: Key | None, has_length: bool, damped: bo
             "end": "contact: the spring collapses, the body never lifts off again",
         },
         springs=(("foot", "body"),),
-        guess=no_orbit if damped else guess(spring, 0.0, WEIGHT),
+        guess=refuse_damping if damped else launch_guess(spring, FOOT_LIFTOFF),
         homotopy="gravity_share" if gravity else None,
         conservative=not damped,
         reduction=reduction,
-        tension=lambda x, p, q: force(x[0] - x[2], p, q),
+        tension=lambda x, p, q: equations.force(x[0] - x[2], p, q),
     )

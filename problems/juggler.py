@@ -10,19 +10,29 @@ and in contact both move as one, (1 + M) w'' = -M phi(w) - (1 + M) gamma(rest_le
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 
-from .laws import Key, from_key
-from .machine import TwoMassMachine, damper, gravity_at
-from .relative import guess, no_orbit, relative_reduction, released, spring_pieces, straight_line, thrown, thrown_flight
+from .laws import Key, Parameters, Scalars, from_key
+from .liftoff import Liftoff
+from .machine import TwoMassMachine
+from .relative import (
+    TwoMassEquations,
+    launch_guess,
+    refuse_damping,
+    spring_pieces,
+    straight_line,
+    thrown,
+    thrown_flight,
+)
 
-JUGGLER_STATES = ("w1", "w1'", "w2", "w2'")
-FREE = "zero force"
+HAND_LIFTOFF = Liftoff(1.0, "zero force")
 
 
 @dataclass(frozen=True)
@@ -39,86 +49,105 @@ class Juggler(TwoMassMachine):
         return juggler_model(spring, gravity, has_length, damped)
 
 
-@lru_cache(maxsize=64)
-def juggler_model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-    """The model of the keys of the laws, see `TwoMassMachine.build`."""
-    force = spring.expression
-    pull, dampers = gravity_at(gravity), damper(damped)
+class JugglerEquations(TwoMassEquations):
+    """The functions of a juggler's model, see `Model` for their arguments."""
 
-    def weight(w, p):
-        return pull(p.get("rest_length", 0.0) + w, p)
+    def weight(self, w: Any, p: Parameters) -> Any:
+        """Gravity ratio where a mass of coordinate w is."""
+        return self.pull(p.get("rest_length", 0.0) + w, p)
 
-    def flight(x, p, q):
-        M, (c, d) = p["mass_ratio"], dampers(p)
-        held = force(x[2], p, q) + (c + d) * x[3]
-        return [x[1], -M * d * x[1] - weight(x[0], p), x[3], -held - weight(x[2], p)]
+    def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+        M, (c, d) = p["mass_ratio"], self.dampers(p)
+        held = self.force(x[2], p, q) + (c + d) * x[3]
+        return [x[1], -M * d * x[1] - self.weight(x[0], p), x[3], -held - self.weight(x[2], p)]
 
-    def contact(x, p, q):
-        M, (c, d) = p["mass_ratio"], dampers(p)
-        return [x[1], -M / (1 + M) * (force(x[0], p, q) + (c + 2 * d) * x[1]) - weight(x[0], p)]
+    def contact(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+        M, (c, d) = p["mass_ratio"], self.dampers(p)
+        return [x[1], -M / (1 + M) * (self.force(x[0], p, q) + (c + 2 * d) * x[1]) - self.weight(x[0], p)]
 
-    def excess(p):
-        """Of the force over that of the spring alone at lift-off, per speed: the hand's dampers less the ball's."""
-        (c, d), M = dampers(p), p["mass_ratio"]
+    def contact_force(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
+        return -(self.force(x[0], p, q) + self.liftoff_damping(p) * x[1]) / (1 + p["mass_ratio"])
+
+    def liftoff_damping(self, p: Parameters) -> Any:
+        """Of the force between ball and hand per speed: of the hand's dampers less the ball's."""
+        (c, d), M = self.dampers(p), p["mass_ratio"]
         return c + (1 - M) * d
 
-    def flight_gradient(x, p, q):
+    def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M = p["mass_ratio"]
-        return [weight(x[0], p), x[1], M * (force(x[2], p, q) + weight(x[2], p)), M * x[3]]
+        return [self.weight(x[0], p), x[1], M * (self.force(x[2], p, q) + self.weight(x[2], p)), M * x[3]]
 
-    def contact_gradient(x, p, q):
+    def contact_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M = p["mass_ratio"]
-        return [M * force(x[0], p, q) + (1 + M) * weight(x[0], p), (1 + M) * x[1]]
+        return [M * self.force(x[0], p, q) + (1 + M) * self.weight(x[0], p), (1 + M) * x[1]]
 
-    def contact_oscillator(p):
+    def contact_oscillator(self, p: Parameters) -> Oscillator:
         M = p["mass_ratio"]
-        k, zero = straight_line(spring, p)
+        k, zero = straight_line(self.spring, p)
         force = {"contact force": (-k / (1 + M), k * zero / (1 + M))}
         return Oscillator(M * k / (1 + M), zero - (1 + M) / (M * k), force)
 
-    def mix(p):
-        return np.eye(4)[[2, 3, 0, 1]]  # the hand swings, the ball is thrown; its own inverse
+    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Any:
+        return self.force(u["liftoff"], p, q) + self.liftoff_damping(p) * u["alpha"]
 
-    def complete(times, coefficients, u, p):
+    def release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
+        return HAND_LIFTOFF.extensions_at(from_key(self.spring, p), self.liftoff_damping(p), alpha)
+
+    @staticmethod
+    def mix(p: Parameters) -> np.ndarray:
+        """w1, w1', w2, w2' from w2, w2', w1, w1' (the hand swings, the ball is thrown); its own inverse."""
+        return np.eye(4)[[2, 3, 0, 1]]
+
+    @staticmethod
+    def complete(times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
         return np.concatenate([thrown(times, coefficients.shape[2], u), coefficients[:, :2]], axis=1)
 
-    def heights(p):
+    @staticmethod
+    def gap_slope(times: np.ndarray, dz: np.ndarray, p: Parameters) -> np.ndarray:
+        return times - dz[0]
+
+    @staticmethod
+    def heights(p: Parameters) -> dict[str, Affine]:
         length = p.get("rest_length", 0.0)
         return {"ball": Affine((1.0, 0.0, 0.0, 0.0), length), "hand": Affine((0.0, 0.0, 1.0, 0.0), length)}
 
-    reduction = None
-    if gravity is None and not damped:
-        reduction = relative_reduction(spring, 1.0, complete, lambda t, dz, p: t - dz[0], FREE)
+
+@lru_cache(maxsize=64)
+def juggler_model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+    """The model of the keys of the laws, see `TwoMassMachine.build`."""
+    equations = JugglerEquations(spring, gravity, damped)
+    reduction = equations.reduction(HAND_LIFTOFF)
+    extension = Affine((0.0, 0.0, 1.0, 0.0))
     return Model(
         name="juggler",
         flight=Phase(
             "flight",
-            JUGGLER_STATES,
-            flight,
-            pieces=spring_pieces(spring, (0.0, 0.0, 1.0, 0.0)),
-            closed_form=thrown_flight(reduction, mix, mix),
+            ("w1", "w1'", "w2", "w2'"),
+            equations.flight,
+            pieces=spring_pieces(spring, extension.weights),
+            closed_form=thrown_flight(reduction, equations.mix, equations.mix),
         ),
         contact=Phase(
             "contact",
             ("w", "w'"),
-            contact,
-            {"contact force": lambda x, p, q: -(force(x[0], p, q) + excess(p) * x[1]) / (1 + p["mass_ratio"])},
+            equations.contact,
+            {"contact force": equations.contact_force},
             spring_pieces(spring, (1.0, 0.0)),
-            contact_oscillator if spring.degree() == 1 and gravity is None and not damped else None,
+            equations.contact_oscillator if spring.degree() == 1 and reduction else None,
         ),
         launch=lambda u, p: [u["liftoff"], u["alpha"], u["liftoff"], u["alpha"]],
-        liftoff=lambda u, p, q: force(u["liftoff"], p, q) + excess(p) * u["alpha"],
+        liftoff=equations.liftoff,
         landing=lambda u, x, p: [x[0] - x[2], x[1] - x[3], x[2] - u["liftoff"]],
         reversor=None if damped else (1, -1, 1, -1),
-        release=lambda alpha, p: released(from_key(spring, p), 1.0, FREE, excess(p), alpha),
+        release=equations.release,
         touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
         embed=np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
-        flight_gradient=flight_gradient,
-        contact_gradient=contact_gradient,
-        extension=Affine((0.0, 0.0, 1.0, 0.0)),
+        flight_gradient=equations.flight_gradient,
+        contact_gradient=equations.contact_gradient,
+        extension=extension,
         gap=lambda p: Affine((1.0, 0.0, -1.0, 0.0)),
-        separation=lambda p: Affine((0.0, 0.0, 1.0, 0.0), p["rest_length"]) if "rest_length" in p else None,
-        heights=heights,
+        separation=lambda p: Affine(extension.weights, p["rest_length"]) if "rest_length" in p else None,
+        heights=equations.heights,
         impact_mass=lambda p: p["mass_ratio"] / (1 + p["mass_ratio"]),
         impact=lambda p: np.array([0.0, p["mass_ratio"], 0.0, -1.0]) / (1 + p["mass_ratio"]),
         contact_speed=Affine((0.0, 1.0)),
@@ -129,9 +158,9 @@ def juggler_model(spring: Key, gravity: Key | None, has_length: bool, damped: bo
             "end": "contact: the spring collapses, the ball is never thrown again",
         },
         springs=((None, "hand"),),
-        guess=no_orbit if damped else guess(spring, 1.0, FREE),
+        guess=refuse_damping if damped else launch_guess(spring, HAND_LIFTOFF),
         homotopy="gravity_share" if gravity else None,
         conservative=not damped,
         reduction=reduction,
-        tension=lambda x, p, q: force(x[2], p, q),
+        tension=lambda x, p, q: equations.force(x[2], p, q),
     )

@@ -2,24 +2,28 @@
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from orbits.errors import InputError, OutOfRange
 from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.formula import CONSTANTS, parse, suggest
 from orbits.symbolic.taylor_series import has_taylor_series
 
-WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
+# What expressions are made of: CasADi scalars or numbers, in sequences and by name.
+Scalars = Sequence[Any]
+Parameters = Mapping[str, Any]
+HOW_TO_WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
 
 
 class Key(NamedTuple):
-    """What a law is apart from its parameters' values; equal keys share everything built from them."""
+    """A law without its parameters' values; laws with equal keys share everything that is built from them."""
 
     text: str
     variable: str
@@ -34,11 +38,11 @@ class Key(NamedTuple):
 
 @dataclass(frozen=True)
 class Law:
-    """A function of one variable with named parameters; call it for values, hand `expression` to a machine.
+    """A function of one variable with named parameters; calling it gives its values.
 
-    text : what it is, as its user wrote it
+    text : the law as its user wrote it
     variable : "r", an extension, or "z", a height
-    expression : (x, p, q) -> value, on CasADi scalars; `p` maps names to parameters, `q` is the data of a piece
+    expression : (x, p, q) -> value, on CasADi scalars; `p` maps names to parameters, `q` is the data of a smooth piece
     parameters : values of the parameters
     pieces : (size of q, parameters -> (breaks, data)) for a piecewise law, None for a smooth one
     """
@@ -49,19 +53,20 @@ class Law:
     parameters: Mapping[str, float] = field(default_factory=dict)
     pieces: tuple[int, Callable] | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, value in self.parameters.items():
             number(name, value)
 
     @property
     def key(self) -> Key:
+        """The law without its parameters' values."""
         return Key(self.text, self.variable, self.expression, tuple(self.parameters), self.pieces)
 
-    def __call__(self, x) -> np.ndarray:
+    def __call__(self, x: ArrayLike) -> np.ndarray:
         """Values at `x` (any shape), NaN where the law has none; a table raises `OutOfRange` outside its range."""
         return self.with_slope(x)[0]
 
-    def with_slope(self, x) -> tuple[np.ndarray, np.ndarray]:
+    def with_slope(self, x: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Values and derivatives at `x` (any shape)."""
         x = np.asarray(x, dtype=float)
         if x.size == 0:
@@ -79,11 +84,16 @@ class Law:
         return np.array(value).reshape(x.shape), np.array(slope).reshape(x.shape)
 
     def range(self) -> tuple[float, float]:
-        """Where the law is defined, as far as it says so itself."""
+        """The bounds of the variable that the law states; infinite for a formula, which may still fail inside them."""
         if self.pieces is None:
             return -np.inf, np.inf
         breaks = self.pieces[1](self.parameters)[0]
         return float(breaks[0]), float(breaks[-1])
+
+    def rest(self) -> float:
+        """The place of the range nearest to 0, where a spring is unloaded."""
+        low, high = self.range()
+        return min(max(0.0, low), high)
 
     def with_parameters(self, **values: float) -> "Law":
         """The same law with other values of some parameters."""
@@ -102,7 +112,10 @@ class Law:
 
 
 def from_formula(text: str, variable: str, parameters: Mapping[str, float] | None = None) -> Law:
-    """A law from a formula in its variable; every other name in it is a parameter and needs a value."""
+    """A law from a formula in its variable; every other name in it is a parameter.
+
+    Raises `InputError` for a parameter without a value and for one that the formula does not use.
+    """
     parameters = dict(parameters or {})
     names = parse(text).names - {variable}
     if missing := sorted(names - parameters.keys()):
@@ -129,6 +142,8 @@ def from_function(
     """A law from a Python function (x, **parameters) written with operators and NumPy or CasADi functions.
 
     breakpoints : where it is not smooth; integration steps end there
+
+    Raises `InputError` for a function that cannot be evaluated with symbols.
     """
     name = getattr(function, "__name__", "function")
     if not isinstance(breakpoints, list | tuple):
@@ -137,15 +152,18 @@ def from_function(
     table = (0, _break_table(tuple(breaks))) if breakpoints else None
     parameters = dict(parameters or {})
     law = Law(name, variable, _function_expression(function, variable, tuple(parameters)), parameters, table)
-    if not np.isfinite(law(0.0)):  # what float() makes of a symbol
-        raise InputError(f"the law '{name}' has no finite value at {variable} = 0; {WRITE}")
+    if not np.isfinite(law(0.0)):  # float() of a symbol is NaN
+        raise InputError(f"the law '{name}' has no finite value at {variable} = 0; {HOW_TO_WRITE}")
     return law
 
 
 def from_any(
-    law, variable: str, parameters: Mapping[str, float] | None, table: Mapping[str, Callable], what: str
+    law: Any, variable: str, parameters: Mapping[str, float] | None, table: Mapping[str, Callable], what: str
 ) -> Law:
-    """A law from a law, a Python function, the name of one in `table`, or a formula; `what` it is to be, in words."""
+    """A law from a law, a Python function, the name of one in `table`, or a formula; `what` it is, for messages.
+
+    Raises `InputError` for anything else.
+    """
     parameters = dict(parameters or {})
     if isinstance(law, Law):
         if law.variable != variable:
@@ -159,13 +177,13 @@ def from_any(
 
 
 def is_name(text: str, variable: str, table: Mapping[str, Callable]) -> bool:
-    """Whether a law's text is a lone name, of a law and not of the variable; a law's name may have hyphens."""
+    """Whether a text is a lone name, to be looked up as a law's, and no formula; hyphens may stand for underscores."""
     lone = text.isidentifier() and text != variable and text not in CONSTANTS
     return lone or text.replace("-", "_") in table
 
 
 def named(table: Mapping[str, Callable], name: str, parameters: Mapping[str, float]) -> Law:
-    """The law called `name` in `table`, with these parameters; the rest keep their defaults."""
+    """The law called `name` in `table`, with these parameters and the defaults of the others."""
     key = name.replace("-", "_")
     if key not in table:
         raise InputError(f"unknown law '{name}'{suggest(name, table)}")
@@ -175,7 +193,7 @@ def named(table: Mapping[str, Callable], name: str, parameters: Mapping[str, flo
     return table[key](**parameters)
 
 
-def parameter_names(law, variable: str, table: Mapping[str, Callable]) -> set[str]:
+def parameter_names(law: Any, variable: str, table: Mapping[str, Callable]) -> set[str]:
     """Names of the parameters that a law takes, in any of the ways a user may state one."""
     if isinstance(law, Law):
         return set(law.parameters)
@@ -191,7 +209,14 @@ def parameter_names(law, variable: str, table: Mapping[str, Callable]) -> set[st
     return set(parse(law.removeprefix("potential:")).names) - {variable}
 
 
-def number(name: str, value, low: float = -math.inf, high: float = math.inf) -> float:
+def own_parameters(
+    law: Any, variable: str, table: Mapping[str, Callable], given: Mapping[str, float]
+) -> dict[str, float]:
+    """Those of the given parameters that a law takes."""
+    return {name: given[name] for name in given.keys() & parameter_names(law, variable, table)}
+
+
+def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
     """`value` as a finite float strictly between the bounds; raises `InputError` that names it."""
     try:
         result = float(value)
@@ -204,6 +229,14 @@ def number(name: str, value, low: float = -math.inf, high: float = math.inf) -> 
     if not low < result < high:
         bounds = f"above {low:g}" if high == math.inf else f"between {low:g} and {high:g}"
         raise InputError(f"{name} = {result:g} is out of bounds; it lies {bounds}")
+    return result
+
+
+def coefficient_of_restitution(value: Any) -> float:
+    """`value` as a coefficient of restitution, from 0 to 1; raises `InputError` for another."""
+    result = number("restitution", value)
+    if not 0 <= result <= 1:
+        raise InputError(f"restitution = {result:g} is out of bounds; it lies between 0 and 1")
     return result
 
 
@@ -234,7 +267,7 @@ def _degree(key: Key) -> int:
 
 @lru_cache(maxsize=256)
 def _numeric(key: Key):
-    """(x, p, q) -> (value, slope) as a call, and p -> (breaks, data) or None."""
+    """The function (x, p, q) -> (value, slope), and p -> (breaks, data) for a piecewise law."""
     _, variable, expression, names, pieces = key
     x, p = _symbols(variable, names)
     q = ca.SX.sym("q", pieces[0] if pieces else 0)
@@ -270,7 +303,7 @@ def _derivative_expression(expression: Callable, variable: str) -> Callable:
 
 
 def _function_expression(function: Callable, variable: str, names: tuple[str, ...]) -> Callable:
-    """What a Python function makes of symbols, traced anew each time: what it closes over may have changed."""
+    """The expression of a Python function, traced anew each time, since what it closes over may have changed."""
     x, p = _symbols(variable, names)
     name = getattr(function, "__name__", "function")
     mode = ca.GlobalOptions.getNumpyMode() if hasattr(ca.GlobalOptions, "getNumpyMode") else None
@@ -279,7 +312,9 @@ def _function_expression(function: Callable, variable: str, names: tuple[str, ..
             ca.GlobalOptions.setNumpyMode(1)  # NumPy's functions then give CasADi expressions, without a warning
         value = ca.SX(function(x, **p))
     except Exception as error:
-        raise InputError(f"the law '{name}' fails on a symbolic argument ({type(error).__name__}); {WRITE}") from error
+        raise InputError(
+            f"the law '{name}' fails on a symbolic argument ({type(error).__name__}); {HOW_TO_WRITE}"
+        ) from error
     finally:
         if mode is not None:
             ca.GlobalOptions.setNumpyMode(mode)
@@ -295,7 +330,7 @@ def _break_table(breaks: tuple[float, ...]) -> Callable:
 
 @lru_cache(maxsize=256)
 def _graph_expression(graph: str, names: tuple[str, ...]) -> Callable:
-    """The expression of a serialized graph: the same graph is the same expression, and shares what is built from it."""
+    """The expression of a serialized graph; equal graphs give the same object, which shares what is built from it."""
     function = ca.Function.deserialize(graph)
     return lambda x, p, q: function(x, *(p[name] for name in names))
 

@@ -1,8 +1,9 @@
-"""What a machine states, whatever moves in it: spring, gravity, masses, lengths, units."""
+"""What a machine of two masses is stated by: spring, gravity, mass ratio, rest length, losses and units."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from typing import Any, Self
 
 from orbits.errors import InputError
 from orbits.model.model import Model, Units
@@ -11,10 +12,10 @@ from orbits.symbolic.formula import suggest
 from . import gravity as gravities
 from . import springs
 from .gravity import as_gravity
-from .laws import Key, Law, number, parameter_names
+from .laws import Key, Law, coefficient_of_restitution, number, own_parameters
 from .springs import as_spring
 
-# Beyond this one of the two masses is lost in rounding.
+# Beyond these bounds one of the two masses is lost in rounding.
 MASS_RATIOS = (1e-12, 1e12)
 DAMPERS = ("damping", "drag")
 MACHINE_NAMES = ("mass_ratio", "rest_length", "gravity_share", *DAMPERS)
@@ -26,18 +27,18 @@ class TwoMassMachine:
 
     spring : a law of `problems.springs`, a formula of the extension r, a law's name, "table:FILE",
         "potential:FORMULA", or a Python function
-    gravity : likewise a law of the height z, as a ratio to gravity at the ground
+    gravity : likewise a law of the height z, as a ratio to gravity at the ground; both are kept as a `Law`
     mass_ratio : M = m2/m1, above 0
     rest_length : of the spring; None for long enough that the masses never meet, which constant gravity allows
     restitution : of the impacts, 0 <= e <= 1; a lossless orbit is the same for every value
     damping : of the damper beside the spring, force over speed, from 0
     drag : force over speed on each mass, against its motion, from 0
     parameters : values of the formulas' other names
-    units : what the numbers stand for in SI, see `units.machine_in_si`; the laws' parameters are then in SI themselves
+    units : of the numbers in SI, see `units.machine_in_si`; the parameters of the laws are then in SI themselves
     """
 
-    spring: object = "r"
-    gravity: object = "1"
+    spring: Any = "r"
+    gravity: Any = "1"
     mass_ratio: float = 1.0
     rest_length: float | None = None
     restitution: float = 0.0
@@ -48,10 +49,9 @@ class TwoMassMachine:
 
     kind = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         number("mass_ratio", self.mass_ratio, *MASS_RATIOS)
-        if not 0 <= number("restitution", self.restitution) <= 1:
-            raise InputError(f"restitution = {self.restitution:g} is out of bounds; it lies between 0 and 1")
+        coefficient_of_restitution(self.restitution)
         if self.rest_length is not None:
             number("rest_length", self.rest_length, low=0)
         for name in DAMPERS:
@@ -61,21 +61,21 @@ class TwoMassMachine:
         object.__setattr__(self, "spring", spring)
         object.__setattr__(self, "gravity", gravity)
         object.__setattr__(self, "parameters", {**spring.parameters, **gravity.parameters})
-        if self.rest_length is None and gravity.key.degree() > 0:
+        if self.rest_length is None and self.varying_gravity:
             raise InputError(
                 f"gravity '{gravity.text}' varies with height, and the upper mass is as high as its coordinate and the "
                 "rest length together: give the rest length"
             )
 
     def _laws(self) -> tuple[Law, Law]:
-        """The two laws, each given the parameters that it knows."""
+        """The two laws, each with its own parameters; raises `InputError` for unknown, reserved and ambiguous names."""
         if not isinstance(self.parameters, Mapping):
             raise InputError(f"parameters = {self.parameters!r}; they are a mapping of names to numbers")
         given = dict(self.parameters)
         for name in given:
             number(name, given[name])
         spring, gravity = (
-            make(law, {name: given[name] for name in given.keys() & parameter_names(law, variable, named)})
+            make(law, own_parameters(law, variable, named, given))
             for make, law, variable, named in (
                 (as_spring, self.spring, "r", springs.NAMED),
                 (as_gravity, self.gravity, "z", gravities.NAMED),
@@ -93,13 +93,18 @@ class TwoMassMachine:
 
     @cached_property
     def model(self) -> Model:
-        """The engine's view of the machine; machines that differ only in numbers share it."""
-        gravity = self.gravity.key if self.gravity.key.degree() > 0 else None
-        return self.build(self.spring.key, gravity, self.rest_length is not None, self.damped)
+        """The phases and orbits of the machine; machines that differ only in numbers share it."""
+        return self.build(self.spring.key, self.varying_gravity, self.rest_length is not None, self.damped)
+
+    @property
+    def varying_gravity(self) -> Key | None:
+        """The key of the gravity law, None where gravity is constant."""
+        key = self.gravity.key
+        return key if key.degree() > 0 else None
 
     @property
     def damped(self) -> bool:
-        """Whether it loses energy by other ways than impacts."""
+        """Whether the machine loses energy otherwise than by impacts."""
         return self.damping > 0 or self.drag > 0
 
     def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
@@ -120,7 +125,7 @@ class TwoMassMachine:
             values[self.model.homotopy] = 1.0
         return values
 
-    def with_values(self, **values: float) -> "TwoMassMachine":
+    def with_values(self, **values: float) -> Self:
         """The same machine with other values of mass_ratio, rest_length, damping, drag or the formulas' parameters.
 
         Raises `InputError` for a name that it does not have, and for masses and lengths of a machine stated in SI:
@@ -128,11 +133,13 @@ class TwoMassMachine:
         """
         if self.units and (fixed := values.keys() & {"mass_ratio", "rest_length"}):
             raise InputError(f"'{min(fixed)}' of a machine in SI follows from its masses and lengths: state it anew")
-        own = {name: value for name, value in values.items() if name in ("mass_ratio", "rest_length", *DAMPERS)}
+        own: dict[str, Any] = {
+            name: value for name, value in values.items() if name in ("mass_ratio", "rest_length", *DAMPERS)
+        }
         rest = {name: value for name, value in values.items() if name not in own}
         return replace(self, parameters={**self.parameters, **rest}, **own)
 
-    def describe(self) -> dict:
+    def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""
         return {
             "machine": self.kind,
@@ -146,16 +153,3 @@ class TwoMassMachine:
             "laws_in": "SI" if self.units else "units of the machine",
             **({f"unit_{name}": value for name, value in asdict(self.units).items()} if self.units else {}),
         }
-
-
-def damper(damped: bool) -> Callable:
-    """p -> the coefficients of the damper beside the spring and of the drag on each mass."""
-    return (lambda p: (p["damping"], p["drag"])) if damped else (lambda p: (0.0, 0.0))
-
-
-def gravity_at(key: Key | None) -> Callable:
-    """(z, p) -> gravity ratio; its share over constant gravity is a parameter, along which an orbit is followed."""
-    if key is None:
-        return lambda z, p: 1.0
-    law = key.expression
-    return lambda z, p: 1 + p["gravity_share"] * (law(z, p, []) - 1)

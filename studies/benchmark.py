@@ -31,9 +31,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from orbits import METHODS, InputError, ReturnMap, find, follow, orbit_at
-from orbits.continuation.corrector import Curve
+from orbits.continuation.corrector import newton_steps
+from orbits.continuation.curve import Curve
 from orbits.flow.flow import Flow
-from orbits.flow.taylor import RungeKuttaStepper
+from orbits.flow.runge_kutta import RungeKuttaStepper
 from orbits.plot import COLOURS, new_row, save_figure
 from problems import Chain, Hopper
 
@@ -191,10 +192,10 @@ def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
 
 def _compiled(stepper, wanted: bool) -> bool:
     """Have a scheme compiled, or see that it never is; False when it should be and there is no compiler."""
-    stepper.patience, asked = np.inf, False
-    while wanted and not stepper.compiled and (stepper.patience < np.inf or not asked):
-        stepper.patience, asked = -1.0, True
-        stepper.spend(0)
+    stepper.interpretation_budget, asked = np.inf, False
+    while wanted and not stepper.compiled and (stepper.interpretation_budget < np.inf or not asked):
+        stepper.interpretation_budget, asked = -1.0, True
+        stepper.count_steps(0)
     return stepper.compiled or not wanted
 
 
@@ -280,7 +281,8 @@ def _followed(machine, along: str, stop: float, number: int, golden: dict[float,
     points = family.points[-40:]
     xs, rows = np.array([[*point.u, point.value] for point in points]), np.array([point.tangent for point in points])
     levels = np.einsum("mi,mi->m", rows, xs)
-    once, _ = timed(lambda: curve.newton_steps(xs, rows, levels), seconds)
+    *_, counts = newton_steps(curve, xs, rows, levels)
+    once, _ = timed(lambda: newton_steps(curve, xs, rows, levels, counts), seconds)
     rows = [
         {"way": "follow, certified", "seconds": took / len(family), "error": error, "points": len(family)},
         {"way": NEWTON, "seconds": once / len(points), "error": 0.0},
@@ -305,10 +307,10 @@ machine = Hopper(**json.loads({machine!r}))
 machine.model, machine.values
 t.append(time.perf_counter())
 import orbits.periodic.find as search
-whole = search.as_orbit
+whole = search.certified_orbit
 def certify(*args, **options):
     t.append(time.perf_counter()); return whole(*args, **options)
-search.as_orbit = certify
+search.certified_orbit = certify
 orbit = find(machine, {family})
 t.append(time.perf_counter())
 print(json.dumps([[b - a for a, b in zip(t, t[1:])], list(orbit.skipped)]))

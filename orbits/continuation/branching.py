@@ -1,28 +1,33 @@
 """Branch points: the other curve of orbits that goes through one."""
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
+from ..model.machine import Machine
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
-from .arguments import checked_options, machine_at
-from .corrector import Curve, CurvePoint
+from .arguments import Options, checked_options, machine_at
+from .corrector import correct
+from .curve import Curve, CurvePoint
 from .family import Family, Point
 from .follow import collect_family
-from .tracer import FIRST_ARC, Options, Tracer
+from .step_control import StepControl
+from .tracer import Tracer
 
-# The other curve may lie askew, its first point this many times as far as the step across.
+# The first point of the other curve may lie this many times as far away as the step across, since the two curves need
+# not meet at a right angle.
 LONGEST_FIRST_STEP = 10.0
 
 
-def _across(curve: Curve, x, direction, row) -> CurvePoint:
-    """The first point of the other curve, a step across from `x`, shorter ones where that leads elsewhere."""
+def _first_point(curve: Curve, x, direction, row, first_step: float) -> CurvePoint:
+    """The first point of the other curve, one step from `x` across, a shorter one where that leads elsewhere."""
     size = curve.size(x)
-    for length in FIRST_ARC * np.logspace(0, -3, 4):
+    for length in first_step * np.logspace(0, -3, 4):
         try:
-            step = curve.correct(x + length * direction, row, row @ x + length, direction)
+            step = correct(curve, x + length * direction, row, row @ x + length, direction)
         except NoOrbit:
             continue
         if np.linalg.norm((step.x - x) / size) < LONGEST_FIRST_STEP * length:
@@ -31,33 +36,34 @@ def _across(curve: Curve, x, direction, row) -> CurvePoint:
 
 
 def follow_branch(
-    machine,
+    machine: Machine,
     branch: Point,
     along: str,
     stop: float,
     *,
     upper: bool = True,
     at: Sequence[float] = Options.at,
-    watch: Mapping[str, Callable[[Orbit], float]] | None = Options.watch,
+    watch: Mapping[str, Callable[[Orbit], float]] | None = None,
     longest: float = Options.longest,
     most: int = Options.most,
+    step_control: StepControl = Options.step_control,
     method: str | None = None,
-    output=None,
+    output: str | Path | None = None,
 ) -> Family:
     """Follow the other curve through a branch point of a family, from a first step on.
 
     machine, along : as the family was followed with
     branch : the point of a "branch point" event
     stop : value of the parameter to go on to; the curve also ends where it comes back to the branch point's
-    upper : whether to set out towards higher launch speeds, or towards lower ones
-    at, watch, longest, most, output : as in `follow`
+    upper : whether to set out towards higher launch speeds or towards lower ones
+    at, watch, longest, most, step_control, output : as in `follow`
     method : that of the family, "relative" or "half orbit"; None for the simplest
 
     The direction is the one across the curve in which the equations do not change to first order (Keller 1977). Raises
     `NoOrbit` when no other curve goes through the point, and `InputError` when it goes away from `stop`.
     """
     machine, method = machine_at(machine, branch, along, method)
-    options, stop = checked_options(at, watch, longest, most, False), finite_number("stop", stop)
+    options, stop = checked_options(at, watch, longest, most, False, step_control), finite_number("stop", stop)
     if stop == branch.value:
         raise InputError(f"stop = {stop:g} is where the branch point lies: there is no way between")
     curve = Curve(machine, along, method, abs(stop - branch.value))
@@ -69,11 +75,11 @@ def follow_branch(
         across = first * (second @ own) - second * (first @ own)
         side = across[curve.equations.statement.unknowns.index("alpha")]
         across *= np.copysign(1.0 / np.linalg.norm(across), side if upper else -side)
-        step = _across(curve, x, across * size, across / size)
+        step = _first_point(curve, x, across * size, across / size, step_control.first_step)
         if (step.value - branch.value) * (stop - branch.value) < 0:
             raise InputError(
                 f"towards {'higher' if upper else 'lower'} launch speeds {along} goes to {step.value:.6g}, away from "
                 f"stop = {stop:g}: give upper = {not upper} or a stop on the other side"
             )
-        walk = Tracer(curve, curve.check(step), branch.value, stop, options)
-    return collect_family(walk, output=output)
+        tracer = Tracer(curve, curve.certify(step), branch.value, stop, options)
+    return collect_family(tracer, output=output)

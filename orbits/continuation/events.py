@@ -1,34 +1,29 @@
-"""What happens on a curve of orbits between two neighbouring points: located, certified, in order."""
+"""Events on a curve of orbits between two neighbouring points: located, certified, in order.
 
-from collections.abc import Callable, Mapping
+A test function changes its sign at an event: those of orbits (`curve.TEST_FUNCTIONS`), those of the user (`watch`), the
+parameter's share of the tangent at a fold, and the determinant of the bordered Jacobian at a branch point.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
 
-from ..errors import InputError, NoOrbit, OrbitsError
+from ..errors import InputError, NoOrbit, OrbitsError, finite_number
 from ..numerics.roots import bracketed_root
 from ..periodic.orbit import Orbit
-from .corrector import Curve, CurvePoint, interpolated
-from .family import Point
+from .corrector import correct, larger_counts
+from .curve import TEST_FUNCTIONS, Curve, CurvePoint, interpolated
 
-# What an orbit has to spare before something happens; the event is where it changes sign. None: it says nothing.
-MARGINS: dict[str, Callable[[Point], float | None]] = {
-    "grazing": lambda point: _or(1.0, point.certificate.clearance),
-    "masses touch": lambda point: point.certificate.smallest_separation,
-    "contact pulls": lambda point: (
-        None if point.contact_time is None else _or(1.0, point.certificate.smallest_contact_force)
-    ),
-    "landing jerk": lambda point: -point.certificate.landing_jerk,
-    "collapse": lambda point: -1.0 if point.contact_time is None else 1.0,
-}
-# An event is located to this share of the way between two points, where rounding begins to show.
+# An event is located to this share of the chord between two points, where rounding begins to show.
 WIDTH = 1e-13
-# A branch point, where the equations are singular, is interpolated from points this far and twice as far away.
+# The equations are singular at a branch point. It is interpolated from points at this share of the chord and at twice
+# that share on either side.
 BRANCH_OFFSET = 0.01
-# What else changes sign where something happens.
-SIGNS = ("fold", "branch point", "family")
+# A value of the parameter is approached from within the segment by at least this share of the chord.
+INSIDE = 1e-9
 
 
 class Segment:
@@ -55,10 +50,14 @@ class Segment:
             return (self.a, self.b)[int(share)]
         level = self.start + share
         (guess,) = interpolated((self.a, self.b), self.row, np.array([level]))
-        return self.curve.correct(guess, self.row, level, self.a.tangent)
+        return self._correct(guess, self.row, level)
+
+    def _correct(self, guess: np.ndarray, row: np.ndarray, level: float) -> CurvePoint:
+        counts = larger_counts(self.a.counts, self.b.counts)
+        return correct(self.curve, guess, row, level, self.a.tangent, counts)
 
     def sheets(self) -> list["Segment"]:
-        """The stretch up to its fold and the one from there on; itself where it has none."""
+        """The segment up to its fold and the one from there on; itself where it has none."""
         if self.fold is None:
             return [self]
         fold = self(self.fold)
@@ -70,104 +69,102 @@ class Segment:
 
     @cached_property
     def fold(self) -> float | None:
-        """The share at which the parameter turns round."""
-        return self.zero(lambda at: float(at.tangent[-1]))
+        """The share of the chord at which the parameter turns round."""
+        return self.zero(lambda point: float(point.tangent[-1]))
 
-    def zero(self, quantity: Callable[[CurvePoint], float | None], width: float = WIDTH) -> float | None:
-        """The share at which a quantity changes its sign, None where it does not or says nothing; 0 is positive."""
-        first, last = quantity(self.a), quantity(self.b)
+    def zero(self, test: Callable[[CurvePoint], float | None], width: float = WIDTH) -> float | None:
+        """The share of the chord at which a test function changes its sign; None where it does not or is not defined.
+        Zero counts as positive."""
+        first, last = test(self.a), test(self.b)
         if first is None or last is None or (first >= 0) == (last >= 0):
             return None
-        share = bracketed_root(lambda share: quantity(self(share)) or 0.0, 0.0, 1.0, first, last, width=width)
-        value = quantity(self(share))
-        return None if value is None or abs(value) > abs(first) + abs(last) else share  # nothing, or a pole
+        share = bracketed_root(lambda share: test(self(share)) or 0.0, 0.0, 1.0, first, last, width=width)
+        value = test(self(share))
+        # A pole changes the sign too, but with values larger than those at the ends.
+        return None if value is None or abs(value) > abs(first) + abs(last) else share
 
-    def landed(self, value: float) -> CurvePoint:
+    def point_at(self, value: float) -> CurvePoint:
         """The point where the parameter has exactly a value, certified."""
         a, b = self.a, self.b
         if b.value == value:
             return b
         share = (value - a.value) / (b.value - a.value)
         try:
-            near = self(float(np.clip(share, 1e-9, 1 - 1e-9)))
+            near = self(float(np.clip(share, INSIDE, 1 - INSIDE)))
             guess = near.x + near.tangent * (value - near.value) / near.tangent[-1]
-            near = self.curve.correct(guess, np.eye(len(a.x))[-1], value, a.tangent)
-        except NoOrbit:  # beside a fold the value does not fix the orbit, its place on the curve does
-            near = self(self.zero(lambda at: at.value - value))
-        return self.curve.onto(near, value)
+            near = self._correct(guess, np.eye(len(a.x))[-1], value)
+        except NoOrbit:
+            # Beside a fold the value does not fix the orbit, but its place on the curve does.
+            if (at_value := self.zero(lambda point: point.value - value)) is None:
+                raise
+            near = self(at_value)
+        return self.curve.certify_at(near, value)
 
     def events(
         self, asked: tuple[float, ...], watch: Mapping[str, Callable[[Orbit], float]]
     ) -> list[tuple[str, CurvePoint]]:
-        """What happens, by kind, in order along the curve; `asked` are values of the parameter to stop at."""
-        found: list[tuple] = []
-        if not watch and _signs(self.a) == _signs(self.b) and not self._passed(asked):
+        """The events by kind and point, in order along the curve; `asked` are values of the parameter to stop at."""
+        if not watch and self.a.signs == self.b.signs and not self._passed(asked):
             return []
-        for name in (*SIGNS, *MARGINS, *watch):
-            if name == "branch point":
-                share, at = self._crossing()
-            else:
-                quantity = lambda at, name=name: self._quantity(name, at, watch)  # noqa: E731
-                share = self.fold if name == "fold" else self.zero(quantity)
-                at = None if share is None else self(share)
-            if share is not None:
-                found.append((name, share, at if at.point else self.curve.check(at)))
+        located: list[tuple[str, float, CurvePoint]] = []
+        for kind, share, point in self._sign_changes(watch):
+            located.append((kind, share, point if point.certified else self.curve.certify(point)))
         turns = [0.0, *([] if self.fold is None else [self.fold]), 1.0]
         for low, high in pairwise(turns):
             part = Segment(self.curve, self(low), self(high)) if len(turns) > 2 else self
             first, last = part.a.value, part.b.value
             for value in part._passed(asked):
                 share = low + (high - low) * (value - first) / (last - first)
-                found.append(("asked", share, part.landed(value)))
-        return [(name, at) for name, _, at in sorted(found, key=lambda entry: entry[1])]
+                located.append(("asked", share, part.point_at(value)))
+        return [(kind, point) for kind, _, point in sorted(located, key=lambda event: event[1])]
 
-    def _crossing(self) -> tuple[float, CurvePoint] | tuple[None, None]:
-        """The share of a branch point, and the point, its error to be measured without the direction that is singular;
-        None without one."""
-        share = self.zero(lambda at: at.branch_test, BRANCH_OFFSET)
+    def _sign_changes(self, watch: Mapping[str, Callable[[Orbit], float]]) -> Iterator[tuple[str, float, CurvePoint]]:
+        """The kinds of events whose test functions change their sign, with share and point."""
+        if self.fold is not None:
+            yield "fold", self.fold, self(self.fold)
+        if branch := self._branch_point():
+            yield "branch point", *branch
+        for kind in ("family", *TEST_FUNCTIONS, *watch):
+            share = self.zero(partial(self._test, kind, watch))
+            if share is not None:
+                yield kind, share, self(share)
+
+    def _branch_point(self) -> tuple[float, CurvePoint] | None:
+        """The share and point of a branch point, None without one. Its error is measured without the direction in which
+        the Jacobian is singular."""
+        share = self.zero(lambda point: point.branch_test, BRANCH_OFFSET)
         if share is None:
-            return None, None
-        beside = [self(share + step * BRANCH_OFFSET) for step in (-2, -1, 1, 2)]
-        shares = np.array([self.row @ at.x - self.start for at in beside])
-        share = float(np.linalg.solve(np.vander([at.branch_test for at in beside], increasing=True), shares)[0])
+            return None
+        beside = [self(share + side * BRANCH_OFFSET) for side in (-2, -1, 1, 2)]
+        shares = np.array([self.row @ point.x - self.start for point in beside])
+        tests = np.vander([point.branch_test for point in beside], increasing=True)
+        share = float(np.linalg.solve(tests, shares)[0])
         (x,) = interpolated(beside, self.row, np.array([self.start + share]))
-        here, size = self.curve.evaluate(x[None]), self.curve.size(x)
-        u, s, v = np.linalg.svd(here.jacobian[0] * size)
+        evaluation, size = self.curve.evaluate(x[None]), self.curve.size(x)
+        u, s, v = np.linalg.svd(evaluation.jacobian[0] * size)
         s[-1] = s[0]
+        evaluation = replace(evaluation, jacobian=((u * s) @ v[: len(s)] / size)[None])
         tangent = beside[1].tangent + beside[2].tangent
-        here = replace(here, jacobian=((u * s) @ v[: len(s)] / size)[None])
         tangent /= np.linalg.norm(tangent / size)
-        return share, CurvePoint(x, tangent, 0.0, here, 0)
+        return share, CurvePoint(x, tangent, 0.0, evaluation, 0)
 
     def _passed(self, asked: tuple[float, ...]) -> list[float]:
         low, high = sorted((self.a.value, self.b.value))
         return [value for value in asked if low < value < high]
 
-    def _quantity(self, name: str, at: CurvePoint, watch) -> float | None:
-        at = at if at.point else self.curve.check(at)
-        if name == "family":
-            return 1.0 if at.point.family == self.a.point.family else -1.0
-        if name in MARGINS:
-            return MARGINS[name](at.point)
-        return watched(name, watch[name], self.curve.orbit(at))
-
-
-def _or(otherwise: float, value: float | None) -> float:
-    return otherwise if value is None else value
-
-
-def _signs(at: CurvePoint) -> tuple:
-    """On which side of every event a certified point is."""
-    if at.signs is None:
-        margins = (margin(at.point) for margin in MARGINS.values())
-        sides = [margin is not None and margin >= 0 for margin in margins]
-        at.signs = (at.tangent[-1] >= 0, at.branch_test >= 0, at.point.certificate.family, *sides)
-    return at.signs
+    def _test(self, kind: str, watch: Mapping[str, Callable[[Orbit], float]], point: CurvePoint) -> float | None:
+        """The test function of an event, at a point that is certified for it."""
+        point = point if point.certified else self.curve.certify(point)
+        if kind == "family":
+            return 1.0 if point.point.family == self.a.point.family else -1.0
+        if kind in TEST_FUNCTIONS:
+            return TEST_FUNCTIONS[kind](point.point)
+        return watched(kind, watch[kind], self.curve.orbit(point))
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:
-    """A watched quantity of an orbit, None where the function gives None, divides by zero or the orbit has not what it
-    asks for; a truth counts as 1 or -1. Raises `InputError` when it is not a number."""
+    """A watched quantity of an orbit; None where the function gives None, divides by zero or asks for what the orbit
+    does not have. A truth value counts as 1 or -1. Raises `InputError` when it is not a number."""
     try:
         value = function(orbit)
     except (OrbitsError, ZeroDivisionError):
@@ -176,6 +173,8 @@ def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: 
         return None
     if isinstance(value, bool | np.bool_):
         return 1.0 if value else -1.0
-    if isinstance(value, complex) or not np.isscalar(value) or isinstance(value, str) or not np.isfinite(value):
-        raise InputError(f"watch '{name}' gives {value!r} at alpha = {orbit.alpha:.6g}: it must give a finite number")
-    return float(value)
+    try:
+        return finite_number(name, value)
+    except InputError:
+        reason = f"watch '{name}' gives {value!r} at alpha = {orbit.alpha:.6g}: it must give a finite number"
+        raise InputError(reason) from None

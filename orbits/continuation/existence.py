@@ -2,15 +2,18 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, finite_number
-from .arguments import check_followed, checked_options, machine_at
-from .corrector import Curve
-from .family import Family, Point
+from ..model.machine import Machine
+from .arguments import Options, check_followed, checked_options, machine_at
+from .curve import Curve
+from .family import Family
 from .follow import collect_family, follow, start_tracer
-from .tracer import Options
+from .step_control import StepControl
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class Existence:
             yield from stretches(family)
 
     def unknown(self, row: int) -> bool:
-        """Whether a row is not all told: a family of it was cut short or lost, or the spine was before it got there."""
+        """Whether a row may be incomplete: one of its families was cut short or lost, or the spine did not reach it."""
         families = self.rows[row] or self.spine
         return any(family.end.kind in ("stopped", "stuck") for family in families)
 
@@ -48,7 +51,7 @@ class Existence:
             joined.append((low, high))
         return joined
 
-    def plot(self, axes=None):
+    def plot(self, axes: Any = None) -> Any:
         """Plot the diagram; returns the axes. See `orbits.plot.plot_existence`."""
         from ..plot import plot_existence
 
@@ -58,22 +61,23 @@ class Existence:
 def stretches(family: Family) -> Iterator[tuple[float, float, bool]]:
     """The stretches of a family's parameter on which it has orbits, each with whether they are motions.
 
-    They end at folds and at the events that make motions of them or no motions any more.
+    A stretch ends at a fold, or at an event from which on the orbits become motions or cease to be.
     """
-    nodes = [(point, False) for point in family]
+    points = [(point, False) for point in family]
     for event in reversed(family.events):
-        nodes.insert(event.after + 1, (event.point, event.kind != "asked"))
-    start, inside = nodes[0][0], [nodes[0][0].admissible]
-    for point, cut in [*nodes[1:], (nodes[-1][0], True)]:
-        if cut:  # an event lies on the edge of what it begins or ends: it tells nothing of the inside
-            yield (*sorted((start.value, point.value)), all(inside or (start.admissible, point.admissible)))
+        points.insert(event.after + 1, (event.point, event.kind != "asked"))
+    start, inside = points[0][0], [points[0][0].admissible]
+    for point, cut in [*points[1:], (points[-1][0], True)]:
+        if cut:  # an event lies on the edge of a stretch and tells nothing of its inside
+            low, high = sorted((start.value, point.value))
+            yield low, high, all(inside or (start.admissible, point.admissible))
             start, inside = point, []
         else:
             inside.append(point.admissible)
 
 
 def existence(
-    machine,
+    machine: Machine,
     along: str,
     between: tuple[float, float],
     across: str,
@@ -82,6 +86,7 @@ def existence(
     *,
     longest: float = Options.longest,
     most: int = Options.most,
+    step_control: StepControl = Options.step_control,
     method: str | None = None,
 ) -> Existence:
     """Where the orbits of a family exist in two parameters.
@@ -89,7 +94,7 @@ def existence(
     machine : as in `find`; its own values of the parameters are where the diagram begins
     along, between : the parameter of the rows, and the two values that they go on to
     across, values : the parameter that differs from row to row, and its values
-    family, longest, most, method : as in `follow`
+    family, longest, most, step_control, method : as in `follow`
 
     From the machine's own orbit the family is followed in `across`; from where that passes each of `values` it is
     followed in `along` both ways, past folds. A row that the family does not come to in this way has no families.
@@ -105,34 +110,32 @@ def existence(
     own, first = machine.values[along], machine.values[across]
     if not low < own < high:
         raise InputError(f"between = ({low:g}, {high:g}): the machine's own {along} = {own:g} must lie between")
-    options = {"longest": longest, "most": most, "method": method}
+    options = checked_options(longest=longest, most=most, step_control=step_control)
     ways = [[value for value in values if (value - first) * side >= 0] for side in (-1, 1)]
     ways = [way for way in ways if set(way) - {first}]
     if not ways:
         raise InputError(f"values = {values}: rows differ from the machine's own {across} = {first:g}")
-    ends = [max(way, key=lambda value: abs(value - first)) for way in ways]
-    spine = tuple(
-        follow(machine, across, end, family=family, at=way, **options) for way, end in zip(ways, ends, strict=True)
+    follow_across = partial(
+        follow, machine, across, family=family, longest=longest, most=most, step_control=step_control, method=method
     )
-    rows = []
-    for value in values:
-        found = {point.alpha: (point, part.settings["method"]) for part in spine for point in part.at(value)}
-        families: tuple[Family, ...] = ()
-        for point, way in found.values():  # a spine that folds passes a row more than once
-            if not any(other.alpha == point.alpha for family in families for other in family.at(own)):
-                families += _row(machine, along, (low, high), across, point, way, longest, most)
-        rows.append(families)
-    return Existence(along, across, values, tuple(rows), spine)
+    spine = tuple(follow_across(max(way, key=lambda value: abs(value - first)), at=way) for way in ways)
+    rows = tuple(_row(machine, spine, value, across, along, (low, high), options) for value in values)
+    return Existence(along, across, values, rows, spine)
 
 
-def _row(machine, along, bounds, across, point: Point, method: str, longest, most) -> tuple[Family, ...]:
-    """The families along one parameter, both ways from an orbit, which is not followed twice if it closes."""
-    machine, method = machine_at(machine, point, across, method)
-    options, own = checked_options((), None, longest, most, False), machine.values[along]
-    families = []
-    for behind, stop in (bounds[::-1], bounds):
-        curve = Curve(machine, along, method, bounds[1] - bounds[0])
-        families.append(collect_family(start_tracer(curve, np.array([*point.u, own]), own, behind, stop, options)))
-        if families[-1].end.kind == "closed":
-            break
+def _row(machine, spine, value, across, along, bounds: tuple[float, float], options: Options) -> tuple[Family, ...]:
+    """The families along one parameter, both ways from each orbit of the spine at a value of the other."""
+    own = machine.values[along]
+    found = {point.alpha: (point, part.settings["method"]) for part in spine for point in part.at(value)}
+    families: list[Family] = []
+    for point, method in found.values():  # a spine that folds passes a row more than once
+        if any(other.alpha == point.alpha for family in families for other in family.at(own)):
+            continue
+        there, method = machine_at(machine, point, across, method)
+        for behind, stop in (bounds[::-1], bounds):
+            curve = Curve(there, along, method, bounds[1] - bounds[0])
+            tracer = start_tracer(curve, np.array([*point.u, own]), own, behind, stop, options)
+            families.append(collect_family(tracer))
+            if families[-1].end.kind == "closed":  # the other way round would give the same
+                break
     return tuple(families)

@@ -1,19 +1,20 @@
-"""A family: a curve of lossless orbits along a parameter, with what happens on it and how it ends."""
+"""A family: a curve of lossless orbits along a parameter, with its events and how it ends."""
 
 import csv
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..io import check_ending, to_json
-from ..periodic.orbit import Certificate
+from ..periodic.certificate import Certificate
 
 FAMILY_FORMAT = "persistent-orbits family 1"
-# Endings of the files that a family saves to; the first two are lines of JSON.
+# Endings of the files that a family is saved to; the first two are lines of JSON.
 ENDINGS = (".jsonl", ".json", ".csv", ".nc")
 # Columns of a table of points, after the parameter's own.
 COLUMNS = (
@@ -35,8 +36,7 @@ COLUMNS = (
     "stable_side",
 )
 
-
-# What no parameter can be called, since it stands beside these in a table or a document.
+# Names that no parameter can have, since it stands beside these in a table or a document.
 RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point")
 
 
@@ -45,8 +45,8 @@ class Point:
     """One orbit of a family, without its motion.
 
     value : of the parameter
-    u : the unknowns that were solved for
-    tangent : direction of the curve there, in (u, value)
+    u : the unknowns of the equations
+    tangent : direction of the curve, in (u, value)
     flight_time, contact_time : durations; contact_time None when the contact never ends
     also : values of further parameters that vary along the curve
     """
@@ -63,16 +63,16 @@ class Point:
 
     @property
     def admissible(self) -> bool:
-        """Whether it is a motion, not merely a root of the equations."""
+        """Whether the orbit is a motion, not merely a root of the equations."""
         return not self.certificate.violations
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         if name in Certificate.__dataclass_fields__:
             return getattr(self.certificate, name)
         raise AttributeError(f"a point has no '{name}'")
 
-    def row(self) -> dict:
-        """Its columns as JSON-ready data."""
+    def row(self) -> dict[str, Any]:
+        """The columns of a table at this point, ready for JSON."""
         figures = {name: getattr(self, name) for name in COLUMNS}
         return {**self.also, **figures, "violations": list(self.certificate.violations)}
 
@@ -83,7 +83,7 @@ class Event:
 
     kind : "fold", "branch point", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "family",
         "asked", or a name given by the user
-    after : index of the last point before it; of the point itself where it was "asked"
+    after : index of the last point before the event; of the point itself where it was "asked"
     """
 
     kind: str
@@ -95,9 +95,9 @@ class Event:
 class End:
     """How the curve ends.
 
-    kind : "reached", "escaped", "closed", "degenerate", "stopped", "stuck"; "interrupted" of an unfinished file
-    limit, limit_error : the value that the parameter tends to as the orbit escapes or shrinks to nothing, extrapolated,
-        and about its error; None otherwise
+    kind : "reached", "escaped", "closed", "degenerate", "stopped", "stuck"; "interrupted" for an unfinished file
+    limit, limit_error : the extrapolated value that the parameter tends to as the orbit escapes or shrinks to nothing,
+        and an estimate of its error; None otherwise
     """
 
     kind: str
@@ -111,9 +111,9 @@ class Family:
     """A curve of orbits, traced by `follow`; `len`, indexing and iteration go over its points.
 
     name : of the parameter
-    machine : in words and numbers, at the first point
+    machine : the machine in words and numbers, at the first point
     settings : what `follow` was asked for
-    versions : of what computed it
+    versions : of the packages that computed the family
     """
 
     name: str
@@ -134,11 +134,12 @@ class Family:
         return iter(self.points)
 
     def column(self, name: str) -> np.ndarray:
-        """One quantity of every point, NaN where it has none; the parameter by its own name."""
+        """One quantity at every point, NaN where the orbit does not have it; the parameter goes by its own name."""
         return np.array([self.quantity(point, name) for point in self.points])
 
     def quantity(self, point: Point, name: str) -> float:
-        """A quantity of one of its points, NaN where it has none; raises `InputError` for an unknown name."""
+        """A quantity at one of the points, NaN where the orbit does not have it; raises `InputError` for an unknown
+        name."""
         numbers = [self.name, *point.also, *(column for column in COLUMNS if column != "stable_side")]
         if name not in (*numbers, "value"):
             raise InputError(f"a family's orbits have no quantity '{name}'; they have {', '.join(numbers)}")
@@ -151,7 +152,7 @@ class Family:
         everywhere = {(point.value, point.u): point for point in (*self.points, *(e.point for e in self.events))}
         return [point for point in everywhere.values() if point.value == value]
 
-    def document(self) -> dict:
+    def document(self) -> dict[str, Any]:
         """The family as the JSON document of the command line."""
         points = [{self.name: point.value, **point.row()} for point in self.points]
         events = [
@@ -188,13 +189,13 @@ class Family:
             limit = f", {self.name} tends to {self.end.limit:.8g} (about {self.end.limit_error:.0e} off)"
         return "\n".join([*lines, f"  end: {self.end.kind}, {self.end.reason}{limit}"])
 
-    def plot(self, axes=None, quantity: str = "alpha", label: str | None = None):
+    def plot(self, axes: Any = None, quantity: str = "alpha", label: str | None = None) -> Any:
         """Plot a quantity against the parameter; returns the axes. See `orbits.plot.plot_family`."""
         from ..plot import plot_family
 
         return plot_family(self, axes, quantity, label)
 
-    def save(self, path) -> Path:
+    def save(self, path: str | Path) -> Path:
         """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`)."""
         path = check_ending(path, ENDINGS)
         try:
@@ -204,13 +205,13 @@ class Family:
                 self._dataset().to_netcdf(path)
             else:
                 with open(path, "w", encoding="utf-8") as file:
-                    file.writelines(json_line + "\n" for json_line in self.records())
+                    file.writelines(line + "\n" for line in self.records())
         except OSError as error:
             raise InputError(f"the family cannot be saved to {path}: {error}") from None
         return path
 
     def records(self) -> Iterator[str]:
-        """The lines of a saved family: what it is, its points and events in order, its end."""
+        """The lines of a saved family: its heading, its points and events in order, its end."""
         head = {"format": FAMILY_FORMAT, "along": self.name, "machine": self.machine}
         yield to_json({**head, "settings": self.settings, "versions": self.versions})
         events = list(self.events)
@@ -218,33 +219,33 @@ class Family:
             yield json_line(point)
             while events and events[0].after == index:
                 yield json_line(events.pop(0))
-        if self.end:
-            yield json_line(self.end)
+        yield json_line(self.end)
 
     @classmethod
-    def load(cls, path) -> "Family":
-        """Read a family that `save` or an interrupted `follow` wrote; a last line cut short is left out."""
+    def load(cls, path: str | Path) -> "Family":
+        """Read a family that `save` or an interrupted `follow` wrote; a last line that was cut short is left out."""
         try:
-            lines = Path(path).read_bytes().decode(errors="replace").splitlines()  # a cut may fall within a letter
+            # The file may have been cut within a character.
+            lines = Path(path).read_bytes().decode(errors="replace").splitlines()
             head = json.loads(lines[0])
             if head["format"] != FAMILY_FORMAT:
                 raise ValueError(f"format {head['format']!r}, expected {FAMILY_FORMAT!r}")
             points, events, end = [], [], End("interrupted", "resume it to go on")
             for number, line in enumerate(lines[1:], start=2):
                 try:
-                    json_line = json.loads(line)
-                    kind, *_ = json_line
+                    item = json.loads(line)
+                    kind, *_ = item
                 except (ValueError, TypeError):
                     if number < len(lines):
                         raise
                     break
                 if kind == "point":
-                    points.append(_point(json_line["point"]))
+                    points.append(_point(item["point"]))
                 elif kind == "event":
-                    event = json_line["event"]
+                    event = item["event"]
                     events.append(Event(event["kind"], event["after"], _point(event["point"])))
                 else:
-                    end = End(**json_line["end"])
+                    end = End(**item["end"])
             names = {"machine": head["machine"], "settings": head["settings"], "versions": head["versions"]}
             return cls(head["along"], points=tuple(points), events=tuple(events), end=end, **names)
         except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
@@ -277,7 +278,7 @@ class Family:
 
 
 def json_line(item: Point | Event | End) -> str:
-    """A line of a saved family."""
+    """The line of a saved family for one of its points, its events or its end."""
     return to_json({type(item).__name__.lower(): asdict(item)})
 
 

@@ -1,33 +1,37 @@
 """Curves of folds in two parameters: where a family's orbits begin to exist.
 
-At a fold the equations F(u, a) = 0 have a direction v in which nothing changes, F_u v = 0. Both together are a boundary
-value statement again, on phases of twice the states: the motion, and its first variation in the direction v. Its own
-derivatives, which shooting finds as for any statement, are the exact second derivatives of F.
+At a fold the Jacobian of the equations F(u, a) = 0 is singular: F_u v = 0 for a direction v. F = 0 and F_u v = 0 are
+one boundary-value statement on phases with twice the states: the motion, and its first variation in the direction v.
+Shooting differentiates this statement as any other, which gives the exact second derivatives of F.
 """
 
 from collections.abc import Sequence
 from functools import lru_cache
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
+from ..model.machine import Machine
 from ..model.phase import Arc, Phase, Statement
-from ..periodic.certificate import columns
-from ..periodic.single_shooting import Evaluation, Shooting, shooting_equations
-from .arguments import check_followed, checked_options, machine_at
-from .corrector import Curve, CurvePoint
+from ..periodic.evaluation import Evaluation
+from ..periodic.single_shooting import shooting_equations
+from ..periodic.solution import columns
+from .arguments import Options, check_followed, checked_options, machine_at
+from .curve import Curve, CurvePoint
 from .family import Family, Point
 from .follow import collect_family, start_tracer
-from .tracer import Options
+from .step_control import StepControl
 
 
 @lru_cache(maxsize=64)
 def fold_statement(statement: Statement, along: str) -> Statement:
-    """The folds of a statement with respect to a parameter: unknowns u, v but for that of "alpha", and the parameter.
+    """The statement of the folds of another one in a parameter, with the unknowns u, v without its entry for "alpha",
+    and the parameter.
 
-    v is scaled to 1 in the component of the launch speed, which a fold of a family always has. A motion in pieces has
-    no second derivatives everywhere: raises `InputError`.
+    v is scaled so that its entry for the launch speed, which is never zero at a fold of a family, is 1. Raises
+    `InputError` for a piecewise law, which has no second derivatives at its breakpoints.
     """
     if any(arc.phase.pieces for arc in statement.arcs):
         raise InputError("a fold of a piecewise law cannot be followed: it has no second derivatives everywhere")
@@ -41,50 +45,54 @@ def fold_statement(statement: Statement, along: str) -> Statement:
 
 
 def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Arc:
-    """An arc whose states are the motion, its variation, and the parameter, which stays as it is."""
+    """An arc whose states are the motion, its variation, and the parameter, which is constant; on the arc before it the
+    motion has `before` states."""
     n, phase = len(arc.phase.states), arc.phase
 
     def field(x, p, q):
         motion, variation = x[:n], x[n : 2 * n]
-        rates = ca.vertcat(*phase.field(motion, {**p, along: x[-1]}, q))
-        return [*ca.vertsplit(rates), *_directional_derivative(rates, motion, variation), 0 * x[-1]]
+        rates = phase.field(motion, {**p, along: x[-1]}, q)
+        return [*_with_variation(rates, motion, variation), 0 * x[-1]]
 
-    def halves(u, last, p):
-        """Unknowns, their direction, the state before, its variation, and parameters with the followed one."""
-        main = [u[name] for name in unknowns]
+    def split(u, p):
+        """The statement's own unknowns by name, as a list, their direction, and the parameters with the varied one."""
+        own = [u[name] for name in unknowns]
         direction = [1.0 if name == "alpha" else u[f"d{name}"] for name in unknowns]
-        p = {**p, along: u[along]}
-        return main, direction, last[:before], last[before : 2 * before], p, dict(zip(unknowns, main, strict=True))
+        return dict(zip(unknowns, own, strict=True)), own, direction, {**p, along: u[along]}
 
     def start(u, last, p):
-        main, direction, last, moved, p, named = halves(u, last, p)
-        values = ca.vertcat(*arc.start(named, last, p))
-        return [*ca.vertsplit(values), *_directional_derivative(values, [*main, *last], [*direction, *moved]), u[along]]
+        named, own, direction, p = split(u, p)
+        motion, variation = last[:before], last[before : 2 * before]
+        values = arc.start(named, motion, p)
+        return [*_with_variation(values, [*own, *motion], [*direction, *variation]), u[along]]
 
     def conditions(u, x, p):
-        main, direction, _, _, p, named = halves(u, [], p)
-        end, moved = x[:n], x[n : 2 * n]
-        longer = _directional_derivative(ca.vertcat(arc.duration(named, p)), main, direction)[0]
+        named, own, direction, p = split(u, p)
+        end, variation = x[:n], x[n : 2 * n]
+        *_, longer = _with_variation([arc.duration(named, p)], own, direction)
         rates = phase.field(end, p, [])
-        moved = [change + rate * longer for change, rate in zip(moved, rates, strict=True)]
-        values = ca.vertcat(*arc.conditions(named, end, p))
-        return [*ca.vertsplit(values), *_directional_derivative(values, [*main, *end], [*direction, *moved])]
+        moved = [change + rate * longer for change, rate in zip(variation, rates, strict=True)]
+        return _with_variation(arc.conditions(named, end, p), [*own, *end], [*direction, *moved])
 
     def guard(u, x, p, q):
-        main, direction, _, _, p, named = halves(u, [], p)
-        values = ca.vertcat(*arc.guard(named, x[:n], p, q))
-        return [*ca.vertsplit(values), *_directional_derivative(values, [*main, *x[:n]], [*direction, *x[n : 2 * n]])]
+        named, own, direction, p = split(u, p)
+        values = arc.guard(named, x[:n], p, q)
+        return _with_variation(values, [*own, *x[:n]], [*direction, *x[n : 2 * n]])
+
+    def duration(u, p):
+        return arc.duration(u, {**p, along: u[along]})
 
     states = (*phase.states, *(f"d{name}" for name in phase.states), along)
-    duration = lambda u, p: arc.duration(u, {**p, along: u[along]})  # noqa: E731
     return Arc(Phase(phase.name, states, field), start, duration, conditions, guard)
 
 
-def _directional_derivative(values, symbols: list, direction: list) -> list:
-    """Of expressions (m, 1), in a direction of the symbols that they are made of."""
+def _with_variation(expressions: Sequence, symbols: Sequence, direction: Sequence) -> list:
+    """Expressions, and after them their derivatives in a direction of the symbols that they are made of."""
+    values = ca.vertcat(*expressions)
     if values.numel() == 0:
         return []
-    return ca.vertsplit(ca.densify(ca.jacobian(values, ca.vertcat(*symbols)) @ ca.vertcat(*direction)))
+    derivatives = ca.densify(ca.jacobian(values, ca.vertcat(*symbols)) @ ca.vertcat(*direction))
+    return [*ca.vertsplit(values), *ca.vertsplit(derivatives)]
 
 
 # At a fold the parameter changes by less than this share when the launch speed doubles.
@@ -94,42 +102,43 @@ STEEPEST = 1e-3
 class _FoldCurve(Curve):
     """The curve of folds; its points are orbits of the machine at values of two parameters."""
 
-    def __init__(self, machine, along: str, across: str, method: str, span: float):
+    def __init__(self, machine: Machine, along: str, across: str, method: str, span: float):
         super().__init__(machine, across, method, span)
         self.folded = self.names.index(along)
         # A parameter that passes zero is measured by its first value, or by 1 when that is zero itself.
         self.least = 0.1 * abs(self.parameters[self.folded]) or 1.0
-        self.equations: Shooting = shooting_equations(fold_statement(self.orbits.statement, along), self.names)
+        self.equations = shooting_equations(fold_statement(self.orbits.statement, along), self.names)
 
-    def p(self, xs) -> np.ndarray:
-        values = super().p(xs)
+    def parameters_at(self, xs: np.ndarray) -> np.ndarray:
+        values = super().parameters_at(xs)
         values[:, self.folded] = xs[:, -2]
         return values
 
-    def size(self, x) -> np.ndarray:
-        """The unknowns as on any curve, their changes as those for a change of alpha by its size, and the parameter
-        that folds by itself: it has units of its own."""
+    def size(self, x: np.ndarray) -> np.ndarray:
+        """The unknowns as on any curve, their directions in units for a change of alpha by its size, and the parameter
+        that folds by itself, since it has units of its own."""
         n = len(self.orbits.statement.unknowns)
         index = self.orbits.statement.unknowns.index("alpha")
         size = super().size(np.concatenate([x[..., :n], x[..., -1:]], axis=-1))
-        changes = np.delete(size[..., :-1], index, axis=-1) / size[..., [index]]
+        directions = np.delete(size[..., :-1], index, axis=-1) / size[..., [index]]
         folded = np.maximum(np.abs(x[..., -2:-1]), self.least)
-        return np.concatenate([size[..., :-1], changes, folded, size[..., -1:]], axis=-1)
+        return np.concatenate([size[..., :-1], directions, folded, size[..., -1:]], axis=-1)
 
-    def values(self, p) -> dict[str, float]:
-        return {**super().values(p), self.names[self.folded]: float(p[self.folded])}
+    def varied(self, p: np.ndarray) -> dict[str, float]:
+        return {**super().varied(p), self.names[self.folded]: float(p[self.folded])}
 
-    def solved(self, ats: Sequence[CurvePoint]) -> tuple[np.ndarray, np.ndarray, Evaluation, np.ndarray]:
+    def solutions(self, points: Sequence[CurvePoint]) -> tuple[np.ndarray, np.ndarray, Evaluation, np.ndarray]:
         """As of any curve, with the errors measured across the family that folds: along it only the orbit changes."""
-        names, xs = self.orbits.statement.unknowns, np.array([at.x for at in ats])
-        us, ps = xs[:, : len(names)], self.p(xs)
-        here = self.orbits.evaluate_all(us, ps, (self.names[self.folded],))
-        changes = dict(zip(self.equations.statement.unknowns, xs.T, strict=False))
-        return us, ps, here, columns([*(1.0 if name == "alpha" else changes[f"d{name}"] for name in names), 0.0])
+        names, xs = self.orbits.statement.unknowns, np.array([point.x for point in points])
+        us, ps = xs[:, : len(names)], self.parameters_at(xs)
+        evaluation = self.orbits.evaluate_all(us, ps, (self.names[self.folded],))
+        by_name = dict(zip(self.equations.statement.unknowns, xs.T, strict=False))
+        closing = columns([*(1.0 if name == "alpha" else by_name[f"d{name}"] for name in names), 0.0])
+        return us, ps, evaluation, closing
 
 
 def follow_fold(
-    machine,
+    machine: Machine,
     fold: Point,
     along: str,
     across: str,
@@ -138,18 +147,19 @@ def follow_fold(
     at: Sequence[float] = Options.at,
     longest: float = Options.longest,
     most: int = Options.most,
+    step_control: StepControl = Options.step_control,
     method: str | None = None,
-    output=None,
+    output: str | Path | None = None,
 ) -> Family:
     """Follow the fold of a family in `along` as a second parameter goes on to `stop`: a curve in two parameters.
 
     machine : as the family was followed with
     fold : the point of a "fold" event of that family
     along, across : names of the parameter that folds, and of the second one
-    at, longest, most, output : as in `follow`
+    at, longest, most, step_control, output : as in `follow`
     method : that of the family, "relative" or "half orbit"; None for the simplest
 
-    Returns a `Family` along `across`, whose points tell the value of `along` too (`column`); its "fold"s are cusps.
+    Returns a `Family` along `across`, whose points have the value of `along` too (`column`); its "fold"s are cusps.
     """
     check_followed(machine, across)
     if along == across:
@@ -159,12 +169,11 @@ def follow_fold(
     if stop == start:
         raise InputError(f"{across} goes from {start:g} to {stop:g}: there is no way between")
     curve = _FoldCurve(machine, along, across, method, abs(stop - start))
-    tangent = np.array(fold.tangent[:-1])
-    names = curve.orbits.statement.unknowns
+    names, tangent = curve.orbits.statement.unknowns, np.array(fold.tangent[:-1])
     alpha = tangent[names.index("alpha")]
     if not abs(fold.tangent[-1]) * fold.alpha < STEEPEST * abs(alpha) * max(abs(fold.value), 1e-3):
         raise NoOrbit(f"this point is no fold: {along} changes along its family")
-    changes = [d / alpha for name, d in zip(names, tangent, strict=True) if name != "alpha"]
-    x = np.array([*fold.u, *changes, fold.value, start])
-    options = checked_options(at, None, longest, most, False)
+    direction = [d / alpha for name, d in zip(names, tangent, strict=True) if name != "alpha"]
+    x = np.array([*fold.u, *direction, fold.value, start])
+    options = checked_options(at=at, longest=longest, most=most, step_control=step_control)
     return collect_family(start_tracer(curve, x, start, start, stop, options), output=output)

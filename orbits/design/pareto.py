@@ -1,35 +1,40 @@
-"""Fronts: the designs of which none is better than another in both of two objectives."""
+"""Pareto fronts: the designs of which none is better than another in both of two objectives."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, OrbitsError
+from ..errors import InputError, OrbitsError, whole_number
 from ..io import write_json
+from ..model.machine import Machine
 from ..periodic.find import find
 from ..symbolic import interrupts
-from .optimize import Design, best_from, quantities, searched, sensitivities, starts_of
-from .problem import Constraint, DesignProblem, design_problem, formula_of, words_of
+from .optimize import Design, best_design, multistart, starting_points
+from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
+from .sensitivities import quantities, sensitivities
 
-# Objectives that differ by a smaller share are the same; one that can gain so much while the other stays, does.
-SAME_OBJECTIVE, WORTH = 1e-9, 1e-4
+# Objectives that differ by a smaller share are the same, since an active constraint is met to about this.
+SAME_OBJECTIVE = 1e-9
+# An end of the front is moved if the other objective gains this share while its own stays the same.
+WORTH = 1e-4
 # How far an end of a front is probed for that, as a share of the parameters' range.
 PROBE = 1e-3
-# An objective with a slope changes by PROBE, one that is only curved by PROBE**2 over that way; a flat one by less than
-# this share of the latter.
+# Over the probe an objective with a slope changes by PROBE, one that is only curved by PROBE**2. It counts as flat if
+# it changes by less than this share of the latter.
 FLAT_CHANGE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """Designs of which none is better than another in both objectives, the best in the first one first.
+    """Designs of which none is better than another in both objectives, in ascending order of the first objective.
 
     texts : the two objectives, both minimised
     designs : each certified
-    refused : (level of the second objective, reason) where there is none
+    refused : (level of the second objective, reason) for each level at which no design was found
     """
 
     texts: tuple[str, str]
@@ -40,22 +45,22 @@ class Front:
     @property
     def values(self) -> np.ndarray:
         """The objectives (m, 2) of the designs."""
-        return np.array([design.pair for design in self.designs])
+        return np.array([_objectives(design) for design in self.designs])
 
     def column(self, name: str) -> np.ndarray:
-        """A parameter of every design."""
+        """The values (m,) of a parameter of the designs."""
         return np.array([design.parameters[name] for design in self.designs])
 
-    def document(self) -> dict:
+    def document(self) -> dict[str, Any]:
         """The front as the JSON document of the command line."""
         return {
             "objectives": list(self.texts),
-            "points": [{"values": list(design.pair), **design.document()} for design in self.designs],
+            "points": [{"values": list(_objectives(design)), **design.document()} for design in self.designs],
             "refused": [{"level": level, "reason": reason} for level, reason in self.refused],
             "seconds": self.seconds,
         }
 
-    def save(self, path) -> Path:
+    def save(self, path: str | Path) -> Path:
         """Write the document to a JSON file; returns the path."""
         return write_json(self.document(), path, "front")
 
@@ -63,13 +68,13 @@ class Front:
         names = list(self.designs[0].parameters)
         lines = ["".join(f"{name:>24}" for name in (*self.texts, *names))]
         for design in self.designs:
-            lines.append("".join(f"{value:24.12g}" for value in (*design.pair, *design.parameters.values())))
+            lines.append("".join(f"{value:24.12g}" for value in (*_objectives(design), *design.parameters.values())))
         lines += [f"{self.texts[1]} <= {level:.6g}: {reason}" for level, reason in self.refused]
         return "\n".join([*lines, f"{len(self.designs)} certified designs, {self.seconds:.2f} s"])
 
 
 def pareto(
-    machine,
+    machine: Machine,
     *,
     minimise: tuple[str, str],
     over: Mapping[str, tuple[float, float]],
@@ -80,100 +85,114 @@ def pareto(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Front:
-    """The front of two objectives: the designs of which none is better in both than another.
+    """The Pareto front of two objectives.
 
-    Both ends first; then the first objective is minimised with the second bounded at levels spread evenly between them,
-    each from the design before, from both ends, and from as many `starts` as are asked for; of what is found, what
-    another design beats is left out. The arguments are those of `optimize`; an objective to be large is "-alpha".
+    Both ends are designed first. Then the first objective is minimised with the second bounded at levels spread evenly
+    between the ends, starting from the design before, from both ends, and from as many `starts` as are given. Dominated
+    designs are left out. The other arguments are those of `optimize`; an objective to be large is written "-alpha".
     Raises as `optimize` does where an end has no optimum.
     """
     if isinstance(minimise, str) or not isinstance(minimise, Sequence) or len(minimise) != 2:
         raise InputError(f"minimise = {minimise!r}; a front has two objectives")
-    if isinstance(points, bool) or not isinstance(points, int | np.integer) or points < 2:
-        raise InputError(f"points = {points!r}; a front has a whole number of them, from 2")
+    points = whole_number("points", points, "designs", 2)
+    report = progress or (lambda share: None)
     with interrupts.deferred():
         began = time.perf_counter()
-        first, second = (design_problem(machine, text, None, over, subject_to) for text in minimise)
-        tell = progress or (lambda share: None)
+        texts = (minimise[0], minimise[1])
+        problems = [design_problem(machine, text, None, over, subject_to) for text in texts]
         ends = []
-        for i, brief in enumerate((first, second)):
-            best = _with_both_objectives(searched(machine, brief, family, starts, seed), minimise)
-            ends.append(_cornered(best, (second, first)[i], i, machine, family, minimise))
-            tell((i + 1) / points)
-        low, high = ends[1].pair[1], ends[0].pair[1]
-        found, refused, here = [ends[0]], [], ends[0]
-        # Where one design is best in both, there is nothing between.
-        levels = np.linspace(high, low, points)[1:-1] if _beats(ends[1].pair[1:], ends[0].pair[1:]) else np.zeros(0)
-        for i, level in enumerate(levels.tolist()):
-            bounded = replace(first, constraints=(*first.constraints, _bounded(minimise[1], level, machine)))
-            near = [{**d.parameters, "orbit": d.orbit} for d in dict.fromkeys((here, *ends))]
-            near += starts_of(machine, first, starts, seed) if starts else []
+        for i, problem in enumerate(problems):
+            best = _with_both(multistart(machine, problem, family, starts, seed), texts)
+            ends.append(_corner(best, problems[1 - i], i, family, texts))
+            report((i + 1) / points)
+        designs, refused = [ends[0]], []
+        starting = starting_points(machine, problems[0], starts, seed) if starts else []
+        levels = _levels(ends, points)
+        for i, level in enumerate(levels):
+            problem = _with_bound(problems[0], texts[1], level, machine)
+            known = [{**d.parameters, "orbit": d.orbit} for d in dict.fromkeys((designs[-1], *ends))]
             try:
-                here = _with_both_objectives(best_from(machine, bounded, family, near), minimise)
-                found.append(here)
+                designs.append(_with_both(best_design(machine, problem, family, [*known, *starting]), texts))
             except OrbitsError as error:
-                refused.append((level, f"none found from {len(near)} starts: {error}"))
-            tell((i + 3) / points)
-        found += ends[1:] if len(levels) or points == 2 else []
-        best = [d for d in found if not any(_beats(other.pair, d.pair) for other in found)]
-        best.sort(key=lambda design: design.pair)
-        return Front(tuple(minimise), tuple(best), tuple(refused), time.perf_counter() - began)
+                refused.append((level, f"none found from {len(known) + len(starting)} starts: {error}"))
+            report((i + 3) / points)
+        designs += ends[1:] if levels or points == 2 else []
+        return Front(texts, _undominated(designs), tuple(refused), time.perf_counter() - began)
 
 
-def _cornered(end: Design, other: DesignProblem, best: int, machine, family: int, texts) -> Design:
-    """An end of a front, or where the other objective has fallen while that of index `best` stays as it is: an end need
-    not be a single design."""
-    if not _flat(end, other, best, texts):
+def _levels(ends: Sequence[Design], points: int) -> list[float]:
+    """Levels of the second objective between the ends; none where one design is best in both objectives."""
+    (_, high), (_, low) = map(_objectives, ends)
+    return np.linspace(high, low, points)[1:-1].tolist() if _dominates([low], [high]) else []
+
+
+def _undominated(designs: Sequence[Design]) -> tuple[Design, ...]:
+    """The designs that no other one dominates, in ascending order of the first objective."""
+    best = [d for d in designs if not any(_dominates(_objectives(other), _objectives(d)) for other in designs)]
+    return tuple(sorted(best, key=_objectives))
+
+
+def _corner(end: Design, other: DesignProblem, index: int, family: int, texts: tuple[str, str]) -> Design:
+    """An end of the front, where the objective of this index is least; of designs with the same value of it, that in
+    which the other objective is least too."""
+    if not _flat(end, other, index, texts):
         return end
-    held = _bounded(texts[best], end.pair[best] + SAME_OBJECTIVE * abs(end.pair[best]), machine)
+    own, rival = _objectives(end)[index], _objectives(end)[1 - index]
+    problem = _with_bound(other, texts[index], own + SAME_OBJECTIVE * abs(own), end.machine)
     start = {**end.parameters, "orbit": end.orbit}
     try:
-        further = _with_both_objectives(
-            best_from(end.machine, replace(other, constraints=(*other.constraints, held)), family, [start]), texts
-        )
+        further = _with_both(best_design(end.machine, problem, family, [start]), texts)
     except OrbitsError:
         return end
-    gain = end.pair[1 - best] - further.pair[1 - best]
-    return further if gain > WORTH * abs(end.pair[1 - best]) else end
+    return further if rival - _objectives(further)[1 - index] > WORTH * abs(rival) else end
 
 
-def _flat(end: Design, brief: DesignProblem, best: int, texts) -> bool:
-    """Whether the objective of index `best` stays as it is a small way along where the other one falls fastest, with
-    what is active at an end kept active."""
-    span = np.subtract(brief.high, brief.low)
-    known_active = {active.text for active in end.active}
-    held = [c.formula.text for c in brief.constraints if c.text in known_active]
-    slopes = sensitivities(end.machine, end.orbit, brief.names, [texts[1 - best], *held])
-    rows = np.array([[slope[name] for name in brief.names] for slope in slopes.values()]) * span
-    at = np.array([end.parameters[name] for name in brief.names])
-    bounded = np.eye(len(span))[(at == brief.low) | (at == brief.high)]
-    fixed = np.vstack([rows[1:], bounded])
-    way = -rows[0] + (fixed.T @ np.linalg.lstsq(fixed.T, rows[0], rcond=None)[0] if len(fixed) else 0.0)
-    if np.linalg.norm(way) <= 1e-6 * np.linalg.norm(rows[0]):
+def _flat(end: Design, problem: DesignProblem, index: int, texts: tuple[str, str]) -> bool:
+    """Whether the objective of this index stays the same over a short distance along which the other one falls fastest,
+    with what is active at an end kept active."""
+    span = np.subtract(problem.high, problem.low)
+    active = {constraint.text for constraint in end.active}
+    held = [constraint.formula.text for constraint in problem.constraints if constraint.text in active]
+    slopes = sensitivities(end.machine, end.orbit, problem.names, [texts[1 - index], *held])
+    rows = np.array([[slope[name] for name in problem.names] for slope in slopes.values()]) * span
+    theta = problem.theta(end.machine)
+    on_bounds = np.eye(len(span))[(theta == problem.low) | (theta == problem.high)]
+    fixed = np.vstack([rows[1:], on_bounds])
+    direction = -rows[0] + (fixed.T @ np.linalg.lstsq(fixed.T, rows[0], rcond=None)[0] if len(fixed) else 0.0)
+    # A direction that is rounding of the slope is none: the other objective cannot fall.
+    if np.linalg.norm(direction) <= 1e-6 * np.linalg.norm(rows[0]):
         return False
-    there = np.clip(at + PROBE * span * way / np.linalg.norm(way), brief.low, brief.high)
-    machine = end.machine.with_values(**dict(zip(brief.names, there.tolist(), strict=True)))
+    probe = np.clip(theta + PROBE * span * direction / np.linalg.norm(direction), problem.low, problem.high)
+    machine = end.machine.with_values(**dict(zip(problem.names, probe.tolist(), strict=True)))
     try:
-        orbit = find(machine, end.orbit.family)
-        value = quantities(machine, orbit, [texts[best]])[texts[best]]
+        value = quantities(machine, find(machine, end.orbit.family), [texts[index]])[texts[index]]
     except OrbitsError:
         return False
-    return abs(value - end.pair[best]) <= FLAT_CHANGE * PROBE**2 * abs(end.pair[best])
+    own = _objectives(end)[index]
+    return abs(value - own) <= FLAT_CHANGE * PROBE**2 * abs(own)
 
 
-def _bounded(text: str, level: float, machine) -> Constraint:
-    """The constraint that an objective is no more than a level."""
-    return Constraint(f"{text} <= {level:.9g}", formula_of(text, words_of(machine), "the objective"), -np.inf, level)
+def _with_bound(problem: DesignProblem, text: str, level: float, machine: Machine) -> DesignProblem:
+    """A problem with the further constraint that an objective is no more than a level."""
+    formula = known_formula(text, formula_names(machine), "the objective")
+    constraint = Constraint(f"{text} <= {level:.9g}", formula, -np.inf, level)
+    return replace(problem, constraints=(*problem.constraints, constraint))
 
 
-def _beats(one, other) -> bool:
-    """Whether a pair is better in one objective and not worse in the other, by more than rounding."""
+def _dominates(one: Sequence[float], other: Sequence[float]) -> bool:
+    """Whether a design is better in one objective and not worse in any, by more than rounding."""
     slack = [2 * SAME_OBJECTIVE * abs(value) for value in other]
     pairs = list(zip(one, other, slack, strict=True))
     return all(a <= b + s for a, b, s in pairs) and any(a < b - s for a, b, s in pairs)
 
 
-def _with_both_objectives(design: Design, texts) -> Design:
-    """A design that knows both objectives."""
+def _with_both(design: Design, texts: tuple[str, str]) -> Design:
+    """A design with the values of both objectives."""
     values = quantities(design.machine, design.orbit, texts)
-    return replace(design, pair=tuple(values[text] for text in texts))
+    return replace(design, pair=(values[texts[0]], values[texts[1]]))
+
+
+def _objectives(design: Design) -> tuple[float, float]:
+    """Both objectives of a design on a front."""
+    assert design.pair is not None
+    return design.pair

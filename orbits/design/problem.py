@@ -1,41 +1,43 @@
-"""What a design is asked for: an objective, parameters with bounds, constraints; checked before anything is solved."""
+"""A design problem: an objective, parameters with bounds, constraints; checked before anything is solved."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, finite_number
-from ..model.machine import check_parameters
+from ..model.machine import Machine, check_parameters
 from ..model.model import Model, Units
 from ..symbolic.formula import Formula, parse, suggest
 from .quantities import quantity_names
 
-# Bounds that are nearer together, as a share of their size, are one: rounding in a motion is no less.
+# Bounds nearer together than this share of their size are refused: rounding of the parameter changes an orbit as much.
 NARROWEST = 1e-9
-# Bounds whose ratio is so large span decades.
+# Bounds whose ratio is at least this span decades, and the parameter is scaled by its value.
 WIDE = 100.0
 _RELATION = re.compile(r"<=|>=|==")
+_MIRRORED = {"<=": ">=", ">=": "<=", "==": "=="}
 
 
 @dataclass(frozen=True)
 class Constraint:
-    """low <= formula <= high, as stated in `text`; one of the bounds may be infinite, or both the same."""
+    """low <= formula <= high, as stated in `text`; one bound may be infinite, and both are the same for an equation."""
 
     text: str
     formula: Formula
     low: float
     high: float
 
-    def excess(self, value: float) -> float:
-        """By how much a value breaks it; 0 where it holds."""
+    def violation(self, value: float) -> float:
+        """By how much a value of the formula violates the constraint; 0 where it holds."""
         return max(self.low - value, value - self.high, 0.0)
 
 
 @dataclass(frozen=True)
 class DesignProblem:
-    """A checked question.
+    """A checked design problem.
 
     text, formula : of the objective
     sign : 1 to minimise it, -1 to maximise it
@@ -52,20 +54,29 @@ class DesignProblem:
 
     @property
     def verb(self) -> str:
+        """What is done with the objective."""
         return "minimise" if self.sign > 0 else "maximise"
 
     @property
     def wide(self) -> np.ndarray:
-        """Which parameters' bounds span decades, (k,): their changes count as shares of their values."""
+        """Which parameters (k,) have bounds that span decades; their changes are measured as shares of their values."""
         low, high = np.array(self.low), np.array(self.high)
         return (low > 0) & (high >= WIDE * low)
 
+    def theta(self, machine: Machine) -> np.ndarray:
+        """The values (k,) of the parameters that a machine has."""
+        return np.array([machine.values[name] for name in self.names])
+
+    def where(self, machine: Machine) -> str:
+        """The values of the parameters that a machine has, for messages."""
+        return ", ".join(f"{name} = {machine.values[name]:.6g}" for name in self.names)
+
     def units(self, theta: np.ndarray) -> np.ndarray:
-        """What counts as one unit of each parameter at values (k,): the way between its bounds, or its value."""
+        """What counts as one unit of each parameter at values (k,): the distance between its bounds, or its value."""
         return np.where(self.wide, np.abs(theta), np.subtract(self.high, self.low))
 
     def within(self, theta: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """The bounds within a reach (1 is all the way, or a decade) of values (k,)."""
+        """The bounds within a trust region about values (k,); a reach of 1 is the whole range, or a decade."""
         factor, step = 1 + 9 * reach, reach * np.subtract(self.high, self.low)
         low = np.where(self.wide, theta / factor, theta - step)
         high = np.where(self.wide, theta * factor, theta + step)
@@ -85,41 +96,42 @@ class Outputs:
     over: tuple[str, ...]
     demands: tuple[str, ...] = ()
 
-    def words(self, model: Model, p: Mapping) -> list[str]:
+    def quantities(self, model: Model, p: Mapping) -> list[str]:
         """The quantities in use."""
         used = set(self.demands).union(*(formula.names for formula in self.formulas)) - p.keys()
         return [name for name in quantity_names(model, p) if name in used]
 
 
-def design_problem(machine, minimise, maximise, over, subject_to) -> DesignProblem:
-    """The question in its checked form; raises `InputError` that names what cannot be meant."""
+def design_problem(
+    machine: Machine, minimise: str | None, maximise: str | None, over: Mapping, subject_to: Sequence[str]
+) -> DesignProblem:
+    """The checked problem of the arguments of `optimize`; raises `InputError` that says what is wrong with them."""
     check_parameters(machine)
     if (minimise is None) == (maximise is None):
         raise InputError("a design minimises or maximises one objective: give one of the two")
-    verb = "minimise" if minimise is not None else "maximise"
-    text = minimise if minimise is not None else maximise
-    words = words_of(machine)
+    verb, text = ("maximise", maximise) if minimise is None else ("minimise", minimise)
+    known = formula_names(machine)
     if not isinstance(text, str):
         raise InputError(f"{verb} = {text!r}; an objective is a formula, text such as 'loss_coefficient'")
-    formula = smooth_of(text, words, "the objective")
+    formula = smooth_formula(text, known, "the objective")
     if not formula.names:
         raise InputError(f"the objective '{text}' says nothing of the orbit or the machine")
     if isinstance(subject_to, str) or not isinstance(subject_to, Sequence):
         raise InputError(f"subject_to = {subject_to!r}; it is a list of constraints such as 'stroke <= 0.25'")
-    names, low, high = _parameter_bounds(machine, over)
-    constraints = tuple(constraint_of(text, words) for text in subject_to)
-    _agree(constraints)
+    low, high = _parameter_bounds(machine, over)
+    constraints = tuple(parse_constraint(text, known) for text in subject_to)
+    _check_conflicts(constraints)
     equations = [constraint.text for constraint in constraints if constraint.low == constraint.high]
-    if len(equations) > len(names):
+    if len(equations) > len(over):
         raise InputError(
-            f"{len(equations)} equations for {len(names)} parameters to design, {', '.join(map(repr, equations))}: "
+            f"{len(equations)} equations for {len(over)} parameters to design, {', '.join(map(repr, equations))}: "
             "leave out those that follow from others, or design more parameters"
         )
-    return DesignProblem(text, formula, 1 if minimise is not None else -1, names, low, high, constraints)
+    return DesignProblem(text, formula, 1 if maximise is None else -1, tuple(over), low, high, constraints)
 
 
-def words_of(machine) -> list[str]:
-    """What a formula of a design may use: quantities of the orbit and parameters of the machine."""
+def formula_names(machine: Machine) -> list[str]:
+    """What a formula of a design may name: quantities of the orbit and parameters of the machine."""
     model, p = machine.model, machine.values
     if set(model.launch_unknowns) - {"liftoff", "alpha"}:
         raise InputError(
@@ -127,22 +139,22 @@ def words_of(machine) -> list[str]:
         )
     quantities = quantity_names(model, p)
     parameters = [name for name in p if name != model.homotopy]
-    if both := [name for name in parameters if name in quantities]:
-        raise InputError(f"'{both[0]}' is a quantity of the orbit: call the formula's parameter something else")
+    if ambiguous := [name for name in parameters if name in quantities]:
+        raise InputError(f"'{ambiguous[0]}' is a quantity of the orbit: call the formula's parameter something else")
     return quantities + parameters
 
 
-def formula_of(text, words: Sequence[str], what: str) -> Formula:
-    """A formula of known words; `what` it is, for a complaint."""
+def known_formula(text: str, known: Collection[str], what: str) -> Formula:
+    """A formula of known names; `what` it is begins the error message."""
     formula = parse(text)
-    if unknown := sorted(formula.names - set(words)):
-        raise InputError(f"{what} '{text}': unknown quantity '{unknown[0]}'{suggest(unknown[0], words)}")
+    if unknown := sorted(formula.names - set(known)):
+        raise InputError(f"{what} '{text}': unknown quantity '{unknown[0]}'{suggest(unknown[0], known)}")
     return formula
 
 
-def smooth_of(text, words: Sequence[str], what: str) -> Formula:
-    """A formula as `formula_of`, that has second derivatives."""
-    formula = formula_of(text, words, what)
+def smooth_formula(text: str, known: Collection[str], what: str) -> Formula:
+    """A formula of known names that has second derivatives."""
+    formula = known_formula(text, known, what)
     if formula.pieces:
         raise InputError(
             f"{what} '{text}': {formula.pieces[0]} is a law in pieces and cannot be designed with: it has no second "
@@ -151,84 +163,98 @@ def smooth_of(text, words: Sequence[str], what: str) -> Formula:
     return formula
 
 
-def constraint_of(text, words: Sequence[str]) -> Constraint:
+def parse_constraint(text: str, known: Collection[str]) -> Constraint:
     """A constraint from a text with one or two relations: 'a <= 1', 'a == b', '0.1 <= a <= 0.2'."""
     if not isinstance(text, str):
         raise InputError(f"a constraint is text such as 'stroke <= 0.25', not {text!r}")
-    sides, relations = _RELATION.split(text), _RELATION.findall(text)
-    if not relations or len(sides) > 3 or len(relations) != len(sides) - 1:
+    sides, relations = [side.strip() for side in _RELATION.split(text)], _RELATION.findall(text)
+    if len(relations) not in (1, 2):
         raise InputError(f"the constraint '{text}' is not of the form 'stroke <= 0.25': one of <=, >=, ==, or two <=")
-    formulas = [smooth_of(side.strip(), words, f"in the constraint '{text}',") for side in sides]
-    fixed = [not formula.names for formula in formulas]
-    for side, formula, constant in zip(sides, formulas, fixed, strict=True):
-        if constant and not np.isfinite(float(formula())):
-            raise InputError(f"in the constraint '{text}', '{side.strip()}' is not a finite number")
-    if len(sides) == 3:
-        if not (fixed[0] and fixed[2]) or len(set(relations)) > 1 or relations[0] == "==":
-            raise InputError(f"the constraint '{text}' has two relations: it is of the form '0.1 <= stroke <= 0.25'")
-        low, high = (float(formulas[i]()) for i in ((0, 2) if relations[0] == "<=" else (2, 0)))
-        middle = formulas[1]
+    formulas = [smooth_formula(side, known, f"in the constraint '{text}',") for side in sides]
+    numbers = [None if formula.names else float(formula()) for formula in formulas]
+    for side, number in zip(sides, numbers, strict=True):
+        if number is not None and not np.isfinite(number):
+            raise InputError(f"in the constraint '{text}', '{side}' is not a finite number")
+    if len(relations) == 2:
+        formula, low, high = _two_relations(text, formulas, numbers, relations)
     else:
-        left, right = formulas
-        if all(fixed):
-            raise InputError(f"the constraint '{text}' says nothing of the orbit or the machine")
-        if fixed[1]:
-            middle, bound, relation = left, float(right()), relations[0]
-        elif fixed[0]:
-            middle, bound, relation = right, float(left()), {"<=": ">=", ">=": "<="}.get(relations[0], "==")
-        else:
-            middle, bound, relation = parse(f"({left.text}) - ({right.text})"), 0.0, relations[0]
-        low = -np.inf if relation == "<=" else bound
-        high = np.inf if relation == ">=" else bound
+        formula, low, high = _one_relation(text, formulas, numbers, relations[0])
     if low > high:
         raise InputError(f"the constraint '{text}' can never hold: {low:g} lies above {high:g}")
-    return Constraint(text, middle, low, high)
+    return Constraint(text, formula, low, high)
 
 
-def _parameter_bounds(machine, over) -> tuple[tuple[str, ...], tuple[float, ...], tuple[float, ...]]:
+def _two_relations(text: str, formulas: list[Formula], numbers: list, relations: list) -> tuple[Formula, float, float]:
+    """The formula between two numbers, and these in ascending order."""
+    first, _, last = numbers
+    if first is None or last is None or relations not in (["<=", "<="], [">=", ">="]):
+        raise InputError(f"the constraint '{text}' has two relations: it is of the form '0.1 <= stroke <= 0.25'")
+    return (formulas[1], first, last) if relations[0] == "<=" else (formulas[1], last, first)
+
+
+def _one_relation(text: str, formulas: list[Formula], numbers: list, relation: str) -> tuple[Formula, float, float]:
+    """The formula on one side of a number, or the difference of the sides, and its bounds."""
+    left, right = numbers
+    if left is not None and right is not None:
+        raise InputError(f"the constraint '{text}' says nothing of the orbit or the machine")
+    if right is not None:
+        formula, bound = formulas[0], right
+    elif left is not None:
+        formula, bound, relation = formulas[1], left, _MIRRORED[relation]
+    else:
+        formula, bound = parse(f"({formulas[0].text}) - ({formulas[1].text})"), 0.0
+    return formula, -np.inf if relation == "<=" else bound, np.inf if relation == ">=" else bound
+
+
+def _parameter_bounds(machine: Machine, over: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """The lower and the upper bounds of the parameters."""
     if not isinstance(over, Mapping) or not over:
         raise InputError("over names the parameters to design with their bounds: over={'beta': (0, 1)}")
-    lows, highs = [], []
-    free = free_of(machine)
-    for name, bounds in over.items():
-        if name not in machine.values or name == machine.model.homotopy:
-            raise InputError(f"the machine has no parameter '{name}' to design{suggest(str(name), free)}")
-        try:
-            low, high = bounds
-        except (TypeError, ValueError):
-            raise InputError(f"over {name} = {bounds!r}; give its bounds, (low, high)") from None
-        low, high = (finite_number(f"a bound of {name}", bound) for bound in (low, high))
-        if not low < high:
-            raise InputError(
-                f"the bounds of {name} are in conflict: its lower bound {low:g} is not below the upper, {high:g}"
-            )
-        if high - low <= NARROWEST * max(abs(low), abs(high)):
-            raise InputError(
-                f"the bounds of {name}, {low!r} and {high!r}, leave no room: state {name} in the machine instead"
-            )
-        lows.append(low)
-        highs.append(high)
+    lows, highs = zip(*(_bounds_of(machine, name, bounds) for name, bounds in over.items()), strict=True)
     for values in (lows, highs):
-        machine.with_values(**dict(zip(over, values, strict=True)))  # which says what cannot be
-    return tuple(over), tuple(lows), tuple(highs)
+        machine.with_values(**dict(zip(over, values, strict=True)))  # raises the machine's own error
+    return lows, highs
 
 
-def free_of(machine) -> list[str]:
+def _bounds_of(machine: Machine, name: str, bounds: Any) -> tuple[float, float]:
+    """The checked bounds of one parameter."""
+    if name not in machine.values or name == machine.model.homotopy:
+        raise InputError(
+            f"the machine has no parameter '{name}' to design{suggest(str(name), free_parameters(machine))}"
+        )
+    try:
+        low, high = bounds
+    except (TypeError, ValueError):
+        raise InputError(f"over {name} = {bounds!r}; give its bounds, (low, high)") from None
+    low, high = (finite_number(f"a bound of {name}", bound) for bound in (low, high))
+    if not low < high:
+        raise InputError(
+            f"the bounds of {name} are in conflict: its lower bound {low:g} is not below the upper, {high:g}"
+        )
+    if high - low <= NARROWEST * max(abs(low), abs(high)):
+        raise InputError(
+            f"the bounds of {name}, {low!r} and {high!r}, leave no room: state {name} in the machine instead"
+        )
+    return low, high
+
+
+def free_parameters(machine: Machine) -> list[str]:
     """The parameters that may be varied: in SI a machine's own follow from its masses and lengths."""
     fixed = {machine.model.homotopy} | ({"mass_ratio", "rest_length"} if machine.units else set())
     return [name for name in machine.values if name not in fixed]
 
 
-def _agree(constraints: Sequence[Constraint]):
-    """Raises `InputError` where two constraints bound the same formula from both sides of nothing."""
-    for i, one in enumerate(constraints):
+def _check_conflicts(constraints: Sequence[Constraint]) -> None:
+    """Raise `InputError` where two constraints on the same formula leave it no value."""
+    for i, constraint in enumerate(constraints):
         for other in constraints[:i]:
-            if one.formula.tree == other.formula.tree and max(one.low, other.low) > min(one.high, other.high):
+            same = constraint.formula.tree == other.formula.tree
+            if same and max(constraint.low, other.low) > min(constraint.high, other.high):
                 raise InputError(
-                    f"the constraints '{other.text}' and '{one.text}' are in conflict: no value meets both"
+                    f"the constraints '{other.text}' and '{constraint.text}' are in conflict: no value meets both"
                 )
 
 
-def units_of(machine) -> Units:
+def formula_units(machine: Machine) -> Units:
     """What a formula's numbers are in: SI where the machine was stated so, else the machine's own units."""
     return machine.units or Units(1.0, 1.0, 1.0)

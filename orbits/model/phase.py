@@ -30,8 +30,8 @@ class Affine:
         return np.asarray(x) @ np.array(self.weights) + self.offset
 
     def series(self, coefficients: np.ndarray) -> np.ndarray:
-        """Taylor coefficients (..., K + 1) of the function from those of the states (..., n, K + 1)."""
-        values = np.array(self.weights) @ coefficients
+        """Taylor coefficients (..., K + 1) from those of rows (..., rows, K + 1), of which the first n are states."""
+        values = np.array(self.weights) @ coefficients[..., : len(self.weights), :]
         values[..., 0] += self.offset
         return values
 

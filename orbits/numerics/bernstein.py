@@ -1,23 +1,30 @@
-"""Roots of polynomials on an interval by Bernstein exclusion: a grazing pair of roots cannot be skipped.
+"""Roots of polynomials on an interval by Bernstein exclusion, which cannot skip a grazing pair of roots.
 
-A polynomial is its coefficients c[0..K] of t**k on 0 <= t <= h. Its Bernstein coefficients on the interval enclose its
-values, and their sign changes bound the number of roots: none, no root; one, exactly one; more, the interval is
-halved. Source: Farouki, "The Bernstein polynomial basis: a centennial retrospective", CAGD 29 (2012).
+A polynomial is given by its coefficients c[0..K] of t**k on 0 <= t <= h. Its Bernstein coefficients on the interval
+enclose its values, and their sign changes bound the number of roots: none means no root, one means exactly one root,
+and where there are more the interval is halved. Source: Farouki, "The Bernstein polynomial basis: a centennial
+retrospective", CAGD 29 (2012).
 """
 
+from collections.abc import Iterator
 from functools import cache
 from math import comb
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-# Halving stops here: 2**-40 of a step is below what double precision can tell apart at a grazing pair.
+from .roots import CLOSED, MOST_ITERATIONS
+
+# Halving stops here: 2**-40 of a step is less than double precision can tell apart at a grazing pair.
 MOST_HALVINGS = 40
-# So many roots are quicker found one by one.
+# Up to this many roots are found faster one by one: a single root takes 20 microseconds, and 200 with arrays.
 FEW = 6
-# Stands for a zero that is the end of something negative.
+# The size given to a zero that continues negative values, so that it has their sign; it is far below any rounding.
 TINY = 1e-300
-# From so many numbers on their powers are quicker found by doubling.
+# From this many numbers on, their powers are computed faster by doubling the number of powers.
 MANY = 200
+# Newton's method ends where its next step, predicted from the last two, changes no digit of the root.
+NEGLIGIBLE = 1e-17
 
 
 @cache
@@ -28,15 +35,15 @@ def _to_bernstein(degree: int) -> np.ndarray:
     return matrix
 
 
-def powers(t, count: int) -> np.ndarray:
-    """t**0 ... t**(count - 1) (..., count) by multiplication, many times faster than by `**`."""
+def powers(t: ArrayLike, count: int) -> np.ndarray:
+    """The powers t**0 ... t**(count - 1), (..., count), by multiplication, which is many times faster than `**`."""
     t = np.asarray(t, dtype=float)
     values = np.empty((*t.shape, count))
     if t.size < MANY:
         values[..., 0], values[..., 1:] = 1.0, t[..., None]
         return np.multiply.accumulate(values, axis=-1, out=values)
     values[..., 0], factor, done = 1.0, t[..., None], 1
-    while done < count:  # as many again, times a power
+    while done < count:  # the next powers are the known ones times one of them
         more = min(done, count - done)
         np.multiply(values[..., :more], factor, out=values[..., done : done + more])
         done += more
@@ -44,18 +51,18 @@ def powers(t, count: int) -> np.ndarray:
     return values
 
 
-def bernstein(coefficients, h):
+def bernstein(coefficients: np.ndarray, h: ArrayLike) -> np.ndarray:
     """Bernstein coefficients on [0, h]; `coefficients` (..., K + 1) and `h` (...) broadcast."""
     return _bernstein(coefficients, powers(h, coefficients.shape[-1]))
 
 
-def _bernstein(coefficients, of_h):
-    """`bernstein` from the powers (..., K + 1) of h, or more of them."""
+def _bernstein(coefficients: np.ndarray, of_h: np.ndarray) -> np.ndarray:
+    """`bernstein` from the powers (..., K + 1) of h, or from more of them."""
     count = coefficients.shape[-1]
     return coefficients * of_h[..., :count] @ _to_bernstein(count - 1)
 
 
-def evaluate(coefficients, t):
+def evaluate(coefficients: np.ndarray, t: ArrayLike) -> np.ndarray:
     """Values at `t`; `coefficients` (..., K + 1) broadcast with `t` (...)."""
     return np.einsum("...k,...k", coefficients, powers(t, coefficients.shape[-1]))
 
@@ -65,73 +72,76 @@ def _orders(count: int) -> np.ndarray:
     return np.arange(count)
 
 
-def derivative(coefficients):
+def derivative(coefficients: np.ndarray) -> np.ndarray:
     """Coefficients of the derivative, (..., K)."""
     return coefficients[..., 1:] * _orders(coefficients.shape[-1])[1:]
 
 
-def shifted(coefficients, h):
-    """Coefficients about t = h instead of 0; `coefficients` (N, n, K + 1), `h` (N,)."""
-    degree = coefficients.shape[-1] - 1
-    return np.einsum("nrj,njk->nrk", coefficients, powers(h, degree + 1)[:, _lags(degree)] * _pascal(degree))
+def shifted(coefficients: np.ndarray, h: np.ndarray) -> np.ndarray:
+    """Coefficients (N, n, K + 1) about t = h (N,) instead of 0."""
+    exponents, factors = _binomial(coefficients.shape[-1])
+    return np.einsum("nrj,njk->nrk", coefficients, powers(h, coefficients.shape[-1])[:, exponents] * factors)
 
 
 @cache
-def _pascal(degree: int) -> np.ndarray:
-    return np.array([[float(comb(j, k)) for k in range(degree + 1)] for j in range(degree + 1)])
+def _binomial(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The exponents j - k, or 0, of h and the factors (j over k) in the expansion of (t + h)**j."""
+    factors = np.array([[float(comb(j, k)) for k in range(count)] for j in range(count)])
+    return np.maximum(np.subtract.outer(np.arange(count), np.arange(count)), 0), factors
 
 
-@cache
-def _lags(degree: int) -> np.ndarray:
-    return np.maximum(np.subtract.outer(np.arange(degree + 1), np.arange(degree + 1)), 0)
+def roots(coefficients: np.ndarray, h: float) -> list[float]:
+    """All roots in (0, h], ascending, where a value of 0 counts as positive.
 
-
-def roots(coefficients, h: float) -> list[float]:
-    """All roots in (0, h], ascending; a double root that rounding cannot separate is not reported.
-
-    A value of 0 counts as positive.
+    A double root that rounding cannot separate is not reported.
     """
-    values = bernstein(coefficients, h)
-    found: list[tuple] = []
-    _isolate(values, 0.0, 1.0, MOST_HALVINGS, found)
-    return [_refine(coefficients, h, *bracket) for bracket in found]
+    brackets = _isolate(bernstein(coefficients, h), 0.0, 1.0, MOST_HALVINGS)
+    return [_refine(coefficients, h, *bracket) for bracket in brackets]
 
 
-def piecewise_roots(coefficients, steps, start: int = 0, rising: bool = False) -> list[tuple[int, float]]:
-    """Roots (piece, time in it) of a continuous piecewise polynomial, in order, as of `PiecewisePolynomials`."""
+def piecewise_roots(
+    coefficients: np.ndarray, steps: np.ndarray, start: int = 0, rising: bool = False
+) -> list[tuple[int, float]]:
+    """Roots (piece, time in it) of a continuous piecewise polynomial, in order, as of `PiecewisePolynomials.roots`."""
     return Crossings(start, rising)(coefficients, steps)
 
 
 class Crossings:
-    """Roots of a continuous piecewise polynomial that comes in blocks, each asked for in its turn; where two blocks
-    join, as where two pieces do, both sides agree on the sign."""
+    """Roots of a continuous piecewise polynomial that is given block after block.
+
+    Where two blocks join, as where two pieces do, both sides have one sign, so that no root is lost or found twice.
+    """
 
     def __init__(self, start: int = 0, rising: bool = False):
-        self.start, self.rising, self.before = start, rising, None
+        self.start, self.rising = start, rising
+        self.before: np.ndarray | None = None
 
-    def __call__(self, coefficients, steps) -> list[tuple[int, float]]:
-        """Those (piece, time in it) of the next block, in order."""
-        pile = PiecewisePolynomials(coefficients, steps, np.array([len(steps)]))
-        _, pieces, times = pile.roots(self.start, self.rising, self.before)
-        self.start, self.before = 0, pile.after
+    def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> list[tuple[int, float]]:
+        """The roots (piece, time in it) of the next block, in order."""
+        polynomial = PiecewisePolynomials(coefficients, steps, np.array([len(steps)]))
+        _, pieces, times = polynomial.roots(self.start, self.rising, self.before)
+        self.start, self.before = 0, polynomial.after
         return list(zip(pieces.tolist(), times.tolist(), strict=True))
 
 
-def lowest(coefficients, steps) -> tuple[float, int, float]:
-    """Least value of a piecewise polynomial, with the piece and the time in it."""
+def lowest(coefficients: np.ndarray, steps: np.ndarray) -> tuple[float, int, float]:
+    """The least value of a piecewise polynomial, with the piece and the time in it where it is taken."""
     ((value,), (piece,), (t,)) = PiecewisePolynomials(coefficients, steps, np.array([len(steps)])).lowest()
     return float(value), int(piece), float(t)
 
 
 class PiecewisePolynomials:
-    """Several continuous piecewise polynomials, asked together: one takes hardly less time than twenty.
+    """Several continuous piecewise polynomials at once, which takes hardly longer for twenty than for one.
 
-    coefficients (N, K + 1) and steps (N,) of all pieces, `counts` (m,) of which belong to each in turn
-    of_steps : powers (N, K + 1) of the steps or more, where they are known
-    after : once its roots have been asked for, the sign (m,) at the end of each, 1 or -1
+    coefficients, steps : (N, K + 1) and (N,), of all pieces in order
+    counts : (m,), the number of pieces of each polynomial
+    of_steps : powers (N, K + 1) of the steps, or more of them, where they are known already
+    after : the sign (m,) at the end of each, 1 or -1, once `roots` has been called
     """
 
-    def __init__(self, coefficients, steps, counts, of_steps=None):
+    def __init__(
+        self, coefficients: np.ndarray, steps: np.ndarray, counts: np.ndarray, of_steps: np.ndarray | None = None
+    ):
         self.coefficients, self.steps = coefficients, steps
         size = coefficients.shape[1]
         self.of_steps = powers(steps, size) if of_steps is None else of_steps[:, :size]
@@ -139,69 +149,65 @@ class PiecewisePolynomials:
         self.first = self.last - counts + 1
         self.owner = np.repeat(np.arange(len(counts)), counts)
 
-    def roots(self, start=0, rising: bool = False, before=None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """All roots, in order: which polynomial's (r,), the piece of it (r,), the time in that (r,).
+    def roots(
+        self, start: ArrayLike = 0, rising: bool = False, before: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """All roots, in order: the polynomial (r,), the piece of it (r,), and the time in that piece (r,).
 
-        start : the order of a zero known to stand at the very beginning of each, divided out exactly and not reported;
-            one for all or (m,)
-        rising : report only where the sign goes from minus to plus
-        before : the sign (m,) that each ended with, where it goes on from an earlier one; 0 where it begins
+        start : the order of the zero at the very beginning of each, for all or (m,); it is divided out exactly and not
+            reported
+        rising : report only the roots where the sign goes from minus to plus
+        before : the sign (m,) with which each is continued from an earlier block, or 0 where it begins here
         """
-        series = self.coefficients
-        if np.any(start):
-            series = series.copy()
-            orders = np.broadcast_to(start, self.first.shape)
-            for order in np.unique(orders[orders > 0]):
-                first = self.first[orders == order]
-                series[first, :-order] = self.coefficients[first, order:]
-                series[first, -order:] = 0.0
+        series = self._without_first_zero(start)
+        values = self._control_values(series, before)
+        self.after = np.where(values[self.last, -1] >= 0, 1.0, -1.0)
+        if not len(brackets := _brackets(values, rising)):
+            return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
+        pieces = brackets[0].astype(int)
+        if len(pieces) > FEW:
+            times = _refine_together(series[pieces], self.steps[pieces], *brackets[1:])
+        else:
+            each = zip(pieces, *brackets[1:], strict=True)
+            times = np.array([_refine(series[i], self.steps[i], *bracket) for i, *bracket in each])
+        owner = self.owner[pieces]
+        return owner, pieces - self.first[owner], times
+
+    def _without_first_zero(self, start: ArrayLike) -> np.ndarray:
+        """The coefficients (N, K + 1), divided by t**start in the first piece of each polynomial."""
+        if not np.any(start):
+            return self.coefficients
+        series, orders = self.coefficients.copy(), np.broadcast_to(start, self.first.shape)
+        for order in np.unique(orders[orders > 0]):
+            first = self.first[orders == order]
+            series[first, :-order] = self.coefficients[first, order:]
+            series[first, -order:] = 0.0
+        return series
+
+    def _control_values(self, series: np.ndarray, before: np.ndarray | None) -> np.ndarray:
+        """Bernstein coefficients (N, K + 1), of one sign on both sides of a joint.
+
+        Otherwise rounding would lose a root there, or find it twice.
+        """
         values = _bernstein(series, self.of_steps)
-        # At a joint both sides must agree on the sign, or rounding would lose a root there or find it twice.
         joint = self.owner[1:] == self.owner[:-1]
         values[:-1, -1] = np.where(joint, series[1:, 0], values[:-1, -1])
         if before is not None:
             first = values[self.first, 0]
             values[self.first, 0] = np.where(before * first < 0, before * np.abs(first), first)
             values[self.first, 0] = np.where((before < 0) & (first == 0), -TINY, values[self.first, 0])
-        self.after = np.where(values[self.last, -1] >= 0, 1.0, -1.0)
-        positive = values >= 0
-        changes = positive[:, 1:] != positive[:, :-1]
-        several = np.count_nonzero(changes, axis=1)
-        if not several.any():
-            return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
-        single = np.flatnonzero((several == 1) & (positive[:, -1] | (not rising)))
-        j = changes[single].argmax(1)  # where the control polygon crosses, second order close to the polynomial
-        before, after = values[single, j], values[single, j + 1]
-        about = (j + before / (before - after)) / (values.shape[1] - 1)
-        columns = [single, np.zeros(len(j)), np.ones(len(j)), after >= 0, about]
-        brackets: list[tuple] = []
-        for i in np.flatnonzero(several > 1):
-            found: list[tuple] = []
-            _isolate(values[i], 0.0, 1.0, MOST_HALVINGS, found)
-            brackets += [(i, *bracket) for bracket in found if bracket[2] or not rising]
-        if brackets:
-            columns = [np.append(a, b) for a, b in zip(columns, zip(*brackets, strict=True), strict=True)]
-            order = np.lexsort((columns[1], columns[0]))
-            columns = [column[order] for column in columns]
-        pieces = columns[0].astype(int)
-        if len(pieces) > FEW:
-            times = _refine_together(series[pieces], self.steps[pieces], *columns[1:])
-        else:
-            each = zip(pieces, *columns[1:], strict=True)
-            times = np.array([_refine(series[i], self.steps[i], *bracket) for i, *bracket in each])
-        owner = self.owner[pieces]
-        return owner, pieces - self.first[owner], times
+        return values
 
     def lowest(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of each polynomial the least value (m,), the piece (m,) and the time in it (m,)."""
+        """The least value (m,) of each polynomial, the piece (m,) and the time in it (m,) where it is taken."""
         pieces = np.arange(len(self.steps))
         values = _bernstein(self.coefficients, self.of_steps)
         ends = np.einsum("Nk,Nk->N", self.coefficients, self.of_steps)
         least = np.minimum.reduceat(np.minimum(self.coefficients[:, 0], ends), self.first)
-        where = np.flatnonzero(values.min(1) < least[self.owner])
-        inside = PiecewisePolynomials(derivative(self.coefficients[where]), self.steps[where], np.ones(len(where), int))
-        owner, _, t = inside.roots(rising=True)
-        turns = where[owner]
+        lower = np.flatnonzero(values.min(1) < least[self.owner])  # pieces that may have a lower value inside
+        slopes = PiecewisePolynomials(derivative(self.coefficients[lower]), self.steps[lower], np.ones(len(lower), int))
+        owner, _, t = slopes.roots(rising=True)
+        turns = lower[owner]
         pieces = np.concatenate([turns, pieces, pieces])
         times = np.concatenate([t, self.steps, np.zeros(len(ends))])
         values = np.concatenate([evaluate(self.coefficients[turns], t), ends, self.coefficients[:, 0]])
@@ -210,20 +216,50 @@ class PiecewisePolynomials:
         return values[best], pieces[best] - self.first, times[best]
 
 
-def _isolate(values, low, high, depth, found):
-    """Append (low, high, whether it rises, where about) of each root, all as shares of the interval."""
+def _brackets(values: np.ndarray, rising: bool) -> list[np.ndarray]:
+    """The roots of pieces with Bernstein coefficients `values` (N, K + 1), in order.
+
+    Returns columns (r,), none where there is no root: the piece, and the results of `_isolate`.
+    """
+    positive = values >= 0
+    changes = positive[:, 1:] != positive[:, :-1]
+    counts = np.count_nonzero(changes, axis=1)
+    if not counts.any():
+        return []
+    single = np.flatnonzero((counts == 1) & (positive[:, -1] | (not rising)))
+    j = changes[single].argmax(1)
+    after = values[single, j + 1]
+    about = _polygon_root(j, values[single, j], after, values.shape[1])
+    columns = [single, np.zeros(len(j)), np.ones(len(j)), after >= 0, about]
+    isolated: list[tuple] = []
+    for i in np.flatnonzero(counts > 1):
+        found = _isolate(values[i], 0.0, 1.0, MOST_HALVINGS)
+        isolated += [(i, *bracket) for bracket in found if bracket[2] or not rising]
+    if isolated:
+        columns = [np.append(a, b) for a, b in zip(columns, zip(*isolated, strict=True), strict=True)]
+        order = np.lexsort((columns[1], columns[0]))
+        columns = [column[order] for column in columns]
+    return columns
+
+
+def _polygon_root(j, before, after, count: int):
+    """Where the polygon of `count` Bernstein coefficients crosses zero after the j-th, which is near the root."""
+    return (j + before / (before - after)) / (count - 1)
+
+
+def _isolate(values: np.ndarray, low: float, high: float, depth: int) -> Iterator[tuple[float, float, bool, float]]:
+    """The bracket (low, high) of each root, whether it rises, and where it is about, in shares of the interval."""
     positive = values >= 0
     changed = np.flatnonzero(positive[1:] != positive[:-1])
-    changes, crosses = len(changed), positive[0] != positive[-1]
-    if changes == 1 or (depth == 0 and crosses):
-        j = changed[0]  # where the control polygon crosses, second order close to where the polynomial does
-        about = (j + values[j] / (values[j] - values[j + 1])) / (len(values) - 1)
-        found.append((low, high, bool(positive[-1]), low + (high - low) * float(about)))
-    elif changes > 1 and depth > 0:
+    if len(changed) == 1 or (depth == 0 and positive[0] != positive[-1]):
+        j = changed[0]
+        about = _polygon_root(j, values[j], values[j + 1], len(values))
+        yield low, high, bool(positive[-1]), low + (high - low) * float(about)
+    elif len(changed) and depth > 0:
         left, right = _halve(values)
         middle = 0.5 * (low + high)
-        _isolate(left, low, middle, depth - 1, found)
-        _isolate(right, middle, high, depth - 1, found)
+        yield from _isolate(left, low, middle, depth - 1)
+        yield from _isolate(right, middle, high, depth - 1)
 
 
 def _halve(values):
@@ -236,14 +272,14 @@ def _halve(values):
 
 
 def _refine(coefficients, h, low, high, rising, t) -> float:
-    """Newton's method kept inside the bracket, by bisection where it would leave it; all but the answer in shares of h.
+    """The root (in time) in a bracket (in shares of h) by Newton's method, with bisection where it leaves the bracket.
 
-    It ends when the next step, by the rate at which the last two have shrunk, is below rounding, or the bracket is.
+    For a single root this is ten times as fast as `_refine_together`, which is faster from `FEW` roots on.
     """
     c = coefficients.tolist()
     low, high, t = (float(share * h) for share in (low, high, t))
     sign, last = 1.0 if rising else -1.0, 0.0
-    for _ in range(200):
+    for _ in range(MOST_ITERATIONS):
         value = slope = 0.0
         for a in reversed(c):
             slope = slope * t + value
@@ -254,7 +290,7 @@ def _refine(coefficients, h, low, high, rising, t) -> float:
             low = t
         new = t - value / slope if slope else low
         step = abs(new - t)
-        if min(step, high - low) <= 4.5e-16 * high or (last and step * (step / last) ** 2 <= 1e-17 * high):
+        if min(step, high - low) <= CLOSED * high or (last and step * (step / last) ** 2 <= NEGLIGIBLE * high):
             return min(max(new, low), high)
         if low < new < high:
             t, last = new, step
@@ -264,11 +300,11 @@ def _refine(coefficients, h, low, high, rising, t) -> float:
 
 
 def _refine_together(c, h, low, high, rising, t) -> np.ndarray:
-    """`_refine` of several at once; c (m, K + 1), the others (m,)."""
+    """`_refine` for several roots at once; c (m, K + 1), the others (m,)."""
     low, high, t = low * h, high * h, t * h
     sign, last = np.where(rising, 1.0, -1.0), np.zeros(len(t))
     slopes = derivative(c)
-    for _ in range(200):
+    for _ in range(MOST_ITERATIONS):
         places = powers(t, c.shape[1])
         value, slope = np.einsum("mk,mk->m", c, places), np.einsum("mk,mk->m", slopes, places[:, :-1])
         above = sign * value >= 0
@@ -276,7 +312,7 @@ def _refine_together(c, h, low, high, rising, t) -> np.ndarray:
         with np.errstate(divide="ignore", invalid="ignore"):
             new = t - value / slope
             step = np.abs(new - t)
-            settled = (np.minimum(step, high - low) <= 4.5e-16 * high) | (step * (step / last) ** 2 <= 1e-17 * high)
+            settled = (np.minimum(step, high - low) <= CLOSED * high) | (step * (step / last) ** 2 <= NEGLIGIBLE * high)
         inside = settled | ((low < new) & (new < high))
         if settled.all():
             return np.clip(new, low, high)

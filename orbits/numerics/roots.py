@@ -1,41 +1,58 @@
-"""Roots of functions of one variable. Our own, because importing a library's takes longer than what is solved."""
+"""Roots of functions of one variable; importing a library's root finders takes longer than the solutions do."""
 
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-# Extrema are looked at so many times closer, each time with points at these shares of the cells beside them.
+# A grid is refined this many times beside each extremum, with points at these shares of the two cells next to it.
 REFINEMENTS = 2
 SHARES = np.arange(1, 8) / 8
-# Changes between neighbours that are rounding and no extrema.
+# Smaller changes between neighbours are rounding and show no extremum.
 ROUNDING = 1e-13
+# The rounding of a number, as a share of it: a step that is shorter may not change the number.
+UNIT = 2.3e-16
+# A bracket of two roundings is closed: it holds hardly a number besides its ends.
+CLOSED = 4.5e-16
+# Bisection alone takes some 60 steps to close a bracket, so that no safeguarded iteration takes this many.
+MOST_ITERATIONS = 200
 
 
 def bracketed_root(
-    function: Callable, a: float, b: float, fa: float, fb: float, enough: float = 0.0, width: float = 0.0
+    function: Callable[[float], float],
+    a: float,
+    b: float,
+    fa: float,
+    fb: float,
+    enough: float = 0.0,
+    width: float = 0.0,
 ) -> float:
-    """The root between a and b, where the function goes from fa to fb of opposite sign: bisection and secant (Dekker).
+    """The root between a and b, where the function has the values fa and fb of opposite sign: bisection and secant.
 
-    Ends one secant step after a value of at most `enough`, with a bracket of a `width`, or at rounding.
+    It ends one secant step after a value of at most `enough`, with a bracket of this `width`, or at rounding. Source:
+    Dekker, "Finding a zero by means of successive linear interpolation" (1969).
     """
     if abs(fa) < abs(fb):
         a, b, fa, fb = b, a, fb, fa
-    c, fc = a, fa  # a brackets with b, c is the previous b
+    c, fc = a, fa  # b is the best point, a the other end of the bracket, c the previous b
     wider = 1.0
-    for _ in range(200):
-        least = max(2.3e-16 * max(abs(a), abs(b)), 0.5 * width)
+    for _ in range(MOST_ITERATIONS):
+        least = max(UNIT * max(abs(a), abs(b)), 0.5 * width)
         if fb == 0 or abs(a - b) <= 2 * least:
             break
         middle = 0.5 * (a + b)
-        same = middle if abs(b - c) > 2 * wider * least else b  # so near to each other that it is rounding
+        # Equal values at b and c are rounding where the points are close: then b is kept and not the middle tried.
+        same = middle if abs(b - c) > 2 * wider * least else b
         new = b - fb * (b - c) / (fb - fc) if fb != fc else same
         between = min(b, middle) < new < max(b, middle)
         if abs(fb) <= enough:
             return new if between else b
         new = new if between or new == b else middle
-        if abs(new - b) < least:  # the secant has settled: step across the root, to close the bracket
+        if abs(new - b) < least:
+            # The secant has settled: a step across the root closes the bracket. Where rounding hides the root this
+            # fails, so that each such step is twice as long as the one before.
             new = b + np.copysign(min(wider * least, abs(middle - b)), a - b)
-            wider *= 2  # where rounding hides the root, the next step is longer
+            wider *= 2
         c, fc = b, fb
         b, fb = new, function(new)
         if (fb > 0) == (fa > 0):
@@ -45,18 +62,20 @@ def bracketed_root(
     return b
 
 
-def resolved(function: Callable, grid, toward_zero: bool) -> tuple[np.ndarray, np.ndarray]:
+def resolved(
+    function: Callable[[np.ndarray], np.ndarray], grid: np.ndarray, toward_zero: bool
+) -> tuple[np.ndarray, np.ndarray]:
     """A grid (n,) with more points beside the local extrema of a function of arrays, and the values there.
 
-    function : may give NaN, beside which no extremum is looked for
-    toward_zero : only where an extremum may pass zero unseen: no farther from it than from a neighbour's value
+    function : may give NaN; no extremum is seen beside one
+    toward_zero : refine only where an extremum may cross zero unseen, that is where its value is no farther from zero
+        than from a neighbour's value
     """
     values = function(grid)
     for _ in range(REFINEMENTS):
         change = np.diff(values)
-        turn = (
-            np.flatnonzero((change[1:] * change[:-1] < 0) & (np.abs(change[1:]) + np.abs(change[:-1]) > ROUNDING)) + 1
-        )
+        turns = (change[1:] * change[:-1] < 0) & (np.abs(change[1:]) + np.abs(change[:-1]) > ROUNDING)
+        turn = np.flatnonzero(turns) + 1
         if toward_zero:
             reach = np.maximum(np.abs(change[turn - 1]), np.abs(change[turn]))
             turn = turn[(change[turn] * values[turn] > 0) & (np.abs(values[turn]) <= reach)]
@@ -70,18 +89,21 @@ def resolved(function: Callable, grid, toward_zero: bool) -> tuple[np.ndarray, n
     return grid, values
 
 
-def enclosed_sign_changes(function: Callable, a, b, fa, fb) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Neighbouring numbers between a and b (m,) where functions change their sign, which go from fa to fb (m,), and
-    their values there; where one jumps, it is across that.
+def enclosed_sign_changes(
+    function: Callable[[np.ndarray, np.ndarray], np.ndarray], a: ArrayLike, b: ArrayLike, fa: ArrayLike, fb: ArrayLike
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Neighbouring numbers x1, x2 (m,) between a and b at which functions change sign, and their values f1, f2 there.
 
-    function : (places (k,), which of the functions (k,)) -> values (k,), 0 counts as positive
+    Each function goes from fa to fb (m,), of opposite sign; where it jumps, the two numbers lie on both sides.
+
+    function : (places (k,), which of the functions (k,)) -> values (k,); a value of 0 counts as positive
     Source: Chandrupatla, "A new hybrid quadratic/bisection algorithm", Adv. Eng. Software 28 (1997).
     """
     x1, x2, f1, f2 = (np.array(values, dtype=float) for values in (a, b, fa, fb))
     x3, f3, t = x2.copy(), f2.copy(), np.full(len(x1), 0.5)
     going = np.arange(len(x1))
-    for _ in range(200):
-        going = going[np.abs(x2[going] - x1[going]) > 4.5e-16 * np.abs(x1[going])]
+    for _ in range(MOST_ITERATIONS):
+        going = going[np.abs(x2[going] - x1[going]) > CLOSED * np.abs(x1[going])]
         if not len(going):
             break
         i = going
@@ -92,7 +114,7 @@ def enclosed_sign_changes(function: Callable, a, b, fa, fb) -> tuple[np.ndarray,
         x2[i], f2[i] = np.where(same, x2[i], x1[i]), np.where(same, f2[i], f1[i])
         x1[i], f1[i] = new, value
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            least = 2.3e-16 * np.abs(new) / np.abs(x2[i] - x1[i])
+            least = UNIT * np.abs(new) / np.abs(x2[i] - x1[i])
             share, rise = (x1[i] - x2[i]) / (x3[i] - x2[i]), (f1[i] - f2[i]) / (f3[i] - f2[i])
             inverse = f1[i] / (f2[i] - f1[i]) * f3[i] / (f2[i] - f3[i])
             inverse += (x3[i] - x1[i]) / (x2[i] - x1[i]) * f1[i] / (f3[i] - f1[i]) * f2[i] / (f3[i] - f2[i])

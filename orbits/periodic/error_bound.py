@@ -1,6 +1,6 @@
 """How far the launch speed of a solved orbit can be off.
 
-Nothing here reuses the equations that were solved, except to push a defect through their Jacobian.
+Nothing here reuses the equations that were solved, except that a defect goes through their inverse Jacobian.
 """
 
 from functools import lru_cache
@@ -10,23 +10,27 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..flow.flow import Flow
-from ..flow.taylor import runge_kutta
 from ..flow.trajectory import Trajectory
+from ..flow.vector_field import runge_kutta
 from ..numerics.bernstein import powers
 from ..numerics.linear import solve
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import BufferedFunction
-from .single_shooting import Evaluation, Shooting
+from .evaluation import Evaluation
+from .single_shooting import Shooting
 
-# Square root of the number of steps from which roundings add by their bias more than at random.
-LONG_WALK = 20.0
-# Growth of a difference over the flight that the random walk of roundings covers by itself.
+# Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are equal
+# at a number of steps whose square root is this.
+RANDOM_STEPS = 20.0
+# The random growth of rounding errors covers a growth of differences over the flight up to this factor by itself.
 SHEAR = 4.0
-# Order-8 steps are taken in one call, their number a multiple of this.
-SEVERAL = 32
-# An error beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a feature of a
-# law.
+# Order-8 steps are taken in one call, their number a multiple of this, so that few functions are built.
+STEPS_PER_CALL = 32
+# An error beyond the first share, and beyond the second times what rounding explains, shows that the steps have leapt
+# over a feature of a law.
 WORST_ERROR, DOUBTFUL_RATIO = 1e-11, 1e4
+# Order-8 steps are so short that the ninth Taylor term, their error, is below this share of rounding.
+NINTH_TERM = 0.01
 EPS = float(np.finfo(float).eps)
 NARROW = (
     ". Either it hangs at an unstable equilibrium, where rounding decides, or it crosses something narrower than an "
@@ -36,53 +40,56 @@ NARROW = (
 
 
 def error_bounds(
-    equations: Shooting, us, ps, here: Evaluation, closing=None, quickly: bool = False
+    equations: Shooting,
+    us: np.ndarray,
+    ps: np.ndarray,
+    evaluation: Evaluation,
+    closing: np.ndarray | None = None,
+    quickly: bool = False,
 ) -> tuple[np.ndarray, dict[int, NoOrbit]]:
-    """Bounds (m,) on the errors of the unknown "alpha" in solutions (m, n), with parameters (m, np), of the equations
-    `stacked` there; and by index why some cannot be believed.
+    """Bounds (m,) on the errors of the unknown "alpha" in solutions (m, n), and by index why some cannot be certified.
 
-    The motion is integrated again by another method with smaller steps, or `quickly`, where the flow allows it, the
-    field is integrated along each step's polynomial by Gauss's rule, and what the step's end lacks is carried on to the
-    arc's end. What the equations then lack goes through the inverse Jacobian. To it comes the rounding that both
-    integrations may share: a random walk of half a unit in the last place of the state a step, through the same
-    inverse, and grown by the flow where that grows (in a long flight of a nonlinear spring a change of amplitude
-    becomes one of phase).
-
+    ps : parameters (m, np)
+    evaluation : the equations at the solutions
     closing : rows (m, n + 1) that close the equations where a parameter is varied too, the last unit vector for errors
         at the parameter's value
+    quickly : where the flow allows it, integrate the field along each step's polynomial by Gauss's rule, and carry the
+        defects of the steps to the end of the arc; else, the motion is integrated again by another method with smaller
+        steps
+
+    The residuals that this gives go through the inverse Jacobian. Added is the rounding that both integrations may
+    share: half a unit in the last place of the state a step, adding up at random, through the same inverse, and grown
+    by the flow where that grows differences (in a long flight of a nonlinear spring a change of amplitude becomes one
+    of phase).
     """
-    (along,) = equations.flows if len(equations.flows) == 1 else (None,)
-    quickly = quickly and along is not None and along.smooth and here.trajectories[0].variations is not None
-    residuals, refused = _defects(equations, us, ps, here) if quickly else np.full_like(here.residual, np.nan), {}
-    for i in np.flatnonzero(~np.isfinite(residuals).all(1)):
-        paths = tuple(motions[i] for motions in here.trajectories)
+    smooth = len(equations.flows) == 1 and equations.flows[0].smooth
+    quickly = quickly and smooth and evaluation.trajectories[0].variations is not None
+    residuals = (
+        _residuals_by_defects(equations, us, ps, evaluation) if quickly else np.full_like(evaluation.residual, np.nan)
+    )
+    refused: dict[int, NoOrbit] = {}
+    for i in np.flatnonzero(~np.isfinite(residuals).all(1)).tolist():
+        paths = tuple(motions[i] for motions in evaluation.trajectories)
         try:
-            residuals[i] = equations.residual(us[i], ps[i], paths, _another_way)
+            residuals[i] = equations.residual(us[i], ps[i], paths, _end_by_another_method)
         except NoOrbit as error:
-            refused[int(i)] = error
-    bounds, doubtful = _bounds_from_defects(equations, us, here, closing, residuals)
+            refused[i] = error
+    bounds, doubtful = _bounds_of_residuals(equations, us, evaluation, closing, residuals)
     return bounds, doubtful | refused
 
 
-def _bounds_from_defects(
-    equations: Shooting, us, here: Evaluation, closing, residuals
+def _bounds_of_residuals(
+    equations: Shooting, us: np.ndarray, evaluation: Evaluation, closing: np.ndarray | None, residuals: np.ndarray
 ) -> tuple[np.ndarray, dict[int, NoOrbit]]:
-    """What residuals (m, n) measured in another way mean for "alpha", with their floors; as in `error_bounds`."""
+    """The bounds that independent residuals (m, n) give, rounding included; as in `error_bounds`."""
     n, index = equations.size, equations.statement.unknowns.index("alpha")
-    square = here.jacobian if closing is None else np.concatenate([here.jacobian, closing[:, None]], axis=1)
+    jacobian = evaluation.jacobian
+    square = jacobian if closing is None else np.concatenate([jacobian, closing[:, None]], axis=1)
     inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[:, [index]])[:, :n, 0]  # the inverse's row of alpha
-    noise = np.zeros(len(us))
-    for along, motions, transition, start in zip(
-        equations.flows, here.trajectories, here.transitions, here.starts, strict=True
-    ):
-        size = motions.largest(motions.coefficients[:, : along.size, 0])
-        growth = np.maximum(1.0, np.linalg.norm((transition @ start)[:, :, :n], axis=(1, 2)) / SHEAR)
-        walk = np.sqrt(motions.counts)
-        noise += EPS / 2 * size * walk * (1 + walk / LONG_WALK) * growth
-    # The check has roundings of its own, of the size of what it measures: as much again.
     alpha = us[:, index]
+    # The residuals have roundings of their own, of the size of what they measure: twice as much covers these.
     found = 2 * np.abs(np.einsum("mi,mi->m", inverse, residuals))
-    floor = np.linalg.norm(inverse, axis=1) * noise + np.spacing(alpha)
+    floor = np.linalg.norm(inverse, axis=1) * _rounding(equations, evaluation) + np.spacing(alpha)
     doubtful = {}
     for i in np.flatnonzero(found > np.maximum(WORST_ERROR * alpha, DOUBTFUL_RATIO * floor)).tolist():
         off = f"launch speed {alpha[i]:.6g} may be off by {found[i]:.1e}"
@@ -90,64 +97,70 @@ def _bounds_from_defects(
     return found + floor, doubtful
 
 
-def _defects(equations: Shooting, us, ps, here: Evaluation) -> np.ndarray:
-    """The residuals (m, n) that the equations have at the motions' ends when the defects of the steps are made good."""
-    (along,), (motions,), (transition,), (holds,) = (
-        equations.flows,
-        here.trajectories,
-        here.transitions,
-        here.residual_by_end,
-    )
-    n, h, last = along.size, motions.steps, motions.last
+def _rounding(equations: Shooting, evaluation: Evaluation) -> np.ndarray:
+    """What the rounding of the states (m,) adds up to over the motions."""
+    total = np.zeros(len(evaluation.residual))
+    arcs = zip(equations.flows, evaluation.trajectories, evaluation.transitions, evaluation.starts, strict=True)
+    for flow, motions, transition, start in arcs:
+        size = motions.largest(motions.coefficients[:, : flow.size, 0])
+        growth = np.maximum(1.0, np.linalg.norm((transition @ start)[:, :, : equations.size], axis=(1, 2)) / SHEAR)
+        at_random = np.sqrt(motions.counts)
+        total += EPS / 2 * size * at_random * (1 + at_random / RANDOM_STEPS) * growth
+    return total
+
+
+def _residuals_by_defects(equations: Shooting, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> np.ndarray:
+    """The residuals (m, n) of a statement of one arc when its ends are corrected for the defects of the steps."""
+    (flow,), (motions,) = equations.flows, evaluation.trajectories
+    (transition,), (residual_by_end,) = evaluation.transitions, evaluation.residual_by_end
+    assert motions.variations is not None
+    n, last = flow.size, motions.last
     c = motions.coefficients[:, :n]
     scaled = c * motions.of_steps[:, None]
     states = (scaled @ powers(GAUSS_PLACES, c.shape[2]).T).swapaxes(1, 2)
     data = np.repeat(ps, motions.counts * GAUSS, axis=0)
-    rates = along.fields(states.reshape(-1, n), data)[0].reshape(-1, GAUSS, n)
-    after, carried = np.roll(c[:, :, 0], -1, axis=0), np.roll(motions.variations[:, :, :n, 0], -1, axis=0)
-    after[last], carried[last] = motions.finals[:, :n], transition[:, :, :n]
-    defects = after - c[:, :, 0] - h[:, None] * (GAUSS_WEIGHTS @ rates)
-    at_start = np.add.reduceat(solve(carried, defects[..., None])[..., 0], motions.first)
-    wrong = np.einsum("pij,pj->pi", transition[:, :, :n], at_start)
+    rates = flow.fields(states.reshape(-1, n), data)[0].reshape(-1, GAUSS, n)
+    after, sensitivity = np.roll(c[:, :, 0], -1, axis=0), np.roll(motions.variations[:, :, :n, 0], -1, axis=0)
+    after[last], sensitivity[last] = motions.finals[:, :n], transition[:, :, :n]
+    defects = after - c[:, :, 0] - motions.steps[:, None] * (GAUSS_WEIGHTS @ rates)
+    at_start = np.add.reduceat(solve(sensitivity, defects[..., None])[..., 0], motions.first)
+    at_end = np.einsum("pij,pj->pi", transition[:, :, :n], at_start)
     (residuals,) = equations.arrivals(us, ps, motions.finals[:, :n])
-    return residuals[:, :, 0] - np.einsum("pij,pj->pi", holds, wrong)
+    return residuals[:, :, 0] - np.einsum("pij,pj->pi", residual_by_end, at_end)
 
 
-def _another_way(along: Flow, start, p, path: Trajectory) -> np.ndarray:
-    """The end of a motion by order-8 Runge-Kutta steps where it was found by Taylor's, else by scipy's DOP853."""
-    data = along.mesh_data(path, p)
-    x = start
-    if along.method != "Runge-Kutta":
-        counts = _substeps(path.coefficients[:, : along.size], path.steps)
-        count = int(np.ceil(counts.sum() / SEVERAL)) * SEVERAL
-        idle = count - counts.sum()  # steps of no length
+def _end_by_another_method(flow: Flow, start: np.ndarray, p: np.ndarray, path: Trajectory) -> np.ndarray:
+    """The end of a motion by order-8 Runge-Kutta steps where Taylor steps found it, else by scipy's DOP853."""
+    data = flow.mesh_data(path, p)
+    if flow.method != "Runge-Kutta":
+        counts = _substeps(path.coefficients[:, : flow.size], path.steps)
+        count = int(np.ceil(counts.sum() / STEPS_PER_CALL)) * STEPS_PER_CALL
+        idle = count - counts.sum()  # the number of steps is rounded up by steps of length 0
         lengths = np.append(np.repeat(path.steps / counts, counts), np.zeros(idle))
         data = np.repeat(data, np.append(counts[:-1], counts[-1] + idle), axis=1)
-        return _order_eight(along, count)(start, lengths, data)[0][:, -1]
+        return _order_eight(flow, count)(start, lengths, data)[0][:, -1]
     from scipy.integrate import solve_ivp  # slow to import, and only laws without a Taylor series need it
 
+    x = start
     for i, h in enumerate(path.steps):
-        rates = lambda t, y, d=data[:, i]: along.rates(y, d)  # noqa: E731
+        rates = lambda t, y, d=data[:, i]: flow.rates(y, d)  # noqa: E731
         x = solve_ivp(rates, (0, h), x, method="DOP853", rtol=1e-13, atol=1e-15 * (1 + np.abs(x).max())).y[:, -1]
     return x
 
 
-def _substeps(coefficients, steps) -> np.ndarray:
-    """Order-8 steps (N,) that bring the error over each step of a motion below rounding; shapes as in `Trajectory`.
+def _substeps(coefficients: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Numbers (N,) of order-8 steps that bring the error over each step of a motion below rounding.
 
-    It is the ninth Taylor term of one of them, as many times as there are.
+    The shapes are those of a `Trajectory`. The error of k such steps is k**-8 times the ninth Taylor term of the whole.
     """
     ninth = np.abs(coefficients[:, :, 9]).max(1) * steps**9 / np.maximum(np.abs(coefficients[:, :, 0]).max(1), 1e-300)
-    return 8 * np.clip(np.ceil((ninth / (0.01 * EPS)) ** (1 / 8) / 8), 1, 250).astype(int)  # and no fewer samples
+    # At least 8 of them, since a feature of the law between fewer samples could be missed.
+    return 8 * np.clip(np.ceil((ninth / (NINTH_TERM * EPS)) ** (1 / 8) / 8), 1, 250).astype(int)
 
 
 @lru_cache(maxsize=64)
-def _order_eight(along: Flow, count: int) -> BufferedFunction:
+def _order_eight(flow: Flow, count: int) -> BufferedFunction:
     """`count` Runge-Kutta steps as a call (start, lengths, parameters with data) -> states (n, count)."""
-    h = ca.SX.sym("h")
-    step = ca.Function(
-        "step",
-        [along.vector_field.x, h, along.vector_field.p],
-        [runge_kutta(along.vector_field, along.vector_field.x, h)],
-    )
+    field, h = flow.vector_field, ca.SX.sym("h")
+    step = ca.Function("step", [field.x, h, field.p], [runge_kutta(field, field.x, h)])
     return BufferedFunction(step.mapaccum(count))

@@ -7,44 +7,41 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..model.machine import check_machine
+from ..model.machine import Machine, check_machine
 from ..model.model import Model
-from ..numerics.linear import solve
 from ..symbolic import interrupts
-from .certificate import count_families
-from .formulations import certified_orbit, equations_of, halved, vector
+from .evaluation import Evaluation
+from .formulations import equations_of
+from .homotopy import solve_by_homotopy
+from .interpretation import certified_orbit
 from .orbit import Orbit
-from .single_shooting import Evaluation, Shooting
+from .solution import vector
 
-# Below this the homotopy is stuck at a fold or an end of the family.
-MIN_STEP = 1e-4
-# A corrector that moves launch speed or time by a larger share may have jumped to another orbit.
-MAX_CORRECTION = 0.1
-# Orbits that agree to this share are the same.
-SAME_ORBIT = 1e-9
-# Times of a start beyond this take long to integrate, and are no machine.
-LONGEST_START = 1e4
-# What a start may say although not every statement asks for it.
-EXTRAS = ("contact_duration", "unfolding")
 METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 10_000
+# Orbits whose launch speeds, times and states agree to this share are the same.
+SAME_ORBIT = 1e-9
+# A start with a longer time than this describes no machine in its own units, and would take long to integrate.
+LONGEST_START = 1e4
+# A start may state these unknowns although not every statement asks for them.
+OPTIONAL_UNKNOWNS = ("contact_duration", "unfolding")
 
 
 class Root(NamedTuple):
     """A solution of a method's equations.
 
     u : the unknowns (n,)
-    here : the equations there, stacked
-    error : of alpha, where it is known
+    evaluation : the equations there, at this one point
+    error : bound on the error of alpha where it is known, else None
     """
 
     u: np.ndarray
-    here: Evaluation
+    evaluation: Evaluation
     error: float | None = None
 
 
 def find(
-    machine,
+    machine: Machine,
     family: int | None = None,
     *,
     start: Orbit | Mapping[str, float] | None = None,
@@ -56,11 +53,11 @@ def find(
     machine : a `problems.Hopper`, a `problems.Juggler`, or anything with their `model`, `values`, `describe`, `units`
     family : from 1, which is what None means; family n has n + 1 stationary points of the extension from lift-off to
         mid-flight
-    start : an orbit nearby, or the unknowns of a half orbit by name, to start from instead of the model's guess; the
-        family is then whatever it is, if it is not given
-    method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is the general way, multiple
+    start : an orbit nearby, or the unknowns of a half orbit by name, to start from instead of the model's guess; an
+        orbit of any family is then returned, unless `family` is given too
+    method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is the general one, multiple
         shooting by Ipopt
-    progress : called with the share of the way done, for what takes long
+    progress : called with the share of the homotopy that is done, where there is one
 
     Where a family has several orbits, this is the one of least launch speed under constant gravity, or what that
     becomes as gravity's variation is brought in. It may be inadmissible: see its `violations`. Raises `NoOrbit` with
@@ -70,11 +67,13 @@ def find(
     check_machine(machine)
     with interrupts.deferred():
         if start is None:
-            return _find(machine, 1 if family is None else family, method, progress)
+            return _find_family(machine, 1 if family is None else family, method, progress)
         return _find_near(machine, start, family, method)
 
 
-def find_all(machine, starts: Iterable[Orbit | Mapping[str, float]], *, method: str | None = None) -> tuple[Orbit, ...]:
+def find_all(
+    machine: Machine, starts: Iterable[Orbit | Mapping[str, float]], *, method: str | None = None
+) -> tuple[Orbit, ...]:
     """The different orbits that `find` comes to from several starts, by their launch speeds ascending.
 
     Starts that lead to none are left out; raises `NoOrbit` with the last reason when they all are.
@@ -96,66 +95,48 @@ def find_all(machine, starts: Iterable[Orbit | Mapping[str, float]], *, method: 
     return tuple(sorted(found, key=lambda orbit: orbit.alpha))
 
 
-def _same(a: Orbit, b: Orbit) -> bool:
-    x, y = ([orbit.alpha, orbit.flight_time, *orbit.flight(0.0)] for orbit in (a, b))
-    return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
+def solve_family(
+    machine: Machine, family: int, method: str | None, progress: Callable[[float], None] | None = None
+) -> tuple[str, Root]:
+    """The method, and the solution that it finds for a family, as in `find`; not certified to be of that family."""
+    model, p = machine.model, dict(machine.values)
+    family, method = _family_number(family), _possible_method(model, method)
+    equations = equations_of(model, method, tuple(p))
+    if method == "closed form" and model.reduction and model.reduction.exact:
+        unknowns, error = model.reduction.exact(family, p)
+        u = vector(unknowns)
+        return method, Root(u, equations.evaluate_all(u[None], vector(p)[None]), error)
+    if method == "relative":
+        start = model.guess(family, p)
+        return method, Root(*equations.newton([start["liftoff"], start["alpha"]], vector(p)))
+    correct = equations.multiple_shooting if method == "shooting" else equations.newton
+    return method, Root(*solve_by_homotopy(model, equations, correct, family, p, progress))
 
 
-def _find_near(machine, start, family, method) -> Orbit:
-    began = time.perf_counter()
-    method, root = solve_near(machine, start, method)
-    orbit = certified_orbit(machine, method, *root, began=began)
-    if family is not None and orbit.family != _whole(family):
-        raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
-    return orbit
-
-
-def solve_near(machine, start, method: str | None) -> tuple[str, Root]:
-    """The method, and what it comes to from a start, as in `find`."""
+def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> tuple[str, Root]:
+    """The method, and the solution that it finds from a start, as in `find`."""
     model, p = machine.model, machine.values
-    method = _allowed(model, method)
+    method = _possible_method(model, method)
     method = "relative" if method == "closed form" else method
     equations = equations_of(model, method, tuple(p))
-    known = _known(model, start)
+    stated = _stated_unknowns(model, start)
     names = equations.statement.unknowns
-    if missing := [name for name in names if name not in known]:
+    if missing := [name for name in names if name not in stated]:
         raise InputError(f"start has no '{missing[0]}'; the unknowns are {', '.join(names)}")
-    u = np.array([known[name] for name in names])
-    solve_from = equations.multiple_shooting if method == "shooting" else equations.newton
+    u = np.array([stated[name] for name in names])
+    correct = equations.multiple_shooting if method == "shooting" else equations.newton
     try:
-        return method, Root(*solve_from(u, vector(p)))
+        return method, Root(*correct(u, vector(p)))
     except FlowError as error:
         raise NoOrbit(f"the start cannot be followed: {error}") from None
 
 
-def _known(model: Model, start) -> dict[str, float]:
-    """The unknowns of a start by name; raises `InputError` for what is none."""
-    if isinstance(start, Orbit):
-        if start.flight.names[: len(model.flight.states)] != model.flight.states:
-            raise InputError(f"start is an orbit of another machine, with the states {', '.join(start.flight.names)}")
-        return unknowns_of(start)
-    if not isinstance(start, Mapping):
-        raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")
-    if unknown := [name for name in start if name not in {*model.half_unknowns, *EXTRAS}]:
-        raise InputError(f"start has '{unknown[0]}'; the unknowns are {', '.join(model.half_unknowns)}")
-    known = {"unfolding": 0.0, **{name: finite_number(f"start '{name}'", value) for name, value in start.items()}}
-    for name in ("duration", "contact_duration"):
-        if not 0 < known.get(name, 1.0) < LONGEST_START:
-            raise InputError(f"start '{name}' = {known[name]:g}; it lies between 0 and {LONGEST_START:g}")
-    return known
+def another_family(wanted: int, found: int) -> str:
+    """The message about a solve for one family that ends on another."""
+    return f"the solve for family {wanted} ended on an orbit of family {found}; try another method"
 
 
-def unknowns_of(orbit: Orbit) -> dict[str, float]:
-    """The unknowns of every statement whose solution an orbit is, by name."""
-    states = orbit.flight.coefficients[0, :, 0].tolist()
-    known = {**dict(zip(orbit.flight.names, states, strict=False)), "liftoff": orbit.liftoff_extension}
-    known |= {"alpha": orbit.alpha, "duration": orbit.flight_time / (2 if orbit.shape.reversor else 1)}
-    if orbit.contact_time is not None:
-        known["contact_duration"] = orbit.contact_time / 2
-    return known | {"unfolding": orbit.certificate.unfolding or 0.0}
-
-
-def _find(machine, family, method, progress) -> Orbit:
+def _find_family(machine: Machine, family: int, method: str | None, progress: Callable | None) -> Orbit:
     began = time.perf_counter()
     method, root = solve_family(machine, family, method, progress)
     orbit = certified_orbit(machine, method, *root, began=began)
@@ -164,99 +145,60 @@ def _find(machine, family, method, progress) -> Orbit:
     return orbit
 
 
-def solve_family(machine, family: int, method: str | None, progress: Callable | None = None) -> tuple[str, Root]:
-    """The method, and what it finds for a family, as in `find`; not certified to be that."""
-    model, p = machine.model, dict(machine.values)
-    family, method = _whole(family), _allowed(model, method)
-    way = {"closed form": _exact, "relative": _relative, "half orbit": _half_orbit, "shooting": _shooting}[method]
-    return method, way(model, equations_of(model, method, tuple(p)), family, p, progress)
+def _find_near(machine: Machine, start: Orbit | Mapping[str, float], family: int | None, method: str | None) -> Orbit:
+    began = time.perf_counter()
+    method, root = solve_near(machine, start, method)
+    orbit = certified_orbit(machine, method, *root, began=began)
+    if family is not None and orbit.family != _family_number(family):
+        raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
+    return orbit
 
 
-def another_family(wanted: int, found: int) -> str:
-    """What to say of a solve for one family that came to another."""
-    return f"the solve for family {wanted} ended on an orbit of family {found}; try another method"
+def _same(a: Orbit, b: Orbit) -> bool:
+    x, y = ([orbit.alpha, orbit.flight_time, *orbit.flight(0.0)] for orbit in (a, b))
+    return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
 
 
-# The four ways, simplest first: (model, equations, family, parameters, progress) -> root.
+def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[str, float]:
+    """The unknowns that a start states, by name; raises `InputError` for a start that is none."""
+    if isinstance(start, Orbit):
+        if start.flight.names[: len(model.flight.states)] != model.flight.states:
+            raise InputError(f"start is an orbit of another machine, with the states {', '.join(start.flight.names)}")
+        return _unknowns_of(start)
+    if not isinstance(start, Mapping):
+        raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")
+    if unknown := [name for name in start if name not in {*model.half_unknowns, *OPTIONAL_UNKNOWNS}]:
+        raise InputError(f"start has '{unknown[0]}'; the unknowns are {', '.join(model.half_unknowns)}")
+    stated = {"unfolding": 0.0, **{name: finite_number(f"start '{name}'", value) for name, value in start.items()}}
+    for name in ("duration", "contact_duration"):
+        if not 0 < stated.get(name, 1.0) < LONGEST_START:
+            raise InputError(f"start '{name}' = {stated[name]:g}; it lies between 0 and {LONGEST_START:g}")
+    return stated
 
 
-def _exact(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Root:
-    named, error = model.reduction.exact(family, p)
-    u = np.array(list(named.values()))
-    return Root(u, equations.evaluate_all(u[None], vector(p)[None]), error)
+def _unknowns_of(orbit: Orbit) -> dict[str, float]:
+    """The unknowns, by name, of every statement that an orbit solves."""
+    states = orbit.flight.coefficients[0, :, 0].tolist()
+    unknowns = dict(zip(orbit.flight.names, states, strict=False))
+    unknowns |= {
+        "liftoff": orbit.liftoff_extension,
+        "alpha": orbit.alpha,
+        "duration": orbit.flight_time / (2 if orbit.shape.reversor else 1),
+        "unfolding": orbit.certificate.unfolding or 0.0,
+    }
+    if orbit.contact_time is not None:
+        unknowns["contact_duration"] = orbit.contact_time / 2
+    return unknowns
 
 
-def _relative(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Root:
-    start = model.guess(family, p)
-    return Root(*equations.newton([start["liftoff"], start["alpha"]], vector(p)))
-
-
-def _half_orbit(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Root:
-    return Root(*_along(model, equations, equations.newton, family, p, progress))
-
-
-def _shooting(model: Model, equations: Shooting, family: int, p: Mapping, progress) -> Root:
-    return Root(*_along(model, equations, equations.multiple_shooting, family, p, progress))
-
-
-def _along(model: Model, equations: Shooting, correct: Callable, family: int, p: Mapping, progress):
-    """Solve the model's equations from its guess, led there along the homotopy parameter with step control.
-
-    A step is taken when the corrector ends near where the tangent pointed and the family is still the same.
-    """
-    start = model.guess(family, {**p, model.homotopy: 0.0} if model.homotopy else p)
-    whole = "unfolding" in equations.statement.unknowns
-    start = {**start, "duration": start["duration"] * (2 if whole else 1), "unfolding": 0.0}
-    u = np.array([start[name] for name in equations.statement.unknowns])
-    if model.homotopy is None:
-        return correct(u, vector(p))
-    share, step = 0.0, 1.0
-    u, here = correct(u, vector({**p, model.homotopy: 0.0}))
-    while share < 1:
-        # differenced: a predictor needs no more digits, and its own derivative would take longer to build
-        there = equations.evaluate(u, vector({**p, model.homotopy: share + 1e-6}))
-        tangent = solve(here.jacobian[0], (here.residual[0] - there.residual) / 1e-6)
-        step = min(step, 1 - share)
-        while True:
-            ahead = {**p, model.homotopy: 1.0 if step == 1 - share else share + step}
-            try:
-                u, here = _corrected(model, equations, correct, u + step * tangent, family, ahead)
-                break
-            except NoOrbit as error:
-                step /= 2
-                if step < MIN_STEP:
-                    raise NoOrbit(
-                        f"no lossless orbit of family {family}: with {100 * share:.3g}% of gravity's variation it is "
-                        f"at alpha = {u[1]:.6g}, and it cannot be followed further ({error})"
-                    ) from None
-        share = ahead[model.homotopy]
-        step *= 2
-        if progress:
-            progress(share)
-    return u, here
-
-
-def _corrected(model, equations, correct, predicted, family, p):
-    if not (predicted[1:3] > 0).all():  # nor if they are not numbers
-        raise NoOrbit("the step leads to a negative time or speed")
-    new, here = correct(predicted, vector(p))
-    if np.max(np.abs(new - predicted)[1:3] / np.abs(new[1:3])) > MAX_CORRECTION:
-        raise NoOrbit("the corrector ends far from the predicted orbit")
-    flight = here.trajectories[0].only(model.flight.states)
-    parts = halved(flight) if "unfolding" in equations.statement.unknowns else flight
-    if count_families(model, parts, len(parts)) != [family]:
-        raise NoOrbit("the family changes")
-    return new, here
-
-
-def _whole(family) -> int:
+def _family_number(family: int) -> int:
     if isinstance(family, bool) or not isinstance(family, int | np.integer) or not 1 <= family <= LARGEST_FAMILY:
         raise InputError(f"family = {family!r}; a family is a whole number from 1 to {LARGEST_FAMILY}")
     return int(family)
 
 
-def _allowed(model: Model, method: str | None) -> str:
-    """The method asked for, if the model allows it, or the simplest that it does."""
+def _possible_method(model: Model, method: str | None) -> str:
+    """The method asked for, or the simplest that the model allows; raises `InputError` for one that it does not."""
     possible = {
         "closed form": model.reduction is not None and model.reduction.exact is not None,
         "relative": model.reduction is not None,

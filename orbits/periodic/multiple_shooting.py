@@ -1,82 +1,198 @@
-"""Multiple shooting: a statement's equations with every integration step a node, for a solver such as Ipopt."""
+"""Multiple shooting: the equations of a statement with the state at the end of every integration step as an unknown.
+
+`MultipleShooting` poses them for one orbit, with free times between the breakpoints of a piecewise field.
+`ShootingMesh` poses them on steps that are fixed shares of the arcs' durations, so that one graph serves a nonlinear
+program over parameters. Both have the same boundary functions and the same defects.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ..flow.flow import Flow
+from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectory
+from ..model.phase import Statement
+
+# A duration stays above this share of its guess: a solver that shrinks it to zero collapses the phase.
+SHORTEST_DURATION = 1e-3
+# A mesh has this many times the steps that its trajectory needs and a few more, so that it serves the neighbours too.
+# The number of steps is a multiple of `STEP_GROUP`, so that graphs are built for few different numbers.
+MESH_RESERVE, SPARE_MESH_STEPS, STEP_GROUP = 1.1, 1, 4
+
+
+def boundary_functions(statement: Statement, parameters: tuple[str, ...]) -> list[tuple[ca.Function, ca.Function]]:
+    """For each arc of a statement, where it starts and which residuals belong to its ends.
+
+    The first function is (u, end of the arc before, p) -> (start, duration). The second is (u, start, end, p, q) ->
+    residuals of the guard and of the conditions.
+    """
+    u, p = ca.SX.sym("u", len(statement.unknowns)), ca.SX.sym("p", len(parameters))
+    unknowns = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
+    values = dict(zip(parameters, ca.vertsplit(p), strict=True))
+    functions, size_before = [], 0
+    for arc in statement.arcs:
+        size = len(arc.phase.states)
+        before, x, y = (ca.SX.sym(name, n) for name, n in (("before", size_before), ("x", size), ("y", size)))
+        q = ca.SX.sym("q", arc.phase.pieces.size if arc.phase.pieces else 0)
+        start = ca.vertcat(*arc.start(unknowns, ca.vertsplit(before), values))
+        guard = arc.guard(unknowns, ca.vertsplit(x), values, ca.vertsplit(q))
+        residuals = ca.vertcat(*guard, *arc.conditions(unknowns, ca.vertsplit(y), values))
+        duration = ca.SX(arc.duration(unknowns, values))
+        departure = ca.Function("departure", [u, before, p], [ca.densify(start), duration])
+        arrival = ca.Function("arrival", [u, x, y, p, q], [ca.densify(residuals)])
+        functions.append((departure, arrival))
+        size_before = size
+    return functions
+
+
+def defects(flow: Flow, start: ca.MX, nodes: ca.MX, steps: ca.MX, data: ca.MX | ca.DM, sizes: ca.MX | ca.DM) -> ca.MX:
+    """The differences (n N,) between the ends of the integration steps and the shooting nodes, in units of `sizes`.
+
+    start : state (n,) at the start of the arc
+    nodes : states (n, N) at the ends of the steps
+    steps : step sizes (1, N)
+    data : parameters of each step with the data of its smooth piece, (np + nq, N)
+    """
+    ends = flow.vector_field.step.map(nodes.shape[1])(ca.horzcat(start, nodes[:, :-1]), steps, data)
+    return ca.vec((ends - nodes) / sizes)
 
 
 class MultipleShooting:
-    """The multiple-shooting equations of a statement, from its `Shooting`, on the mesh of its motion at a guess.
+    """The multiple-shooting equations of a statement, on the mesh of its trajectories at a guess.
 
-    Unknowns: u; per arc, the times of its legs (between breakpoints) where there is more than one; the state at the
-    end of every step. Equations, each of order one: step(x[k-1]) - x[k]; on a breakpoint, coordinate - level; the sum
-    of the legs' times; the statement's own conditions.
+    Unknowns: u; per arc, the times of its legs (between breakpoints) where there is more than one; the shooting nodes.
+    Equations, each of order one: the defects; at a breakpoint, coordinate - level; the sum of the legs' times; the
+    statement's own conditions.
+
+    `Shooting`, whose module needs this one, gives itself as `equations`.
     """
 
-    def __init__(self, equations, u, p):
-        self.parts = [ca.MX.sym("u", equations.size)]
-        self.guesses, self.scales = [u], [np.maximum(np.abs(u), 1.0)]
-        self.lowers = [np.full(equations.size, -np.inf)]
-        for name in equations.statement.durations:
-            index = equations.statement.unknowns.index(name)
-            self.lowers[0][index] = 1e-3 * u[index]  # else the solver collapses the phase
-        self.zeros: list[ca.MX] = []
-        last = ca.MX(0, 1)
-        here = equations.evaluate(u, p)
-        for along, path, (depart, arrive) in zip(equations.flows, here.trajectories, equations.ends, strict=True):
-            depart = depart.function(self.parts[0], last, p)[0]
-            start, duration = depart[:-1], depart[-1]
-            last = self._arc(along, path, start, duration, p)
-            q, _ = along.piece_data(path.coefficients[0, : along.size, 0], p)
-            self.zeros.append(arrive.function(self.parts[0], start, last, p, q)[0])
+    def __init__(self, equations: Any, u: np.ndarray, p: np.ndarray):
+        statement = equations.statement
+        self._unknowns = [ca.MX.sym("u", equations.size)]
+        self._guesses, self._scales = [u], [np.maximum(np.abs(u), 1.0)]
+        self._lowers = [np.full(equations.size, -np.inf)]
+        for name in statement.durations:
+            index = statement.unknowns.index(name)
+            self._lowers[0][index] = SHORTEST_DURATION * u[index]
+        self._equations: list[ca.MX] = []
+        before, trajectories = ca.MX(0, 1), equations.evaluate(u, p).trajectories
+        boundaries = boundary_functions(statement, equations.parameters)
+        for flow, path, (departure, arrival) in zip(equations.flows, trajectories, boundaries, strict=True):
+            start, duration = departure(self._unknowns[0], before, p)
+            before = self._add_arc(flow, path, start, duration, p)
+            q, _ = flow.piece_data(path.coefficients[0, : flow.size, 0], p)
+            self._equations.append(arrival(self._unknowns[0], start, before, p, q))
 
-    unknowns = property(lambda self: ca.vertcat(*self.parts))
-    equations = property(lambda self: ca.vertcat(*self.zeros))
-    guess = property(lambda self: np.concatenate(self.guesses))
-    lower = property(lambda self: np.concatenate(self.lowers))
-    scale = property(lambda self: np.concatenate(self.scales))
+    unknowns = property(lambda self: ca.vertcat(*self._unknowns))
+    equations = property(lambda self: ca.vertcat(*self._equations))
+    guess = property(lambda self: np.concatenate(self._guesses))
+    lower = property(lambda self: np.concatenate(self._lowers))
+    scale = property(lambda self: np.concatenate(self._scales))
 
-    def _new(self, name: str, guess, lower: float, scale) -> ca.MX:
+    def _add_unknowns(self, name: str, guess: np.ndarray, lower: float, scale) -> ca.MX:
+        """A symbol for further unknowns."""
         symbol = ca.MX.sym(name, len(guess))
-        self.parts.append(symbol)
-        self.guesses.append(guess)
-        self.lowers.append(np.full(len(guess), lower))
-        self.scales.append(np.broadcast_to(scale, guess.shape))
+        self._unknowns.append(symbol)
+        self._guesses.append(guess)
+        self._lowers.append(np.full(len(guess), lower))
+        self._scales.append(np.broadcast_to(scale, guess.shape))
         return symbol
 
-    def _arc(self, along: Flow, path: Trajectory, start: ca.MX, duration: ca.MX, p) -> ca.MX:
-        """Add an arc's nodes and equations; returns the state at its end."""
-        n, count = along.size, len(path.steps)
-        nodes = np.vstack([path.coefficients[1:, :n, 0], path.end[:n]])
-        size = np.maximum(np.abs(path.coefficients[:, :n, 0]).max(0), 1.0)
-        states = ca.reshape(self._new("x", nodes.ravel(), -np.inf, np.tile(size, count)), n, count)
-        before = ca.horzcat(start, states[:, :-1])
-        leg, levels, data = self._legs(along, path, p)
+    def _add_arc(self, flow: Flow, path: Trajectory, start: ca.MX, duration: ca.MX, p: np.ndarray) -> ca.MX:
+        """Add the shooting nodes and the equations of an arc, and return the state at its end."""
+        n, count = flow.size, len(path.steps)
+        guess = np.vstack([path.coefficients[1:, :n, 0], path.end[:n]])
+        sizes = np.maximum(np.abs(path.coefficients[:, :n, 0]).max(0), 1.0)
+        nodes = ca.reshape(self._add_unknowns("x", guess.ravel(), -np.inf, np.tile(sizes, count)), n, count)
+        leg, levels, coordinate = _legs(flow, path, p)
         times = np.bincount(leg, path.steps)
         if len(times) == 1:
-            lengths = duration
+            leg_times = duration
         else:
-            lengths = self._new("t", times, 0.0, 1.0)
-            self.zeros.append((ca.sum1(lengths) - duration) / times.sum())
-        steps = ca.vertcat(*[lengths[int(i)] * (h / times[i]) for i, h in zip(leg, path.steps, strict=True)]).T
-        ends = along.vector_field.step.map(count)(before, steps, ca.DM(data))
-        self.zeros.append(ca.vec((ends - states) / size))
+            leg_times = self._add_unknowns("t", times, 0.0, 1.0)
+            self._equations.append((ca.sum1(leg_times) - duration) / times.sum())
+        steps = ca.vertcat(*[leg_times[int(i)] * (h / times[i]) for i, h in zip(leg, path.steps, strict=True)]).T
+        self._equations.append(defects(flow, start, nodes, steps, ca.DM(flow.mesh_data(path, p)), sizes))
         for i, level in enumerate(levels):
             last = int(np.flatnonzero(leg == i)[-1])
-            place = ca.DM(along.phase.pieces.coordinate).T @ states[:, last]
-            self.zeros.append((place - level) / max(abs(level), 1.0))
-        return states[:, -1]
+            self._equations.append((ca.DM(coordinate).T @ nodes[:, last] - level) / max(abs(level), 1.0))
+        return nodes[:, -1]
 
-    @staticmethod
-    def _legs(along: Flow, path: Trajectory, p):
-        """Leg of each step (N,), level at the end of each leg but the last, parameters with data (np + nq, N)."""
-        data = along.mesh_data(path, p)
-        if along.phase.pieces is None:
-            return np.zeros(len(path.steps), int), [], data
-        breaks = along.piece_table(p)[0]
-        piece = along.mesh_pieces(path, breaks)
-        change = np.diff(piece) != 0
-        levels = [breaks[max(a, b)] for a, b in zip(piece[:-1][change], piece[1:][change], strict=True)]
-        return np.concatenate([[0], np.cumsum(change)]), levels, data
+
+def _legs(flow: Flow, path: Trajectory, p: np.ndarray) -> tuple[np.ndarray, list[float], tuple[float, ...]]:
+    """The leg that each step (N,) belongs to, the breakpoint at the end of each leg but the last, and the weights of
+    the coordinate that has them."""
+    if flow.phase.pieces is None:
+        return np.zeros(len(path.steps), int), [], ()
+    breaks = flow.piece_table(p)[0]
+    piece = flow.mesh_pieces(path, breaks)
+    change = np.diff(piece) != 0
+    levels = [breaks[max(a, b)] for a, b in zip(piece[:-1][change], piece[1:][change], strict=True)]
+    return np.concatenate([[0], np.cumsum(change)]), levels, flow.phase.pieces.coordinate
+
+
+@dataclass(frozen=True, eq=False)
+class MeshTrajectory:
+    """The trajectory of a statement on a mesh, as values for a `ShootingMesh`.
+
+    counts : number of steps of each arc
+    data : values of its symbol `data`
+    nodes, sizes : values of its symbol `nodes`, and what counts as one unit of each
+    """
+
+    counts: tuple[int, ...]
+    data: np.ndarray
+    nodes: np.ndarray
+    sizes: np.ndarray
+
+
+def trajectory_on_mesh(statement: Statement, u: dict[str, float], p: dict[str, float]) -> MeshTrajectory:
+    """The trajectory of a statement at unknowns and parameters by name, on a mesh that serves its neighbours too."""
+    counts, data, nodes, sizes = [], [], [], []
+    before: list[float] = []
+    for arc in statement.arcs:
+        start, duration = [float(x) for x in arc.start(u, before, p)], float(arc.duration(u, p))
+        path, _ = flow_of(arc.phase, tuple(p)).run(start, np.array(list(p.values())), duration)
+        groups = int(np.ceil((MESH_RESERVE * len(path.steps) + SPARE_MESH_STEPS) / STEP_GROUP))
+        counts.append(STEP_GROUP * groups)
+        times = np.interp(np.linspace(0, len(path.steps), counts[-1] + 1), np.arange(len(path.times)), path.times)
+        states = path(times[1:])[:, : len(start)]
+        size = np.maximum(np.abs(states).max(0), 1.0)
+        data += [np.diff(times) / times[-1], size]
+        nodes.append(states.ravel())
+        sizes.append(np.tile(size, counts[-1]))
+        before = states[-1].tolist()
+    return MeshTrajectory(tuple(counts), *map(np.concatenate, (data, nodes, sizes)))
+
+
+class ShootingMesh:
+    """The multiple-shooting equations of a statement with `counts` steps in its arcs, at expressions `u` (n,) of its
+    unknowns and `p` (np,) of the parameters.
+
+    nodes : symbol of all shooting nodes, arc by arc and step by step
+    data : symbol of the step sizes as shares of an arc's duration (N,), and of the sizes of its states (n,), arc by arc
+    equations : vanish on a solution; all are of order one, the defects first and then the statement's own conditions
+    ends : the state at the end of each arc
+    """
+
+    def __init__(self, statement: Statement, parameters: tuple[str, ...], counts: Sequence[int], u: ca.MX, p: ca.MX):
+        flows = [flow_of(arc.phase, parameters) for arc in statement.arcs]
+        arcs = list(zip(flows, counts, boundary_functions(statement, parameters), strict=True))
+        self.nodes = ca.MX.sym("x", sum(flow.size * count for flow, count, _ in arcs))
+        self.data = ca.MX.sym("mesh", sum(flow.size + count for flow, count, _ in arcs))
+        nodes_of = ca.vertsplit(self.nodes, np.cumsum([0, *(flow.size * count for flow, count, _ in arcs)]).tolist())
+        data_of = ca.vertsplit(self.data, np.cumsum([0, *(flow.size + count for flow, count, _ in arcs)]).tolist())
+        self.ends: list[ca.MX] = []
+        steps, conditions, before = [], [], ca.MX(0, 1)
+        for (flow, count, (departure, arrival)), nodes, data in zip(arcs, nodes_of, data_of, strict=True):
+            nodes, shares, sizes = ca.reshape(nodes, flow.size, count), data[:count].T, data[count:]
+            start, duration = departure(u, before, p)
+            steps.append(defects(flow, start, nodes, duration * shares, ca.repmat(p, 1, count), sizes))
+            before = nodes[:, -1]
+            conditions.append(arrival(u, start, before, p, ca.MX(0, 1)))
+            self.ends.append(before)
+        self.equations = ca.vertcat(*steps, *conditions)

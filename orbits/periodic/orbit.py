@@ -1,75 +1,20 @@
-"""A lossless orbit and its certificate: frozen results that print, evaluate, plot, save and load themselves."""
+"""A lossless orbit: a frozen result that evaluates, prints, plots, saves and loads itself."""
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, astuple, dataclass, field
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..io import to_json
 from ..model.model import Units
-from ..model.phase import Affine
 from ..numerics.bernstein import lowest
-
-ORBIT_FORMAT = "persistent-orbits orbit 1"
-# What describes a machine in a document.
-MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """What was checked of an orbit, after it was found; lengths, times and forces in the machine's units.
-
-    family : measured, stationary points of the extension from lift-off to mid-flight, less one
-    residual : largest of the equations that were solved
-    error : bound on |alpha - true alpha|, from an independent integration; at a fold of a family across its curve,
-        along which alpha itself is known to the square root of rounding only
-    energy_drift : largest change of energy over flight and contact, relative to the launch's kinetic energy
-    clearance : lowest interior minimum of the contact point's height in flight, None where it has none
-    smallest_separation : least distance within the machine over the cycle, None where no length is stated
-    unfolding : multiple of the energy gradient that the equations needed, None where they had no such unknown
-    smallest_contact_force : lowest interior minimum of the force in contact, None where it has none (at both ends the
-        force is 0, and normally it rises to one peak in between)
-    largest_contact_force : its peak, None where the contact does not end
-    landing_jerk : third derivative of the contact point's height at landing; negative on a motion
-    loss_coefficient : C of the one-step map alpha + d -> alpha + d - C d**(4/3) on the stable side, 10 C on the other
-    stable_side : "above" or "below" alpha
-    violations : what makes it no motion, in words; empty for an admissible orbit
-    """
-
-    family: int
-    residual: float
-    error: float
-    energy_drift: float
-    clearance: float | None
-    smallest_separation: float | None
-    smallest_contact_force: float | None
-    largest_contact_force: float | None
-    landing_jerk: float
-    loss_coefficient: float | None
-    stable_side: str | None
-    violations: tuple[str, ...]
-    unfolding: float | None = None
-
-
-@dataclass(frozen=True)
-class Shape:
-    """How the stored half motions make a whole cycle, and what of it to show.
-
-    reversor, contact_reversor : signs of the states under time reversal, None where whole motions are stored
-    embed : (n, m) matrix from contact to flight states
-    heights : names and functions of the flight state, the masses first
-    springs : names of the heights, lower and upper, that springs join, None for the ground
-    """
-
-    reversor: tuple[int, ...] | None
-    contact_reversor: tuple[int, ...] | None
-    embed: np.ndarray
-    heights: Mapping[str, Affine]
-    springs: tuple[tuple[str | None, str], ...]
+from .certificate import Certificate
+from .cycle import Shape
+from .orbit_file import read_orbit, write_orbit
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +24,16 @@ class Orbit:
     alpha : launch speed
     liftoff_extension : of the spring, at lift-off and landing
     flight_time, contact_time : durations; contact_time None when the contact never ends
-    flight, contact : the first halves, as piecewise polynomials, of which the second are mirror images in time; the
-        whole where the model has no reversor
+    flight, contact : the first halves, as piecewise polynomials, whose mirror images in time are the second ones; whole
+        motions where the model has no reversor
     machine : the machine in words and numbers
-    method, skipped : the way taken and what this machine did not need
+    shape : how the halves make a whole cycle
+    method, skipped : the method that found it, and what this machine did not need
     seconds : wall time of the search and the certificate
+    units : what the dimensionless numbers stand for in SI, None for a machine that was stated without units
     """
 
-    machine: Mapping
+    machine: Mapping[str, Any]
     alpha: float
     liftoff_extension: float
     flight_time: float
@@ -107,14 +54,17 @@ class Orbit:
 
     @property
     def violations(self) -> tuple[str, ...]:
+        """What makes it no motion, in words."""
         return self.certificate.violations
 
     @property
     def family(self) -> int:
+        """The measured family; see `Certificate`."""
         return self.certificate.family
 
     @property
     def error(self) -> float:
+        """The bound on the error of alpha; see `Certificate`."""
         return self.certificate.error
 
     @property
@@ -126,7 +76,7 @@ class Orbit:
 
     @property
     def rises(self) -> dict[str, float]:
-        """How far each of the shape's heights gets above its value at lift-off, by name."""
+        """The largest rise of each of the shape's heights above its value at lift-off, by name."""
         found = {}
         for name, height in self.shape.heights.items():
             series = height.series(self.flight.coefficients)
@@ -138,34 +88,32 @@ class Orbit:
         """Flight state (n,) at the middle of the flight."""
         return self(self.flight_time / 2)
 
-    def __call__(self, t) -> np.ndarray:
-        """Flight states (..., n) at times `t` (...): any time, or 0 <= t <= flight_time where there is no period."""
-        try:
-            t = np.asarray(t, dtype=float)
-        except (TypeError, ValueError):
-            t = np.array(np.nan)
-        if not np.isfinite(t).all():
-            raise InputError("times must be finite numbers")
-        if self.contact_time is None:
-            if t.size and not (t.min() >= 0 and t.max() <= self.flight_time * (1 + 1e-12)):
-                raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}")
-            return _rows_at(self.flight, np.minimum(t, self.flight_time), self.flight_time, self.shape.reversor)
-        t = np.mod(t, self.period)
-        flying = _rows_at(self.flight, np.minimum(t, self.flight_time), self.flight_time, self.shape.reversor)
-        standing = _rows_at(
-            self.contact,
-            np.clip(t - self.flight_time, 0, self.contact_time),
-            self.contact_time,
-            self.shape.contact_reversor,
-        )
-        standing = standing[..., : self.shape.embed.shape[1]] @ self.shape.embed.T
-        return np.where((t <= self.flight_time)[..., None], flying, standing)
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Flight states (..., n) at times `t` (...): any time, or 0 <= t <= flight_time where there is no period.
 
-    def document(self) -> dict:
+        Raises `InputError` for other times and for what is no number.
+        """
+        try:
+            times = np.asarray(t, dtype=float)
+        except (TypeError, ValueError):
+            times = np.array(np.nan)
+        if not np.isfinite(times).all():
+            raise InputError("times must be finite numbers")
+        if self.contact is None or self.contact_time is None:
+            # The end of the flight may be asked for through a time that is rounded.
+            if times.size and not (times.min() >= 0 and times.max() <= self.flight_time * (1 + 1e-12)):
+                raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}")
+            return self.shape.in_flight(self.flight, self.flight_time, times)
+        times = np.mod(times, self.period)
+        flying = self.shape.in_flight(self.flight, self.flight_time, times)
+        standing = self.shape.in_contact(self.contact, self.contact_time, times - self.flight_time)
+        return np.where((times <= self.flight_time)[..., None], flying, standing)
+
+    def document(self) -> dict[str, Any]:
         """The orbit as the JSON document of the command line."""
         c = self.certificate
         mid = self.state_mid_flight
-        if self.shape.reversor:  # the others vanish
+        if self.shape.reversor:  # the states with the other sign vanish there
             mid = mid[np.array(self.shape.reversor) > 0]
         document = {
             **self.machine,
@@ -221,7 +169,7 @@ class Orbit:
         c, machine = self.certificate, self.machine
         length, time, force = astuple(self.units) if self.units else (None, None, None)
 
-        def row(name, value, scale=None, unit=""):
+        def row(name: str, value: Any, scale: float | None = None, unit: str = "") -> str:
             text = "-" if value is None else f"{value:.15g}" if isinstance(value, float) else str(value)
             extra = f"   ({value * scale:.6g} {unit})" if scale and value is not None else ""
             return f"  {name:<24}{text}{extra}"
@@ -252,103 +200,32 @@ class Orbit:
         ]
         return "\n".join(lines)
 
-    def plot(self, axes=None):
+    def plot(self, axes: Any = None) -> Any:
         """Plot heights against time as in Fig. 3 of the paper; returns the axes. See `orbits.plot.plot_orbit`."""
         from ..plot import plot_orbit
 
         return plot_orbit(self, axes)
 
-    def plot_phase_portrait(self, axes=None):
+    def plot_phase_portrait(self, axes: Any = None) -> Any:
         """Plot speed against height over a cycle; returns the axes."""
         from ..plot import plot_phase_portrait
 
         return plot_phase_portrait(self, axes)
 
-    def animate(self, path, frames: int = 80) -> Path:
-        """Write an animation of one cycle (GIF); returns its path."""
+    def animate(self, path: str | Path, frames: int = 80) -> Path:
+        """Write an animation of one cycle (GIF); returns its path. See `orbits.plot.animate_orbit`."""
         from ..plot import animate_orbit
 
         return animate_orbit(self, path, frames)
 
-    def save(self, path) -> Path:
-        """Write the orbit to a JSON file, every float with 17 significant digits; returns the path."""
-        shape = {
-            "reversor": self.shape.reversor,
-            "contact_reversor": self.shape.contact_reversor,
-            "embed": self.shape.embed.tolist(),
-            "heights": {name: [h.weights, h.offset] for name, h in self.shape.heights.items()},
-            "springs": self.shape.springs,
-        }
-        motion = {
-            "shape": shape,
-            "flight": _path_document(self.flight),
-            "contact": self.contact and _path_document(self.contact),
-            "units": self.units and asdict(self.units),
-        }
-        path = Path(path)
-        try:
-            path.write_text(
-                to_json({"format": ORBIT_FORMAT, **self.document(), "motion": motion}) + "\n", encoding="utf-8"
-            )
-        except (OSError, ValueError) as error:
-            raise InputError(f"the orbit cannot be saved to {path}: {error}") from None
-        return path
+    def save(self, path: str | Path) -> Path:
+        """Write the orbit to a JSON file, every float with 17 significant digits; returns the path.
+
+        Raises `InputError` when the file cannot be written.
+        """
+        return write_orbit(path, self.document(), self.shape, self.flight, self.contact, self.units)
 
     @classmethod
-    def load(cls, path) -> "Orbit":
+    def load(cls, path: str | Path) -> "Orbit":
         """Read an orbit that `save` wrote; raises `InputError` when the file is not one."""
-        try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-            if data["format"] != ORBIT_FORMAT:
-                raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
-            motion = data["motion"]
-            shape = motion["shape"]
-            names = {name: data[name] for name in Certificate.__dataclass_fields__ if name != "violations"}
-            return cls(
-                machine={name: data[name] for name in MACHINE_FIELDS},
-                **{name: _float_of(data[name]) for name in ("alpha", "liftoff_extension", "flight_time")},
-                contact_time=data["contact_time"] and _float_of(data["contact_time"]),
-                flight=_path_of(motion["flight"]),
-                contact=motion["contact"] and _path_of(motion["contact"]),
-                shape=Shape(
-                    shape["reversor"] and tuple(shape["reversor"]),
-                    shape["contact_reversor"] and tuple(shape["contact_reversor"]),
-                    np.array(shape["embed"]),
-                    {name: Affine(tuple(weights), offset) for name, (weights, offset) in shape["heights"].items()},
-                    tuple(map(tuple, shape["springs"])),
-                ),
-                certificate=Certificate(**names, violations=tuple(data["violations"])),
-                method=data["method"],
-                skipped=tuple(data["skipped"]),
-                seconds=data["seconds"],
-                units=motion["units"] and Units(**motion["units"]),
-            )
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise InputError(f"{path} is not a saved orbit: {error}") from None
-
-
-def _rows_at(path: Trajectory, t, duration: float, signs) -> np.ndarray:
-    """Rows at times `t` of a motion whose first half is `path` and whose second is its image under `signs`, if any."""
-    if signs is None:
-        return path(t)
-    later = t > path.times[-1]
-    states = path(np.where(later, duration - t, t))[..., : len(signs)]
-    return np.where(later[..., None], states * np.array(signs), states)
-
-
-def _path_document(path: Trajectory) -> dict:
-    return {"names": path.names, "times": path.times, "coefficients": path.coefficients}
-
-
-def _path_of(data: dict) -> Trajectory:
-    path = Trajectory(np.array(data["times"]), np.array(data["coefficients"]), tuple(data["names"]))
-    steps, rows, _ = path.coefficients.shape
-    if len(path.times) != steps + 1 or rows != len(path.names) or not (path.steps > 0).all():
-        raise ValueError("its motion is damaged")
-    return path
-
-
-def _float_of(value) -> float:
-    if not isinstance(value, float):
-        raise ValueError(f"{value!r} is not a number")
-    return value
+        return cls(**read_orbit(path))

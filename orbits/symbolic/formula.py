@@ -1,15 +1,17 @@
-"""Formulas as text: an allow-list parser to one expression tree that evaluates on NumPy and on CasADi alike.
+"""Formulas given as text: parsed by an allow-list to a tree of operations, evaluated with NumPy and CasADi alike.
 
-Grammar: numbers, names, ``+ - * / **``, parentheses and the functions of `FUNCTIONS`. Nothing is ever handed to
-``eval``; what is not on the list is an error that shows the place.
+The grammar has numbers, names, ``+ - * / **``, parentheses and the functions of `FUNCTIONS`. Nothing is ever handed to
+``eval``; whatever is not on the list is an error that shows the place. Python's own parser gives the precedence.
 """
 
+import ast
 import difflib
 import operator
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
@@ -18,33 +20,19 @@ from ..errors import InputError
 
 MAX_LENGTH = 2000
 MAX_NODES = 1000
-# Each level of nesting costs a handful of Python frames, so this stays far from the interpreter's limit.
+# Each level of nesting costs a handful of Python frames, so that this stays far from the interpreter's limit.
 MAX_DEPTH = 60
 BLANKS = " \t\n\r\f\v"
 
 CONSTANTS = {"pi": np.pi}
 
-# name -> (NumPy's name, CasADi's name)
+# The names of each function in NumPy and in CasADi.
+_SAME = ("exp", "expm1", "log", "log1p", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "sign")
+_INVERSE = ("asin", "acos", "atan", "asinh", "acosh", "atanh")
 FUNCTIONS = {
-    "exp": ("exp", "exp"),
-    "expm1": ("expm1", "expm1"),
-    "log": ("log", "log"),
-    "log1p": ("log1p", "log1p"),
-    "sqrt": ("sqrt", "sqrt"),
-    "sin": ("sin", "sin"),
-    "cos": ("cos", "cos"),
-    "tan": ("tan", "tan"),
-    "asin": ("arcsin", "asin"),
-    "acos": ("arccos", "acos"),
-    "atan": ("arctan", "atan"),
-    "sinh": ("sinh", "sinh"),
-    "cosh": ("cosh", "cosh"),
-    "tanh": ("tanh", "tanh"),
-    "asinh": ("arcsinh", "asinh"),
-    "acosh": ("arccosh", "acosh"),
-    "atanh": ("arctanh", "atanh"),
+    **{name: (name, name) for name in _SAME},
+    **{name: ("arc" + name[1:], name) for name in _INVERSE},
     "abs": ("abs", "fabs"),
-    "sign": ("sign", "sign"),
 }
 
 _TOKEN = re.compile(
@@ -57,8 +45,8 @@ _TOKEN = re.compile(
 class Formula:
     """A parsed formula; call it with a value for every name it uses.
 
-    The values may be floats, NumPy arrays (any common shape) or CasADi SX/MX expressions; the result is of the same
-    kind. Arithmetic that has no value gives NaN or inf, never a warning: the caller checks.
+    The values may be floats, NumPy arrays (of any common shape) or CasADi SX or MX expressions; the result is of the
+    same kind. Arithmetic without a value gives NaN or inf and no warning: the caller checks.
     """
 
     text: str
@@ -66,17 +54,17 @@ class Formula:
 
     @cached_property
     def names(self) -> frozenset[str]:
-        """The names that must be given a value: everything but functions and constants."""
+        """The names that need a value: all but functions and constants."""
         return frozenset(node[1] for node in _nodes(self.tree) if node[0] == "name" and node[1] not in CONSTANTS)
 
     @property
     def pieces(self) -> list[str]:
-        """The functions in it that have no second derivative somewhere, whatever is inside."""
+        """The functions in it that have no second derivative somewhere, whatever their argument."""
         return sorted({node[1] for node in _nodes(self.tree) if node[0] == "call" and node[1] in ("abs", "sign")})
 
     @property
     def terms(self) -> "list[Formula]":
-        """What it is the sum of: itself, where it is no sum."""
+        """The terms of the sum that it is, up to their signs; itself where it is no sum."""
         terms, waiting = [], [self.tree]
         while waiting:
             tree = waiting.pop()
@@ -86,7 +74,8 @@ class Formula:
                 terms.append(Formula(self.text, tree))
         return terms
 
-    def __call__(self, /, **values):
+    def __call__(self, /, **values: Any) -> Any:
+        """The value; raises `InputError` where a name has none."""
         if missing := sorted(self.names - values.keys()):
             raise InputError(f"'{self.text}' needs a value for {', '.join(missing)}")
         kinds = {type(value) for value in values.values() if isinstance(value, casadi.SX | casadi.MX)}
@@ -103,120 +92,112 @@ def parse(text: str) -> Formula:
         raise InputError(f"a formula is text, not {type(text).__name__}")
     if len(text) > MAX_LENGTH:
         raise InputError(f"the formula has {len(text)} characters; at most {MAX_LENGTH} are allowed")
-    return Formula(text, _Parser(text).parse())
+    tokens = _tokens(text)
+    _check_tokens(text, tokens)
+    # Python's parser sees numbers and names as plain names: keywords may be names here, and 007 is a number.
+    words = [f"_{i}" if kind in ("number", "name") else word for i, (kind, word, _) in enumerate(tokens[:-1])]
+    return Formula(text, _as_tuples(ast.parse(" ".join(words), mode="eval").body, tokens))
 
 
-class _Parser:
-    """Recursive descent: sum > product > sign > power > atom, as in Python."""
-
-    def __init__(self, text: str):
-        self.text, self.tokens, self.index, self.nodes, self.depth = text, _tokens(text), 0, 0, 0
-
-    def parse(self) -> tuple:
-        tree = self.sum()
-        kind, word, position = self.token
-        if kind != "end":
-            raise _error(self.text, position, f"an operator is missing before '{word}'")
-        return tree
-
-    @property
-    def token(self):
-        return self.tokens[self.index]
-
-    def take(self, *words: str):
-        kind, word, _ = self.token
-        if kind == "operator" and word in words:
-            self.index += 1
-            return word
-        return None
-
-    def node(self, *parts) -> tuple:
-        self.nodes += 1
-        if self.nodes > MAX_NODES:
-            raise InputError(f"the formula has more than {MAX_NODES} operations; shorten it")
-        return parts
-
-    def deeper(self, rule):
-        self.depth += 1
-        if self.depth > MAX_DEPTH:
-            raise _error(self.text, self.token[2], f"nested deeper than {MAX_DEPTH} levels")
-        tree = rule()
-        self.depth -= 1
-        return tree
-
-    def sum(self) -> tuple:
-        tree = self.product()
-        while sign := self.take("+", "-"):
-            tree = self.node(sign, tree, self.product())
-        return tree
-
-    def product(self) -> tuple:
-        tree = self.signed()
-        while sign := self.take("*", "/"):
-            tree = self.node(sign, tree, self.signed())
-        return tree
-
-    def signed(self) -> tuple:
-        sign = self.take("+", "-")
-        if sign is None:
-            return self.power()
-        tree = self.deeper(self.signed)
-        return self.node("negative", tree) if sign == "-" else tree
-
-    def power(self) -> tuple:
-        base = self.atom()
-        return self.node("**", base, self.deeper(self.signed)) if self.take("**") else base
-
-    def atom(self) -> tuple:
-        kind, word, position = self.token
-        if self.take("("):
-            return self.closed(position)
-        self.index += kind in ("number", "name")
-        if kind == "number":
-            if not np.isfinite(float(word)):
-                raise _error(self.text, position, f"the number {word} is too large")
-            return self.node("number", float(word))
-        if kind == "name":
-            if self.take("("):
-                if word not in FUNCTIONS:
-                    raise _error(self.text, position, f"unknown function '{word}'{suggest(word, FUNCTIONS)}")
-                return self.node("call", word, self.closed(position))
-            if word in FUNCTIONS:
-                raise _error(self.text, position, f"the function '{word}' needs an argument in parentheses")
-            return self.node("name", word)
-        raise _error(self.text, position, "a number, a name or '(' is missing here")
-
-    def closed(self, position: int) -> tuple:
-        tree = self.deeper(self.sum)
-        if not self.take(")"):
-            raise _error(self.text, position, "this has no closing parenthesis")
-        return tree
+class _Token(NamedTuple):
+    kind: str  # "number", "name", "operator" or "end"
+    word: str
+    position: int
 
 
-def suggest(word: str, known) -> str:
-    """'; did you mean ...' for the nearest known word, or the list of them, or nothing when there are none."""
+def _check_tokens(text: str, tokens: list[_Token]) -> None:
+    """Raise the error of the first token that cannot stand where it is."""
+    opened: list[int] = []  # the places of the parentheses that are open
+    pending = [0]  # the signs and powers, outside and within each of them, whose operand has not ended
+    operand_next, count = True, 0
+    for i, (kind, word, position) in enumerate(tokens):
+        count += word not in ("(", ")")
+        if operand_next and word == "(":
+            opened.append(tokens[i - 1].position if i and tokens[i - 1].kind == "name" else position)
+            pending.append(0)
+        elif operand_next and word in ("+", "-"):
+            count -= word == "+"
+            pending[-1] += 1
+        elif operand_next:
+            operand_next = _is_call(text, tokens[i], tokens[min(i + 1, len(tokens) - 1)])
+        elif word == ")" and opened:
+            opened.pop()
+            pending.pop()
+        elif kind == "operator" and word != ")" and word != "(":
+            operand_next = True
+            pending[-1] = pending[-1] + 1 if word == "**" else 0
+        elif opened:
+            raise _error(text, opened[-1], "this has no closing parenthesis")
+        elif kind != "end":
+            raise _error(text, position, f"an operator is missing before '{word}'")
+        if len(opened) + sum(pending) > MAX_DEPTH:
+            raise _error(text, tokens[i + 1].position, f"nested deeper than {MAX_DEPTH} levels")
+    if count - 1 > MAX_NODES:
+        raise InputError(f"the formula has more than {MAX_NODES} operations; shorten it")
+
+
+def _is_call(text: str, token: _Token, following: _Token) -> bool:
+    """Whether a token where an operand must stand is a function, whose argument follows; raises if it is no operand."""
+    kind, word, position = token
+    if kind not in ("number", "name"):
+        raise _error(text, position, "a number, a name or '(' is missing here")
+    if kind == "number" and not np.isfinite(float(word)):
+        raise _error(text, position, f"the number {word} is too large")
+    called = kind == "name" and following.word == "("
+    if called and word not in FUNCTIONS:
+        raise _error(text, position, f"unknown function '{word}'{suggest(word, FUNCTIONS)}")
+    if word in FUNCTIONS and not called:
+        raise _error(text, position, f"the function '{word}' needs an argument in parentheses")
+    return called
+
+
+def _as_tuples(node: ast.expr, tokens: list[_Token]) -> tuple:
+    """Python's syntax tree as one of tuples; operators that associate to the left need no recursion."""
+    chain: list[ast.BinOp] = []
+    while isinstance(node, ast.BinOp):
+        chain.append(node)
+        node = node.left
+    match node:
+        case ast.Name(id=place) if tokens[int(place[1:])].kind == "number":
+            tree: tuple = ("number", float(tokens[int(place[1:])].word))
+        case ast.Name(id=place):
+            tree = ("name", tokens[int(place[1:])].word)
+        case ast.Call(func=ast.Name(id=place), args=[argument], keywords=[]):
+            tree = ("call", tokens[int(place[1:])].word, _as_tuples(argument, tokens))
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            tree = ("negative", _as_tuples(operand, tokens))
+        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+            tree = _as_tuples(operand, tokens)
+        case _:
+            raise AssertionError(f"{type(node).__name__} is no part of a formula")
+    for parent in reversed(chain):
+        tree = (_SIGNS[type(parent.op)], tree, _as_tuples(parent.right, tokens))
+    return tree
+
+
+_SIGNS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+
+
+def suggest(word: str, known: Collection[str]) -> str:
+    """'; did you mean ...' with the nearest known word, else the list of them, or '' when there are none."""
     near = difflib.get_close_matches(word, list(known), n=1)
     if near:
         return f"; did you mean '{near[0]}'?"
     return f"; known: {', '.join(known)}" if known else ""
 
 
-def _tokens(text: str) -> list[tuple[str, str, int]]:
+def _tokens(text: str) -> list[_Token]:
     tokens, position, end = [], 0, len(text.rstrip(BLANKS))
     while position < end:
         match = _TOKEN.match(text, position)
-        if match is None:
-            position += len(text[position:]) - len(text[position:].lstrip(BLANKS))
-            remedy = ": a power is written **" if text[position] == "^" else ""
-            raise _error(text, position, f"'{_visible(text[position])}' is not allowed{remedy}")
-        tokens.append((match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)))
+        if match is None or match.lastgroup is None:
+            position = len(text) - len(text[position:].lstrip(BLANKS))
+            character = text[position] if text[position].isprintable() else f"\\x{ord(text[position]):02x}"
+            remedy = ": a power is written **" if character == "^" else ""
+            raise _error(text, position, f"'{character}' is not allowed{remedy}")
+        tokens.append(_Token(match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)))
         position = match.end()
-    return [*tokens, ("end", "the end", end)]
-
-
-def _visible(character: str) -> str:
-    """What a terminal may be given for a character."""
-    return character if character.isprintable() else f"\\x{ord(character):02x}"
+    return [*tokens, _Token("end", "the end", end)]
 
 
 def _error(text: str, position: int, problem: str) -> InputError:
@@ -226,7 +207,7 @@ def _error(text: str, position: int, problem: str) -> InputError:
 
 
 def _nodes(tree: tuple) -> list[tuple]:
-    """Every node, each after its branches; without recursion, as a long sum is a deep tree."""
+    """All nodes, each after its branches; without recursion, as a long sum is a deep tree."""
     nodes, waiting = [], [tree]
     while waiting:
         node = waiting.pop()
@@ -236,7 +217,7 @@ def _nodes(tree: tuple) -> list[tuple]:
 
 
 def _evaluate(tree: tuple, values: Mapping, constant: type, symbolic: bool):
-    """The value of a tree; `constant` makes a number one of the values' kind."""
+    """The value of a tree; `constant` turns a number into the kind of the values."""
     stack = []
     for node in _nodes(tree):
         kind = node[0]

@@ -1,21 +1,22 @@
 """Keyboard interrupts that CasADi and Ipopt would swallow: noted while they compute, raised where it is safe.
 
-An exception that a signal raises inside their evaluations counts as a failed evaluation, or is cleared by the language
-bindings without a word, and the program goes on.
+An exception that a signal handler raises inside their evaluations is taken for a failed evaluation, or it is dropped by
+the language bindings without a message, and the computation continues.
 """
 
 import signal
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 _noted = threading.Event()
 
 
 @contextmanager
-def deferred():
+def deferred() -> Iterator[None]:
     """Note interrupts instead of raising them, until `check` or the end of the block.
 
-    Outside the main thread, or where somebody else handles the signal, nothing is changed.
+    Outside the main thread, or where another handler is installed, nothing is changed.
     """
     ours = (
         threading.current_thread() is threading.main_thread()
@@ -38,7 +39,7 @@ def pending() -> bool:
     return _noted.is_set()
 
 
-def check():
+def check() -> None:
     """Raise the interrupt that was noted, if any."""
     if _noted.is_set():
         _noted.clear()

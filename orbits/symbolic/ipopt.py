@@ -1,7 +1,8 @@
-"""The only module that calls Ipopt: options, and its statuses as errors in the toolkit's words."""
+"""The only module that calls Ipopt: its options, and what its return statuses mean for the user."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -9,7 +10,9 @@ import numpy as np
 from ..errors import NoOrbit
 from . import interrupts
 
-# Ipopt's own words for an end without an answer -> ours, with what to do.
+_Pair = tuple[np.ndarray, np.ndarray]
+
+# What Ipopt's return statuses mean where the equations are not solved, and what to do.
 REASONS = {
     "Infeasible_Problem_Detected": "no solution of the equations near the starting guess; start from a nearer machine",
     "Maximum_Iterations_Exceeded": "no convergence; start from a nearer machine",
@@ -27,20 +30,20 @@ OPTIONS = {
     "ipopt.sb": "yes",
     "ipopt.tol": 1e-13,
     "ipopt.constr_viol_tol": 1e-13,
-    "ipopt.dual_inf_tol": 1.0,  # a square problem has no multipliers to speak of
+    "ipopt.dual_inf_tol": 1.0,  # the multipliers of a square problem do not matter
     "ipopt.acceptable_iter": 0,
     "ipopt.max_iter": 200,
     "ipopt.nlp_scaling_method": "none",  # the caller scales
 }
 
-# How far a minimum may be from its conditions, recomputed, whatever Ipopt calls it: what is left of its constraints,
-# and of the gradient of its Lagrangian beside the multipliers.
+# A minimum is accepted if its conditions hold to these tolerances when recomputed, whatever Ipopt's status: the
+# violation of its constraints, and the gradient of its Lagrangian beside the multipliers.
 FEASIBLE, STATIONARY_GRADIENT = 1e-9, 1e-7
-# What is missed by no more does not show that it cannot be met: the iteration may end there for other reasons.
+# A violation below this does not show that the constraints are infeasible: the iteration may end for other reasons.
 NEARLY = 1e-6
-# Ends from which no minimum is looked for where the recomputed conditions hold: it stalls at rounding.
+# Ipopt stalls at rounding with these statuses: the point is a minimum where the recomputed conditions hold.
 STALLED_STATUSES = ("Search_Direction_Becomes_Too_Small", "Solved_To_Acceptable_Level", "Restoration_Failed")
-# What an iteration that ends without a minimum means.
+# What the end of an iteration without a minimum means, by the `kind` of a `Minimum`.
 ENDS = {
     "infeasible": "no solution near the starting guess",
     "bottomless": "the cost has no lower bound",
@@ -48,20 +51,20 @@ ENDS = {
     "overdetermined": "more conditions than unknowns",
     "stuck": "no convergence",
 }
-# Costs, of order one, below this have no lower bound; and unknowns of this size run away, with or without the cost.
+# Costs are of order one, so that one below this has no lower bound; unknowns of the second size diverge.
 BOTTOMLESS, DIVERGING_ITERATES = -1e8, 1e12
 MINIMISING = {
     **OPTIONS,
     "ipopt.tol": 1e-11,
     "ipopt.constr_viol_tol": 1e-11,
     "ipopt.compl_inf_tol": 1e-11,
-    "ipopt.dual_inf_tol": 1.0,  # `tol` measures it beside the multipliers, as `STATIONARY_GRADIENT` does
-    "ipopt.bound_relax_factor": 0.0,  # a bound is a bound
+    "ipopt.dual_inf_tol": 1.0,  # only `tol` limits it: beside the multipliers, as `STATIONARY_GRADIENT`
+    "ipopt.bound_relax_factor": 0.0,  # no bound is violated, not even by rounding
     "ipopt.honor_original_bounds": "yes",
     "ipopt.max_iter": 1000,
     "ipopt.diverging_iterates_tol": DIVERGING_ITERATES,
 }
-# Beside a known answer: the barrier starts where it ended.
+# From the solution of a similar problem, the barrier parameter starts at its final value there.
 WARM = {
     "ipopt.warm_start_init_point": "yes",
     "ipopt.mu_init": 1e-7,
@@ -70,26 +73,24 @@ WARM = {
 }
 
 
-def solve_equations(unknowns: ca.MX, equations: ca.MX, guess, lower, scale) -> np.ndarray:
-    """Solve the square system equations(unknowns) = 0 by Ipopt.
+def solve_equations(
+    unknowns: ca.MX, equations: ca.MX, guess: np.ndarray, lower: np.ndarray, scale: np.ndarray
+) -> np.ndarray:
+    """Solve the square system equations(unknowns) = 0 by Ipopt, with equations of order one.
 
-    guess, lower, scale : (n,), as the solution; the problem is posed in unknowns / scale, its equations
-        being of order one
-    Raises `NoOrbit` with a reason; a keyboard interrupt stops the solver and is raised.
+    guess, lower, scale : (n,), as the solution; the problem is solved in the variables unknowns / scale
+    Raises `NoOrbit` with a reason. A keyboard interrupt stops the solver and is raised.
     """
     z = ca.MX.sym("z", unknowns.numel())
     scaled = ca.Function("equations", [unknowns], [equations])(z * scale)
-    # The objective is constant, so Newton's step needs no second derivatives: they are declared to vanish.
-    no_hessian = ca.Function(
-        "hessian",
-        [z, ca.MX.sym("p", 0), ca.MX.sym("f"), ca.MX.sym("g", equations.numel())],
-        [ca.MX(z.numel(), z.numel())],
-        ["x", "p", "lam_f", "lam_g"],
-        ["triu_hess_gamma_x_x"],
-    )
+    # The objective is constant, so that Newton's method needs no second derivatives: a zero Hessian is declared.
+    symbols = [z, ca.MX.sym("p", 0), ca.MX.sym("f"), ca.MX.sym("g", equations.numel())]
+    zero = [ca.MX(z.numel(), z.numel())]
+    no_hessian = ca.Function("hessian", symbols, zero, ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"])
     watch = _Watch(z.numel(), equations.numel())
-    options = {**OPTIONS, "hess_lag": no_hessian, "iteration_callback": watch}
-    solver = ca.nlpsol("solver", "ipopt", {"x": z, "f": ca.MX(0), "g": scaled}, options)
+    options: dict[str, Any] = {**OPTIONS, "hess_lag": no_hessian, "iteration_callback": watch}
+    problem: dict[str, Any] = {"x": z, "f": ca.MX(0), "g": scaled}
+    solver = ca.nlpsol("solver", "ipopt", problem, options)
     try:
         with interrupts.deferred():
             answer = solver(x0=guess / scale, lbx=lower / scale, ubx=np.inf, lbg=0, ubg=0)
@@ -97,7 +98,7 @@ def solve_equations(unknowns: ca.MX, equations: ca.MX, guess, lower, scale) -> n
         raise NoOrbit("multiple shooting cannot be evaluated; state the machine in units nearer to 1") from error
     interrupts.check()
     status = solver.stats()["return_status"]
-    # A step too small to matter is the end of a solve to rounding; the residual decides.
+    # Ipopt may report a failure when its step vanishes at rounding: the recomputed residual decides.
     violation = float(ca.norm_inf(answer["g"]))
     if not violation <= 1e-10:
         raise NoOrbit(f"{REASONS.get(status, 'no convergence')} (equations off by {violation:.1e})")
@@ -106,21 +107,21 @@ def solve_equations(unknowns: ca.MX, equations: ca.MX, guess, lower, scale) -> n
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where an iteration for a constrained minimum ended.
+    """The end of an iteration for a constrained minimum.
 
     x : (n,)
-    cost : there
+    cost : the value of the cost there
     multipliers : of the bounds (n,) and of the constraints (m,)
     values : of the constraints, (m,)
-    off : by how much each is missed, (m,)
-    slope : the largest part of the gradient of the Lagrangian, beside the largest multiplier
+    off : the violation of each constraint, (m,)
+    slope : the largest entry of the gradient of the Lagrangian, beside the largest multiplier
     kind : "minimum", "infeasible", "bottomless", "undefined", "overdetermined" or "stuck"
-    iterations : taken
+    iterations : the number taken
     """
 
     x: np.ndarray
     cost: float
-    multipliers: tuple[np.ndarray, np.ndarray]
+    multipliers: _Pair
     values: np.ndarray
     off: np.ndarray
     slope: float
@@ -129,12 +130,12 @@ class Minimum:
 
     @property
     def feasible(self) -> bool:
-        """Whether the constraints are as good as met."""
+        """Whether the constraints are met up to `NEARLY`."""
         return bool(self.off.max(initial=0.0) <= NEARLY)
 
     @property
     def reason(self) -> str:
-        """Why it is no minimum, "" for one."""
+        """Why it is no minimum; "" for one."""
         if self.kind == "minimum":
             return ""
         slope = f", the cost's slope is {self.slope:.1e}" if self.feasible else ""
@@ -142,14 +143,14 @@ class Minimum:
 
 
 class Minimiser:
-    """Ipopt with exact second derivatives for least cost(unknowns, p) under bounds and constraints, all of order one.
+    """Ipopt with exact second derivatives: minimises cost(unknowns, p) under bounds and constraints of order one.
 
-    options : of Ipopt's, beside `MINIMISING`
+    options : of Ipopt, in addition to `MINIMISING`
     """
 
     def __init__(self, unknowns: ca.MX, p: ca.MX, cost: ca.MX, constraints: ca.MX, options: Mapping | None = None):
         self.options = dict(options or {})
-        self.problem = {"x": unknowns, "p": p, "f": cost, "g": constraints}
+        self.problem: dict[str, Any] = {"x": unknowns, "p": p, "f": cost, "g": constraints}
         gradient = ca.gradient(cost, unknowns)
         multipliers = ca.MX.sym("multipliers", constraints.numel())
         gradient += ca.jtimes(constraints, unknowns, multipliers, True)
@@ -157,44 +158,51 @@ class Minimiser:
         self._watch = _Watch(unknowns.numel(), constraints.numel(), p.numel())
         self._solvers: dict[bool, ca.Function] = {}
 
-    def __call__(self, guess, p, bounds, limits, multipliers=None) -> Minimum:
-        """The minimum near `guess` (n,) with unknowns within `bounds` and constraints within `limits`, pairs of arrays.
+    def __call__(
+        self, guess: np.ndarray, p: np.ndarray, bounds: _Pair, limits: _Pair, multipliers: _Pair | None = None
+    ) -> Minimum:
+        """The minimum near `guess` (n,), with unknowns within `bounds` and constraints within `limits`.
 
-        multipliers : of a minimum nearby, from where the iteration starts
+        multipliers : of a similar problem's minimum, from which the iteration starts
 
-        What it found is in the answer's `kind`; only a keyboard interrupt is raised.
+        The `kind` of the result says how the iteration ended; only a keyboard interrupt is raised.
         """
         solver = self._solver(multipliers is not None)
-        known = {} if multipliers is None else dict(zip(("lam_x0", "lam_g0"), multipliers, strict=True))
+        warm_start = {} if multipliers is None else dict(zip(("lam_x0", "lam_g0"), multipliers, strict=True))
         (low, high), (least, most) = bounds, limits
         zeros = np.zeros(len(least))
-        nothing = Minimum(np.array(guess), np.nan, (np.zeros(len(guess)), zeros), zeros, zeros, 0.0, "", 0)
+        nowhere = Minimum(np.array(guess), np.nan, (np.zeros(len(guess)), zeros), zeros, zeros, 0.0, "", 0)
         if (least == most).sum() > (low < high).sum():
-            return replace(nothing, kind="overdetermined")
+            return replace(nowhere, kind="overdetermined")
         try:
             with interrupts.deferred():
-                answer = solver(x0=guess, p=p, lbx=low, ubx=high, lbg=least, ubg=most, **known)
+                answer = solver(x0=guess, p=p, lbx=low, ubx=high, lbg=least, ubg=most, **warm_start)
         except RuntimeError:
-            return replace(nothing, kind="undefined")
+            return replace(nowhere, kind="undefined")
         interrupts.check()
         x, lam_x, lam_g = (np.array(answer[name]).ravel() for name in ("x", "lam_x", "lam_g"))
-        cost, slope, values = (np.array(value).ravel() for value in self.conditions(x, p, lam_g))
+        cost, gradient, values = (np.array(value).ravel() for value in self.conditions(x, p, lam_g))
         off = np.maximum(np.maximum(least - values, values - most), 0.0)
+        slope = float(np.abs(gradient + lam_x).max(initial=0.0) / (1 + np.abs(lam_g).max(initial=0.0)))
         stats = solver.stats()
-        tilt = float(np.abs(slope + lam_x).max(initial=0.0) / (1 + np.abs(lam_g).max(initial=0.0)))
-        kind = _kind(stats["return_status"], float(cost[0]), off, tilt)
-        taken = stats.get("iter_count", 0)  # there is none where the guess has no cost
-        return Minimum(x, float(cost[0]), (lam_x, lam_g), values, off, tilt, kind, taken)
+        kind = _kind(stats["return_status"], float(cost[0]), off, slope)
+        iterations = stats.get("iter_count", 0)  # missing where the cost is undefined at the guess
+        return Minimum(x, float(cost[0]), (lam_x, lam_g), values, off, slope, kind, iterations)
 
     def _solver(self, warm: bool) -> ca.Function:
         if warm not in self._solvers:
-            options = {**MINIMISING, **self.options, **(WARM if warm else {}), "iteration_callback": self._watch}
+            options: dict[str, Any] = {
+                **MINIMISING,
+                **self.options,
+                **(WARM if warm else {}),
+                "iteration_callback": self._watch,
+            }
             self._solvers[warm] = ca.nlpsol("minimise", "ipopt", self.problem, options)
         return self._solvers[warm]
 
 
-def _kind(status: str, cost: float, off, slope: float) -> str:
-    """What an end of Ipopt's means, its conditions recomputed: not even a success is believed."""
+def _kind(status: str, cost: float, off: np.ndarray, slope: float) -> str:
+    """The kind of end by the recomputed conditions, as Ipopt reports success at points that do not meet them."""
     if status in ("Solve_Succeeded", *STALLED_STATUSES):
         largest = max(np.abs(off).max(initial=0.0) / FEASIBLE, slope / STATIONARY_GRADIENT)
         if largest <= 1.0:
@@ -208,7 +216,7 @@ def _kind(status: str, cost: float, off, slope: float) -> str:
 
 
 class _Watch(ca.Callback):
-    """Called after every iteration: 1 stops the solver, once an interrupt was noted."""
+    """Ipopt's callback after every iteration, which stops it by returning 1 once an interrupt is pending."""
 
     def __init__(self, unknowns: int, equations: int, parameters: int = 0):
         super().__init__()

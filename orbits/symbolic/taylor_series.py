@@ -1,103 +1,93 @@
-"""Taylor jets of a CasADi expression graph: the series of the solution of x' = f(x), built by recursion.
+"""Taylor series of the solutions of x' = f(x, p), by recursion over the expression graph of f.
 
-The graph of f is walked once per order with the classical product, quotient and power recursions (Jorba and Zou,
-"A software package for the numerical integration of ODEs by means of high-order Taylor methods", Exp. Math. 14,
-2005), so the size grows with the square of the order, not exponentially as repeated symbolic differentiation does.
+The graph is traversed once per order with the classical product, quotient and power recursions (Jorba and Zou, "A
+software package for the numerical integration of ODEs by means of high-order Taylor methods", Exp. Math. 14, 2005).
+The result therefore grows with the square of the order, and not exponentially as by repeated symbolic differentiation.
 """
+
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import casadi as ca
 
-from .elementwise import single_assignment
+from .instructions import Instruction, single_assignment
 
-# Operations that have no Taylor series everywhere: comparison, absolute value, switches, splines.
-_NAMES = """
-    CONST INPUT OUTPUT PARAMETER ASSIGN ADD SUB MUL DIV NEG SQ TWICE INV SQRT POW CONSTPOW EXP EXPM1 LOG LOG1P
-    SIN COS TAN ASIN ACOS ATAN SINH COSH TANH ASINH ACOSH ATANH
-"""
-SUPPORTED = frozenset(getattr(ca, f"OP_{name}") for name in _NAMES.split())
+_ZERO = ca.SX(0)
 
 
 def has_taylor_series(function: ca.Function) -> bool:
-    """Whether every operation of the SX function has a jet recursion."""
-    return all(function.instruction_id(i) in SUPPORTED for i in range(function.n_instructions()))
+    """Whether every operation of the SX function has a recursion, as comparisons, switches and splines have not."""
+    leaves = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)
+    operations = [function.instruction_id(i) for i in range(function.n_instructions())]
+    return all(op in _RECURSIONS or op in leaves for op in operations)
 
 
 def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> ca.SX:
-    """Taylor coefficients of the solution through `x` and of what is watched along it.
+    """Taylor coefficients of the solution through `x`, and of the quantities watched along it.
 
     `field` is an SX function (x, p) -> (x', w): the vector field (n) and watched quantities (m, may be 0).
     Returns an SX matrix (n + m, order + 1); column k holds the coefficients of t**k.
     """
     n, m = field.numel_out(0), field.numel_out(1)
-    program = single_assignment(field)
-    series = [_Series() for _ in program]
+    instructions = single_assignment(field)
+    series = [_Series() for _ in instructions]
     state = [[x[i]] for i in range(n)]
-    watched = [[] for _ in range(m)]
-    zero = ca.SX(0)
+    parameters = [[p[i], *[_ZERO] * order] for i in range(p.numel())]
+    watched: list[list[ca.SX]] = [[] for _ in range(m)]
     for k in range(order + 1):
-        derivative = [zero] * n
-        for (op, arguments, constant), out in zip(program, series, strict=True):
-            if op == ca.OP_INPUT:
-                which, element = arguments
-                out.append(state[element][k] if which == 0 else p[element] if k == 0 else zero)
-            elif op == ca.OP_OUTPUT:
-                (source, which, element) = arguments
-                if which == 0:
-                    derivative[element] = series[source][k]
-                else:
-                    watched[element].append(series[source][k])
-            elif op in (ca.OP_CONST, ca.OP_PARAMETER):
-                out.append(ca.SX(constant) if k == 0 else zero)
-            else:
-                out.append(_coefficient(op, [series[a] for a in arguments], out, k))
-        if k < order:
-            for i in range(n):
-                state[i].append(derivative[i] / (k + 1))
-    rows = [ca.horzcat(*row) for row in (*state, *(row or [zero] * (order + 1) for row in watched))]
-    return ca.vertcat(*rows)
+        outputs = _advance(instructions, series, (state, parameters), k)
+        for i in range(m):
+            watched[i].append(outputs.get((1, i), _ZERO))
+        for i in range(n if k < order else 0):
+            state[i].append(outputs.get((0, i), _ZERO) / (k + 1))
+    return ca.vertcat(*[ca.horzcat(*row) for row in (*state, *watched)])
 
 
 def variations(field: ca.Function, varied: tuple[int, ...], order: int) -> tuple[ca.Function, ca.Function]:
-    """The series of `taylor_coefficients` and, of one column after another, those of dx' = f_x dx + f_p dp.
+    """Taylor series of the solution and of one column of its variational equations dx' = f_x dx + f_p dp.
 
-    varied : the rows of dp that are given, the others being zero
+    varied : the rows of dp that are given; the others are zero
 
-    Returns (x, p) -> coefficients (order + 1, n + m), those of the entries of f_x and f_p; and (the latter, dx (n,), dp
-    (rows,)) -> coefficients (order + 1, n).
+    Returns two functions. The first takes (x, p) to the coefficients (order + 1, n + m) of `taylor_coefficients`,
+    transposed, and to those of the nonzero entries of f_x and f_p. The second takes (those of the entries, dx (n,),
+    dp (rows,)) to the coefficients (order + 1, n) of the column.
     """
     x, p = field.sx_in(0), field.sx_in(1)
     rates, watched = field(x, p)
     n, m = rates.numel(), watched.numel()
-    slopes = ca.horzcat(ca.jacobian(rates, x), ca.jacobian(rates, p)[:, list(varied)])
-    known = ca.vertcat(*slopes.nonzeros())
-    together = ca.Function("variations", [x, p], ca.cse([rates, ca.vertcat(watched, known)]))
-    c = taylor_coefficients(together, x, p, order)
+    jacobian = ca.horzcat(ca.jacobian(rates, x), ca.jacobian(rates, p)[:, list(varied)])
+    extended = ca.cse([rates, ca.vertcat(watched, jacobian.nz[:])])
+    c = taylor_coefficients(ca.Function("variations", [x, p], extended), x, p, order)
     entries = ca.sparsify(c[n + m :, :])
     series = ca.Function("series", [x, p], [ca.densify(c[: n + m, :].T), entries])
 
     a = ca.SX.sym("a", entries.sparsity())
     dx, dp = ca.SX.sym("dx", n), ca.SX.sym("dp", len(varied))
-    moved = [[value] for value in ca.vertsplit(dx)] + [[value, *[ca.SX(0)] * order] for value in ca.vertsplit(dp)]
-    places = list(zip(*slopes.sparsity().get_triplet(), strict=True))
+    column = [[value] for value in ca.vertsplit(dx)] + [[value, *[_ZERO] * order] for value in ca.vertsplit(dp)]
+    places = list(zip(*jacobian.sparsity().get_triplet(), strict=True))
     for k in range(order):
-        rise = [ca.SX(0)] * n
+        rise = [_ZERO] * n
         for entry, (i, j) in enumerate(places):
-            rise[i] += _convolve(a[entry, :], moved[j], 0, k, k)
+            rise[i] += _convolve(a[entry, :], column[j], 0, k, k)
         for i in range(n):
-            moved[i].append(rise[i] / (k + 1))
-    column = ca.densify(ca.horzcat(*[ca.vertcat(*row) for row in moved[:n]]))
-    return series, ca.Function("column", [a, dx, dp], [column])
+            column[i].append(rise[i] / (k + 1))
+    coefficients = ca.densify(ca.horzcat(*[ca.vertcat(*row) for row in column[:n]]))
+    return series, ca.Function("column", [a, dx, dp], [coefficients])
 
 
 class _Series(list):
-    """Coefficients found so far; `aside` keeps the series a recursion carries along (cos beside sin), `slopes` the
-    multiples j a[j] that it uses again and again."""
+    """The coefficients found so far of one result, with what its recursion needs besides.
 
-    aside = None
+    slopes : the multiples j a[j], kept because many sums use them
+    partner : the series of a second function that the recursion needs, as the cosine beside the sine
+    inner : the series of the instructions of a composed operation
+    """
 
-    def __init__(self, coefficients=()):
-        super().__init__(coefficients)
+    def __init__(self) -> None:
+        super().__init__()
         self.slopes: dict[int, ca.SX] = {}
+        self.partner: list[ca.SX] = []
+        self.inner: list[_Series] = []
 
     def slope(self, j: int) -> ca.SX:
         """j a[j], coefficient j - 1 of the derivative."""
@@ -109,6 +99,28 @@ class _Series(list):
         return all(c.is_zero() for c in self[1:])
 
 
+def _advance(
+    instructions: list[Instruction], series: list[_Series], inputs: Sequence, k: int
+) -> dict[tuple[int, int], ca.SX]:
+    """Append coefficient k of every instruction to its series; return those of the outputs by (output, element).
+
+    inputs : for each input the coefficients of each of its elements, known up to k
+    """
+    outputs = {}
+    for (op, arguments, constant), out in zip(instructions, series, strict=True):
+        if op == ca.OP_OUTPUT:
+            source, which, element = arguments
+            outputs[which, element] = series[source][k]
+        elif op == ca.OP_INPUT:
+            which, element = arguments
+            out.append(inputs[which][element][k])
+        elif constant is not None:
+            out.append(ca.SX(constant) if k == 0 else _ZERO)
+        else:
+            out.append(_RECURSIONS[op](series[arguments[0]], series[arguments[-1]], out, k))
+    return outputs
+
+
 def _convolve(a, b, low: int, high: int, k: int) -> ca.SX:
     """Sum of a[j] b[k-j] for low <= j <= high."""
     terms = [j for j in range(low, high + 1) if not (a[j].is_zero() or b[k - j].is_zero())]
@@ -117,7 +129,7 @@ def _convolve(a, b, low: int, high: int, k: int) -> ca.SX:
     return ca.dot(ca.vertcat(*[a[j] for j in terms]), ca.vertcat(*[b[k - j] for j in terms]))
 
 
-def _weighted(a, b, k: int) -> ca.SX:
+def _weighted(a: _Series, b, k: int) -> ca.SX:
     """Sum of j/k a[j] b[k-j] for 1 <= j <= k: the recursion of every function whose derivative is elementary."""
     terms = [j for j in range(1, k + 1) if not (a[j].is_zero() or b[k - j].is_zero())]
     if not terms:
@@ -125,122 +137,96 @@ def _weighted(a, b, k: int) -> ca.SX:
     return ca.dot(ca.vertcat(*[a.slope(j) for j in terms]), ca.vertcat(*[b[k - j] for j in terms])) / k
 
 
-def _coefficient(op: int, arguments: list, out: _Series, k: int) -> ca.SX:
-    """Coefficient k of one operation from its arguments up to k and its own result up to k - 1."""
-    a = arguments[0]
-    b = arguments[-1]
-    match op:
-        case ca.OP_ASSIGN:
-            return a[k]
-        case ca.OP_ADD:
-            return a[k] + b[k]
-        case ca.OP_SUB:
-            return a[k] - b[k]
-        case ca.OP_NEG:
-            return -a[k]
-        case ca.OP_TWICE:
-            return 2 * a[k]
-        case ca.OP_MUL:
-            return _convolve(a, b, 0, k, k)
-        case ca.OP_SQ:
-            half = 2 * _convolve(a, a, 0, (k - 1) // 2, k) if k else ca.SX(0)
-            return half + a[k // 2] ** 2 if k % 2 == 0 else half
-        case ca.OP_DIV:
-            return (a[k] - _convolve(b, out, 1, k, k)) / b[0] if k else a[0] / b[0]
-        case ca.OP_INV:
-            return -_convolve(a, out, 1, k, k) / a[0] if k else 1 / a[0]
-        case ca.OP_SQRT:
-            return (a[k] - _convolve(out, out, 1, k - 1, k)) / (2 * out[0]) if k else ca.sqrt(a[0])
-        case ca.OP_CONSTPOW | ca.OP_POW:
-            return _power(a, b, out, k)
-        case ca.OP_EXP:
-            return _weighted(a, out, k) if k else ca.exp(a[0])
-        case ca.OP_EXPM1:
-            return _weighted(a, out, k) + a[k] if k else ca.expm1(a[0])
-        case ca.OP_TAN | ca.OP_TANH:
-            return _tangent(op, a, out, k)
-        case ca.OP_SIN | ca.OP_COS | ca.OP_SINH | ca.OP_COSH:
-            return _pair(op, a, out, k)
-    return _integral(op, a, out, k)
+# Each recursion gives coefficient k of an operation from its first argument a and its last argument b, known up to k,
+# and from its own result, known up to k - 1.
+
+
+def _square(a, b, out, k: int) -> ca.SX:
+    products = 2 * _convolve(a, a, 0, (k - 1) // 2, k) if k else ca.SX(0)
+    return products + a[k // 2] ** 2 if k % 2 == 0 else products
 
 
 def _power(a, b, out, k: int) -> ca.SX:
     if k == 0:
-        out.aside = [_Series() for _ in _VARIABLE_POWER]
         return a[0] ** b[0]
     if not b.constant():
-        for i in range(len(out.aside[0]), k):
-            _advance(_VARIABLE_POWER, out.aside, (a, b), i)
-        return _advance(_VARIABLE_POWER, out.aside, (a, b), k)
+        return _compose(_VARIABLE_POWER, (a, b), out, k)[0, 0]
     terms = [j for j in range(1, k + 1) if not a[j].is_zero()]
     return sum((((b[0] + 1) * j / k - 1) * a[j] * out[k - j] for j in terms), ca.SX(0)) / a[0]
 
 
-def _pair(op: int, a, out, k: int) -> ca.SX:
-    """sin with cos, sinh with cosh: each is the other's derivative, up to a sign."""
-    functions = (ca.sin, ca.cos) if op in (ca.OP_SIN, ca.OP_COS) else (ca.sinh, ca.cosh)
-    first, second = functions if op in (ca.OP_SIN, ca.OP_SINH) else functions[::-1]
+def _with_partner(function: Callable, partner: Callable, signs: tuple[int, int], a, b, out, k: int) -> ca.SX:
+    """Functions that are each other's derivatives up to `signs`, as sine and cosine or their hyperbolic namesakes."""
     if k == 0:
-        out.aside = _Series([second(a[0])])
-        return first(a[0])
-    value = _weighted(a, out.aside, k)
-    other = _weighted(a, out, k)
-    out.aside.append(-other if op == ca.OP_SIN else other)
-    return -value if op == ca.OP_COS else value
+        out.partner.append(partner(a[0]))
+        return function(a[0])
+    value, beside = _weighted(a, out.partner, k), _weighted(a, out, k)
+    out.partner.append(beside if signs[1] > 0 else -beside)
+    return value if signs[0] > 0 else -value
 
 
-def _tangent(op: int, a, out, k: int) -> ca.SX:
+def _tangent(function: Callable, sign: int, a, b, out, k: int) -> ca.SX:
     """t = tan a or tanh a from t' = (1 + t**2) a' or (1 - t**2) a'."""
     if k == 0:
-        out.aside = _Series()
-        return ca.tan(a[0]) if op == ca.OP_TAN else ca.tanh(a[0])
-    square = _convolve(out, out, 0, k - 1, k - 1)
-    out.aside.append((k == 1) + (square if op == ca.OP_TAN else -square))
-    return _weighted(a, out.aside, k)
-
-
-def _integral(op: int, a, out, k: int) -> ca.SX:
-    """A function whose derivative is algebraic: its coefficients from those of the derivative, one order behind."""
-    function, derivative = _INTEGRALS[op]
-    if k == 0:
-        out.aside = [_Series() for _ in derivative]
         return function(a[0])
-    slope = out.aside[derivative[-1][1][0]]
-    _advance(derivative, out.aside, (a,), k - 1)
-    return _weighted(a, slope, k)
+    square = _convolve(out, out, 0, k - 1, k - 1)
+    out.partner.append((k == 1) + (square if sign > 0 else -square))
+    return _weighted(a, out.partner, k)
 
 
-def _advance(program: list[tuple], series: list[_Series], inputs: tuple, k: int) -> ca.SX:
-    """Coefficient k of a program with one output, its inputs known up to k; `series` holds what went before."""
-    for (op, arguments, constant), out in zip(program, series, strict=True):
-        if op == ca.OP_OUTPUT:
-            return series[arguments[0]][k]
-        if op == ca.OP_INPUT:
-            out.append(inputs[arguments[0]][k])
-        elif op == ca.OP_CONST:
-            out.append(ca.SX(constant) if k == 0 else ca.SX(0))
-        else:
-            out.append(_coefficient(op, [series[a] for a in arguments], out, k))
-    raise AssertionError("a program ends with its output")
+def _integral(function: Callable, derivative: list[Instruction], a, b, out, k: int) -> ca.SX:
+    """A function whose derivative is algebraic: its coefficients follow those of the derivative, one order behind."""
+    if k == 0:
+        return function(a[0])
+    _compose(derivative, (a,), out, k - 1)
+    return _weighted(a, out.inner[derivative[-1].arguments[0]], k)
 
 
-def _program(function, count: int) -> list[tuple]:
+def _compose(instructions: list[Instruction], arguments: tuple, out: _Series, k: int) -> dict[tuple[int, int], ca.SX]:
+    """Coefficient k of a function made of `instructions`, after those of lower order that are still missing."""
+    out.inner = out.inner or [_Series() for _ in instructions]
+    for i in range(len(out.inner[0]), k + 1):
+        outputs = _advance(instructions, out.inner, [[argument] for argument in arguments], i)
+    return outputs
+
+
+def _instructions(function: Callable, count: int) -> list[Instruction]:
     symbols = [ca.SX.sym("a") for _ in range(count)]
     return single_assignment(ca.Function("f", symbols, [function(*symbols)]))
 
 
-def _integral_program(function):
-    return function, _program(lambda a: ca.jacobian(function(a), a), 1)
+def _integral_of_derivative(function: Callable) -> partial:
+    return partial(_integral, function, _instructions(lambda a: ca.jacobian(function(a), a), 1))
 
 
-_VARIABLE_POWER = _program(lambda a, b: ca.exp(b * ca.log(a)), 2)
-_INTEGRALS = {
-    ca.OP_LOG: _integral_program(ca.log),
-    ca.OP_LOG1P: _integral_program(ca.log1p),
-    ca.OP_ASIN: _integral_program(ca.asin),
-    ca.OP_ACOS: _integral_program(ca.acos),
-    ca.OP_ATAN: _integral_program(ca.atan),
-    ca.OP_ASINH: _integral_program(ca.asinh),
-    ca.OP_ACOSH: _integral_program(ca.acosh),
-    ca.OP_ATANH: _integral_program(ca.atanh),
+_VARIABLE_POWER = _instructions(lambda a, b: ca.exp(b * ca.log(a)), 2)
+_RECURSIONS: dict[int, Callable[..., ca.SX]] = {
+    ca.OP_ASSIGN: lambda a, b, out, k: a[k],
+    ca.OP_ADD: lambda a, b, out, k: a[k] + b[k],
+    ca.OP_SUB: lambda a, b, out, k: a[k] - b[k],
+    ca.OP_NEG: lambda a, b, out, k: -a[k],
+    ca.OP_TWICE: lambda a, b, out, k: 2 * a[k],
+    ca.OP_MUL: lambda a, b, out, k: _convolve(a, b, 0, k, k),
+    ca.OP_SQ: _square,
+    ca.OP_DIV: lambda a, b, out, k: (a[k] - _convolve(b, out, 1, k, k)) / b[0] if k else a[0] / b[0],
+    ca.OP_INV: lambda a, b, out, k: -_convolve(a, out, 1, k, k) / a[0] if k else 1 / a[0],
+    ca.OP_SQRT: lambda a, b, out, k: (a[k] - _convolve(out, out, 1, k - 1, k)) / (2 * out[0]) if k else ca.sqrt(a[0]),
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_EXP: lambda a, b, out, k: _weighted(a, out, k) if k else ca.exp(a[0]),
+    ca.OP_EXPM1: lambda a, b, out, k: _weighted(a, out, k) + a[k] if k else ca.expm1(a[0]),
+    ca.OP_SIN: partial(_with_partner, ca.sin, ca.cos, (1, -1)),
+    ca.OP_COS: partial(_with_partner, ca.cos, ca.sin, (-1, 1)),
+    ca.OP_SINH: partial(_with_partner, ca.sinh, ca.cosh, (1, 1)),
+    ca.OP_COSH: partial(_with_partner, ca.cosh, ca.sinh, (1, 1)),
+    ca.OP_TAN: partial(_tangent, ca.tan, 1),
+    ca.OP_TANH: partial(_tangent, ca.tanh, -1),
+    ca.OP_LOG: _integral_of_derivative(ca.log),
+    ca.OP_LOG1P: _integral_of_derivative(ca.log1p),
+    ca.OP_ASIN: _integral_of_derivative(ca.asin),
+    ca.OP_ACOS: _integral_of_derivative(ca.acos),
+    ca.OP_ATAN: _integral_of_derivative(ca.atan),
+    ca.OP_ASINH: _integral_of_derivative(ca.asinh),
+    ca.OP_ACOSH: _integral_of_derivative(ca.acosh),
+    ca.OP_ATANH: _integral_of_derivative(ca.atanh),
 }

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
-from orbits.continuation.corrector import Curve, CurvePoint, interpolated
+from orbits.continuation.corrector import correct, correct_all, predict_and_correct
+from orbits.continuation.curve import Curve, CurvePoint, interpolated
 from orbits.continuation.events import watched
 from orbits.continuation.newton_batch import NewtonBatch
 from orbits.continuation.predictor import around
@@ -121,14 +122,13 @@ def test_a_parameter_that_does_not_matter_leaves_alpha_alone():
 
 
 def test_stiffness_only_changes_the_units():
-    """A flight in closed form has Taylor's steps where its parameter varies, which neighbours can share too."""
+    """A flight in closed form takes Taylor steps where its parameter varies, and neighbours are solved in one call."""
     machine = Hopper("k*r", parameters={"k": 1.0})
     family = follow(machine, "k", 9.0)
     assert family.column("alpha") * np.sqrt(family.column("k")) == pytest.approx(4.493409457909064, rel=1e-13)
     curve = Curve(machine, "k", "relative", 8.0)
     x = np.array([*family[5].u, family[5].value])
-    curve.correct(x, np.eye(3)[2], x[2], np.eye(3)[2])
-    assert curve.counts is not None
+    assert correct(curve, x, np.eye(3)[2], x[2], np.eye(3)[2]).counts is not None
 
 
 def test_the_last_step_is_of_the_motion_itself():
@@ -140,7 +140,7 @@ def test_the_last_step_is_of_the_motion_itself():
 
 
 def test_motions_are_followed_together(monkeypatch):
-    """A spring that stiffens needs ever more steps, but mostly there are enough; also one that runs off."""
+    """A stiffening spring needs ever more Taylor steps, but those tried mostly suffice; so too on an escaping curve."""
     found, alone, step, evaluate = [], [], NewtonBatch.step, Curve.evaluate
     monkeypatch.setattr(NewtonBatch, "step", lambda *a: found.append(step(*a)) or found[-1])
     monkeypatch.setattr(Curve, "evaluate", lambda self, xs: alone.append(len(xs)) or evaluate(self, xs))
@@ -418,16 +418,15 @@ def test_memory_stays_flat_over_many_orbits():
 
 def test_ipopt_goes_on_where_newton_fails(monkeypatch):
     """A corrector that fails in a window but for a given value of the parameter."""
-    step = Curve.step
 
-    def failing(self, knots, length, value=None):
-        if 0.2 < knots[-1].value < 0.6 and value is None and len(solved) < 1:
+    def failing(curve, ends, length, value=None):
+        if 0.2 < ends[-1].value < 0.6 and value is None and len(solved) < 1:
             raise NoOrbit("the corrector does not converge")
-        return step(self, knots, length, value)
+        return predict_and_correct(curve, ends, length, value)
 
     solved = []
     solve = Shooting.multiple_shooting
-    monkeypatch.setattr(Curve, "step", failing)
+    monkeypatch.setattr("orbits.continuation.stepper.predict_and_correct", failing)
     monkeypatch.setattr(Shooting, "multiple_shooting", lambda *a: solved.append(a) or solve(*a))
     family = follow(Hopper("cubic"), "beta", 1.0, 0.0)
     assert len(solved) == 1
@@ -543,7 +542,7 @@ def test_a_first_orbit_of_another_family_is_refused(monkeypatch):
 
 
 def test_what_rests_on_a_chain_of_points():
-    """Those on either side as far as the chain keeps its direction: a cubic through two, a line through one."""
+    """Points on either side are used while the chain keeps its direction: a cubic through two, a line through one."""
     t = np.array([0.0, 0.1, 0.3, 0.35, 0.2])
     xs, tangents = np.stack([t**3, t], axis=1), np.stack([3 * t**2, np.ones(5)], axis=1)
     tangents[4] *= -1  # turned round
@@ -559,23 +558,25 @@ def test_points_are_certified_up_to_the_first_that_cannot_be(monkeypatch):
     curve, row = Curve(Hopper("cubic"), "beta", "relative", 1.0), np.array([0.0, 0.0, 1.0])
     betas = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
     guesses = np.array([[1.0, find(Hopper("cubic", parameters={"beta": beta})).alpha, beta] for beta in betas])
-    single = {i: curve.correct(guesses[i], row, betas[i], row) for i in (1, 3)}
+    single = {i: correct(curve, guesses[i], row, betas[i], row) for i in (1, 3)}
     others = [0, 2, 4, 5]
-    together = curve.correct_all(guesses[others], np.tile(row, (4, 1)), guesses[others, 2], np.tile(row, (4, 1)))
-    ats = [single[i] if i in single else together[others.index(i)] for i in range(6)]
-    good, error = curve.checked(ats)
+    rows = np.tile(row, (4, 1))
+    together = correct_all(curve, guesses[others], rows, guesses[others, 2], rows)
+    points = [single[i] if i in single else together[others.index(i)] for i in range(6)]
+    certified, error = curve.certify_all(points)
     assert error is None
-    assert [at.point.value for at in good] == pytest.approx(betas)
-    assert [at.point.alpha for at in good] == pytest.approx(guesses[:, 1], rel=1e-13)
+    assert [at.point.value for at in certified] == pytest.approx(betas)
+    assert [at.point.alpha for at in certified] == pytest.approx(guesses[:, 1], rel=1e-13)
+    assert not any(at.certified for at in points)
 
     def refusing(model, cases):
         for i in np.flatnonzero(cases.p["beta"] > 0.35):
             raise NoOrbit(f"not {cases.p['beta'][i]:.1f}").about(i)
         return certify(model, cases)
 
-    monkeypatch.setattr("orbits.continuation.corrector.certify", refusing)
-    good, error = curve.checked(ats)
-    assert good == ats[:3]
+    monkeypatch.setattr("orbits.continuation.curve.certify", refusing)
+    certified, error = curve.certify_all(points)
+    assert [at.x is point.x for at, point in zip(certified, points, strict=False)] == [True] * 3
     assert str(error) == "not 0.4"
 
 

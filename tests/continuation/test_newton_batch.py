@@ -1,5 +1,5 @@
-"""What is done for many at once, against the same one by one: motions to their zeros, contacts to their ends, functions
-at many points, statements at many points, sensitivities column by column."""
+"""Computations for many points in one call against the same one by one: motions to their zeros, contacts to their ends,
+functions, statements, Newton steps, and sensitivities column by column."""
 
 import casadi as ca
 import numpy as np
@@ -8,15 +8,18 @@ from conftest import REFERENCES, machine_of
 from scipy.integrate import solve_ivp
 
 from orbits import FlowError, OutOfRange, ReturnMap, find, simulate
-from orbits.continuation.corrector import Curve, interpolated
+from orbits.continuation.corrector import correct, newton_steps, predict_and_correct
+from orbits.continuation.curve import Curve, interpolated
 from orbits.continuation.newton_batch import newton_batch
-from orbits.flow.flow import first_zero, flow_of
+from orbits.flow.bounds import FlowControl
+from orbits.flow.flow import flow_of
+from orbits.flow.zero_crossing import first_zero
 from orbits.hybrid.impacts import Impacts
 from orbits.model.phase import Affine
+from orbits.periodic.evaluation import joined
 from orbits.periodic.formulations import equations_of
-from orbits.periodic.single_shooting import Shooting, joined
-from orbits.symbolic.calls import BufferedFunction
-from orbits.symbolic.elementwise import ElementwiseFunction
+from orbits.periodic.single_shooting import Shooting
+from orbits.symbolic.calls import BufferedFunction, ElementwiseFunction
 from orbits.symbolic.taylor_series import variations
 from problems import Hopper, springs
 
@@ -62,9 +65,9 @@ def test_contacts_to_their_ends(name):
     rules = Impacts(MACHINES[name])
     speeds = np.linspace(0.05, 6, 40)
     standing = np.column_stack([np.full(40, rules.launch(speeds)[0, 0] * 0.9), -speeds])
-    status, ends = rules.stand_all(standing)
+    status, ends = rules.sustained_contacts(standing)
     for start, how, end in zip(standing, status, ends, strict=True):
-        path, expected, _ = rules.stand(start)
+        path, expected, _ = rules.sustained_contact(start)
         assert how == expected
         if how == "lifts_off":
             assert end == pytest.approx(path.end[:2], rel=1e-9, abs=1e-9)
@@ -72,7 +75,7 @@ def test_contacts_to_their_ends(name):
 
 @pytest.mark.parametrize("name", ["cubic", "sinh in gravity"])
 def test_motions_up_to_a_zero(name):
-    """Of few steps and of many, in their order; those that do not get there are left out."""
+    """Motions of few steps and of many, in their order; those that do not get there are left out."""
     rules, rng = Impacts(MACHINES[name]), np.random.default_rng(8)
     p, starts = np.tile(rules.p, (40, 1)), rng.normal(0, 4, (40, 2))
     starts[7] = np.nan
@@ -89,10 +92,10 @@ def test_motions_up_to_a_zero(name):
 
 def test_motions_of_too_many_steps_leave_the_others_alone(monkeypatch):
     """They are left out, and those of fewer are followed together the next time too."""
-    monkeypatch.setattr("orbits.flow.flow.MOST_AT_ONCE", 6)
+    monkeypatch.setattr("orbits.flow.dynamics.PhaseDynamics.control", FlowControl(max_block=6))
     rules, back = Impacts(MACHINES["cubic"]), Affine((1.0, 0.0, 0.0))
     starts = np.random.default_rng(8).normal(0, 4, (40, 2))
-    monkeypatch.setattr(rules.contact, "usual", 6)
+    monkeypatch.setattr(rules.contact, "expected_steps", 6)
     for _ in range(2):
         which, motions = rules.contact.until_zero(starts, np.tile(rules.p, (40, 1)), back)
         assert 0 < len(which) < 40
@@ -229,7 +232,7 @@ def test_some_points_replaced_by_others(longer):
 
 
 def test_newton_steps_of_many_points():
-    """In one call, and one by one; both lead to where the equations hold to second order."""
+    """In one call and one by one; both lead to where the equations hold to second order."""
     equations, xs, ps, count = cubics(9)
     rows = np.random.default_rng(6).normal(size=xs.shape)
     targets = np.einsum("mi,mi->m", rows, xs) + 1e-6
@@ -254,7 +257,7 @@ def test_newton_steps_of_many_points():
 
 
 def test_steps_that_are_not_enough():
-    """Although a step may lead to a motion so short that they are."""
+    """Too few Taylor steps are told, although a Newton step may lead to a motion so short that they suffice."""
     equations, xs, ps, count = cubics(1)
     row, on = np.eye(4)[2], newton_batch(equations, "beta")
     for few in (1, 2, count - 1):
@@ -269,14 +272,14 @@ def test_steps_that_are_not_enough():
 
 
 def test_some_take_more_steps_than_are_tried():
-    """They are tried again by more, or alone; all come in their order."""
+    """Motions that need more Taylor steps are tried again by more, or one by one; all come in their order."""
     curve = Curve(Hopper("cubic"), "beta", "relative", 1.0)
     xs, rows = np.array([[1.0, 4.49, beta] for beta in (0.0, 0.01, 0.05)]), np.tile(np.eye(3)[2], (3, 1))
     xs[1, 1] = 40.0  # far more
-    *one_by_one, there = curve.newton_steps(xs, rows, xs[:, 2])
+    *one_by_one, there, _ = newton_steps(curve, xs, rows, xs[:, 2])
     for counts in ((6,), (8,), (80,)):
-        curve.counts = counts
-        steps, directions, here = curve.newton_steps(xs, rows, xs[:, 2])
+        steps, directions, here, enough = newton_steps(curve, xs, rows, xs[:, 2], counts)
+        assert enough[0] >= counts[0]
         assert steps == pytest.approx(one_by_one[0], rel=1e-9)
         assert directions == pytest.approx(one_by_one[1], rel=1e-9)
         for i in range(3):
@@ -288,7 +291,7 @@ def test_steps_share_the_time_and_are_halved_in_vain():
     """A saturated spring, flat to the last digit where the motion starts: the series does not know what comes after."""
     along = flow_of(Hopper("tanh", parameters={"b": 1.0}).model.reduction.statement.arcs[0].phase, ("b",))
     start, p, duration, count = np.array([-30.0, 4.0]), np.array([1.0]), 12.0, 60
-    end, _, _, (taken, tried) = BufferedFunction(along.stepper(0).one.mapaccum(count))(
+    end, _, _, (taken, tried) = BufferedFunction(along.stepper(0).step_function.mapaccum(count))(
         [*start, duration, 1e9], np.ones((count, 1))
     )
     assert taken.sum() == pytest.approx(duration, rel=1e-15)
@@ -340,24 +343,24 @@ def test_motions_at_rest_and_of_many_steps():
 
 
 def test_a_step_along_a_curve_at_once():
-    """Against the interpolant and the corrector, which it is made of."""
+    """A step in one call, against the interpolant and the corrector that it is made of."""
     curve = Curve(Hopper("cubic"), "beta", "relative", 1.0)
     row = np.array([0.0, 0.0, 1.0])
-    knots = [curve.correct(np.array([1.0, 4.49, 0.0]), row, 0.0, row)]
+    ends = [correct(curve, np.array([1.0, 4.49, 0.0]), row, 0.0, row)]
     for beta in (0.01, 0.03, 0.05, 0.08):
-        knots.append(curve.correct(knots[-1].x, row, beta, row))
+        ends.append(correct(curve, ends[-1].x, row, beta, row))
         for value in (None, beta + 0.04):
-            end, guess, rests = curve.step(knots[-4:], 0.05, value)
-            last = knots[-1]
+            end, guess, rests = predict_and_correct(curve, ends[-4:], 0.05, value)
+            last = ends[-1]
             measure = last.tangent / curve.size(last.x) ** 2
             level = measure @ last.x + 0.05
             closing, target = (measure, level) if value is None else (row, value)
-            assert rests == min(len(knots), 4)
+            assert rests == min(len(ends), 4)
             assert closing @ guess == pytest.approx(target, rel=1e-13)
             if value is None:
-                assert guess == pytest.approx(interpolated(knots[-4:], measure, np.array([level]))[0], rel=1e-13)
-            one = curve.correct(guess, closing, target, last.tangent)
+                assert guess == pytest.approx(interpolated(ends[-4:], measure, np.array([level]))[0], rel=1e-13)
+            one = correct(curve, guess, closing, target, last.tangent)
             assert end.x == pytest.approx(one.x, rel=1e-13)
             assert end.tangent == pytest.approx(one.tangent, rel=1e-12)
             assert end.branch_test == pytest.approx(one.branch_test, rel=1e-12)
-            assert_same(end.here[0], one.here[0])
+            assert_same(end.evaluation[0], one.evaluation[0])

@@ -364,8 +364,8 @@ def test_a_start_from_rest():
     """The actuator's work is the energy of the lossless hop, and the machine hops on by itself."""
     machine = Hopper()
     found = steering.start_up(machine, 2, rate=4.0, stroke=3.0)
-    rules, orbit = Impacts(machine), find(machine)
-    energies = [rules.energy(x) for x in (orbit(0.0), [-1.0, 0.0, 0.0, 0.0])]
+    impacts, orbit = Impacts(machine), find(machine)
+    energies = [impacts.energy(x) for x in (orbit(0.0), [-1.0, 0.0, 0.0, 0.0])]
     assert steering.work(machine, found)[0] == pytest.approx(energies[0] - energies[1], rel=1e-9)
     assert found.violation <= 1e-8
     assert steering.missed(machine, found) <= 1e-8
@@ -425,8 +425,8 @@ def test_driven_energy_and_schedules():
         t = np.linspace(times[i], times[i + 1], 4001)
         states = run(t)
         done -= rate * np.trapezoid(states[:, 0] - states[:, 2] - states[:, 4], t)
-    rules = Impacts(machine)
-    assert rules.energy(run(6.0)) - rules.energy(run(0.0)) == pytest.approx(done, abs=1e-6)
+    impacts = Impacts(machine)
+    assert impacts.energy(run(6.0)) - impacts.energy(run(0.0)) == pytest.approx(done, abs=1e-6)
     for schedule, words in (
         ((times, {"v": rates}), "no parameter 'v'"),
         ((times[::-1], {"w": rates}), "finite and rise"),

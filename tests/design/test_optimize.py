@@ -17,19 +17,18 @@ RANGE = (0.02, 3.0)
 
 
 def refined(machine, name: str, low: float, high: float, value) -> tuple[float, float]:
-    """The least of value(point) along a family, by scanning it and then the parabola of differences at three scales."""
+    """The minimum of value(point) along a family: a scan, refined by Newton steps with fourth-order differences."""
     family = follow(machine, name, high, start=low)
     values = np.array([value(point) for point in family])
     i = int(np.argmin(values))
     assert 0 < i < len(values) - 1
     x = family[i].value
     for h in (1e-2, 1e-3, 1e-3):
-        # even and odd parts of differences to fourth order: the minimum's place to rounding over h
         steps = np.array([-2, -1, 1, 2]) * h * x
         near = [value(find(machine.with_values(**{name: x + s}))) for s in steps]
         slope = (near[0] - 8 * near[1] + 8 * near[2] - near[3]) / (12 * h * x)
-        here = value(find(machine.with_values(**{name: x})))
-        bend = (-near[0] + 16 * near[1] - 30 * here + 16 * near[2] - near[3]) / (12 * (h * x) ** 2)
+        centre = value(find(machine.with_values(**{name: x})))
+        bend = (-near[0] + 16 * near[1] - 30 * centre + 16 * near[2] - near[3]) / (12 * (h * x) ** 2)
         x -= slope / bend
     return x, value(find(machine.with_values(**{name: x})))
 
@@ -71,8 +70,8 @@ def test_constraint_that_binds_is_met_exactly():
     assert best.objective - relaxed.objective == pytest.approx(1e-3 * active.multiplier, rel=1e-3)
 
 
-def test_two_parameters_meet_their_conditions():
-    """The conditions are checked here by differences of orbits found anew."""
+def test_two_parameters_meet_the_optimality_conditions():
+    """The optimality conditions hold with gradients by differences between orbits that are found anew."""
     text = "loss_coefficient + 0.004*largest_contact_force*contact_time"
     bounds = {"b": (0.01, 3.0), "mass_ratio": (0.05, 0.95)}
     best = optimize(CUBIC, minimise=text, over=bounds, subject_to=["stroke <= 8"])
@@ -164,7 +163,7 @@ def test_leg_in_si():
     assert again.certificate.loss_coefficient * (length / time) ** (-1 / 3) == pytest.approx(best.objective, rel=1e-9)
 
 
-def test_a_motion_that_would_not_be_one_is_held_back():
+def test_an_optimum_stays_admissible():
     """With a short leg the higher hop is that at which the masses almost meet."""
     short = Hopper("r + b*r**3", mass_ratio=0.5, rest_length=6.0, parameters={"b": 1.0})
     best = optimize(short, maximise="centre_of_mass_rise", over={"b": (0.01, 3.0)})
@@ -212,18 +211,18 @@ def test_an_equation_between_quantities():
     over = {"b": RANGE, "mass_ratio": (0.1, 3.0)}
     best = optimize(machine, minimise="loss_coefficient", over=over, subject_to=["stroke == 2.5*alpha"], starts=1)
 
-    def on_the_way(mass_ratio):
-        def ask(b, text):
+    def on_the_equation(mass_ratio):
+        def value(b, text):
             there = CUBIC.with_values(mass_ratio=mass_ratio, b=b)
             return quantities(there, find(there), [text])[text]
 
-        b = brentq(lambda b: ask(b, "stroke - 2.5*alpha"), *RANGE, xtol=1e-10)
-        return b, ask(b, "loss_coefficient")
+        b = brentq(lambda b: value(b, "stroke - 2.5*alpha"), *RANGE, xtol=1e-10)
+        return b, value(b, "loss_coefficient")
 
-    least = on_the_way(0.1)
+    least = on_the_equation(0.1)
     assert (best.parameters["b"], best.objective) == pytest.approx(least, rel=1e-8)
     assert best.parameters["mass_ratio"] == 0.1
-    assert min(on_the_way(mass_ratio)[1] for mass_ratio in (0.11, 0.2, 0.5, 0.8)) > least[1]
+    assert min(on_the_equation(mass_ratio)[1] for mass_ratio in (0.11, 0.2, 0.5, 0.8)) > least[1]
 
 
 @pytest.mark.parametrize(
@@ -245,7 +244,7 @@ def test_far_away_is_not_without_bound(machine, verb, name, bounds, at, value):
 
 
 def test_a_front_is_that_of_all_its_starts():
-    """From the stiff end alone no light foot is found: what one is capable of beats such designs."""
+    """No design on a grid of parameters dominates the front; from the stiff end alone no light foot would be found."""
     over = {"b": RANGE, "mass_ratio": (0.05, 8.0)}
     front = pareto(CUBIC, minimise=("stroke", "loss_coefficient"), over=over, points=3)
     assert not front.refused
@@ -265,8 +264,8 @@ def test_parameters_without_effect_are_reported():
 
 
 def test_starts_are_seeded():
-    asked = {"minimise": "alpha", "over": {"b": RANGE}, "subject_to": ["stroke >= 7"], "starts": 2, "seed": 3}
-    one, two = optimize(CUBIC, **asked), optimize(CUBIC, **asked)
+    options = {"minimise": "alpha", "over": {"b": RANGE}, "subject_to": ["stroke >= 7"], "starts": 2, "seed": 3}
+    one, two = optimize(CUBIC, **options), optimize(CUBIC, **options)
     assert [start.parameters for start in one.starts] == [start.parameters for start in two.starts]
     assert one.objective == two.objective
     assert len({start.parameters["b"] for start in one.starts}) == 2
@@ -287,7 +286,7 @@ def test_front():
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"),
+    ("options", "words"),
     [
         ({"over": {"b": (1.0, 0.5)}}, "bounds of b are in conflict: its lower bound 1 is not below the upper, 0.5"),
         ({"over": {"mass_ration": (0, 1)}}, "no parameter 'mass_ration' to design; did you mean 'mass_ratio'"),
@@ -319,9 +318,9 @@ def test_front():
         ({"family": 0}, "family = 0"),
     ],
 )
-def test_questions_that_cannot_be_meant(asked, words):
+def test_ill_posed_problems_are_refused(options, words):
     with pytest.raises(InputError) as error:
-        optimize(CUBIC, **{"minimise": "alpha", "over": {"b": RANGE}, **asked})
+        optimize(CUBIC, **{"minimise": "alpha", "over": {"b": RANGE}, **options})
     assert words in str(error.value)
 
 
@@ -350,6 +349,8 @@ def test_machines_that_cannot_be_designed():
         pareto(CUBIC, minimise="alpha", over={"b": RANGE})
     with pytest.raises(InputError, match="two objectives"):
         pareto(CUBIC, minimise=3, over={"b": RANGE})
+    with pytest.raises(InputError, match="points = 1; it is a number of designs, from 2"):
+        pareto(CUBIC, minimise=("alpha", "stroke"), over={"b": RANGE}, points=1)
     with pytest.raises(NoOrbit, match="damped machine"):
         optimize(Hopper(damping=0.1), minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
     with pytest.raises(NoOrbit, match="no clearance"):
@@ -363,9 +364,9 @@ def test_constraints_that_cannot_be_met():
     stiff = CUBIC.with_values(b=1.0)
     stroke = quantities(stiff, find(stiff), ["stroke"])["stroke"]
     assert f"'stroke <= 2' is missed by {stroke - 2:.4g}, at {stroke:.6g}, with b = 1" in str(error.value)
-    asked = ["stroke <= 6", "centre_of_mass_rise >= 4"]
+    constraints = ["stroke <= 6", "centre_of_mass_rise >= 4"]
     with pytest.raises(NoOrbit, match="'centre_of_mass_rise >= 4' is missed by"):
-        optimize(CUBIC, minimise="alpha", over={"b": (0.1, 1.0)}, subject_to=asked, starts=1)
+        optimize(CUBIC, minimise="alpha", over={"b": (0.1, 1.0)}, subject_to=constraints, starts=1)
 
 
 def test_objective_without_bound():
@@ -377,7 +378,7 @@ def test_objective_without_bound():
     assert best.objective == pytest.approx(8.0, abs=1e-9)
 
 
-def test_a_formula_without_a_value_on_the_way(capfd):
+def test_a_formula_without_a_value_on_the_equation(capfd):
     with pytest.raises(NoOrbit, match=r"'sqrt\(1-b\)' has no finite value or slope on the way: keep the parameters"):
         optimize(CUBIC, minimise="sqrt(1-b)", over={"b": RANGE}, starts=1)
     assert not capfd.readouterr().err
@@ -393,6 +394,9 @@ def test_phase_that_collapses():
     assert float(str(error.value).split("beta = ")[1].split(":")[0]) == pytest.approx(collapse, rel=1e-5)
     with pytest.raises(NoOrbit, match="the spring collapses"):
         optimize(soft, minimise="stroke", over={"beta": (-0.0099, -0.0095)})
+    endless = soft.with_values(beta=-0.0072)
+    with pytest.raises(NoOrbit, match="the spring collapses"):
+        quantities(endless, find(endless))
 
 
 FILE = """machine = "hopper"

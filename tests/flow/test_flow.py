@@ -6,8 +6,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from orbits import Affine, FlowError, Oscillator, OutOfRange, Phase, Pieces
-from orbits.flow.flow import Flow, first_zero
-from orbits.flow.taylor import VectorField, runge_kutta
+from orbits.flow.flow import Flow
+from orbits.flow.vector_field import VectorField, runge_kutta
+from orbits.flow.zero_crossing import first_zero
 
 START, TIME = np.array([0.83, 2.93]), 2.9
 
@@ -21,7 +22,7 @@ def duffing(r, p, q):
 
 
 def duffing_by_cases(r, p, q):
-    """The same force with operations that have no Taylor series."""
+    """The same force by operations that have no Taylor series."""
     return r + p["b"] * r * r * ca.fabs(r) * ca.sign(r)
 
 
@@ -93,7 +94,7 @@ def test_order_eight():
 
 
 def test_steps_end_on_breakpoints():
-    """Bilinear spring: harmonic arcs of frequency 1 below the break and 2 above it, glued by hand."""
+    """A bilinear spring has harmonic arcs of frequency 1 below the breakpoint and 2 above it, joined here by hand."""
     path, _ = oscillator(bilinear, **BILINEAR).run([1.0, 2.0], [4.0], 6.0)
     # above r = 1: r = 3/4 + A cos(2t - phase)
     amplitude, phase = np.hypot(0.25, 1.0), np.arctan2(1.0, 0.25)
@@ -120,7 +121,7 @@ def test_first_zero_divides_out_the_start():
     assert path.times[-1] == pytest.approx(np.pi, abs=1e-14)
 
 
-def test_watched_quantities_ride_along():
+def test_watched_quantities_have_their_series():
     flow = oscillator(duffing, watch={"tension": lambda x, p, q: duffing(x[0], p, q)})
     path, _ = flow.run(START, [0.3], TIME)
     states = path(np.linspace(0, TIME, 301))

@@ -6,8 +6,8 @@ from conftest import grazing_flights
 from matplotlib.figure import Figure
 
 from orbits import InputError, NoOrbit, ReturnMap, find, simulate
+from orbits.hybrid.basins import within
 from orbits.hybrid.impacts import Impacts
-from orbits.hybrid.return_map import _within
 from orbits.numerics.roots import enclosed_sign_changes
 from orbits.plot import plot_map
 from problems import Hopper, Juggler
@@ -84,7 +84,7 @@ def test_preimages_are_all_there():
     wide = step.preimages([(1.0, 2.0), (4.0, 4.2)], 3.0, 12.0)
     following = step(alpha).next
     inside = ((following >= 1) & (following <= 2)) | ((following >= 4) & (following <= 4.2))
-    np.testing.assert_array_equal(_within(alpha, wide), inside)
+    np.testing.assert_array_equal(within(alpha, wide), inside)
 
 
 @pytest.mark.parametrize("machine", [Hopper(), Hopper(mass_ratio=2.0)])
@@ -99,7 +99,7 @@ def test_the_basin_is_what_comes_to_a_lossless_hop(machine):
         alpha = step(alpha).next
     # launches come down to a lossless one like (3/(C n))^3; all others rest
     comes = np.array([np.abs(np.array(stars) - a).min() < 1e-3 if np.isfinite(a) else False for a in alpha])
-    np.testing.assert_array_equal(comes, _within(start, basin))
+    np.testing.assert_array_equal(comes, within(start, basin))
     inside = np.concatenate([np.linspace(a, b, 5)[1:-1] for a, b in basin[:20]])
     for _ in range(400):
         inside = step(inside).next

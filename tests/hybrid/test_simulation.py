@@ -12,8 +12,8 @@ from problems import Hopper, Juggler
 def test_no_grazing_pair_is_missed_and_none_is_invented():
     states, lowest, below = (part[:10_000] for part in grazing_flights(12_000, seed=11))
     assert len(states) == 10_000
-    rules = Impacts(Hopper())
-    times, rows, _ = rules.flight.first_zeros(states, rules.p, rules.gap, 1e3)
+    impacts = Impacts(Hopper())
+    times, rows, _ = impacts.flight.first_zeros(states, impacts.p, impacts.gap, 1e3)
     assert np.isfinite(times).all()
     assert ((times < lowest) == below).all()
     assert np.abs(rows[:, 2]).max() < 1e-13
@@ -27,24 +27,24 @@ def test_no_grazing_pair_is_missed_and_none_is_invented():
     ],
 )  # fmt: skip
 def test_energy_is_kept_in_every_leg_and_lost_in_every_impact(machine):
-    run, rules = simulate(machine, 7.0, hops=2), Impacts(machine)
+    run, impacts = simulate(machine, 7.0, hops=2), Impacts(machine)
     assert len(run.legs) > 3
     for leg in run.legs:
         times = np.linspace(0, leg.path.times[-1], 40)
         rows = leg.path(times)
-        states = rows[:, :4] if leg.phase == "flight" else rows[:, :2] @ rules.model.embed.T
-        energies = np.array([rules.energy(x) for x in states])
+        states = rows[:, :4] if leg.phase == "flight" else rows[:, :2] @ impacts.model.embed.T
+        energies = np.array([impacts.energy(x) for x in states])
         assert np.ptp(energies) < 1e-12 * np.abs(energies).max()
     for event in run.events:
-        after = rules.energy(event.after)
+        after = impacts.energy(event.after)
         assert event.energy - after == pytest.approx(event.loss, abs=1e-11)
         assert event.kind == "lift-off" or event.loss > 0
 
 
 def test_damping_loses_energy_all_the_time():
     machine = Hopper(damping=0.1, drag=0.05)
-    run, rules = simulate(machine, 7.0, time=40.0), Impacts(machine)
-    energies = [rules.energy(x) for x in run(np.linspace(0, run.end, 300))]
+    run, impacts = simulate(machine, 7.0, time=40.0), Impacts(machine)
+    energies = [impacts.energy(x) for x in run(np.linspace(0, run.end, 300))]
     assert (np.diff(energies) < 1e-12).all()
 
 

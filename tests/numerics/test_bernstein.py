@@ -1,4 +1,4 @@
-"""Bernstein exclusion finds every root, however close to grazing; a bracket closes where rounding hides one."""
+"""Bernstein exclusion finds every root, however close to grazing; a bracket closes even where rounding hides it."""
 
 import numpy as np
 import pytest
@@ -93,10 +93,10 @@ def test_many_roots_at_once_are_the_same_as_one_by_one():
     for i in range(2):  # joined up
         powers = steps[:, i, None] ** np.arange(8)
         c[:, i + 1, 0] = np.einsum("pk,pk->p", c[:, i], powers)
-    pile = PiecewisePolynomials(c.reshape(-1, 8), steps.ravel(), np.full(15, 3))
-    owner, piece, times = pile.roots()
+    polynomials = PiecewisePolynomials(c.reshape(-1, 8), steps.ravel(), np.full(15, 3))
+    owner, piece, times = polynomials.roots()
     found = [list(zip(piece[owner == p], times[owner == p], strict=True)) for p in range(15)]
-    least = list(zip(*pile.lowest(), strict=True))
+    least = list(zip(*polynomials.lowest(), strict=True))
     assert len(owner) > 6
     for p in range(15):
         alone = [(k, s) for k in range(3) for s in roots(c[p, k], steps[p, k])]
@@ -112,7 +112,7 @@ def test_many_roots_at_once_are_the_same_as_one_by_one():
 @pytest.mark.parametrize("share", [0.05, 0.3, -0.05, -0.45])
 @pytest.mark.parametrize("grain", [1e-14, 1e-13, 3e-13])
 def test_a_root_that_rounding_hides(grain, share):
-    """Plateaus beside the root cost few evaluations: the bracket closes by longer steps, not by halving from afar."""
+    """Plateaus beside the root cost few evaluations: longer steps close the bracket, not bisection from afar."""
     asked = []
 
     def function(x):
@@ -125,7 +125,7 @@ def test_a_root_that_rounding_hides(grain, share):
 
 
 def test_a_root_in_a_bracket_that_rounding_has_closed(monkeypatch):
-    """A line that misses zero by a rounding at the only place left: it is that, and found at once."""
+    """A line that misses zero by a rounding at the only number left in the bracket: that is the root, found at once."""
     calls = []
     monkeypatch.setattr("orbits.numerics.bernstein.powers", lambda *a: calls.append(a) or powers(*a))
     r = 0.21758109405527115

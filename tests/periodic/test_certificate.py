@@ -2,14 +2,18 @@
 
 from dataclasses import asdict, replace
 
+import casadi as ca
 import mpmath
 import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of, name_of
 
 from orbits import METHODS, NoOrbit, find
-from orbits.continuation.corrector import Curve
+from orbits.continuation.corrector import correct_all
+from orbits.continuation.curve import Curve
+from orbits.flow.flow import flow_of
 from orbits.numerics.linear import solve
+from orbits.periodic.local_law import by_launch_speed, landing_gap_slope, launch_power
 from problems import HeavyHand, Hopper, Juggler, springs
 
 mpmath.mp.dps = 30
@@ -166,10 +170,8 @@ class TestLossCoefficient:
         from scipy.integrate import solve_ivp
 
         orbit = find(machine)
-        p, model, along = machine.values, machine.model, None
-        from orbits.flow.flow import flow_of
-
-        along = flow_of(model.flight, tuple(p))
+        p, model = machine.values, machine.model
+        flow = flow_of(model.flight, tuple(p))
         values = np.array(list(p.values()))
         gap = model.gap(p)
         d = 1e-5
@@ -177,7 +179,7 @@ class TestLossCoefficient:
         landing = lambda t, x: gap(x)  # noqa: E731
         landing.terminal, landing.direction = True, -1
         answer = solve_ivp(
-            lambda t, x: along.rates(x, values), (0, 2 * orbit.flight_time), start, "DOP853", rtol=1e-13, atol=1e-15,
+            lambda t, x: flow.rates(x, values), (0, 2 * orbit.flight_time), start, "DOP853", rtol=1e-13, atol=1e-15,
             events=landing, first_step=1e-3,
         )  # fmt: skip
         end = answer.y_events[0][-1]
@@ -185,6 +187,20 @@ class TestLossCoefficient:
         lost = 0.5 * model.impact_mass(p) * speed**2
         drop = lost / ((1 + p["mass_ratio"]) * orbit.alpha)
         assert drop / d ** (4 / 3) == pytest.approx(orbit.certificate.loss_coefficient, rel=0.05)
+
+
+def test_the_local_law_takes_numbers_arrays_and_symbols():
+    model, p = Hopper("cubic", mass_ratio=0.7).model, Hopper("cubic", mass_ratio=0.7).values
+    launch = lambda u: model.launch(u, p)  # noqa: E731
+    alpha = ca.SX.sym("alpha")
+    direction = by_launch_speed(launch, {"liftoff": 0.9, "alpha": 2.0})
+    arrays = by_launch_speed(launch, {"liftoff": np.array([0.9]), "alpha": np.array([2.0])})
+    symbols = by_launch_speed(launch, {"liftoff": ca.SX(0.9), "alpha": alpha})
+    assert [float(np.squeeze(d)) for d in arrays] == direction == [float(d) for d in symbols] == [0, 1, 0, 0]
+    gradient = model.flight_gradient(launch({"liftoff": 0.9, "alpha": alpha}), p, [])
+    power = ca.Function("power", [alpha], [launch_power(gradient, symbols)])
+    assert float(power(2.0)) == pytest.approx((1 + 0.7) * 2.0, rel=1e-15)
+    assert landing_gap_slope(model, [0.0, 0.0, 3.0, 0.0], p) == 3.0
 
 
 class TestNoMotion:
@@ -255,7 +271,7 @@ def test_whole_flights_certified_together():
     xs = np.array(
         [[o.liftoff_extension, o.alpha, o.flight_time, 0.0, M] for o, M in zip(mirrored, ratios, strict=True)]
     )
-    ats, error = curve.checked(curve.correct_all(xs, np.tile(row, (4, 1)), xs[:, 4], np.tile(row, (4, 1))))
+    ats, error = curve.certify_all(correct_all(curve, xs, np.tile(row, (4, 1)), xs[:, 4], np.tile(row, (4, 1))))
     assert error is None
     for at, orbit in zip(ats, mirrored, strict=True):
         assert at.point.alpha == pytest.approx(orbit.alpha, rel=1e-12)

@@ -9,7 +9,7 @@ from conftest import REFERENCES, machine_of
 
 import orbits.periodic.certificate
 from orbits import METHODS, InputError, NoOrbit, find
-from orbits.periodic.formulations import whole_flight
+from orbits.periodic.formulations import half_orbit, whole_flight
 from problems import Hopper, Juggler, gravity, springs
 from studies.stress import random_laws
 
@@ -33,14 +33,14 @@ def test_reference_orbits(reference, method):
     assert orbit.admissible == reference["admissible"]
     assert_close(orbit.contact_time, reference["contact_time"], 1e-9)
     assert_close(orbit.certificate.smallest_separation, reference["smallest_separation"], 1e-9)
-    # the reference's minimum was sampled: good to 1e-8 of its value
+    # The minimum of the reference was sampled, to about 1e-8 of its value.
     assert_close(orbit.certificate.clearance, reference["lowest_interior_minimum"], 3e-8)
     if reference["violation"]:
         assert orbit.violations == (reference["violation"],)
 
 
 @pytest.mark.parametrize("reference", [r for r in REFERENCES if r["gravity"] == "1"])
-def test_every_way_leads_to_the_same_orbit(reference):
+def test_every_method_leads_to_the_same_orbit(reference):
     found = {}
     for method in METHODS[1 if "**" in reference["spring"] else 0 :]:
         found[method] = find(machine_of(reference), reference["family"], method=method)
@@ -201,6 +201,8 @@ def test_a_model_without_a_reversor_is_unfolded(machine):
     assert whole(t) == pytest.approx(mirrored(t), abs=1e-10)
     with pytest.raises(InputError, match="needs a reversor"):
         find(machine, method="half orbit")
+    with pytest.raises(InputError, match="needs a model with a reversor"):
+        half_orbit(machine.model)
 
 
 def test_the_direct_statement_is_degenerate_and_the_unfolded_one_is_not():
@@ -211,10 +213,10 @@ def test_the_direct_statement_is_degenerate_and_the_unfolded_one_is_not():
     orbit = find(machine)
     values = machine.values
     equations = shooting_equations(whole_flight(machine.model), tuple(values))
-    here = equations.evaluate([1.0, orbit.alpha, orbit.flight_time, 0.0], np.array(list(values.values())))
-    singular = np.linalg.svd(here.jacobian[1:3, 1:3], compute_uv=False)
+    evaluation = equations.evaluate([1.0, orbit.alpha, orbit.flight_time, 0.0], np.array(list(values.values())))
+    singular = np.linalg.svd(evaluation.jacobian[1:3, 1:3], compute_uv=False)
     assert singular[-1] < 1e-12 * singular[0]
-    assert np.linalg.cond(here.jacobian) < 1e6
+    assert np.linalg.cond(evaluation.jacobian) < 1e6
 
 
 def test_contact_and_flight_are_one_periodic_motion():
@@ -405,10 +407,10 @@ def test_a_light_foot_stays_long_on_the_ground(mass_ratio):
 
 @pytest.mark.parametrize("spring", ["r**2", "exp(r)/2"])
 def test_a_spring_that_never_pushes_is_soon_refused(spring, monkeypatch):
-    from problems import relative
+    from problems import launch_speed
 
-    runs, count = relative.half_oscillations, []
-    monkeypatch.setattr(relative, "half_oscillations", lambda *a: (count.append(1), runs(*a))[1])
+    runs, count = launch_speed.half_oscillations, []
+    monkeypatch.setattr(launch_speed, "half_oscillations", lambda *a: (count.append(1), runs(*a))[1])
     with pytest.raises(NoOrbit, match=r"does not come back|none up to"):
         find(Hopper(spring))
     assert len(count) < 200

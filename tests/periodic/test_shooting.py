@@ -14,8 +14,9 @@ from conftest import REFERENCES, machine_of
 from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find
 from orbits.model.closed_form import Oscillator
 from orbits.periodic.single_shooting import Shooting
-from orbits.symbolic.calls import BufferedFunction, compile_function, compiled_before, compiler
+from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.ipopt import solve_equations
+from orbits.symbolic.kernels import compile_function, compiled_before, compiler
 
 
 def across_contact(model) -> Statement:
@@ -212,7 +213,9 @@ def test_parameter_derivatives_of_a_closed_form():
     )
     arc = Arc(phase, lambda u, before, p: [1.0, 0.0], lambda u, p: u["time"], lambda u, x, p: [x[0]])
     equations = Shooting(Statement("swing", ("time",), (arc,), ("time",)), ("k",))
-    here = equations.evaluate([1.2], np.array([2.0]), vary=("k",))
+    evaluation = equations.evaluate([1.2], np.array([2.0]), vary=("k",))
     w = np.sqrt(2.0)
-    assert here.residual == pytest.approx([np.cos(1.2 * w)], abs=1e-15)
-    assert here.jacobian == pytest.approx(np.array([[-w * np.sin(1.2 * w), -0.6 / w * np.sin(1.2 * w)]]), rel=1e-13)
+    assert evaluation.residual == pytest.approx([np.cos(1.2 * w)], abs=1e-15)
+    assert evaluation.jacobian == pytest.approx(
+        np.array([[-w * np.sin(1.2 * w), -0.6 / w * np.sin(1.2 * w)]]), rel=1e-13
+    )

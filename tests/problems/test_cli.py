@@ -618,7 +618,7 @@ def test_the_progress_display_shows_on_a_terminal_and_clears_itself(monkeypatch)
     import io
     import time
 
-    from problems.cli import progress
+    from problems.options import progress
 
     class Terminal(io.StringIO):
         def isatty(self):

@@ -1,4 +1,4 @@
-"""Taylor jets of expression graphs against repeated symbolic differentiation and closed-form solutions."""
+"""Taylor series of expression graphs against repeated symbolic differentiation and closed-form solutions."""
 
 import casadi as ca
 import numpy as np
@@ -37,7 +37,7 @@ FUNCTIONS = {
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_jets_are_lie_derivatives(name):
+def test_coefficients_are_lie_derivatives(name):
     """Coefficient k of g(x(t)) is the k-th derivative of g along the field, over k!."""
     g = FUNCTIONS[name]
     x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
@@ -53,7 +53,7 @@ def test_jets_are_lie_derivatives(name):
     assert np.array(series([0.3, 0.7], 1.3))[2, :7] == pytest.approx(expected, rel=1e-13, abs=1e-14)
 
 
-def test_jets_of_the_exponential_are_its_series():
+def test_the_exponential_has_its_series():
     x = ca.SX.sym("x")
     field = ca.Function("field", [x, ca.SX.sym("p", 0)], [x, ca.SX(0, 1)])
     series = ca.Function("series", [x], [taylor_coefficients(field, x, ca.SX.sym("p", 0), 20)])

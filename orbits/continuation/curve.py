@@ -1,0 +1,241 @@
+"""The curve of a machine's orbits along a parameter: its equations, its points, and their certificates.
+
+The curve is F(u, value) = 0, the equations that `find` solves, with their exact derivatives. A point of it is
+X = (u, value), measured in units of its own size. Many points are certified in one call, since a call for each would
+take most of the time.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import groupby
+
+import numpy as np
+
+from ..errors import NoOrbit, OrbitsError
+from ..model.machine import Machine
+from ..periodic.certificate import certify
+from ..periodic.error_bound import error_bounds
+from ..periodic.evaluation import Evaluation, joined
+from ..periodic.formulations import equations_of
+from ..periodic.interpretation import certified_orbit, interpret, with_contacts
+from ..periodic.orbit import Orbit
+from ..periodic.single_shooting import Shooting
+from ..periodic.solution import or_none
+from .family import Point
+from .newton_batch import NewtonBatch, newton_batch
+from .predictor import around
+
+# The tangent of a fold has a smaller share along the parameter. The parameter's value does not fix the orbit there, so
+# errors are measured across the curve.
+AT_A_FOLD = 1e-3
+
+# Test functions of a certified orbit, which change their sign at the event. They give None where they are not defined.
+TEST_FUNCTIONS: dict[str, Callable[[Point], float | None]] = {
+    "grazing": lambda point: _or(1.0, point.certificate.clearance),
+    "masses touch": lambda point: point.certificate.smallest_separation,
+    "contact pulls": lambda point: (
+        None if point.contact_time is None else _or(1.0, point.certificate.smallest_contact_force)
+    ),
+    "landing jerk": lambda point: -point.certificate.landing_jerk,
+    "collapse": lambda point: -1.0 if point.contact_time is None else 1.0,
+}
+
+
+def _or(default: float, value: float | None) -> float:
+    return default if value is None else value
+
+
+@dataclass(frozen=True, eq=False)
+class CurvePoint:
+    """A solved point of the curve; a certified one is a new object.
+
+    x : (n + 1,), the unknowns and the parameter's value
+    tangent : (n + 1,), of length 1 in units of the curve's size
+    branch_test : determinant of the Jacobian bordered by the tangent, which changes its sign at a branch point
+    evaluation, index : the equations at several points, to first order from the last Newton step, and this one's place
+    counts : numbers of Taylor steps that suffice for each arc, as in `NewtonBatch`; None where motions are evaluated
+        one by one
+    length : length of the curve from the point before
+    parts : number of points that the step ending here is divided into; 0 at a point that does not end a step
+    certified : the orbit without its motion, None before it is certified
+    """
+
+    x: np.ndarray
+    tangent: np.ndarray
+    branch_test: float
+    evaluation: Evaluation
+    index: int
+    counts: tuple[int, ...] | None = None
+    length: float = 0.0
+    parts: int = 0
+    certified: Point | None = None
+
+    @property
+    def value(self) -> float:
+        """The value of the parameter."""
+        return float(self.x[-1])
+
+    @property
+    def amplification(self) -> float:
+        """The largest growth of a small change over the motion."""
+        return float(self.evaluation.amplification[self.index])
+
+    @property
+    def point(self) -> Point:
+        """The certified orbit without its motion."""
+        if self.certified is None:
+            raise ValueError("this point of the curve is not certified")
+        return self.certified
+
+    @cached_property
+    def signs(self) -> tuple:
+        """The signs of all test functions at a certified point."""
+        point = self.point
+        tests = (test(point) for test in TEST_FUNCTIONS.values())
+        sides = [test is not None and test >= 0 for test in tests]
+        return self.tangent[-1] >= 0, self.branch_test >= 0, point.certificate.family, *sides
+
+    def with_orbit(self, orbit: Point) -> "CurvePoint":
+        """The same point, certified; this is faster than `replace`, and done for every point."""
+        solved = self.x, self.tangent, self.branch_test, self.evaluation, self.index, self.counts
+        return CurvePoint(*solved, self.length, self.parts, orbit)
+
+
+class Curve:
+    """The curve F(u, value) = 0 of a machine's orbits along one of its parameters.
+
+    span : the parameter's whole way, which is its unit
+    """
+
+    equations: Shooting
+    orbits: Shooting
+
+    def __init__(self, machine: Machine, along: str, method: str, span: float):
+        self.machine, self.along, self.method = machine, along, method
+        self.names = tuple(machine.values)
+        self.equations = self.orbits = equations_of(machine.model, method, self.names)
+        self.place = self.names.index(along)
+        self.parameters = np.array(list(machine.values.values()))
+        self.span = span
+
+    def size(self, x: np.ndarray) -> np.ndarray:
+        """What counts as one unit of each component at points (..., n + 1)."""
+        size = np.abs(x)
+        size[..., :-1] = np.maximum(size[..., :-1], 0.1 * size[..., :-1].max(-1, keepdims=True))
+        size[..., -1] = self.span
+        return size
+
+    def parameters_at(self, xs: np.ndarray) -> np.ndarray:
+        """The parameters (m, np) at points (m, n + 1)."""
+        values = np.tile(self.parameters, (len(xs), 1))
+        values[:, self.place] = xs[:, -1]
+        return values
+
+    def varied(self, p: np.ndarray) -> dict[str, float]:
+        """The parameters (np,) that vary along the curve, by name."""
+        return {self.along: float(p[self.place])}
+
+    @cached_property
+    def batch(self) -> NewtonBatch | None:
+        """The equations at many points in one call; None where a motion can only be followed by itself."""
+        return newton_batch(self.equations, self.along) if self.equations.smooth else None
+
+    def evaluate(self, xs: np.ndarray) -> Evaluation:
+        """The equations at points (m, n + 1), stacked, each motion with Taylor steps of its own."""
+        return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
+
+    def certify(self, point: CurvePoint) -> CurvePoint:
+        """The point, certified; raises the error when it cannot be."""
+        certified, error = self.certify_all([point])
+        if error:
+            raise error
+        return certified[0]
+
+    def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
+        """The points, certified, up to the first that cannot be, and its error."""
+        # Points that were solved in one call are certified in one call.
+        groups = {id(point.evaluation): i for i, point in reversed(list(enumerate(points)))}
+        keys = [(groups[id(point.evaluation)], point.index) for point in points]
+        order = np.array(sorted(range(len(points)), key=keys.__getitem__), int)
+        if not len(order):
+            return [], None
+        us, ps, evaluation, closing = self.solutions([points[i] for i in order])
+        errors, doubtful = error_bounds(self.orbits, us, ps, evaluation, closing, quickly=True)
+        refused = {int(order[i]): error for i, error in (doubtful | self._refused(ps)).items()}
+        end = min(refused, default=len(points))
+        if end == 0:
+            return [], refused[0]
+        if refused:
+            kept = np.flatnonzero(order < end)
+            us, ps, evaluation, errors, order = us[kept], ps[kept], evaluation[kept], errors[kept], order[kept]
+        try:
+            orbits = self._certificates([points[i] for i in order], us, ps, evaluation, errors)
+        except NoOrbit as error:
+            if error.index is None:
+                raise
+            first, error.index = order[error.index], None
+            certified, earlier = self.certify_all(points[:first])
+            return certified, earlier or error
+        by_index = dict(zip(order.tolist(), orbits, strict=True))
+        return [points[i].with_orbit(by_index[i]) for i in range(end)], refused.get(end)
+
+    def solutions(self, points: Sequence[CurvePoint]) -> tuple[np.ndarray, np.ndarray, Evaluation, np.ndarray]:
+        """The unknowns (m, n) and parameters (m, np) of the machine's own equations `orbits`, these equations there,
+        and the rows (m, n + 1) that close them when errors are measured."""
+        xs = np.array([point.x for point in points])
+        across, ps = np.array([point.tangent for point in points]) / self.size(xs) ** 2, self.parameters_at(xs)
+        folds = np.abs(across[:, -1]) * self.span < AT_A_FOLD
+        evaluations = []
+        for _, group in groupby(points, key=lambda point: id(point.evaluation)):
+            solved = list(group)
+            indices, evaluation = np.array([point.index for point in solved]), solved[0].evaluation
+            whole = np.array_equal(indices, np.arange(len(evaluation.jacobian)))
+            evaluations.append(evaluation if whole else evaluation[indices])
+        closing = np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
+        return xs[:, :-1], ps, joined(evaluations), closing
+
+    def _certificates(self, points: Sequence[CurvePoint], us, ps, evaluation: Evaluation, errors) -> list[Point]:
+        """The orbits at `solutions`, certified; raises `NoOrbit` about the first that cannot be."""
+        model = self.machine.model
+        cases = with_contacts(model, interpret(model, self.method, self.orbits, us, ps, evaluation, errors))
+        certificates = certify(model, cases)
+        also = {name: cases.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
+        others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
+        figures = cases.u["alpha"].tolist(), cases.u["liftoff"].tolist(), cases.flight_times.tolist()
+        orbits = []
+        for point, *row in zip(points, *figures, or_none(cases.contact_times), certificates, others, strict=True):
+            *u, value = point.x.tolist()
+            orbits.append(Point(value, tuple(u), tuple(point.tangent.tolist()), *row))
+        return orbits
+
+    def _refused(self, ps: np.ndarray) -> dict[int, OrbitsError]:
+        """By index why the machine cannot have some of the parameters (m, np)."""
+        # Whatever lies between two sets of parameters that a machine can have, it can have too.
+        if len(ps) > 2 and not (self._refused(ps.min(0)[None]) or self._refused(ps.max(0)[None])):
+            return {}
+        refused = {}
+        for i, p in enumerate(ps):
+            try:
+                self.machine.with_values(**self.varied(p))
+            except OrbitsError as error:
+                refused[i] = error
+        return refused
+
+    def orbit(self, point: CurvePoint) -> Orbit:
+        """The whole orbit at a certified point."""
+        began, (us, ps, evaluation, _) = time.perf_counter(), self.solutions([point])
+        machine = self.machine.with_values(**self.varied(ps[0]))
+        return certified_orbit(machine, self.method, us[0], evaluation, point.point.error, began=began)
+
+    def certify_at(self, point: CurvePoint, value: float) -> CurvePoint:
+        """A point whose parameter is `value` but for rounding, certified with exactly that value."""
+        return self.certify(replace(point, x=np.append(point.x[:-1], value), certified=None))
+
+
+def interpolated(points: Sequence[CurvePoint], row: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    """Places (m, n + 1) at levels (m,) of the polynomial through points of a curve with their tangents."""
+    xs, tangents = np.array([point.x for point in points]), np.array([point.tangent for point in points])
+    places, rows = np.full(len(levels), len(points)), np.tile(row, (len(levels), 1))
+    return around(xs, tangents, places, len(points), 0, rows, levels)[0]

@@ -1,0 +1,130 @@
+"""Stages of an optimal control problem: phases passed once, with their inputs, conditions and costs."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from math import comb
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, whole_number
+from ..flow.flow import Flow, flow_of
+from ..model.phase import Phase
+
+# Name of the length of an interval among the parameters of a phase. The apostrophe keeps it apart from identifiers.
+INTERVAL_LENGTH = "interval's length"
+
+
+@dataclass(frozen=True)
+class Input:
+    """A control input: a polynomial of this degree on each interval of a stage, which may jump between intervals.
+
+    low, high : bounds of the polynomial's Bernstein coefficients, numbers or p -> expression. The input keeps them
+        everywhere, and for degrees 0 and 1 they restrict it no further
+    """
+
+    low: float | Callable[[Mapping[str, Any]], Any] = -np.inf
+    high: float | Callable[[Mapping[str, Any]], Any] = np.inf
+    degree: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A phase passed once. Its functions are as in `Phase`, with the inputs by name in `p`, and q empty.
+
+    intervals : number of intervals, all of the same length
+    duration : bounds of the duration, the lower one above 0
+    inputs : inputs by name
+    start : (x, before, p) -> zeros at the start; `before` is the end of the previous stage, for the first stage that of
+        the last
+    end : (x, p) -> zeros at the end
+    path : named (x, p, q) -> expressions that stay at or above zero
+    running : (x, p, q) -> the rate of the cost
+    final : (x, p) -> the cost at the end
+    above : (x, p) -> expressions that are at or above zero at the end
+
+    Stages compare by identity: what is built from them is kept for the next call.
+    """
+
+    phase: Phase
+    intervals: int
+    duration: tuple[float, float]
+    inputs: Mapping[str, Input] = field(default_factory=dict)
+    start: Callable[..., Sequence] = lambda x, before, p: []
+    end: Callable[..., Sequence] = lambda x, p: []
+    path: Mapping[str, Callable] = field(default_factory=dict)
+    running: Callable[..., Any] = lambda x, p, q: 0.0
+    final: Callable[..., Any] = lambda x, p: 0.0
+    above: Callable[..., Sequence] = lambda x, p: []
+
+    @property
+    def coefficient_names(self) -> tuple[str, ...]:
+        """Names of the Bernstein coefficients of all inputs, in their order."""
+        return tuple(f"{name}[{k}]" for name, given in self.inputs.items() for k in range(given.degree + 1))
+
+    def input_rows(self) -> dict[str, slice]:
+        """The rows of each input among the coefficients of all inputs."""
+        ends = np.cumsum([given.degree + 1 for given in self.inputs.values()]).tolist()
+        return {name: slice(a, b) for name, a, b in zip(self.inputs, [0, *ends], ends, strict=False)}
+
+
+@lru_cache(maxsize=64)
+def interval_phase(stage: Stage) -> Phase:
+    """The phase of a stage over one interval, whose time is the share of the interval that has passed.
+
+    It has two more states: a clock with that share, on which the inputs' polynomials depend, and the running cost. It
+    watches the expressions that stay positive.
+    """
+    size = len(stage.phase.states)
+
+    def with_inputs(x, p):
+        clock, named = x[size], dict(p)
+        for name, given in stage.inputs.items():
+            d = given.degree
+            shapes = [comb(d, k) * clock**k * (1 - clock) ** (d - k) for k in range(d + 1)] if d else [1.0]
+            named[name] = sum(p[f"{name}[{k}]"] * shape for k, shape in enumerate(shapes))
+        return x[:size], named
+
+    def rates(x, p, q):
+        states, named = with_inputs(x, p)
+        given = [*stage.phase.field(states, named, q)]
+        if len(given) != size:
+            raise InputError(f"the field of the {stage.phase.name} gives {len(given)} rates for {size} states")
+        given = [*given, 1.0, stage.running(states, named, q)]
+        return [rate if i == size else p[INTERVAL_LENGTH] * rate for i, rate in enumerate(given)]
+
+    watch = {name: lambda x, p, q, of=of: of(*with_inputs(x, p), q) for name, of in stage.path.items()}
+    return Phase(stage.phase.name, (*stage.phase.states, "clock", "cost"), rates, watch)
+
+
+def stage_flow(stage: Stage, names: tuple[str, ...]) -> Flow:
+    """The flow of `interval_phase`; its parameters are the problem's, the interval's length, and coefficients."""
+    return flow_of(interval_phase(stage), (*names, INTERVAL_LENGTH, *stage.coefficient_names))
+
+
+def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:
+    """Raise `InputError` for a stage without a meaning; `parameters` are the names of the problem's."""
+    where = f"stage {number} ({stage.phase.name})"
+    if check_range(f"{where}: duration", stage.duration)[0] <= 0:
+        raise InputError(f"{where}: duration from {stage.duration[0]:g}; it is above 0")
+    whole_number(f"{where}: intervals", stage.intervals, "intervals")
+    if stage.phase.pieces:
+        raise InputError(f"{where}: its law is piecewise; control needs a law that is smooth, as a formula")
+    for name, given in stage.inputs.items():
+        if name in parameters:
+            raise InputError(f"{where}: '{name}' is both an input and a parameter; rename one")
+        sides = zip((given.low, given.high), (-np.inf, np.inf), strict=True)
+        check_range(f"{where}: input '{name}'", [none if callable(side) else side for side, none in sides])
+        whole_number(f"{where}: degree of input '{name}'", given.degree, "powers", 0)
+
+
+def check_range(what: str, bounds) -> tuple[float, float]:
+    """The two bounds, in order; raises `InputError`."""
+    if not isinstance(bounds, tuple | list) or len(bounds) != 2 or not all(isinstance(one, Real) for one in bounds):
+        raise InputError(f"{what}: bounds are a lowest and a highest number, not {bounds!r}")
+    low, high = bounds
+    if not low <= high:
+        raise InputError(f"{what} lies between {low:g} and {high:g}: bounds conflict")
+    return low, high

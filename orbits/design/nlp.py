@@ -1,0 +1,288 @@
+"""An orbit and its parameters as one nonlinear program, and derivatives of quantities by the implicit function theorem.
+
+Unknowns: the parameters theta; those of the design statement; the shooting nodes on its mesh; and the violations of the
+constraints, which are held at zero except where they are minimised. With the shooting nodes as unknowns the derivatives
+stay sparse, and small changes do not grow along the trajectory.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ..errors import NoOrbit
+from ..model.machine import Machine
+from ..model.model import Model, Units
+from ..model.phase import Statement
+from ..numerics.linear import solve
+from ..periodic.multiple_shooting import MeshTrajectory, ShootingMesh, trajectory_on_mesh
+from ..periodic.orbit import Orbit
+from ..symbolic.ipopt import Minimiser, Minimum
+from .extremes import Place, extreme_values, locate, no_extreme
+from .problem import Outputs
+from .quantities import VARIATIONAL, expressions, extremes_of, unit_of
+from .statement import design_statement
+
+# What is demanded of a motion stays this far above zero, in the machine's units: a motion that just touches is refused.
+DEMAND_MARGIN = 1e-9
+# The landing jerk keeps this share of its value at the guess: where it vanishes there is no lossless landing.
+LEAST_JERK = 1e-6
+# The shooting nodes stay this near to their guess, in their sizes: far from an orbit the states would run off.
+NODE_RANGE = 4.0
+# The guess is already an orbit, so the barrier starts small; and so small a program can be solved to rounding.
+DESIGN_OPTIONS = {
+    "calc_lam_p": False,  # not in use, and CasADi would complain of it where a formula has no value
+    "ipopt.tol": 1e-13,
+    "ipopt.compl_inf_tol": 1e-13,
+    "ipopt.max_iter": 80,
+    "ipopt.mu_init": 1e-3,
+    "ipopt.bound_push": 1e-4,
+    "ipopt.bound_frac": 1e-4,
+}
+# Several places of one extreme with their times, by the name of the extreme.
+Ties = Mapping[str, tuple[tuple[Place, float], ...]]
+
+
+class Weights(NamedTuple):
+    """Weights in the cost of a nonlinear program; constraints with a violation of weight 0 are held exactly."""
+
+    objective: float
+    violation: float
+
+
+class DesignProgram:
+    """The nonlinear program of some outputs over parameters, built once for all values.
+
+    unknowns : names of the unknowns of the design statement
+    scales : symbol of the scales of the formulas, the landing jerk and the demands
+    reported, tied : where the quantities, and the differences between two places of an extreme, are among the results
+    equations : number of equations that vanish on an orbit
+    """
+
+    def __init__(
+        self, model: Model, names: tuple[str, ...], outputs: Outputs, places: tuple[Place, ...], counts: tuple[int, ...]
+    ):
+        self.outputs = outputs
+        quantities = outputs.quantities(model, dict.fromkeys(names, 1.0))
+        statement = design_statement(model, any(name in VARIATIONAL for name in quantities), places)
+        self.unknowns = statement.unknowns
+        over, m = outputs.over, len(outputs.formulas) - 1
+        theta, fixed = ca.MX.sym("theta", len(over)), ca.MX.sym("fixed", len(names))
+        u, units = ca.MX.sym("u", len(self.unknowns)), ca.MX.sym("units", 3)
+        p = ca.vertcat(*[theta[over.index(name)] if name in over else fixed[i] for i, name in enumerate(names)])
+        mesh = ShootingMesh(statement, names, counts, u, p)
+        results = _results(model, statement, names, outputs, places).call([u, p, units, *mesh.ends], True)
+        formulas, demands, reports, ties = results
+        self.scales = ca.MX.sym("scales", formulas.numel() + demands.numel())
+        self.reported = slice(self.scales.numel(), self.scales.numel() + reports.numel())
+        self.tied = slice(self.reported.stop, self.reported.stop + ties.numel())
+        self.equations = mesh.equations.numel() + ties.numel()
+        weights, excess, shortfall = ca.MX.sym("weights", 2), ca.MX.sym("excess", m), ca.MX.sym("shortfall", m)
+        parameters = ca.vertcat(fixed, units, mesh.data, weights, self.scales)
+        state = ca.vertcat(theta, u, mesh.nodes)
+        scaled = ca.vertcat(formulas, demands) / self.scales
+        cost = weights[0] * scaled[0] + weights[1] * (ca.sum1(excess) + ca.sum1(shortfall))
+        constraints = scaled[1 : 1 + m] - excess + shortfall
+        held = ca.vertcat(mesh.equations, ties, constraints, scaled[1 + m :])
+        self.solver = _scaled_minimiser(ca.vertcat(state, excess, shortfall), parameters, cost, held)
+        self._graph = state, parameters, mesh.equations, ca.vertcat(*results)
+
+    @cached_property
+    def _derivatives(self) -> ca.Function:
+        """Built on first use, since most nonlinear programs are solved more often than differentiated."""
+        state, parameters, equations, results = self._graph
+        jacobians = ca.jacobian(equations, state), ca.jacobian(results, state)
+        return ca.Function("derivatives", [state, parameters], [equations, results, *jacobians])
+
+    def derivatives(self, state: np.ndarray, parameters: np.ndarray) -> list[np.ndarray]:
+        """Equations, results, and the Jacobians of both by the state (theta, u, shooting nodes)."""
+        return [value.full() for value in self._derivatives(state, parameters)]
+
+
+def _scaled_minimiser(unknowns: ca.MX, parameters: ca.MX, cost: ca.MX, constraints: ca.MX) -> Minimiser:
+    """A solver in unknowns divided by a scale, which is a further parameter."""
+    z, scale = ca.MX.sym("z", unknowns.numel()), ca.MX.sym("scale", unknowns.numel())
+    program = ca.Function("program", [unknowns, parameters], [cost, constraints])
+    cost, constraints = program.call([z * scale, parameters], True)
+    return Minimiser(z, ca.vertcat(parameters, scale), cost, constraints, DESIGN_OPTIONS)
+
+
+def _results(
+    model: Model, statement: Statement, names: tuple[str, ...], outputs: Outputs, places: tuple[Place, ...]
+) -> ca.Function:
+    """(u, p, units, end of each arc ...) -> the formulas; minus the landing jerk and the demands, in the machine's
+    units; the quantities in use; and the differences between two places of an extreme."""
+    u, p, units = ca.SX.sym("u", len(statement.unknowns)), ca.SX.sym("p", len(names)), ca.SX.sym("units", 3)
+    ends = [ca.SX.sym("x", len(arc.phase.states)) for arc in statement.arcs]
+    unknowns = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
+    values = dict(zip(names, ca.vertsplit(p), strict=True))
+    states = [ca.vertsplit(end) for end in ends]
+    quantities = outputs.quantities(model, values)
+    found = expressions(model, [*quantities, "landing_jerk"], places, unknowns, states, values)
+    length, time, force = ca.vertsplit(units)
+    stated = {name: found[name] * unit_of(name, length, time, force) for name in quantities} | values
+    if "rest_length" in values:
+        stated["rest_length"] = values["rest_length"] * length
+    extremes = extreme_values(model, places, unknowns, states, values)
+    results = (
+        [formula(**{name: stated[name] for name in formula.names}) for formula in outputs.formulas],
+        [-found["landing_jerk"], *(found[name] for name in outputs.demands)],
+        [stated[name] for name in quantities],
+        [first - other for first, *others in extremes.values() for other in others],
+    )
+    columns = [ca.densify(ca.vertcat(*part)) if part else ca.SX(0, 1) for part in results]
+    return ca.Function("results", [u, p, units, *ends], columns)
+
+
+@lru_cache(maxsize=64)
+def design_program(
+    model: Model, names: tuple[str, ...], outputs: Outputs, places: tuple[Place, ...], counts: tuple[int, ...]
+) -> DesignProgram:
+    """The nonlinear program, kept for the next call with the same arguments."""
+    return DesignProgram(model, names, outputs, places, counts)
+
+
+@dataclass(frozen=True, eq=False)
+class DesignPoint:
+    """The outputs at one orbit: the nonlinear program with everything that it needs to be solved from there.
+
+    places : where the extremes are taken
+    p : the parameters by name
+    u : the unknowns of the design statement
+    trajectory : of that statement
+    units : what the formulas' numbers are in
+    demands : those of the outputs that the orbit has
+    names : of the quantities in use
+    """
+
+    program: DesignProgram
+    places: tuple[Place, ...]
+    p: dict[str, float]
+    u: np.ndarray
+    trajectory: MeshTrajectory
+    units: Units
+    demands: tuple[str, ...]
+    names: tuple[str, ...]
+
+    @property
+    def theta(self) -> np.ndarray:
+        """The parameters to design, (k,)."""
+        return np.array([self.p[name] for name in self.program.outputs.over])
+
+    @property
+    def place_times(self) -> dict[Place, float]:
+        """The places with their times from the start of the phase, 0 for those at its start or middle."""
+        unknowns = dict(zip(self.program.unknowns, self.u.tolist(), strict=True))
+        return {place: unknowns.get(f"at {i}", 0.0) for i, place in enumerate(self.places)}
+
+    def _parameters(self, weights: Weights, scales: np.ndarray) -> np.ndarray:
+        """The parameters of the nonlinear program."""
+        units = [self.units.length, self.units.time, self.units.force]
+        return np.concatenate([list(self.p.values()), units, self.trajectory.data, weights, scales])
+
+    @cached_property
+    def _derivatives(self) -> list[np.ndarray]:
+        state = np.concatenate([self.theta, self.u, self.trajectory.nodes])
+        scales = np.ones(self.program.scales.numel())
+        return self.program.derivatives(state, self._parameters(Weights(1.0, 0.0), scales))
+
+    @property
+    def values(self) -> np.ndarray:
+        """The results (rows,): formulas, minus the landing jerk, demands, quantities in use, ties."""
+        return self._derivatives[1].ravel()
+
+    @property
+    def scaled_values(self) -> np.ndarray:
+        """The results that have a scale: all but the quantities in use and the ties."""
+        return self.values[: self.program.reported.start]
+
+    @property
+    def quantities(self) -> dict[str, float]:
+        """The quantities in use, by name."""
+        return dict(zip(self.names, self.values[self.program.reported].tolist(), strict=True))
+
+    @cached_property
+    def slopes(self) -> np.ndarray:
+        """Derivatives (rows, k) of the results by the parameters, along which the orbit stays lossless."""
+        _, _, equations_by, results_by = self._derivatives
+        k = len(self.program.outputs.over)
+        by_theta = -solve(equations_by[:, k:], equations_by[:, :k])
+        return results_by[:, :k] + results_by[:, k:] @ by_theta
+
+    def minimise(
+        self,
+        bounds: tuple[np.ndarray, np.ndarray],
+        units: np.ndarray,
+        reach: float,
+        limits: list[np.ndarray],
+        scales: np.ndarray,
+        weights: Weights,
+    ) -> Minimum:
+        """The nonlinear program solved from here.
+
+        bounds : (low, high) of the parameters, already within the trust region
+        units : of the parameters
+        reach : the trust region; by this share may the times and the launch speed change, at most by a factor of 2
+        limits : (low, high) of the constraints, in scaled units
+        scales : of the formulas, the landing jerk and the demands
+        weights : of the cost
+
+        Raises `NoOrbit` where a formula has no value on the way.
+        """
+        m = len(self.program.outputs.formulas) - 1
+        theta, nodes, slacks = self.theta, self.trajectory.nodes, np.zeros(2 * m)
+        size, node_size = np.maximum(np.abs(self.u), 0.1 * np.abs(self.u).max()), self.trajectory.sizes
+        guess = np.concatenate([theta, self.u, nodes, slacks])
+        scale = np.concatenate([units, size, node_size, np.ones(2 * m)])
+        # A mesh serves motions that last up to so many times as long. The first unknown is the lift-off extension and
+        # may have either sign; all others are times and a speed.
+        factor, free, span = 1 + min(reach, 1.0), [np.inf], NODE_RANGE * node_size
+        lower = np.concatenate([bounds[0], np.negative(free), self.u[1:] / factor, nodes - span, slacks])
+        most_violation = np.full(2 * m, np.inf if weights.violation else 0.0)
+        upper = np.concatenate([bounds[1], free, self.u[1:] * factor, nodes + span, most_violation])
+        demanded = np.array([LEAST_JERK, *(DEMAND_MARGIN for _ in self.demands)])
+        zeros = np.zeros(self.program.equations)
+        least = np.concatenate([zeros, limits[0], demanded])
+        most = np.concatenate([zeros, limits[1], np.full(len(demanded), np.inf)])
+        parameters = np.concatenate([self._parameters(weights, scales), scale])
+        minimum = self.program.solver(guess / scale, parameters, (lower / scale, upper / scale), (least, most))
+        if minimum.kind == "undefined":
+            texts = " or ".join(repr(formula.text) for formula in self.program.outputs.formulas)
+            raise NoOrbit(
+                f"{texts} has no finite value or slope on the way: keep the parameters, by their bounds, where it has; "
+                "else state the machine in units nearer to 1"
+            )
+        return replace(minimum, x=minimum.x * scale)
+
+
+def design_point(
+    machine: Machine, orbit: Orbit, outputs: Outputs, units: Units, ties: Ties | None = None
+) -> DesignPoint:
+    """The outputs at an orbit of a machine.
+
+    ties : extremes, by name, that are taken at further places too, where they are to be equal
+    Raises `NoOrbit` for a contact that does not end, or an extreme that the orbit does not have.
+    """
+    model, p = machine.model, dict(machine.values)
+    if orbit.contact_time is None:
+        raise NoOrbit("; ".join(orbit.violations))
+    demands = tuple(name for name in outputs.demands if locate(model, orbit, p, extremes_of(name)[0]))
+    outputs = replace(outputs, demands=demands)
+    names = outputs.quantities(model, p)
+    times: dict[Place, float] = {}
+    for extreme in dict.fromkeys(extreme for name in names for extreme in extremes_of(name)):
+        located = locate(model, orbit, p, extreme)
+        if located is None:
+            raise no_extreme(extreme)
+        times |= {located[0]: located[1]} | dict((ties or {}).get(extreme, ()))
+    places = tuple(times)
+    statement = design_statement(model, any(name in VARIATIONAL for name in names), places)
+    known = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
+    known |= {"contact": orbit.contact_time / 2} | {f"at {i}": time for i, time in enumerate(times.values())}
+    u = {name: known[name] for name in statement.unknowns}
+    trajectory = trajectory_on_mesh(statement, u, p)
+    program = design_program(model, tuple(p), outputs, places, trajectory.counts)
+    return DesignPoint(program, places, p, np.array(list(u.values())), trajectory, units, demands, tuple(names))

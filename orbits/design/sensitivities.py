@@ -1,0 +1,80 @@
+"""Quantities of a given orbit, and their exact derivatives by the parameters of its machine."""
+
+from collections.abc import Sequence
+
+from ..errors import InputError
+from ..model.machine import Machine, check_parameters
+from ..periodic.find import find
+from ..periodic.orbit import Orbit
+from ..symbolic import interrupts
+from .extremes import locate
+from .nlp import design_point
+from .problem import Outputs, formula_names, formula_units, free_parameters, known_formula
+from .quantities import extremes_of, quantity_names
+
+
+def quantities(machine: Machine, orbit: Orbit, names: Sequence[str] | None = None) -> dict[str, float]:
+    """Quantities of a machine's orbit, or formulas of them, by their text; None for all that the orbit has.
+
+    In the machine's units, or in SI for a machine stated so. Raises `InputError` for an unknown name.
+    """
+    names = _requested(machine, orbit, names)
+    if not names:
+        return {}
+    outputs = _outputs(machine, names, ())
+    values = design_point(machine, orbit, outputs, formula_units(machine)).values
+    return dict(zip(names, values.tolist(), strict=False))
+
+
+def sensitivities(
+    machine: Machine,
+    orbit: Orbit | int = 1,
+    names: Sequence[str] | None = None,
+    quantities: Sequence[str] | None = None,
+) -> dict[str, dict[str, float]]:
+    """Exact derivatives d(quantity)/d(parameter), as the parameter changes and the orbit stays lossless.
+
+    orbit : one of the machine's own, or the number of its family
+    names : of the parameters, None for all; as in `optimize`
+    quantities : of the orbit, or formulas of these; None for all that it has
+
+    By the implicit function theorem on the equations of the orbit, with derivatives from their graph. At a fold of the
+    family in a parameter they are infinite. Raises `InputError` for an unknown name or another machine's orbit.
+    """
+    check_parameters(machine)
+    formula_names(machine)  # raises for a machine that cannot be designed, before an orbit is searched for
+    if not isinstance(orbit, Orbit):
+        orbit = find(machine, orbit)
+    if names is None:
+        names = free_parameters(machine)
+    elif isinstance(names, str):
+        raise InputError(f"the names of parameters are a list: ['{names}']")
+    # The machine says, in its own words, which of its parameters follow from others.
+    machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
+    check_parameters(machine, *names)
+    quantities = _requested(machine, orbit, quantities)
+    if not quantities or not names:
+        return {quantity: {} for quantity in quantities}
+    outputs = _outputs(machine, quantities, names)
+    with interrupts.deferred():
+        slopes = design_point(machine, orbit, outputs, formula_units(machine)).slopes
+    rows = zip(quantities, slopes.tolist(), strict=False)
+    return {quantity: dict(zip(names, row, strict=True)) for quantity, row in rows}
+
+
+def _outputs(machine: Machine, texts: Sequence[str], over: Sequence[str]) -> Outputs:
+    """Formulas of a machine, as outputs over some of its parameters."""
+    known = formula_names(machine)
+    return Outputs(tuple(known_formula(text, known, "the quantity") for text in texts), tuple(over))
+
+
+def _requested(machine: Machine, orbit: Orbit, names: Sequence[str] | None) -> Sequence[str]:
+    """The requested names, or all quantities that the orbit has; raises `InputError` for another machine's orbit."""
+    if dict(orbit.machine) != machine.describe():
+        raise InputError(f"the orbit is another machine's: {dict(orbit.machine)}")
+    if isinstance(names, str):
+        raise InputError(f"quantities are a list: ['{names}']")
+    if names is not None:
+        return list(names)
+    model, p = machine.model, machine.values
+    return [name for name in quantity_names(model, p) if all(locate(model, orbit, p, e) for e in extremes_of(name))]

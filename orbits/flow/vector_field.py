@@ -1,0 +1,84 @@
+"""A vector field as an expression graph, and one step of its flow as an expression."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from ..symbolic.taylor_series import has_taylor_series, taylor_coefficients
+
+# A high order makes few and long steps, and each step costs a fixed amount besides its series.
+TAYLOR_ORDER = 28
+
+
+@dataclass(frozen=True, eq=False)
+class VectorField:
+    """A vector field as an SX function (x, p) -> (x', watched quantities), and the two symbols x and p."""
+
+    field: ca.Function
+    x: ca.SX
+    p: ca.SX
+
+    @property
+    def size(self) -> int:
+        """Number of states n."""
+        return self.x.numel()
+
+    @cached_property
+    def has_series(self) -> bool:
+        """Whether every operation of the field has a Taylor series."""
+        return has_taylor_series(self.field)
+
+    @cached_property
+    def series(self) -> ca.SX:
+        """Taylor coefficients (n + m, TAYLOR_ORDER + 1) of the n states and m watched quantities."""
+        return taylor_coefficients(self.field, self.x, self.p, TAYLOR_ORDER)
+
+    @cached_property
+    def step(self) -> ca.Function:
+        """One step of given length, a function (x, h, p) -> x for equations that other solvers differentiate."""
+        h = ca.SX.sym("h")
+        end = self.series[: self.size, :] @ symbolic_powers(h) if self.has_series else runge_kutta(self, self.x, h)
+        return ca.Function("step", [self.x, h, self.p], [end])
+
+
+def symbolic_powers(h: ca.SX) -> ca.SX:
+    """The powers (TAYLOR_ORDER + 1,) of a symbol, from 0 on."""
+    powers = [ca.SX(1), h]
+    while len(powers) <= TAYLOR_ORDER:
+        powers.append(h * powers[-1])
+    return ca.vertcat(*powers)
+
+
+def runge_kutta(graph: VectorField, x: ca.SX, h: ca.SX) -> ca.SX:
+    """The state after one Runge-Kutta step of order 8 and length `h` from `x`."""
+    stages, weights = _cooper_verner()
+    rates: list[ca.SX] = []
+    for row in stages:
+        place = x + h * sum((a * rate for a, rate in zip(row, rates, strict=False) if a), ca.SX(0))
+        rates.append(graph.field(place, graph.p)[0])
+    return x + h * sum(b * rate for b, rate in zip(weights, rates, strict=True) if b)
+
+
+def _cooper_verner() -> tuple[np.ndarray, np.ndarray]:
+    """Stage matrix (11, 11) and weights (11,) of the explicit order-8 method.
+
+    Cooper and Verner, "Some explicit Runge-Kutta methods of high order", SIAM J. Numer. Anal. 9 (1972).
+    """
+    s = np.sqrt(21.0)
+    a = np.zeros((11, 11))
+    a[1, :1] = 1 / 2
+    a[2, :2] = 1 / 4, 1 / 4
+    a[3, :3] = 1 / 7, -(7 + 3 * s) / 98, (21 + 5 * s) / 49
+    a[4, :4] = (11 + s) / 84, 0, (18 + 4 * s) / 63, (21 - s) / 252
+    a[5, :5] = (5 + s) / 48, 0, (9 + s) / 36, (-231 + 14 * s) / 360, (63 - 7 * s) / 80
+    a[6, :6] = (10 - s) / 42, 0, (-432 + 92 * s) / 315, (633 - 145 * s) / 90, (-504 + 115 * s) / 70, (63 - 13 * s) / 35
+    a[7, :7] = 1 / 14, 0, 0, 0, (14 - 3 * s) / 126, (13 - 3 * s) / 63, 1 / 9
+    a[8, :8] = 1 / 32, 0, 0, 0, (91 - 21 * s) / 576, 11 / 72, -(385 + 75 * s) / 1152, (63 + 13 * s) / 128
+    a[9, [0, 4]] = 1 / 14, 1 / 9
+    a[9, 5:7] = -(733 + 147 * s) / 2205, (515 + 111 * s) / 504
+    a[9, 7:9] = -(51 + 11 * s) / 56, (132 + 28 * s) / 245
+    a[10, 4:7] = (-42 + 7 * s) / 18, (-18 + 28 * s) / 45, -(273 + 53 * s) / 72
+    a[10, 7:10] = (301 + 53 * s) / 72, (28 - 28 * s) / 45, (49 - 7 * s) / 18
+    return a, np.array([9, 0, 0, 0, 0, 0, 0, 49, 64, 49, 9]) / 180

@@ -1,0 +1,132 @@
+"""Fixed points of the return map: the lossless orbits that are motions, and crossings of the identity line."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import count
+
+import numpy as np
+
+from ..errors import FlowError, NoOrbit, whole_number
+from ..flow.flow import flow_of
+from ..flow.trajectory import Trajectory
+from ..model.model import Reduction
+from ..numerics.bernstein import piecewise_roots
+from ..numerics.roots import enclosed_sign_changes, resolved
+from ..periodic.find import find
+from ..periodic.formulations import equations_of
+from ..periodic.interpretation import certified_orbit
+from ..periodic.orbit import Orbit
+from .impacts import Impacts
+
+# Where the map changes by less than this share between neighbouring numbers, it is continuous there.
+JUMP = 1e-6
+# The search for lossless orbits ends after this many families in a row without one in the range.
+FURTHER = 3
+# Launches in the grid on which lossless orbits are searched: per half oscillation, and at most.
+PER_TURN, MOST_SAMPLES = 8, 2000
+
+# Launch speeds (m,) -> next launch speeds (m,), NaN where there are none.
+SpeedMap = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class FixedPoint:
+    """A launch speed that comes back; kind "lossless" or "crossing", where the map crosses the identity line."""
+
+    alpha: float
+    kind: str
+
+
+def crossings(next_speeds: SpeedMap, grid: np.ndarray, following: np.ndarray) -> np.ndarray:
+    """Launch speeds (k,) at which the map crosses the identity line, from its values on a grid."""
+    a, b, fa, fb = _sign_changes(lambda alpha, which: or_zero(next_speeds(alpha)) - alpha, grid, following - grid)
+    continuous = np.maximum(np.abs(fa), np.abs(fb)) <= JUMP * a
+    return np.where(np.abs(fa) <= np.abs(fb), a, b)[continuous]
+
+
+def resolved_map(
+    next_speeds: SpeedMap, lossless: list[float], low: float, high: float, samples: int, identity: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """A grid of launch speeds from `low` to `high` that resolves the map, and the next ones, 0 where there are none.
+
+    The grid is refined toward the lossless launch speeds, where the map has no slope, and toward its extrema: all of
+    them, or with `identity` those that may touch the identity line.
+    """
+    distances = np.geomspace(1e-12, high - low, 200)
+    beside = [alpha + side * distances for alpha in lossless for side in (-1, 1)]
+    grid = np.concatenate([np.linspace(low, high, whole_number("samples", samples, "launches", 2)), *beside])
+    grid = np.unique(grid[(grid >= low) & (grid <= high)])
+    slope = float(identity)
+    grid, values = resolved(lambda alpha: next_speeds(alpha) - slope * alpha, grid, identity)
+    return grid, or_zero(values + slope * grid)
+
+
+def _sign_changes(function: Callable, grid: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, ...]:
+    """`enclosed_sign_changes` of one function between neighbours of a grid, from its values there."""
+    i = np.flatnonzero((values[1:] >= 0) != (values[:-1] >= 0))
+    return enclosed_sign_changes(function, grid[i], grid[i + 1], values[i], values[i + 1])
+
+
+def or_zero(speeds: np.ndarray) -> np.ndarray:
+    """Launch speeds with 0 in place of NaN."""
+    return np.nan_to_num(speeds, nan=0.0)
+
+
+def lossless_speeds(impacts: Impacts, low: float, high: float) -> list[float]:
+    """Launch speeds from `low` to `high` of the lossless orbits that are motions, ascending."""
+    model = impacts.model
+    if not model.conservative:
+        return []
+    if model.reduction and not model.reduction.exact:
+        orbits = _all_orbits(impacts, model.reduction, low, high)
+    else:
+        orbits = _orbits_of_families(impacts, high)
+    return sorted({orbit.alpha for orbit in orbits if low <= orbit.alpha <= high and orbit.admissible})
+
+
+def _orbits_of_families(impacts: Impacts, high: float) -> Iterator[Orbit]:
+    """The orbit that `find` gives of each family, until several in a row lie beyond `high` or do not exist."""
+    beyond = 0
+    for family in count(1):
+        try:
+            orbit = find(impacts.machine, family)
+        except NoOrbit:
+            orbit = None
+        beyond = 0 if orbit and orbit.alpha <= high else beyond + 1
+        if beyond > FURTHER:
+            return
+        if orbit and not beyond:
+            yield orbit
+
+
+def _all_orbits(impacts: Impacts, reduction: Reduction, low: float, high: float) -> Iterator[Orbit]:
+    """All orbits under constant gravity: half a flight lasts the time alpha, until the reduced motion turns."""
+    model, p, names = impacts.model, impacts.p, tuple(impacts.values)
+    flow = flow_of(reduction.statement.arcs[0].phase, names)
+    (liftoff,) = model.release(np.array([low]), impacts.values)
+
+    def half_flight(alpha: float) -> Trajectory | None:
+        try:
+            return flow.run([liftoff, alpha], p, alpha)[0]
+        except FlowError:
+            return None
+
+    def end_speed(alphas, which=None):
+        return np.array([0.0 if (path := half_flight(alpha)) is None else path.end[1] for alpha in alphas])
+
+    half_oscillations = [
+        np.diff([path.times[i] + t for i, t in piecewise_roots(path.coefficients[:, 1], path.steps)])
+        for alpha in np.geomspace(low, high, 5)
+        if (path := half_flight(alpha)) is not None
+    ]
+    shortest = max(np.concatenate([[high - low], *half_oscillations]).min(), (high - low) / MOST_SAMPLES)
+    grid, values = resolved(end_speed, np.linspace(low, high, 2 + int(PER_TURN * (high - low) / shortest)), True)
+    equations = equations_of(model, "relative", names)
+    for alpha in _sign_changes(end_speed, grid, values)[0]:
+        began = time.perf_counter()
+        try:
+            u, evaluation = equations.newton([liftoff, alpha], p)
+            yield certified_orbit(impacts.machine, "relative", u, evaluation, began=began)
+        except NoOrbit:
+            continue

@@ -1,0 +1,178 @@
+"""What makes a root of the equations a motion: the gap, the contact force and the separation, over the whole cycle.
+
+Nothing here reuses the equations that were solved, only the motions. Orbits of one model are checked together, which
+takes hardly longer than checking one.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..flow.trajectory import Trajectories
+from ..model.model import Model
+from ..numerics.bernstein import derivative, evaluate
+from .contact import CONTACT_FORCE
+from .solution import NONE, Cycles
+
+# A stationary point this near to the middle of the motion, as a share of its time, is the middle itself.
+MIDDLE = 1e-7
+# The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
+# share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
+STATIONARY = 1e-6
+# A violation: the index of the orbit, and what is wrong in words.
+Violation = tuple[int, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Admissibility:
+    """What was checked of m orbits, (m,) each, `NONE` where there is no such minimum or peak.
+
+    jerk : of the gap at lift-off, which is minus that at landing
+    clearance : the lowest interior minimum of the gap
+    smallest_force, largest_force : the lowest interior minimum of the contact force, and its peak
+    separation : the least over the cycle, `NONE` also where no length is stated or the contact does not end
+    violations : of each orbit, in words
+    """
+
+    jerk: np.ndarray
+    clearance: np.ndarray
+    smallest_force: np.ndarray
+    largest_force: np.ndarray
+    separation: np.ndarray
+    violations: tuple[tuple[str, ...], ...]
+
+
+def admissibility(model: Model, cycles: Cycles) -> Admissibility:
+    """What makes solved orbits of one model motions, and what makes them none."""
+    jerk, clearance, when = _gaps(model, cycles)
+    separation, separation_violations = _separations(model, cycles)
+    violations: list[list[str]] = [[] for _ in range(len(cycles))]
+    checks = (_gap_violations(model, jerk, clearance, when), _force_violations(model, cycles), separation_violations)
+    for check in checks:
+        for i, reason in check:
+            violations[i].append(reason)
+    return Admissibility(
+        jerk, clearance, *_contact_forces(model, cycles), separation, tuple(tuple(reasons) for reasons in violations)
+    )
+
+
+def count_families(model: Model, halves: Trajectories, per_flight: int) -> list[int]:
+    """The families of flights: the stationary points of the extension after lift-off up to and with mid-flight, less
+    one; `per_flight` of the halves belong to each flight."""
+    owner, piece, t = halves.pile(derivative(halves.series(model.extension))).roots()
+    inside = halves.time(owner, piece, t) < halves.ends[owner] * (1 - MIDDLE)  # the root left out is mid-flight
+    turns = np.bincount(owner[inside] // per_flight, minlength=len(halves) // per_flight)
+    return (turns // per_flight).tolist()
+
+
+def _gaps(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Jerks of the gap at lift-off (m,), its lowest interior minima (m,), `NONE` without one, and their times (m,)."""
+    halves = cycles.halves
+    gaps = halves.series(model.gap(cycles.p_of_halves))
+    jerk = (6 * gaps[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
+    clearance, when = _least_of_halves(cycles, *_lowest_minima(halves, gaps))
+    return jerk, clearance, when
+
+
+def _lowest_minima(halves: Trajectories, gaps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest minimum (h,) of the gap on each half of a flight, `NONE` without one, and its time (h,).
+
+    Each half starts from a zero of order three of the gap, so its rate from one of order two, which is divided out
+    exactly.
+    """
+    owner, piece, t = halves.pile(derivative(gaps)).roots(start=2, rising=True)
+    times = halves.time(owner, piece, t)
+    inside = times < halves.ends[owner] * (1 - MIDDLE)
+    heights = evaluate(gaps[halves.first[owner] + piece], t)
+    # The end of a half, mid-flight, may be a minimum too.
+    last, h = gaps[halves.last], halves.steps[halves.last]
+    middle, rate, bend = (evaluate(c, h) for c in (last, derivative(last), derivative(derivative(last))))
+    at_end = (bend > 0) & (np.abs(rate) * halves.ends < STATIONARY * halves.largest(gaps[:, :1]))
+    ends = np.flatnonzero(at_end)
+    owner, times = np.append(owner[inside], ends), np.append(times[inside], halves.ends[ends])
+    heights = np.append(heights[inside], middle[ends])
+    lowest, when = np.full(len(halves), NONE), np.zeros(len(halves))
+    order = np.argsort(-heights)  # of several assignments to one half the last, the lowest, counts
+    lowest[owner[order]], when[owner[order]] = heights[order], times[order]
+    return lowest, when
+
+
+def _least_of_halves(cycles: Cycles, values: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least (m,) of the values on the halves of each flight, and its time (m,) in the flight."""
+    values, times = (array.reshape(-1, cycles.halves_per_flight) for array in (values, times))
+    half, each = values.argmin(1), np.arange(len(values))
+    when = times[each, half]
+    return values[each, half], np.where(half == 0, when, cycles.flight_times - when)
+
+
+def _gap_violations(model: Model, jerk: np.ndarray, clearance: np.ndarray, when: np.ndarray) -> Iterator[Violation]:
+    for i in np.flatnonzero(jerk <= 0).tolist():
+        yield i, f"the gap opens the wrong way at landing (landing jerk {-jerk[i]:.3g}, must be negative)"
+    for i in np.flatnonzero(clearance <= 0).tolist():
+        yield i, f"{model.violations['gap']} at t = {when[i]:.6g} of the flight (height {clearance[i]:.3g})"
+
+
+def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest interior minima (m,) of the contact forces, and their peaks (m,), `NONE` where there are none."""
+    least, peaks = np.full((2, len(cycles)), NONE)
+    if not cycles.contacts:
+        return least, peaks
+    contacts = cycles.contacts
+    force = contacts.coefficients[:, contacts.names.index(CONTACT_FORCE)]
+    owner, piece, t = contacts.pile(derivative(force)).roots(rising=True)
+    inside = contacts.time(owner, piece, t) < contacts.ends[owner] * (1 - MIDDLE)
+    low = np.full(len(contacts), NONE)
+    np.minimum.at(low, owner[inside], evaluate(force[contacts.first[owner] + piece], t)[inside])
+    if model.reversor:  # mid-contact itself may be a minimum
+        last, h = force[contacts.last], contacts.steps[contacts.last]
+        rising = evaluate(derivative(derivative(last)), h) > 0
+        low = np.where(rising, np.minimum(low, evaluate(last, h)), low)
+    least[cycles.with_contact], peaks[cycles.with_contact] = low, -contacts.pile(-force).lowest()[0]
+    return least, peaks
+
+
+def _force_violations(model: Model, cycles: Cycles) -> Iterator[Violation]:
+    """Contacts that do not end, and those that have to pull.
+
+    The force starts from a simple zero, which is divided out exactly; a whole contact ends on another one.
+    """
+    yield from cycles.without_contact.items()
+    if not cycles.contacts:
+        return
+    contacts, pulls = cycles.contacts, model.violations["pull"]
+    force = contacts.coefficients[:, contacts.names.index(CONTACT_FORCE)]
+    owner, piece, t = contacts.pile(force).roots(start=1)
+    times = contacts.time(owner, piece, t)
+    inside = np.full(len(times), True) if model.reversor else times < contacts.ends[owner] * (1 - MIDDLE)
+    pulling, first = np.unique(owner[inside], return_index=True)
+    for i, time in zip(cycles.with_contact[pulling].tolist(), times[inside][first], strict=True):
+        yield i, f"{pulls} in contact at t = {time:.6g}"
+    at_once = force[contacts.first, 1] <= 0
+    at_once[pulling] = False
+    for i in cycles.with_contact[at_once].tolist():
+        yield i, f"{pulls} as soon as the contact begins"
+
+
+def _separations(model: Model, cycles: Cycles) -> tuple[np.ndarray, list[Violation]]:
+    """Least separations (m,) over the cycles, and the orbits where they are not positive; where the contact does not
+    end, the flight is checked all the same."""
+    halves, contacts = cycles.halves, cycles.contacts
+    found = np.full(len(cycles), NONE)
+    if (distance := model.separation(cycles.p_of_halves)) is None:
+        return found, []
+    low, piece, t = halves.pile(halves.series(distance)).lowest()
+    least, when = _least_of_halves(cycles, low, halves.time(np.arange(len(halves)), piece, t))
+    in_contact = np.zeros(len(cycles), bool)
+    if contacts:
+        low, piece, t = contacts.pile(contacts.series(model.separation(cycles.p_of_contacts), model.embed)).lowest()
+        lower = low < least[cycles.with_contact]
+        these = cycles.with_contact[lower]
+        least[these], in_contact[these] = low[lower], True
+        when[these] = contacts.time(np.flatnonzero(lower), piece[lower], t[lower])
+    found[cycles.with_contact] = least[cycles.with_contact]
+    violations = []
+    for i in np.flatnonzero(~(least > 0)).tolist():
+        where = f"t = {when[i]:.6g} of the {'contact' if in_contact[i] else 'flight'}"
+        violations.append((i, f"{model.violations['separation']} at {where} (separation {least[i]:.3g})"))
+    return found, violations

@@ -1,0 +1,47 @@
+"""How hops beside a lossless one come back: alpha + d -> alpha + d - C d**(4/3) on the stable side, 10 C on the other.
+
+The formulas are arithmetic for NumPy arrays as well as for CasADi expressions.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..model.model import Model
+
+# The imaginary part of a complex step: so small that its square vanishes beside any number.
+COMPLEX_STEP = 1e-30
+
+
+def loss_coefficient(impact_mass: Any, jerk: Any, gap_slope: Any, power: Any) -> Any:
+    """C of the one-step map.
+
+    Beside a lossless landing the gap goes like gap_slope d - jerk t**3/6. The speed that it has left where it vanishes
+    is lost, and the launch energy changes by `power` with alpha.
+    """
+    return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
+
+
+def launch_power(gradient: Iterable, direction: Iterable) -> Any:
+    """Derivative of the energy at launch by alpha, from the energy's gradient there and the launch state's derivative.
+
+    Both are given by component.
+    """
+    return sum(g * d for g, d in zip(gradient, direction, strict=True))
+
+
+def by_launch_speed(function: Callable[[Mapping], Sequence], u: Mapping) -> list:
+    """Derivatives by alpha of a list of plain arithmetic expressions of the unknowns.
+
+    The alpha of `u` is a symbol, a number or an array; for numbers a complex step is exact.
+    """
+    if isinstance(u["alpha"], ca.SX):
+        return ca.vertsplit(ca.densify(ca.jacobian(ca.vertcat(*function(u)), u["alpha"])))
+    return [np.imag(x) / COMPLEX_STEP for x in function({**u, "alpha": u["alpha"] + 1j * COMPLEX_STEP})]
+
+
+def landing_gap_slope(model: Model, change: Iterable, p: Mapping) -> Any:
+    """Derivative by alpha of the gap at the orbit's landing time, from that of the flight state there, by component."""
+    return sum(weight * d for weight, d in zip(model.gap(p).weights, change, strict=False))

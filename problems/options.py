@@ -1,0 +1,188 @@
+"""What the commands share: the options that describe a machine, its losses and the files to write."""
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from .machine import TwoMassMachine
+
+
+def together(*options: Callable) -> Callable:
+    """Several options as one decorator, shown in this order."""
+
+    def decorate(command: Callable) -> Callable:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+machine_options = together(
+    click.option("--machine", metavar="hopper|juggler|FILE.toml", help="Kind of machine, or a file that states it."),
+    click.option(
+        "--mass-ratio",
+        type=click.FloatRange(0, min_open=True),
+        metavar="M",
+        help="Foot (hand) over body (ball) mass; default 1.",
+    ),
+    click.option(
+        "--rest-length",
+        type=click.FloatRange(0, min_open=True),
+        metavar="L",
+        help="Of the spring; default: long enough.",
+    ),
+    click.option("--spring", metavar="LAW", help="Formula of r, a law's name, table:FILE.csv or potential:FORMULA."),
+    click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
+    click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter; repeatable."),
+)
+loss_options = together(
+    click.option("--restitution", type=click.FloatRange(0, 1), metavar="e", help="Of the impacts; default 0, plastic."),
+    click.option("--damping", type=click.FloatRange(0), metavar="c", help="Of the damper beside the spring."),
+    click.option("--drag", type=click.FloatRange(0), metavar="d", help="On each mass, against its motion."),
+    click.option(
+        "--inject", type=float, default=0.0, metavar="EPS", help="Added to every launch speed, in the machine's units."
+    ),
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+
+
+def file_option(flag: str, kind: str, text: str) -> Callable:
+    """An option that names a file to write, of a kind that `_endings` knows; its path is checked before the search."""
+
+    def check(context, parameter, path):
+        if path is not None:
+            from orbits.io import check_path
+
+            check_path(path, _endings(kind))
+        return path
+
+    return click.option(flag, metavar="FILE", help=text, callback=check)
+
+
+def _endings(kind: str) -> tuple[str, ...]:
+    """The endings of the files of a kind; none where all are allowed."""
+    if kind == "document":
+        return ()
+    if kind in ("figure", "animation"):
+        from orbits.plot import ANIMATIONS, FIGURES
+
+        return FIGURES if kind == "figure" else ANIMATIONS
+    from orbits.continuation.family import ENDINGS
+
+    return ENDINGS if kind == "family" else ENDINGS[:2]
+
+
+plot_option = file_option("--plot", "figure", "Write a figure (.png, .pdf, .svg).")
+animate_option = file_option("--animate", "animation", "Write an animation (.gif).")
+
+
+def print_result(result: Any, as_json: bool) -> None:
+    """Print a result as one JSON document or in words."""
+    from orbits.io import to_json
+
+    click.echo(to_json(result.document()) if as_json else str(result))
+
+
+def launch_speeds(text: str) -> "np.ndarray":
+    """The launch speeds that A or A:B:N stands for; raises `InputError` for anything else."""
+    import numpy as np
+
+    from orbits.errors import InputError
+
+    parts = text.split(":")
+    try:
+        if len(parts) == 1:
+            return np.array([float(text)])
+        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except (ValueError, IndexError):
+        low, high, count = np.nan, np.nan, 0
+    if len(parts) == 3 and count >= 2 and np.isfinite([low, high]).all():
+        if not low < high:
+            raise InputError(f"--alpha {text!r}: the range goes up, A < B")
+        return np.linspace(low, high, count)
+    raise InputError(f"--alpha {text!r} is neither a number nor a range A:B:N of N launch speeds, from 2")
+
+
+def machine_of(
+    machine: str | None, settings: tuple[str, ...] | list[str] = (), **stated: str | float | None
+) -> "TwoMassMachine":
+    """The machine that the options describe; an option that is not None comes before what the machine's file says."""
+    from orbits.errors import InputError
+
+    from .files import KINDS, build, read
+
+    statement: dict[str, Any] = {"machine": "hopper"}
+    where = "the options"
+    if machine in KINDS:
+        statement["machine"] = machine
+    elif machine is not None:
+        if not machine.endswith(".toml"):
+            raise InputError(f"--machine {machine!r} is neither {' nor '.join(KINDS)} nor a .toml file")
+        statement, where = read(machine), machine
+    statement |= {name: value for name, value in stated.items() if value is not None}
+    statement["parameters"] = {**statement.get("parameters", {}), **_parameter_values(settings)}
+    return build(statement, where)
+
+
+def _parameter_values(settings: tuple[str, ...] | list[str]) -> dict[str, float]:
+    """The parameters that --set gives values."""
+    from orbits.errors import InputError
+
+    values: dict[str, float] = {}
+    for setting in settings:
+        text, equals, value = setting.partition("=")
+        name = text.strip()
+        if not equals or not name.isidentifier():
+            raise InputError(f"--set {setting!r} is not of the form NAME=VALUE")
+        if name in values:
+            raise InputError(f"--set gives {name!r} two values")
+        try:
+            values[name] = float(value)
+        except ValueError:
+            raise InputError(f"--set {setting!r}: {value!r} is not a number") from None
+    return values
+
+
+def sets(setting: str, name: str) -> bool:
+    """Whether a --set gives this name a value, which another option then replaces."""
+    try:
+        float(setting.partition("=")[2])
+    except ValueError:
+        return False
+    return setting.partition("=")[0].strip() == name
+
+
+@contextmanager
+def progress() -> Iterator[Callable[[float], None] | None]:
+    """Show the elapsed time and the share done on a terminal, once the first second has passed."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    share, done, began = [0.0], threading.Event(), time.monotonic()
+
+    def show():
+        wait = 1.0
+        while not done.wait(wait):
+            wait = 0.2
+            text = f"\rsearching, {time.monotonic() - began:.0f} s" + (f", {100 * share[0]:.0f}%" if share[0] else "")
+            sys.stderr.write(text)
+            sys.stderr.flush()
+        if wait < 1:
+            sys.stderr.write("\r" + " " * 40 + "\r")
+
+    thread = threading.Thread(target=show, daemon=True)
+    thread.start()
+    try:
+        yield lambda value: share.__setitem__(0, value)
+    finally:
+        done.set()
+        thread.join()

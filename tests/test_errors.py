@@ -1,0 +1,20 @@
+"""Numbers that a user gives are checked in one place, and the message names the value and the bounds."""
+
+import numpy as np
+import pytest
+
+from orbits import InputError
+from orbits.errors import whole_number
+
+
+@pytest.mark.parametrize("value", [2, 5, np.int64(3)])
+def test_whole_numbers_within_their_bounds(value):
+    assert type(whole_number("order", value, "powers", 2, 5)) is int
+
+
+@pytest.mark.parametrize("value", [1, 6, 2.0, True, "3", None, np.nan])
+def test_other_numbers_are_refused(value):
+    with pytest.raises(InputError, match=r"order = .*; it is a number of powers, from 2 to 5"):
+        whole_number("order", value, "powers", 2, 5)
+    with pytest.raises(InputError, match=r"order = -1; it is a number of powers, from 0 upwards"):
+        whole_number("order", -1, "powers", 0)
