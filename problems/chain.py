@@ -184,12 +184,7 @@ def _led_to_own_laws(straight: Chain, start: dict[str, float]) -> dict[str, floa
     """The start of the hop to which one of the straight springs leads, None where that ends on the way."""
     try:
         family = follow(
-            straight,
-            LAW_SHARE,
-            1.0,
-            orbit=find(straight, start=start),
-            longest=LONGEST_LAW_STEP,
-            most=MOST_LAW_POINTS,
+            straight, LAW_SHARE, 1.0, orbit=find(straight, start=start), longest=LONGEST_LAW_STEP, most=MOST_LAW_POINTS
         )
     except NoOrbit:
         return None

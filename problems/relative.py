@@ -13,8 +13,8 @@ import numpy as np
 
 from orbits.errors import InputError, NoOrbit
 from orbits.model.closed_form import Oscillator, ThrownOscillator
-from orbits.model.model import Reduction
-from orbits.model.phase import Arc, Phase, Pieces, Statement
+from orbits.model.model import Model, Reduction
+from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
 
 from .launch_speed import lowest_launch_speed
 from .laws import Key, Parameters, from_key
@@ -90,32 +90,54 @@ def relative_reduction(spring: Key, load: float, complete: Callable, gap_slope: 
 class TwoMassEquations:
     """What the functions of a model of two masses are made of; a machine adds its own, see `Model` for their arguments.
 
-    spring : key of the spring's law
-    gravity : key of the gravity law, None where gravity is constant
+    spring, gravity : keys of the laws, None where gravity is constant
     damped : whether there is a damper beside the spring, or drag on the masses
     """
-
-    complete: Callable
-    gap_slope: Callable
 
     def __init__(self, spring: Key, gravity: Key | None, damped: bool):
         self.spring, self.gravity, self.damped = spring, gravity, damped
         self.force = spring.expression
 
     def pull(self, z: Any, p: Parameters) -> Any:
-        """Gravity ratio at height z; its share over constant gravity is a parameter, along which orbits are
-        followed."""
+        """Gravity ratio at height z; its share over constant gravity is a parameter to follow orbits along."""
         return 1 + p["gravity_share"] * (self.gravity.expression(z, p, []) - 1) if self.gravity else 1.0
 
     def dampers(self, p: Parameters) -> tuple[Any, Any]:
         """Coefficients of the damper beside the spring and of the drag on each mass."""
         return (p["damping"], p["drag"]) if self.damped else (0.0, 0.0)
 
-    def reduction(self, liftoff: Liftoff) -> Reduction | None:
-        """The relative motion, where it is decoupled: under constant gravity and without damping."""
-        if self.gravity or self.damped:
-            return None
-        return relative_reduction(self.spring, liftoff.load, self.complete, self.gap_slope)
+
+def two_mass_model(machine: Any, liftoff: Liftoff, states: tuple[str, ...], extension: Affine, **own: Any) -> Model:
+    """The model of a machine's equations; `own` is what only this machine has.
+
+    states : their names, the four in flight before the two in contact
+    """
+    spring, constant = machine.spring, not (machine.gravity or machine.damped)
+    reduction = relative_reduction(spring, liftoff.load, machine.complete, machine.gap_slope) if constant else None
+    # The relative motion in closed form, without varying gravity or damping, gives both phases theirs.
+    swing: Any = reduction.statement.arcs[0].phase.closed_form if reduction else None
+    closed = (lambda p: ThrownOscillator(swing(p), machine.mix(p), machine.apart(p))) if swing else None
+    standing, watch = machine.contact_oscillator if swing else None, {"contact force": machine.contact_force}
+    in_flight, in_contact = spring_pieces(spring, extension.weights), spring_pieces(spring, (1.0, 0.0))
+    return Model(
+        flight=Phase("flight", states[:4], machine.flight, pieces=in_flight, closed_form=closed),
+        contact=Phase("contact", states[4:], machine.contact, watch, in_contact, standing),
+        liftoff=machine.liftoff,
+        reversor=None if machine.damped else (1, -1, 1, -1),
+        release=machine.release,
+        touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
+        flight_gradient=machine.flight_gradient,
+        contact_gradient=machine.contact_gradient,
+        extension=extension,
+        separation=lambda p: Affine(extension.weights, p["rest_length"]) if "rest_length" in p else None,
+        heights=machine.heights,
+        contact_speed=Affine((0.0, 1.0)),
+        guess=refuse_damping if machine.damped else launch_guess(spring, liftoff),
+        homotopy="gravity_share" if machine.gravity else None,
+        conservative=not machine.damped,
+        reduction=reduction,
+        **own,
+    )
 
 
 def launch_guess(spring: Key, liftoff: Liftoff) -> Callable:
@@ -141,14 +163,6 @@ def thrown(times: np.ndarray, count: int, u: Mapping[str, float]) -> np.ndarray:
     rows[:, 0, 1] = rows[:, 1, 0] = u["alpha"] - times
     rows[:, 0, 2], rows[:, 1, 1] = -0.5, -1.0
     return rows
-
-
-def thrown_flight(reduction: Reduction | None, mix: Callable, apart: Callable) -> Callable | None:
-    """The closed form of the whole flight where its relative motion has one; p -> matrices as in `ThrownOscillator`."""
-    oscillator: Callable | None = reduction.statement.arcs[0].phase.closed_form if reduction else None
-    if oscillator is None:
-        return None
-    return lambda p: ThrownOscillator(oscillator(p), mix(p), apart(p))
 
 
 def refuse_damping(family: int, p: Mapping[str, float]) -> dict[str, float]:
