@@ -47,9 +47,8 @@ class Liftoff:
         if not len(beyond):
             extreme = f"largest tension {forces.max():.4g}" if rises else f"least force {forces.min():.4g}"
             within = f" within [{low:g}, {high:g}]" if np.isfinite(high) or np.isfinite(low) else ""
-            raise NoOrbit(
-                f"spring '{law.text}' never reaches {self.name} ({extreme}{within}): nothing leaves the ground"
-            )
+            reached = f"never reaches {self.name} ({extreme}{within})"
+            raise NoOrbit(f"spring '{law.text}' {reached}: nothing leaves the ground")
         first = beyond[0]
         low, high = np.sort(extensions[first - 1 : first + 1])[:, None]
         return self._checked(law, float(_level_crossings(law, np.array([level]), low, high)[0]))
@@ -76,12 +75,10 @@ class Liftoff:
     def _checked(self, law: Law, liftoff: float) -> float:
         """The extension at lift-off; raises `NoOrbit` where the force only touches the level there."""
         slope = float(law.with_slope(liftoff)[1])
-        if not slope > FLATTEST_LIFTOFF:
-            raise NoOrbit(
-                f"spring '{law.text}' only just reaches {self.name} at extension {liftoff:.6g}, with slope "
-                f"{slope:.1e}: nothing lifts off cleanly"
-            )
-        return liftoff
+        if slope > FLATTEST_LIFTOFF:
+            return liftoff
+        where = f"at extension {liftoff:.6g}, with slope {slope:.1e}"
+        raise NoOrbit(f"spring '{law.text}' only just reaches {self.name} {where}: nothing lifts off cleanly")
 
 
 def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, np.ndarray]:
@@ -104,8 +101,7 @@ def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, 
 
 
 def _rising_branch(law: Law, static: float, up: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Extensions and forces (n,), both ascending, from the static lift-off up or down to where the force turns or
-    ends."""
+    """Extensions and forces (n,), ascending, from the static lift-off up or down to where the force turns or ends."""
     side = 1.0 if up else -1.0
     extensions = np.unique(np.clip(static + side * SAMPLED_DISTANCES, *law.range()))[:: int(side)]
     forces, slopes = law.with_slope(extensions)

@@ -18,7 +18,7 @@ from .springs import as_spring
 # Beyond these bounds one of the two masses is lost in rounding.
 MASS_RATIOS = (1e-12, 1e12)
 DAMPERS = ("damping", "drag")
-MACHINE_NAMES = ("mass_ratio", "rest_length", "gravity_share", *DAMPERS)
+OWN_PARAMETERS = ("mass_ratio", "rest_length", *DAMPERS)
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,9 @@ class TwoMassMachine:
             if not number(name, getattr(self, name)) >= 0:
                 raise InputError(f"{name} = {getattr(self, name):g} is below 0: it would drive the machine")
         spring, gravity = self._laws()
-        object.__setattr__(self, "spring", spring)
-        object.__setattr__(self, "gravity", gravity)
-        object.__setattr__(self, "parameters", {**spring.parameters, **gravity.parameters})
+        parameters = {**spring.parameters, **gravity.parameters}
+        for name, value in (("spring", spring), ("gravity", gravity), ("parameters", parameters)):
+            object.__setattr__(self, name, value)
         if self.rest_length is None and self.varying_gravity:
             raise InputError(
                 f"gravity '{gravity.text}' varies with height, and the upper mass is as high as its coordinate and the "
@@ -71,18 +71,11 @@ class TwoMassMachine:
         """The two laws, each with its own parameters; raises `InputError` for unknown, reserved and ambiguous names."""
         if not isinstance(self.parameters, Mapping):
             raise InputError(f"parameters = {self.parameters!r}; they are a mapping of names to numbers")
-        given = dict(self.parameters)
-        for name in given:
-            number(name, given[name])
-        spring, gravity = (
-            make(law, own_parameters(law, variable, named, given))
-            for make, law, variable, named in (
-                (as_spring, self.spring, "r", springs.NAMED),
-                (as_gravity, self.gravity, "z", gravities.NAMED),
-            )
-        )
+        given = {name: number(name, value) for name, value in self.parameters.items()}
+        spring = as_spring(self.spring, own_parameters(self.spring, "r", springs.NAMED, given))
+        gravity = as_gravity(self.gravity, own_parameters(self.gravity, "z", gravities.NAMED, given))
         known = {**spring.parameters, **gravity.parameters}
-        if taken := [name for name in MACHINE_NAMES if name in known or name in given]:
+        if taken := [name for name in (*OWN_PARAMETERS, "gravity_share") if name in known or name in given]:
             raise InputError(f"'{taken[0]}' is the machine's own name; call the formula's parameter something else")
         if unknown := [name for name in given if name not in known]:
             raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], list(known))}")
@@ -108,36 +101,31 @@ class TwoMassMachine:
         return self.damping > 0 or self.drag > 0
 
     def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-        """The model from the keys of the laws (None for constant gravity), whether there is a rest length, and whether
-        there is damping."""
+        """The model from the keys of the laws (None: constant gravity), and whether there is a length, a damping."""
         raise NotImplementedError
 
     @property
     def values(self) -> dict[str, float]:
         """Every parameter of the model by name."""
-        values = {"mass_ratio": float(self.mass_ratio)}
+        values = {"mass_ratio": self.mass_ratio}
         if self.rest_length is not None:
-            values["rest_length"] = float(self.rest_length)
-        values |= {name: float(value) for name, value in self.parameters.items()}
+            values["rest_length"] = self.rest_length
+        values |= self.parameters
         if self.damped:
-            values |= {name: float(getattr(self, name)) for name in DAMPERS}
+            values |= {name: getattr(self, name) for name in DAMPERS}
         if self.model.homotopy:
             values[self.model.homotopy] = 1.0
-        return values
+        return {name: float(value) for name, value in values.items()}
 
     def with_values(self, **values: float) -> Self:
         """The same machine with other values of mass_ratio, rest_length, damping, drag or the formulas' parameters.
 
-        Raises `InputError` for a name that it does not have, and for masses and lengths of a machine stated in SI:
-        there they set the units.
+        Raises `InputError` for an unknown name, and for masses and lengths of a machine in SI: they set the units.
         """
         if self.units and (fixed := values.keys() & {"mass_ratio", "rest_length"}):
             raise InputError(f"'{min(fixed)}' of a machine in SI follows from its masses and lengths: state it anew")
-        own: dict[str, Any] = {
-            name: value for name, value in values.items() if name in ("mass_ratio", "rest_length", *DAMPERS)
-        }
-        rest = {name: value for name, value in values.items() if name not in own}
-        return replace(self, parameters={**self.parameters, **rest}, **own)
+        own: dict[str, Any] = {name: values.pop(name) for name in OWN_PARAMETERS if name in values}
+        return replace(self, parameters={**self.parameters, **values}, **own)
 
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""

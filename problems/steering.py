@@ -7,8 +7,9 @@ and the contact must press from there on. With a restitution above 0 the machine
 refused unless the landing is lossless.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,6 @@ from numpy.typing import ArrayLike
 from orbits import Control, Guess, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
 from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of
-from orbits.flow.trajectory import Trajectory
 from orbits.numerics.bernstein import derivative, piecewise_roots
 from orbits.numerics.roots import bracketed_root
 
@@ -58,7 +58,7 @@ def keep_hopping(
     if cost == "work" and rate == np.inf:
         raise InputError("least positive work is done by jerks: give the largest rate")
     hop = _hop(machine, family, orbit, lossless, intervals, rate, stroke)
-    if _loses_nothing(machine) and not (lossless and cost == "effort"):
+    if not machine.damped and not (lossless and cost == "effort"):
         return _least_effort(replace(hop, lossless=True), None)
     if cost == "effort":
         return _least_effort(hop, guess)
@@ -77,12 +77,11 @@ def recover(
 
     The spring's end is at rest at both lift-offs. Arguments and errors as in `keep_hopping`.
     """
-    hop = _hop(machine, family, orbit, lossless or (short == 0 and _loses_nothing(machine)), intervals, rate, stroke)
+    hop = _hop(machine, family, orbit, lossless or (short == 0 and not machine.damped), intervals, rate, stroke)
     launch = hop.orbit.alpha - finite_number("short", short)
     if not launch > 0:
-        raise InputError(
-            f"short = {short:g}: the lossless launch speed is {hop.orbit.alpha:.6g}, and some of it is to be left"
-        )
+        whole = f"the lossless launch speed is {hop.orbit.alpha:.6g}"
+        raise InputError(f"short = {short:g}: {whole}, and some of it is to be left")
     liftoff = float(machine.model.release(launch, machine.values))
     values = {**hop.driven.still, "launch": launch, "aim": hop.orbit.alpha, "liftoff": liftoff}
     return _cheapest(hop, hop.stages("effort", periodic=False), values, [guess] if guess else hop.starts(launch))
@@ -115,10 +114,8 @@ def rerun(machine: TwoMassMachine, control: Control, hops: int = 0) -> Simulatio
     hops : how many more follow, with the spring's end at rest
     """
     driven, schedule = Actuated(machine), control.schedule(RATE)
-    x = _flight_states(driven, control.legs[0], 0.0)
-    if not hops:
-        return simulate(driven, state=x, schedule=schedule, time=schedule[0][-1])
-    return simulate(driven, state=x, schedule=schedule, hops=1 + hops)
+    until: dict[str, Any] = {"hops": 1 + hops} if hops else {"time": schedule[0][-1]}
+    return simulate(driven, state=_flight_states(driven, control.legs[0], 0.0), schedule=schedule, **until)
 
 
 def missed(machine: TwoMassMachine, control: Control) -> float:
@@ -133,8 +130,7 @@ def work(machine: TwoMassMachine, control: Control) -> tuple[float, float]:
     driven, all_work, positive = Actuated(machine), 0.0, 0.0
     places, weights = np.polynomial.legendre.leggauss(POWER_SAMPLES)
     for leg in control.legs:
-        extension = driven.model.extension
-        length = leg.inputs.steps[0]
+        extension, length = driven.model.extension, leg.inputs.steps[0]
         t = leg.inputs.times[:-1, None] + length * (0.5 + 0.5 * places)
         states = _flight_states(driven, leg, t.ravel())
         tension = machine.spring(extension(states) - states[:, -1]).reshape(t.shape)
@@ -186,15 +182,7 @@ class _Hop:
         return answer
 
 
-def _hop(
-    machine: TwoMassMachine,
-    family: int,
-    orbit: Orbit | None,
-    lossless: bool,
-    intervals: int,
-    rate: float,
-    stroke: float,
-) -> _Hop:
+def _hop(machine, family, orbit, lossless, intervals, rate, stroke) -> _Hop:
     """The hop of checked arguments."""
     driven, orbit = Actuated(machine), _lossless(machine, family, orbit)
     if driven.restitution > 0 and not lossless:
@@ -247,10 +235,6 @@ def _lossless(machine: TwoMassMachine, family: int, orbit: Orbit | None) -> Orbi
     return orbit or find(machine.with_values(**dict.fromkeys(DAMPERS, 0.0)), family=family)
 
 
-def _loses_nothing(machine: TwoMassMachine) -> bool:
-    return not any(getattr(machine, name) for name in DAMPERS)
-
-
 def _contact_time(orbit: Orbit) -> float:
     """The time of the orbit's contact, which an admissible one has."""
     if orbit.contact_time is None:
@@ -267,10 +251,8 @@ def _flight_states(driven: Actuated, leg: Any, t: ArrayLike) -> np.ndarray:
 def _lossless_guess(driven: Actuated, orbit: Orbit) -> list[Guess]:
     """The lossless orbit, the spring's end at rest."""
     onto = np.linalg.pinv(driven.model.embed)
-    return [
-        Guess(float(orbit.flight_time), lambda t: np.append(orbit(t), 0.0)),
-        Guess(_contact_time(orbit), lambda t: onto @ np.append(orbit(orbit.flight_time + t), 0.0)),
-    ]
+    flight = Guess(float(orbit.flight_time), lambda t: np.append(orbit(t), 0.0))
+    return [flight, Guess(_contact_time(orbit), lambda t: onto @ np.append(orbit(orbit.flight_time + t), 0.0))]
 
 
 def _undriven_guess(driven: Actuated, launch: float) -> list[Guess]:
@@ -278,17 +260,11 @@ def _undriven_guess(driven: Actuated, launch: float) -> list[Guess]:
     run = simulate(driven, launch, hops=1)
     contacts = [leg for leg in run.legs if leg.phase == "contact"]
     if run.status != "done" or not contacts:
-        raise NoOrbit(
-            f"from a launch at {launch:.6g} the machine does not hop on by itself: {run.reason or run.status}"
-        )
-    first, last = run.legs[0].path, contacts[0].path
-    ends = (float(path.times[-1]) for path in (first, last))
-    sizes = len(driven.model.embed), driven.model.embed.shape[1]
-
-    def guess(end: float, path: Trajectory, size: int) -> Guess:
-        return Guess(end, lambda t: path(t)[:size])
-
-    return [guess(*each) for each in zip(ends, (first, last), sizes, strict=True)]
+        why = run.reason or run.status
+        raise NoOrbit(f"from a launch at {launch:.6g} the machine does not hop on by itself: {why}")
+    first, last, (n, m) = run.legs[0].path, contacts[0].path, driven.model.embed.shape
+    flown = Guess(float(first.times[-1]), lambda t: first(t)[:n])
+    return [flown, Guess(float(last.times[-1]), lambda t: last(t)[:m])]
 
 
 def _mid_contact(orbit: Orbit) -> float:
@@ -302,7 +278,7 @@ def _rest(driven: Actuated, orbit: Orbit) -> float:
     p, onto = list(driven.values.values()), np.linalg.pinv(driven.model.embed)
     low, high = (float((onto @ np.append(orbit(t), 0.0))[0]) for t in (_mid_contact(orbit), 0.0))
 
-    def acceleration(y: float) -> float:
+    def acceleration(y):
         return float(contact.rates([y, 0.0, 0.0], p)[1])
 
     return bracketed_root(acceleration, low, high, acceleration(low), acceleration(high))
@@ -313,13 +289,9 @@ def _growing_swings(orbit: Orbit, rest: float, pumps: int) -> list[Guess]:
     lowest = float(orbit(_mid_contact(orbit))[0])
     count, time = 2 * pumps, 0.85 * _contact_time(orbit)  # a contact is more than one half swing, part of a whole one
 
-    def swing(i: int) -> Callable:
-        def states(t):
-            share = t / time
-            grown, side = (rest - lowest) * (i + share) / (count - 1), 1.0 if i % 2 == 0 else -1.0
-            angle = np.pi * share
-            return [rest + side * grown * np.cos(angle), -side * grown * np.pi / time * np.sin(angle), 0.0]
+    def states(i, t):
+        share, side = t / time, 1.0 if i % 2 == 0 else -1.0
+        grown, angle = (rest - lowest) * (i + share) / (count - 1), np.pi * share
+        return [rest + side * grown * np.cos(angle), -side * grown * np.pi / time * np.sin(angle), 0.0]
 
-        return states
-
-    return [Guess(time, swing(i)) for i in range(count)]
+    return [Guess(time, partial(states, i)) for i in range(count)]

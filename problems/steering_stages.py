@@ -1,5 +1,4 @@
-"""The stages of a steered hop and of a start from rest: their boundary conditions, bounds and costs, as `steer` takes
-them."""
+"""The stages, as `steer` takes them, of a hop and of a start from rest: boundary conditions, bounds and costs."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -185,14 +184,14 @@ def swing_stages(model: Model, pumps: int, intervals: int, limits: Limits, time:
 def _running_cost(kind: str, model: Model, embed: np.ndarray) -> Callable:
     """The cost's rate; positive work is rounded by the parameter "round", see `steering.keep_hopping`."""
 
-    def effort(x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
-        return EFFORT_WEIGHTS.get(kind, 1.0) * p[RATE] ** 2
-
-    def work(x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+    def rate(x, p, q):
+        effort = EFFORT_WEIGHTS.get(kind, 1.0) * p[RATE] ** 2
+        if kind != "work":
+            return effort
         power = model.flight_gradient(_product(embed, x), p, q)[-1] * p[RATE]
-        return 0.5 * (power + (power**2 + p["round"] ** 2) ** 0.5) + effort(x, p, q)
+        return 0.5 * (power + (power**2 + p["round"] ** 2) ** 0.5) + effort
 
-    return work if kind == "work" else effort
+    return rate
 
 
 def _product(matrix: np.ndarray, x: Sequence[Any]) -> list[Any]:
