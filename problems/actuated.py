@@ -86,8 +86,8 @@ def _actuated_model(kind: type[TwoMassMachine], spring: Key, gravity: Key | None
     """The model of a machine, from the same laws, with the spring's force at r - u."""
     law = spring.expression
     moved = spring._replace(expression=lambda r, p, q: law(r - p[END], p, q), names=(*spring.names, END))
-    plain = kind().build(moved, gravity, has_length, True)
-    unmoved = kind().build(spring, gravity, has_length, True)
+    plain = kind.build(moved, gravity, has_length, True)
+    unmoved = kind.build(spring, gravity, has_length, True)
     # In contact the extension is the same function of the state that `embed` makes a flight state.
     contact_extension = Affine(tuple(np.array(plain.extension.weights) @ plain.embed), plain.extension.offset)
 

@@ -21,8 +21,7 @@ from orbits.model.phase import Affine
 
 from .laws import Key, Parameters, Scalars, from_key
 from .liftoff import Liftoff
-from .machine import TwoMassMachine
-from .relative import TwoMassEquations, straight_line, thrown, two_mass_model
+from .machine import TwoMassEquations, TwoMassMachine, straight_line, thrown, two_mass_model
 
 FOOT_LIFTOFF = Liftoff(0.0, "the foot's weight")
 
@@ -33,8 +32,32 @@ class Hopper(TwoMassMachine):
 
     kind = "hopper"
 
-    def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-        return _hopper_model(spring, gravity, has_length, damped)
+    @staticmethod
+    @lru_cache(maxsize=64)
+    def build(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+        """The model of the keys of the laws, see `TwoMassMachine.build`."""
+        equations = _HopperEquations(spring, gravity, damped)
+        return two_mass_model(
+            equations,
+            FOOT_LIFTOFF,
+            ("y1", "y1'", "y2", "y2'", "y1", "y1'"),
+            Affine((1.0, 0.0, -1.0, 0.0)),
+            name="hopper",
+            launch=lambda u, p: [u["liftoff"], u["alpha"], 0.0, 0.0],
+            landing=lambda u, x, p: [x[2], x[3], x[0] - u["liftoff"]],
+            embed=np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]),
+            gap=lambda p: Affine((0.0, 0.0, 1.0, 0.0)),
+            impact_mass=lambda p: p["mass_ratio"] * (1 + p["mass_ratio"]),
+            impact=lambda p: np.array([0.0, 0.0, 0.0, 1.0]),
+            violations={
+                "gap": "foot below ground",
+                "pull": "the ground would have to pull",
+                "separation": "the masses pass through each other",
+                "end": "contact: the spring collapses, the body never lifts off again",
+            },
+            springs=(("foot", "body"),),
+            tension=lambda x, p, q: equations.force(x[0] - x[2], p, q),
+        )
 
 
 class _HopperEquations(TwoMassEquations):
@@ -105,30 +128,3 @@ class _HopperEquations(TwoMassEquations):
             "foot": Affine((0.0, 0.0, 1.0, 0.0)),
             "centre of mass": Affine((1 / (1 + M), 0.0, M / (1 + M), 0.0), length / (1 + M)),
         }
-
-
-@lru_cache(maxsize=64)
-def _hopper_model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-    """The model of the keys of the laws, see `TwoMassMachine.build`."""
-    equations = _HopperEquations(spring, gravity, damped)
-    return two_mass_model(
-        equations,
-        FOOT_LIFTOFF,
-        ("y1", "y1'", "y2", "y2'", "y1", "y1'"),
-        Affine((1.0, 0.0, -1.0, 0.0)),
-        name="hopper",
-        launch=lambda u, p: [u["liftoff"], u["alpha"], 0.0, 0.0],
-        landing=lambda u, x, p: [x[2], x[3], x[0] - u["liftoff"]],
-        embed=np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]),
-        gap=lambda p: Affine((0.0, 0.0, 1.0, 0.0)),
-        impact_mass=lambda p: p["mass_ratio"] * (1 + p["mass_ratio"]),
-        impact=lambda p: np.array([0.0, 0.0, 0.0, 1.0]),
-        violations={
-            "gap": "foot below ground",
-            "pull": "the ground would have to pull",
-            "separation": "the masses pass through each other",
-            "end": "contact: the spring collapses, the body never lifts off again",
-        },
-        springs=(("foot", "body"),),
-        tension=lambda x, p, q: equations.force(x[0] - x[2], p, q),
-    )

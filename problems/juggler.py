@@ -21,8 +21,7 @@ from orbits.model.phase import Affine
 
 from .laws import Key, Parameters, Scalars, from_key
 from .liftoff import Liftoff
-from .machine import TwoMassMachine
-from .relative import TwoMassEquations, straight_line, thrown, two_mass_model
+from .machine import TwoMassEquations, TwoMassMachine, straight_line, thrown, two_mass_model
 
 HAND_LIFTOFF = Liftoff(1.0, "zero force")
 
@@ -37,8 +36,32 @@ class Juggler(TwoMassMachine):
 
     kind = "juggler"
 
-    def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-        return juggler_model(spring, gravity, has_length, damped)
+    @staticmethod
+    @lru_cache(maxsize=64)
+    def build(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+        """The model of the keys of the laws, see `TwoMassMachine.build`."""
+        equations = JugglerEquations(spring, gravity, damped)
+        return two_mass_model(
+            equations,
+            HAND_LIFTOFF,
+            ("w1", "w1'", "w2", "w2'", "w", "w'"),
+            Affine((0.0, 0.0, 1.0, 0.0)),
+            name="juggler",
+            launch=lambda u, p: [u["liftoff"], u["alpha"], u["liftoff"], u["alpha"]],
+            landing=lambda u, x, p: [x[0] - x[2], x[1] - x[3], x[2] - u["liftoff"]],
+            embed=np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
+            gap=lambda p: Affine((1.0, 0.0, -1.0, 0.0)),
+            impact_mass=lambda p: p["mass_ratio"] / (1 + p["mass_ratio"]),
+            impact=lambda p: np.array([0.0, p["mass_ratio"], 0.0, -1.0]) / (1 + p["mass_ratio"]),
+            violations={
+                "gap": "ball below the hand",
+                "pull": "the hand would have to pull the ball",
+                "separation": "the hand passes through the ground",
+                "end": "contact: the spring collapses, the ball is never thrown again",
+            },
+            springs=((None, "hand"),),
+            tension=lambda x, p, q: equations.force(x[2], p, q),
+        )
 
 
 class JugglerEquations(TwoMassEquations):
@@ -104,30 +127,3 @@ class JugglerEquations(TwoMassEquations):
     def heights(p: Parameters) -> dict[str, Affine]:
         length = p.get("rest_length", 0.0)
         return {"ball": Affine((1.0, 0.0, 0.0, 0.0), length), "hand": Affine((0.0, 0.0, 1.0, 0.0), length)}
-
-
-@lru_cache(maxsize=64)
-def juggler_model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-    """The model of the keys of the laws, see `TwoMassMachine.build`."""
-    equations = JugglerEquations(spring, gravity, damped)
-    return two_mass_model(
-        equations,
-        HAND_LIFTOFF,
-        ("w1", "w1'", "w2", "w2'", "w", "w'"),
-        Affine((0.0, 0.0, 1.0, 0.0)),
-        name="juggler",
-        launch=lambda u, p: [u["liftoff"], u["alpha"], u["liftoff"], u["alpha"]],
-        landing=lambda u, x, p: [x[0] - x[2], x[1] - x[3], x[2] - u["liftoff"]],
-        embed=np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
-        gap=lambda p: Affine((1.0, 0.0, -1.0, 0.0)),
-        impact_mass=lambda p: p["mass_ratio"] / (1 + p["mass_ratio"]),
-        impact=lambda p: np.array([0.0, p["mass_ratio"], 0.0, -1.0]) / (1 + p["mass_ratio"]),
-        violations={
-            "gap": "ball below the hand",
-            "pull": "the hand would have to pull the ball",
-            "separation": "the hand passes through the ground",
-            "end": "contact: the spring collapses, the ball is never thrown again",
-        },
-        springs=((None, "hand"),),
-        tension=lambda x, p, q: equations.force(x[2], p, q),
-    )

@@ -82,8 +82,7 @@ def lowest_launch_speed(
 def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
     """Time from lift-off to the first turn of the extension, and half its period.
 
-    Both are infinite when it does not return within `LONGEST_FLIGHT`. Raises `FlowError` when the motion
-    cannot be carried on.
+    Both are infinite when it does not return within `LONGEST_FLIGHT`. Raises `FlowError` when the motion ends before.
     """
     turns, clock, crossings = [], [0.0], Crossings()
 

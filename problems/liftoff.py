@@ -58,14 +58,12 @@ class Liftoff:
 
         They lie on the rising branch of the force that passes the level at rest; NaN where that branch ends before.
         """
-        static = self.extension(law)
-        alpha = np.asarray(alpha, dtype=float)
+        static, alpha = self.extension(law), np.asarray(alpha, dtype=float)
         if damping == 0.0:
             return np.full(alpha.shape, static)
-        level = 1.0 - self.load - damping * alpha
+        level, result = 1.0 - self.load - damping * alpha, np.full(alpha.shape, np.nan)
         extensions, forces = _rising_branch(law, static, up=damping < 0)
         cell = np.searchsorted(forces, level, side="right") - 1
-        result = np.full(alpha.shape, np.nan)
         inside = (cell >= 0) & (cell < len(extensions) - 1)
         if inside.any():
             ends = extensions[cell[inside]], extensions[cell[inside] + 1]
@@ -111,8 +109,7 @@ def _rising_branch(law: Law, static: float, up: bool) -> tuple[np.ndarray, np.nd
     if len(fails):
         count = max(int(fails[0]), 1)
         turn = _end_of_rise(law, extensions[count - 1], extensions[count])
-        extensions = np.append(extensions[:count], turn)
-        forces = np.append(forces[:count], law(turn))
+        extensions, forces = np.append(extensions[:count], turn), np.append(forces[:count], law(turn))
     return extensions[:: int(side)], forces[:: int(side)]
 
 

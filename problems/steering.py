@@ -1,5 +1,4 @@
-"""Steering an actuated machine: keep it hopping though it is damped, bring it back onto its lossless orbit, or start it
-from rest.
+"""Steering an actuated machine: keep it hopping though damped, bring it onto its lossless orbit, or start it from rest.
 
 The control is the rate w of the spring's end, constant on each interval; effort is the integral of w**2. A landing is
 lossless, the gap's speed and acceleration vanishing with it, or plastic: then the speed is free, its energy is lost,
@@ -102,8 +101,8 @@ def start_up(
     """
     pumps, intervals = whole_number("pumps", pumps, "pumps"), whole_number("intervals", intervals, "intervals")
     driven, orbit = Actuated(machine), _lossless(machine, family, orbit)
-    limits, contact_time = actuator_limits(driven, rate, stroke), _contact_time(orbit)
-    stages = swing_stages(driven.model, pumps, intervals, limits, contact_time)
+    limits = actuator_limits(driven, rate, stroke)
+    stages = swing_stages(driven.model, pumps, intervals, limits, _contact_time(orbit))
     values = {**driven.still, "aim": orbit.alpha, "rest": _rest(driven, orbit)}
     return steer(stages, values, guess=_growing_swings(orbit, values["rest"], pumps))
 
@@ -165,10 +164,7 @@ class _Hop:
         return start if self.lossless else [*start, lambda: _undriven_guess(self.driven, launch)]
 
     def checked(self, answer: Control) -> Control:
-        """The answer, if its flight has as many turns of the extension as the orbit's.
-
-        A plastic landing may come earlier or later, so that one turn fewer or more is allowed.
-        """
+        """The answer, if it turns in flight as often as the orbit; one turn fewer or more if the landing is plastic."""
         flight = answer.legs[0].path
         coefficients = flight.coefficients[:, : len(self.driven.model.flight.states)]
         series = self.driven.model.extension.series(coefficients)
@@ -221,8 +217,7 @@ def _cheapest(hop: _Hop, stages, values: dict[str, float], starts: Sequence[Any]
     answers, reasons = [], []
     for start in starts:
         try:
-            guess = start() if callable(start) else start
-            answers.append(hop.checked(steer(stages, values, guess=guess)))
+            answers.append(hop.checked(steer(stages, values, guess=start() if callable(start) else start)))
         except NoOrbit as reason:
             reasons.append(reason)
     if not answers:
@@ -267,16 +262,15 @@ def _undriven_guess(driven: Actuated, launch: float) -> list[Guess]:
     return [flown, Guess(float(last.times[-1]), lambda t: last(t)[:m])]
 
 
-def _mid_contact(orbit: Orbit) -> float:
-    """The time of mid-contact since lift-off."""
-    return float(orbit.flight_time) + _contact_time(orbit) / 2
+def _lowest(orbit: Orbit) -> np.ndarray:
+    return orbit(float(orbit.flight_time) + _contact_time(orbit) / 2)
 
 
 def _rest(driven: Actuated, orbit: Orbit) -> float:
     """Where the upper mass rests in contact, between its lowest position on the orbit and lift-off."""
     contact = flow_of(driven.model.contact, tuple(driven.values))
     p, onto = list(driven.values.values()), np.linalg.pinv(driven.model.embed)
-    low, high = (float((onto @ np.append(orbit(t), 0.0))[0]) for t in (_mid_contact(orbit), 0.0))
+    low, high = (float((onto @ np.append(x, 0.0))[0]) for x in (_lowest(orbit), orbit(0.0)))
 
     def acceleration(y):
         return float(contact.rates([y, 0.0, 0.0], p)[1])
@@ -286,7 +280,7 @@ def _rest(driven: Actuated, orbit: Orbit) -> float:
 
 def _growing_swings(orbit: Orbit, rest: float, pumps: int) -> list[Guess]:
     """Swings about rest that grow evenly to the orbit's lowest position."""
-    lowest = float(orbit(_mid_contact(orbit))[0])
+    lowest = float(_lowest(orbit)[0])
     count, time = 2 * pumps, 0.85 * _contact_time(orbit)  # a contact is more than one half swing, part of a whole one
 
     def states(i, t):
