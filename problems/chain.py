@@ -365,8 +365,7 @@ class _ChainModes:
         return x, (after @ x[..., None])[..., 0] + after_rest, (before @ x[..., None])[..., 0] + before_rest
 
     def residual(self, times: np.ndarray) -> np.ndarray:
-        """Residuals (m, 2) at lift-off: the difference of the speeds of the mass above the lowest, and the speed of
-        the lowest."""
+        """Residuals (m, 2) at lift-off: the two speeds' difference of the mass above the lowest, the lowest's speed."""
         _, after, before = self.liftoffs(times)
         return np.stack([after[:, -2] - before[:, -1], after[:, -1]], axis=1)
 

@@ -80,10 +80,7 @@ class Liftoff:
 
 
 def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, np.ndarray]:
-    """Extensions (n,) going away from rest, as far as the force is finite, and the forces there.
-
-    The turning points of the force between samples are among them: a maximum that barely reaches a level lies there.
-    """
+    """Extensions (n,) away from rest, as far as the force is finite, with its turning points, and the forces there."""
     extensions = np.clip(rest + away * SAMPLED_DISTANCES, *law.range())
     forces, slopes = law.with_slope(extensions)
     finite = np.isfinite(forces)

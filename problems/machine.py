@@ -173,19 +173,16 @@ def straight_line(key: Key, p: Mapping[str, float]) -> tuple[float, float]:
 @lru_cache(maxsize=64)
 def relative_phase(spring: Key, load: float) -> Phase:
     """The motion r'' = -(phi(r) + load) of a spring law's key, in closed form where the law is a straight line."""
-    force = spring.expression
 
     def oscillator(p):
         k, zero = straight_line(spring, p)
         return Oscillator(k, zero - load / k)
 
-    return Phase(
-        "flight",
-        ("r", "r'"),
-        lambda x, p, q: [x[1], -(force(x[0], p, q) + load)],
-        pieces=spring_pieces(spring, (1.0, 0.0)),
-        closed_form=oscillator if spring.degree() == 1 else None,
-    )
+    def rates(x, p, q):
+        return [x[1], -(spring.expression(x[0], p, q) + load)]
+
+    pieces, closed = spring_pieces(spring, (1.0, 0.0)), oscillator if spring.degree() == 1 else None
+    return Phase("flight", ("r", "r'"), rates, pieces=pieces, closed_form=closed)
 
 
 def relative_reduction(spring: Key, load: float, complete: Callable, gap_slope: Callable) -> Reduction:

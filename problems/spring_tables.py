@@ -80,19 +80,15 @@ def quintic_pieces(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _limited_slopes(slope: np.ndarray, secant: np.ndarray) -> np.ndarray:
-    """Slopes (n,) that let the interpolant be monotone beside secants (n - 1,).
-
-    Each has the sign of the secants on both sides (0 at an extremum) and is at most 1.25 times the smaller, which keeps
-    the middle control points of a quintic without curvature in order.
-    """
+    """Slopes (n,) that let the interpolant be monotone beside secants (n - 1,): 0 at an extremum of the rows."""
     sides = np.column_stack([np.r_[secant[0], secant], np.r_[secant, secant[-1]]])
     sign = np.where((sides > 0).all(1), 1.0, np.where((sides < 0).all(1), -1.0, 0.0))
+    # 1.25 times the smaller secant keeps the middle control points of a quintic without curvature in order.
     return sign * np.clip(sign * slope, 0, 1.25 * np.abs(sides).min(1))
 
 
 def _limited_curvatures(curvature: np.ndarray, slope: np.ndarray, h: np.ndarray, rise: np.ndarray) -> np.ndarray:
-    """Curvatures (n,) that leave the control points of each quintic in order: b1 <= b2 and b2 <= b3 <= b4, times the
-    sign of its rise."""
+    """Curvatures (n,) that leave each quintic's control points in order, b1 <= b2 <= b3 <= b4 times its rise's sign."""
     direction = np.sign(rise)
     room = np.maximum(direction * (rise - 0.4 * h * (slope[:-1] + slope[1:])), 0) * 10 / h**2
     low, high = np.full(len(slope), -np.inf), np.full(len(slope), np.inf)

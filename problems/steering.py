@@ -141,7 +141,7 @@ def work(machine: TwoMassMachine, control: Control) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class _Hop:
-    """A hop of a driven machine to be steered near a lossless orbit, with flight and contact in so many intervals."""
+    """A hop of a driven machine near a lossless orbit, with flight and contact in so many intervals."""
 
     driven: Actuated
     orbit: Orbit
