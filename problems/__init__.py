@@ -11,28 +11,16 @@ _HOMES = {
     "Juggler": ".juggler",
     "hopper_in_si": ".units",
     "juggler_in_si": ".units",
-    "gravity": ".gravity",
-    "springs": ".springs",
-    "steering": ".steering",
 }
+_MODULES = ("gravity", "springs", "steering")
 
-__all__ = [
-    "Actuated",
-    "Chain",
-    "HeavyHand",
-    "Hopper",
-    "Juggler",
-    "gravity",
-    "hopper_in_si",
-    "juggler_in_si",
-    "springs",
-    "steering",
-]
+__all__ = [*_HOMES, *_MODULES]
 
 
 def __getattr__(name: str) -> Any:
     # The command line lives in this package and must answer --help before CasADi and NumPy are loaded.
+    if name in _MODULES:
+        return import_module(f".{name}", __name__)
     if name not in _HOMES:
         raise AttributeError(f"module 'problems' has no attribute '{name}'")
-    module = import_module(_HOMES[name], __name__)
-    return module if name in ("gravity", "springs", "steering") else getattr(module, name)
+    return getattr(import_module(_HOMES[name], __name__), name)

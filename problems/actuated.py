@@ -1,15 +1,15 @@
 """A machine whose spring's end is moved by an actuator, as on the paper's air track (section 10).
 
 The spring acts by phi(r - u), u the displacement of its end, r the extension; its rate w = u' is what is given. The
-damper beside the spring works on r' alone, so that with u = 0 the machine is the one it was. The actuator does work on
-the machine at the rate -m phi(r - u) w, m the mass ratio, in the units of the machine's energy; lift-off is where the
-contact force vanishes, landing where the gap does.
+damper beside the spring works on r' alone. The actuator does work on the machine at the rate -m phi(r - u) w, m the
+mass ratio, in the units of the machine's energy; lift-off is where the contact force vanishes, landing where the gap
+does.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -34,9 +34,8 @@ class Actuated:
 
     def __post_init__(self) -> None:
         if not isinstance(self.machine, TwoMassMachine):
-            raise InputError(
-                f"a {type(self.machine).__name__} is no machine whose spring can be moved, as problems.Hopper()"
-            )
+            kind = type(self.machine).__name__
+            raise InputError(f"a {kind} is no machine whose spring can be moved, as problems.Hopper()")
         if self.machine.spring.pieces:
             raise InputError(f"spring '{self.machine.spring.text}' is piecewise; an actuator needs a smooth law")
         if taken := {END, RATE, "peak"} & self.machine.parameters.keys():
@@ -45,9 +44,8 @@ class Actuated:
     @cached_property
     def model(self) -> Model:
         """The machine's own model with u beside each state; machines that differ only in numbers share it."""
-        machine = self.machine
-        kind: type = type(machine)
-        return _actuated_model(kind, machine.spring.key, machine.varying_gravity, machine.rest_length is not None)
+        m, kind = self.machine, cast(type, type(self.machine))
+        return _actuated_model(kind, m.spring.key, m.varying_gravity, m.rest_length is not None)
 
     @property
     def values(self) -> dict[str, float]:
@@ -88,8 +86,8 @@ def _actuated_model(kind: type[TwoMassMachine], spring: Key, gravity: Key | None
     """The model of a machine, from the same laws, with the spring's force at r - u."""
     law = spring.expression
     moved = spring._replace(expression=lambda r, p, q: law(r - p[END], p, q), names=(*spring.names, END))
-    plain = kind().build(moved, gravity, has_length, True)
-    unmoved = kind().build(spring, gravity, has_length, True)
+    plain = kind.build(moved, gravity, has_length, True)
+    unmoved = kind.build(spring, gravity, has_length, True)
     # In contact the extension is the same function of the state that `embed` makes a flight state.
     contact_extension = Affine(tuple(np.array(plain.extension.weights) @ plain.embed), plain.extension.offset)
 
@@ -99,10 +97,6 @@ def _actuated_model(kind: type[TwoMassMachine], spring: Key, gravity: Key | None
             return [*of(x[:-1], values, q), -p["mass_ratio"] * moved.expression(along(extension, x), values, q)]
 
         return with_end
-
-    def separation(p):
-        distance = plain.separation(p)
-        return distance and _widened(distance)
 
     embed = np.zeros(np.add(plain.embed.shape, 1))
     embed[:-1, :-1], embed[-1, -1] = plain.embed, 1.0
@@ -118,7 +112,7 @@ def _actuated_model(kind: type[TwoMassMachine], spring: Key, gravity: Key | None
         contact_gradient=gradient(plain.contact_gradient, contact_extension),
         extension=_widened(plain.extension),
         gap=lambda p: _widened(plain.gap(p)),
-        separation=separation,
+        separation=lambda p: (distance := plain.separation(p)) and _widened(distance),
         heights=lambda p: {name: _widened(height) for name, height in plain.heights(p).items()},
         impact=lambda p: np.append(plain.impact(p), 0.0),
         contact_speed=_widened(plain.contact_speed),

@@ -1,23 +1,12 @@
 """The `orbits` command. Heavy imports wait until they are needed, so that --help and errors are quick."""
 
+import json
 import sys
 from typing import Any
 
 import click
 
-from .options import (
-    animate_option,
-    file_option,
-    json_option,
-    launch_speeds,
-    loss_options,
-    machine_of,
-    machine_options,
-    plot_option,
-    print_result,
-    progress,
-    sets,
-)
+from . import options
 
 EXAMPLES = """\b
 Examples:
@@ -48,39 +37,26 @@ def orbits() -> None:
 
 
 @orbits.command("find", epilog="\b\nExit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
-@machine_options
-@click.option(
-    "--family",
-    type=click.IntRange(1),
-    default=1,
-    show_default=True,
-    metavar="N",
-    help="Oscillations in flight, from 1.",
-)
+@options.machine_options
+@options.family_option("Oscillations in flight, from 1.")
 @click.option("--method", metavar="NAME", help="Force a way: 'closed form', 'relative', 'half orbit' or 'shooting'.")
 @click.option("--allow-inadmissible", is_flag=True, help="Exit 0 also for a root that is no motion.")
-@json_option
+@options.json_option
 @click.option("--explain", is_flag=True, help="Say which way was taken and what the scene did not need.")
-@plot_option
-@animate_option
-@file_option("--save", "document", "Save the orbit (.json), for Orbit.load.")
+@options.plot_option
+@options.animate_option
+@options.file_option("--save", "document", "Save the orbit (.json), for Orbit.load.")
 def find_command(
     family: int, method: str | None, allow_inadmissible: bool, as_json: bool, explain: bool, plot: str | None,
-    animate: str | None, save: str | None, **options: Any,
+    animate: str | None, save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find one lossless orbit and certify it."""
     from orbits.periodic.find import find as find_orbit
-    from orbits.plot import save_figure
 
-    with progress() as report:
-        orbit = find_orbit(machine_of(**options), family, method=method, progress=report)
-    if plot is not None:
-        save_figure(orbit.plot(), plot)
-    if animate is not None:
-        orbit.animate(animate)
-    if save is not None:
-        orbit.save(save)
-    print_result(orbit, as_json)
+    with options.progress() as report:
+        orbit = find_orbit(options.machine_of(**stated), family, method=method, progress=report)
+    options.write(orbit, plot, animate, save)
+    options.print_result(orbit, as_json)
     if explain and not as_json:
         click.echo("  what this scene did not need:")
         click.echo("".join(f"      {line}\n" for line in orbit.skipped), nl=False)
@@ -95,8 +71,8 @@ THUMBNAILS = 6
 @orbits.command(
     "follow", epilog="\b\nExit code: 0 followed to its end, 1 no such orbit or the curve was lost, 2 bad input."
 )
-@machine_options
-@click.option("--family", type=click.IntRange(1), default=1, show_default=True, metavar="N", help="As in find.")
+@options.machine_options
+@options.family_option("As in find.")
 @click.option("--along", required=True, metavar="NAME", help="The parameter: a law's, mass_ratio or rest_length.")
 @click.option("--from", "start", type=float, metavar="A", help="Its first value; default: as --set has it.")
 @click.option("--to", "stop", type=float, required=True, metavar="B", help="Its last value.")
@@ -104,15 +80,15 @@ THUMBNAILS = 6
 @click.option("--longest", type=float, default=0.02, show_default=True, help="Longest step, as a share of the way.")
 @click.option("--method", metavar="NAME", help="As in find.")
 @click.option("--stop-inadmissible", is_flag=True, help="End where the orbits are no motions any more.")
-@json_option
-@plot_option
-@file_option("--output", "lines", "Write each point as it is found: .jsonl, to resume from or to load.")
-@file_option("--save", "family", "Save the whole family: .csv, .nc or .jsonl.")
+@options.json_option
+@options.plot_option
+@options.file_option("--output", "lines", "Write each point as it is found: .jsonl, to resume from or to load.")
+@options.file_option("--save", "family", "Save the whole family: .csv, .nc or .jsonl.")
 @click.option("--resume", metavar="FILE", help="Go on from the end of a family written by --output or --save.")
 def follow_command(
     family: int, along: str, start: float | None, stop: float, at: str | None, longest: float, method: str | None,
     stop_inadmissible: bool, as_json: bool, plot: str | None, output: str | None, save: str | None,
-    resume: str | None, **options: Any,
+    resume: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Follow a family of orbits along a parameter, past folds, to its end."""
     from orbits.continuation.family import Family
@@ -126,14 +102,14 @@ def follow_command(
     except ValueError:
         raise InputError(f"--at {at!r} is not a list of numbers, as 0.5,1,2") from None
     if start is not None:  # --from replaces what --set says
-        options["settings"] = [setting for setting in options["settings"] if not sets(setting, along)]
+        stated["settings"] = [setting for setting in stated["settings"] if not options.sets(setting, along)]
         if along in ("mass_ratio", "rest_length"):
-            options[along] = start
+            stated[along] = start
         else:
-            options["settings"].append(f"{along}={start!r}")
+            stated["settings"].append(f"{along}={start!r}")
     before = None if resume is None else Family.load(resume)
-    machine = machine_of(**options)
-    with progress() as report:
+    machine = options.machine_of(**stated)
+    with options.progress() as report:
         followed = follow_family(
             machine, along, stop, start, family, at=values, longest=longest,
             method=method, stop_inadmissible=stop_inadmissible, output=output, resume=before, progress=report,
@@ -144,25 +120,22 @@ def follow_command(
         save_figure(thumbnails(plot_family(followed), followed, small), plot)
     if save is not None:
         followed.save(save)
-    print_result(followed, as_json)
+    options.print_result(followed, as_json)
     if followed.end.kind == "stuck":
         raise click.exceptions.Exit(1)
 
 
 @orbits.command("map", epilog="\b\nExit code: 0 done, also for hops that come to rest; 2 bad input.")
-@machine_options
-@loss_options
+@options.machine_options
+@options.loss_options
 @click.option(
-    "--alpha",
-    required=True,
-    metavar="A|A:B:N",
-    help="A launch speed, or N of them from A to B, in the machine's units.",
+    "--alpha", required=True, metavar="A|A:B:N", help=f"A launch speed, or N of them from A to B{options.IN_UNITS}"
 )
-@json_option
-@file_option("--plot", "figure", "Write a figure of the map from A to B (.png, .pdf, .svg).")
+@options.json_option
+@options.file_option("--plot", "figure", "Write a figure of the map from A to B (.png, .pdf, .svg).")
 @click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
 def return_map(
-    alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, **options: Any
+    alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, **stated: Any
 ) -> None:  # fmt: skip
     """Map launch speeds to the next ones, with the losses and impacts in between."""
     from orbits.errors import InputError
@@ -170,7 +143,7 @@ def return_map(
     from orbits.io import to_json
     from orbits.plot import plot_map, save_figure
 
-    speeds = launch_speeds(alpha)
+    speeds = options.launch_speeds(alpha)
     if plot is not None:
         if len(speeds) < 2:
             raise InputError(f"--plot needs a range, --alpha A:B:N, not --alpha {alpha}")
@@ -178,7 +151,7 @@ def return_map(
         raise InputError("--cobweb is drawn into a figure: give --plot FILE too")
     if cobweb is not None and not 0 < cobweb < float("inf"):
         raise InputError(f"--cobweb {cobweb:g}; a launch speed is above 0")
-    step = ReturnMap(machine_of(**options), inject)
+    step = ReturnMap(options.machine_of(**stated), inject)
     hops = step(speeds)
     if plot is not None:
         save_figure(plot_map(step, speeds[0], speeds[-1], start=cobweb), plot)
@@ -192,48 +165,34 @@ def return_map(
 
 
 @orbits.command("simulate", epilog="\b\nExit code: 0 done, also when it comes to rest; 2 bad input.")
-@machine_options
-@loss_options
+@options.machine_options
+@options.loss_options
 @click.option(
-    "--alpha",
-    type=float,
-    required=True,
-    metavar="A",
-    help="Launch speed at the first lift-off, in the machine's units.",
+    "--alpha", type=float, required=True, metavar="A", help=f"Launch speed at the first lift-off{options.IN_UNITS}"
 )
 @click.option("--hops", type=click.IntRange(1), metavar="N", help="End after so many lift-offs.")
-@click.option(
-    "--time",
-    "end",
-    type=click.FloatRange(0, min_open=True),
-    metavar="T",
-    help="End at this time, in the machine's units.",
-)
-@json_option
-@plot_option
-@animate_option
+@click.option("--time", "end", type=options.POSITIVE, metavar="T", help=f"End at this time{options.IN_UNITS}")
+@options.json_option
+@options.plot_option
+@options.animate_option
 def simulate_command(
     alpha: float, hops: int | None, end: float | None, inject: float, as_json: bool, plot: str | None,
-    animate: str | None, **options: Any,
+    animate: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Follow the machine's motion from a launch, through every impact and contact."""
     from orbits.hybrid.simulation import simulate as run_machine
-    from orbits.plot import save_figure
 
-    machine = machine_of(**options)
+    machine = options.machine_of(**stated)
     run = run_machine(machine, alpha, hops=hops, time=float("inf") if end is None else end, inject=inject)
-    if plot is not None:
-        save_figure(run.plot(), plot)
-    if animate is not None:
-        run.animate(animate)
-    print_result(run, as_json)
+    options.write(run, plot, animate)
+    options.print_result(run, as_json)
 
 
 @orbits.command("optimize", epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")
 @click.argument("file", metavar="FILE.toml")
-@json_option
-@file_option("--plot", "figure", "Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
-@file_option("--save", "document", "Save the design, or the front, as a JSON document.")
+@options.json_option
+@options.file_option("--plot", "figure", "Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
+@options.file_option("--save", "document", "Save the design, or the front, as a JSON document.")
 def optimize_command(file: str, as_json: bool, plot: str | None, save: str | None) -> None:
     """Find the best design of a machine, or a front of two objectives, as its file asks."""
     from orbits.design.optimize import optimize as best_design
@@ -246,7 +205,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
     statement = read(file)
     machine, asked = build(statement, file), design(statement, file)
     front = isinstance(asked.get("minimise"), tuple)
-    with progress() as report:
+    with options.progress() as report:
         try:
             found = (pareto if front else best_design)(machine, **asked, progress=report)
         except InputError as error:
@@ -255,7 +214,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
         save_figure(plot_front(found) if isinstance(found, Front) else found.orbit.plot(), plot)
     if save is not None:
         found.save(save)
-    print_result(found, as_json)
+    options.print_result(found, as_json)
 
 
 def main() -> None:
@@ -285,8 +244,6 @@ def main() -> None:
 def _failed(message: str, code: int) -> int:
     click.echo(f"orbits: {message}", err=True)
     if "--json" in sys.argv:
-        import json
-
         click.echo(json.dumps({"error": message, "exit_code": code}))
     return code
 

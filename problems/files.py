@@ -35,19 +35,9 @@ from .units import hopper_in_si, juggler_in_si
 KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
 IN_SI: dict[str, Callable[..., TwoMassMachine]] = {"hopper": hopper_in_si, "juggler": juggler_in_si}
 MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
-KEYS = (
-    "machine",
-    "mass_ratio",
-    "rest_length",
-    "restitution",
-    "damping",
-    "drag",
-    "spring",
-    "gravity",
-    "parameters",
-    "si",
-    "design",
-)
+OWN_KEYS = ("spring", "mass_ratio", "rest_length")
+COMMON_KEYS = ("gravity", "restitution", "damping", "drag", "parameters")
+KEYS = ("machine", *OWN_KEYS, *COMMON_KEYS, "si", "design")
 DESIGN_KEYS = ("minimise", "maximise", "over", "subject_to", "family", "starts", "seed", "points")
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
 
@@ -100,14 +90,9 @@ def _build(statement: dict[str, Any]) -> TwoMassMachine:
     kind = statement.get("machine", "hopper")
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"unknown machine {kind!r}{suggest(str(kind), KINDS)}")
-    common = {
-        name: statement[name]
-        for name in ("gravity", "restitution", "damping", "drag", "parameters")
-        if name in statement
-    }
+    common = {name: statement[name] for name in COMMON_KEYS if name in statement}
     if "si" not in statement:
-        own = {name: statement[name] for name in ("spring", "mass_ratio", "rest_length") if name in statement}
-        return KINDS[kind](**own, **common)
+        return KINDS[kind](**{name: statement[name] for name in OWN_KEYS if name in statement}, **common)
     si = statement["si"]
     _check_keys("[si]", si, (*MASSES[kind], *SI_KEYS))
     for name in ("mass_ratio", "rest_length"):

@@ -26,7 +26,7 @@ def function(ratio: Callable, /, **parameters: float) -> Law:
 
 
 def constant() -> Law:
-    """Constant gravity, the same at every height."""
+    """Constant gravity."""
     return formula("1")
 
 

@@ -16,10 +16,9 @@ from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
 from orbits.model.phase import Phase
 
-from .juggler import JugglerEquations, juggler_model
+from .juggler import Juggler, JugglerEquations
 from .laws import Key
-from .machine import TwoMassMachine
-from .relative import straight_line
+from .machine import TwoMassMachine, straight_line
 
 
 @dataclass(frozen=True)
@@ -38,34 +37,31 @@ class HeavyHand(TwoMassMachine):
         """The machine as JSON-ready data, without a mass ratio, which is infinite."""
         return {**super().describe(), "mass_ratio": None}
 
-    def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-        return _heavy_hand_model(spring, gravity, has_length)
+    @staticmethod
+    @lru_cache(maxsize=64)
+    def build(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+        """The juggler's model with the hand's energy alone, see `TwoMassMachine.build`."""
+        finite = Juggler.build(spring, gravity, has_length, False)
+        force, weight = spring.expression, JugglerEquations(spring, gravity, False).weight
 
+        def oscillator(p):
+            k, zero = straight_line(spring, p)
+            return Oscillator(k, zero - 1 / k, {"contact force": (-k, k * zero)})
 
-@lru_cache(maxsize=64)
-def _heavy_hand_model(spring: Key, gravity: Key | None, has_length: bool) -> Model:
-    finite = juggler_model(spring, gravity, has_length, False)
-    equations = JugglerEquations(spring, gravity, False)
-    force, weight = equations.force, equations.weight
-
-    def oscillator(p):
-        k, zero = straight_line(spring, p)
-        return Oscillator(k, zero - 1 / k, {"contact force": (-k, k * zero)})
-
-    contact = Phase(
-        "contact",
-        finite.contact.states,
-        lambda x, p, q: [x[1], -force(x[0], p, q) - weight(x[0], p)],
-        {"contact force": lambda x, p, q: -force(x[0], p, q)},
-        finite.contact.pieces,
-        oscillator if finite.contact.closed_form else None,
-    )
-    return replace(
-        finite,
-        name="heavy hand",
-        contact=contact,
-        flight_gradient=lambda x, p, q: [0.0, 0.0, force(x[2], p, q) + weight(x[2], p), x[3]],
-        contact_gradient=lambda x, p, q: [force(x[0], p, q) + weight(x[0], p), x[1]],
-        impact_mass=lambda p: 0.0,
-        impact=lambda p: np.array([0.0, 1.0, 0.0, 0.0]),
-    )
+        contact = Phase(
+            "contact",
+            finite.contact.states,
+            lambda x, p, q: [x[1], -force(x[0], p, q) - weight(x[0], p)],
+            {"contact force": lambda x, p, q: -force(x[0], p, q)},
+            finite.contact.pieces,
+            oscillator if finite.contact.closed_form else None,
+        )
+        return replace(
+            finite,
+            name="heavy hand",
+            contact=contact,
+            flight_gradient=lambda x, p, q: [0.0, 0.0, force(x[2], p, q) + weight(x[2], p), x[3]],
+            contact_gradient=lambda x, p, q: [force(x[0], p, q) + weight(x[0], p), x[1]],
+            impact_mass=lambda p: 0.0,
+            impact=lambda p: np.array([0.0, 1.0, 0.0, 0.0]),
+        )

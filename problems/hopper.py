@@ -17,20 +17,11 @@ from numpy.typing import ArrayLike
 
 from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
-from orbits.model.phase import Affine, Phase
+from orbits.model.phase import Affine
 
 from .laws import Key, Parameters, Scalars, from_key
 from .liftoff import Liftoff
-from .machine import TwoMassMachine
-from .relative import (
-    TwoMassEquations,
-    launch_guess,
-    refuse_damping,
-    spring_pieces,
-    straight_line,
-    thrown,
-    thrown_flight,
-)
+from .machine import TwoMassEquations, TwoMassMachine, straight_line, thrown, two_mass_model
 
 FOOT_LIFTOFF = Liftoff(0.0, "the foot's weight")
 
@@ -41,8 +32,32 @@ class Hopper(TwoMassMachine):
 
     kind = "hopper"
 
-    def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-        return _hopper_model(spring, gravity, has_length, damped)
+    @staticmethod
+    @lru_cache(maxsize=64)
+    def build(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+        """The model of the keys of the laws, see `TwoMassMachine.build`."""
+        equations = _HopperEquations(spring, gravity, damped)
+        return two_mass_model(
+            equations,
+            FOOT_LIFTOFF,
+            ("y1", "y1'", "y2", "y2'", "y1", "y1'"),
+            Affine((1.0, 0.0, -1.0, 0.0)),
+            name="hopper",
+            launch=lambda u, p: [u["liftoff"], u["alpha"], 0.0, 0.0],
+            landing=lambda u, x, p: [x[2], x[3], x[0] - u["liftoff"]],
+            embed=np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]),
+            gap=lambda p: Affine((0.0, 0.0, 1.0, 0.0)),
+            impact_mass=lambda p: p["mass_ratio"] * (1 + p["mass_ratio"]),
+            impact=lambda p: np.array([0.0, 0.0, 0.0, 1.0]),
+            violations={
+                "gap": "foot below ground",
+                "pull": "the ground would have to pull",
+                "separation": "the masses pass through each other",
+                "end": "contact: the spring collapses, the body never lifts off again",
+            },
+            springs=(("foot", "body"),),
+            tension=lambda x, p, q: equations.force(x[0] - x[2], p, q),
+        )
 
 
 class _HopperEquations(TwoMassEquations):
@@ -54,12 +69,8 @@ class _HopperEquations(TwoMassEquations):
     def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M, (c, d) = p["mass_ratio"], self.dampers(p)
         tension = self.force(x[0] - x[2], p, q) + c * (x[1] - x[3])
-        return [
-            x[1],
-            -(M * (tension + d * x[1]) + self.body_weight(x[0], p)) / (1 + M),
-            x[3],
-            (tension - self.pull(x[2], p) - d * x[3]) / (1 + M),
-        ]
+        body = -(M * (tension + d * x[1]) + self.body_weight(x[0], p)) / (1 + M)
+        return [x[1], body, x[3], (tension - self.pull(x[2], p) - d * x[3]) / (1 + M)]
 
     def contact(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M, (c, d) = p["mass_ratio"], self.dampers(p)
@@ -70,12 +81,8 @@ class _HopperEquations(TwoMassEquations):
 
     def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M, tension = p["mass_ratio"], self.force(x[0] - x[2], p, q)
-        return [
-            M * tension + self.body_weight(x[0], p),
-            (1 + M) * x[1],
-            M * (self.pull(x[2], p) - tension),
-            (1 + M) * M * x[3],
-        ]
+        body, foot = M * tension + self.body_weight(x[0], p), M * (self.pull(x[2], p) - tension)
+        return [body, (1 + M) * x[1], foot, (1 + M) * M * x[3]]
 
     def contact_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M = p["mass_ratio"]
@@ -121,57 +128,3 @@ class _HopperEquations(TwoMassEquations):
             "foot": Affine((0.0, 0.0, 1.0, 0.0)),
             "centre of mass": Affine((1 / (1 + M), 0.0, M / (1 + M), 0.0), length / (1 + M)),
         }
-
-
-@lru_cache(maxsize=64)
-def _hopper_model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-    """The model of the keys of the laws, see `TwoMassMachine.build`."""
-    equations = _HopperEquations(spring, gravity, damped)
-    reduction = equations.reduction(FOOT_LIFTOFF)
-    extension = Affine((1.0, 0.0, -1.0, 0.0))
-    return Model(
-        name="hopper",
-        flight=Phase(
-            "flight",
-            ("y1", "y1'", "y2", "y2'"),
-            equations.flight,
-            pieces=spring_pieces(spring, extension.weights),
-            closed_form=thrown_flight(reduction, equations.mix, equations.apart),
-        ),
-        contact=Phase(
-            "contact",
-            ("y1", "y1'"),
-            equations.contact,
-            {"contact force": equations.contact_force},
-            spring_pieces(spring, (1.0, 0.0)),
-            equations.contact_oscillator if spring.degree() == 1 and reduction else None,
-        ),
-        launch=lambda u, p: [u["liftoff"], u["alpha"], 0.0, 0.0],
-        liftoff=equations.liftoff,
-        landing=lambda u, x, p: [x[2], x[3], x[0] - u["liftoff"]],
-        reversor=None if damped else (1, -1, 1, -1),
-        release=equations.release,
-        touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
-        embed=np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]),
-        flight_gradient=equations.flight_gradient,
-        contact_gradient=equations.contact_gradient,
-        extension=extension,
-        gap=lambda p: Affine((0.0, 0.0, 1.0, 0.0)),
-        separation=lambda p: Affine(extension.weights, p["rest_length"]) if "rest_length" in p else None,
-        heights=equations.heights,
-        impact_mass=lambda p: p["mass_ratio"] * (1 + p["mass_ratio"]),
-        impact=lambda p: np.array([0.0, 0.0, 0.0, 1.0]),
-        contact_speed=Affine((0.0, 1.0)),
-        violations={
-            "gap": "foot below ground",
-            "pull": "the ground would have to pull",
-            "separation": "the masses pass through each other",
-            "end": "contact: the spring collapses, the body never lifts off again",
-        },
-        springs=(("foot", "body"),),
-        guess=refuse_damping if damped else launch_guess(spring, FOOT_LIFTOFF),
-        homotopy="gravity_share" if gravity else None,
-        conservative=not damped,
-        reduction=reduction,
-        tension=lambda x, p, q: equations.force(x[0] - x[2], p, q),
-    )

@@ -17,20 +17,11 @@ from numpy.typing import ArrayLike
 
 from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
-from orbits.model.phase import Affine, Phase
+from orbits.model.phase import Affine
 
 from .laws import Key, Parameters, Scalars, from_key
 from .liftoff import Liftoff
-from .machine import TwoMassMachine
-from .relative import (
-    TwoMassEquations,
-    launch_guess,
-    refuse_damping,
-    spring_pieces,
-    straight_line,
-    thrown,
-    thrown_flight,
-)
+from .machine import TwoMassEquations, TwoMassMachine, straight_line, thrown, two_mass_model
 
 HAND_LIFTOFF = Liftoff(1.0, "zero force")
 
@@ -45,8 +36,32 @@ class Juggler(TwoMassMachine):
 
     kind = "juggler"
 
-    def build(self, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-        return juggler_model(spring, gravity, has_length, damped)
+    @staticmethod
+    @lru_cache(maxsize=64)
+    def build(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+        """The model of the keys of the laws, see `TwoMassMachine.build`."""
+        equations = JugglerEquations(spring, gravity, damped)
+        return two_mass_model(
+            equations,
+            HAND_LIFTOFF,
+            ("w1", "w1'", "w2", "w2'", "w", "w'"),
+            Affine((0.0, 0.0, 1.0, 0.0)),
+            name="juggler",
+            launch=lambda u, p: [u["liftoff"], u["alpha"], u["liftoff"], u["alpha"]],
+            landing=lambda u, x, p: [x[0] - x[2], x[1] - x[3], x[2] - u["liftoff"]],
+            embed=np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
+            gap=lambda p: Affine((1.0, 0.0, -1.0, 0.0)),
+            impact_mass=lambda p: p["mass_ratio"] / (1 + p["mass_ratio"]),
+            impact=lambda p: np.array([0.0, p["mass_ratio"], 0.0, -1.0]) / (1 + p["mass_ratio"]),
+            violations={
+                "gap": "ball below the hand",
+                "pull": "the hand would have to pull the ball",
+                "separation": "the hand passes through the ground",
+                "end": "contact: the spring collapses, the ball is never thrown again",
+            },
+            springs=((None, "hand"),),
+            tension=lambda x, p, q: equations.force(x[2], p, q),
+        )
 
 
 class JugglerEquations(TwoMassEquations):
@@ -98,6 +113,8 @@ class JugglerEquations(TwoMassEquations):
         """w1, w1', w2, w2' from w2, w2', w1, w1' (the hand swings, the ball is thrown); its own inverse."""
         return np.eye(4)[[2, 3, 0, 1]]
 
+    apart = mix
+
     @staticmethod
     def complete(times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
         return np.concatenate([thrown(times, coefficients.shape[2], u), coefficients[:, :2]], axis=1)
@@ -110,57 +127,3 @@ class JugglerEquations(TwoMassEquations):
     def heights(p: Parameters) -> dict[str, Affine]:
         length = p.get("rest_length", 0.0)
         return {"ball": Affine((1.0, 0.0, 0.0, 0.0), length), "hand": Affine((0.0, 0.0, 1.0, 0.0), length)}
-
-
-@lru_cache(maxsize=64)
-def juggler_model(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-    """The model of the keys of the laws, see `TwoMassMachine.build`."""
-    equations = JugglerEquations(spring, gravity, damped)
-    reduction = equations.reduction(HAND_LIFTOFF)
-    extension = Affine((0.0, 0.0, 1.0, 0.0))
-    return Model(
-        name="juggler",
-        flight=Phase(
-            "flight",
-            ("w1", "w1'", "w2", "w2'"),
-            equations.flight,
-            pieces=spring_pieces(spring, extension.weights),
-            closed_form=thrown_flight(reduction, equations.mix, equations.mix),
-        ),
-        contact=Phase(
-            "contact",
-            ("w", "w'"),
-            equations.contact,
-            {"contact force": equations.contact_force},
-            spring_pieces(spring, (1.0, 0.0)),
-            equations.contact_oscillator if spring.degree() == 1 and reduction else None,
-        ),
-        launch=lambda u, p: [u["liftoff"], u["alpha"], u["liftoff"], u["alpha"]],
-        liftoff=equations.liftoff,
-        landing=lambda u, x, p: [x[0] - x[2], x[1] - x[3], x[2] - u["liftoff"]],
-        reversor=None if damped else (1, -1, 1, -1),
-        release=equations.release,
-        touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
-        embed=np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
-        flight_gradient=equations.flight_gradient,
-        contact_gradient=equations.contact_gradient,
-        extension=extension,
-        gap=lambda p: Affine((1.0, 0.0, -1.0, 0.0)),
-        separation=lambda p: Affine(extension.weights, p["rest_length"]) if "rest_length" in p else None,
-        heights=equations.heights,
-        impact_mass=lambda p: p["mass_ratio"] / (1 + p["mass_ratio"]),
-        impact=lambda p: np.array([0.0, p["mass_ratio"], 0.0, -1.0]) / (1 + p["mass_ratio"]),
-        contact_speed=Affine((0.0, 1.0)),
-        violations={
-            "gap": "ball below the hand",
-            "pull": "the hand would have to pull the ball",
-            "separation": "the hand passes through the ground",
-            "end": "contact: the spring collapses, the ball is never thrown again",
-        },
-        springs=((None, "hand"),),
-        guess=refuse_damping if damped else launch_guess(spring, HAND_LIFTOFF),
-        homotopy="gravity_share" if gravity else None,
-        conservative=not damped,
-        reduction=reduction,
-        tension=lambda x, p, q: equations.force(x[2], p, q),
-    )

@@ -1,7 +1,7 @@
 """The first estimate of an orbit under constant gravity: the lowest launch speed of a family."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,28 +12,17 @@ from orbits.model.phase import Phase
 from orbits.numerics.bernstein import Crossings
 from orbits.numerics.roots import bracketed_root
 
-
-@dataclass(frozen=True, kw_only=True)
-class LaunchSearch:
-    """Settings of `lowest_launch_speed`, the speeds as multiples of the machine's own scale of speed.
-
-    fastest : per family; beyond it a hop is 5e7 lengths high and more, which is no machine
-    slowest : where the search starts again when its first speed is too fast
-    accuracy : of the estimate, as a share of half an oscillation; Newton's method does the rest
-    depth : of the estimate, as a share of how far the equation goes beyond zero, for another root may be close above
-    shortest_step : of the search, as a share of the speed
-    longest_flight : followed in search of two turns, per 1 + launch speed; a spring that takes longer does not return
-    """
-
-    fastest: float = 1e4
-    slowest: float = 1e-3
-    accuracy: float = 1e-3
-    depth: float = 0.01
-    shortest_step: float = 0.02
-    longest_flight: float = 1e3
-
-
-LAUNCH_SEARCH = LaunchSearch()
+# Bounds of the search, in multiples of the machine's own scale of speed. Beyond the fastest, per family, a hop is 5e7
+# lengths high and more, which is no machine; from the slowest the search starts again when its first speed is too fast.
+FASTEST, SLOWEST = 1e4, 1e-3
+# Accuracy of the estimate, as a share of half an oscillation; Newton's method does the rest.
+ACCURACY = 1e-3
+# And as a share of how far the equation goes beyond zero, for another root may be close above.
+DEPTH = 0.01
+# Shortest step of the search, as a share of the speed.
+SHORTEST_STEP = 0.02
+# Time followed in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
+LONGEST_FLIGHT = 1e3
 
 
 class _Sample(NamedTuple):
@@ -61,10 +50,8 @@ def lowest_launch_speed(
     Raises `NoOrbit` when there is no such speed.
     """
 
-    def sample(alpha: float) -> _Sample:
-        return _sample(phase, p, liftoff, family, alpha)
-
-    fastest, slowest = LAUNCH_SEARCH.fastest * family * scale, LAUNCH_SEARCH.slowest * scale
+    sample = partial(_sample, phase, p, liftoff, family)
+    fastest, slowest = FASTEST * family * scale, SLOWEST * scale
     samples = [_Sample(0.0, 1.0)]
     no_return = np.inf  # the lowest speed from which the extension does not come back
     alpha, reason = 2 * family * scale, ""  # rather low for most springs; where it is too fast, from the slowest
@@ -82,7 +69,8 @@ def lowest_launch_speed(
             no_return = alpha
         else:
             break
-        if _passed_a_golden_section(samples):  # near a fold, a pair of roots lies between samples
+        # Near a fold, a pair of roots lies between samples; the start at speed 0 does not count.
+        if len(samples) > 3 and samples[-3].lateness > samples[-2].lateness <= samples[-1].lateness:
             lowest = _golden_section(sample, samples[-3].alpha, samples[-1].alpha)
             if lowest.lateness <= 0:
                 return _estimated_root(sample, samples[-3], lowest)
@@ -94,8 +82,7 @@ def lowest_launch_speed(
 def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
     """Time from lift-off to the first turn of the extension, and half its period.
 
-    Both are infinite when it does not return within `LaunchSearch.longest_flight`. Raises `FlowError` when the motion
-    cannot be carried on.
+    Both are infinite when it does not return within `LONGEST_FLIGHT`. Raises `FlowError` when the motion ends before.
     """
     turns, clock, crossings = [], [0.0], Crossings()
 
@@ -107,38 +94,29 @@ def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: 
         clock[0] += steps.sum()
         return None
 
-    longest = LAUNCH_SEARCH.longest_flight * (1 + alpha)
+    longest = LONGEST_FLIGHT * (1 + alpha)
     flow_of(phase, tuple(p)).run([liftoff, alpha], list(p.values()), longest, stop=second_turn)
     return (turns[0], turns[1] - turns[0]) if len(turns) == 2 else (np.inf, np.inf)
 
 
 def _sample(phase: Phase, p: dict[str, float], liftoff: float, family: int, alpha: float) -> _Sample:
-    """The equation at one launch speed."""
     try:
         first, half_period = half_oscillations(phase, p, liftoff, alpha)
     except OutOfRange as error:
         return _Sample(alpha, np.inf, reason=f"beyond launch speed {alpha:.4g} {error}")
     except FlowError as error:
         return _Sample(alpha, np.inf, reason=f"at launch speed {alpha:.4g} the extension does not come back: {error}")
-    if not np.isfinite(first):
-        return _Sample(alpha, np.inf, reason=f"at launch speed {alpha:.4g} the extension does not come back")
-    return _Sample(alpha, first + family * half_period - alpha, half_period)
+    if np.isfinite(first):
+        return _Sample(alpha, first + family * half_period - alpha, half_period)
+    return _Sample(alpha, np.inf, reason=f"at launch speed {alpha:.4g} the extension does not come back")
 
 
 def _estimated_root(sample: Callable, early: _Sample, late: _Sample) -> float:
     """The root between a sample where the turn comes too late and a faster one where it comes too early."""
-    enough = min(LAUNCH_SEARCH.accuracy * late.half_period, LAUNCH_SEARCH.depth * abs(late.lateness))
+    enough = min(ACCURACY * late.half_period, DEPTH * abs(late.lateness))
     return bracketed_root(
         lambda alpha: sample(alpha).lateness, early.alpha, late.alpha, early.lateness, late.lateness, enough
     )
-
-
-def _passed_a_golden_section(samples: list[_Sample]) -> bool:
-    """Whether the middle one of the last three samples is the lowest, the start at speed 0 not counted."""
-    if len(samples) <= 3:
-        return False
-    left, middle, right = (sample.lateness for sample in samples[-3:])
-    return middle < left and middle <= right
 
 
 def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float:
@@ -146,15 +124,12 @@ def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float
     before, last = samples[-2:]
     slope = (last.lateness - before.lateness) / (last.alpha - before.alpha) if len(samples) > 2 else 0.0
     ahead = 1.2 * last.lateness / max(-slope, 0.3) if slope < 0 else last.lateness / 1.5
-    alpha = last.alpha + max(ahead, LAUNCH_SEARCH.shortest_step * (scale + last.alpha))
+    alpha = last.alpha + max(ahead, SHORTEST_STEP * (scale + last.alpha))
     return alpha if alpha < no_return else 0.5 * (last.alpha + no_return)
 
 
 def _golden_section(sample: Callable, a: float, b: float) -> _Sample:
-    """Golden-section search for a minimum between speeds a and b, until a sample is not above zero.
-
-    It stops at half the digits, which is all that a minimum is determined to.
-    """
+    """A minimum between speeds a and b, to half the digits (no more are determined), or a sample not above zero."""
     ratio = (np.sqrt(5) - 1) / 2
     left, right = sample(b - ratio * (b - a)), sample(a + ratio * (b - a))
     while abs(b - a) > 1e-8 * (abs(a) + abs(b)) and min(left.lateness, right.lateness) > 0:

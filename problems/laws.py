@@ -19,6 +19,9 @@ from orbits.symbolic.taylor_series import has_taylor_series
 # What expressions are made of: CasADi scalars or numbers, in sequences and by name.
 Scalars = Sequence[Any]
 Parameters = Mapping[str, Any]
+# What users give for the parameters of a law, and laws by name.
+Given = Mapping[str, float] | None
+Named = Mapping[str, Callable]
 HOW_TO_WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
 
 
@@ -104,14 +107,11 @@ class Law:
 
     def scaled(self, length: float, force: float) -> "Law":
         """The law in units of `length` and `force`: the dimensionless form of one in metres and newtons."""
-        return replace(
-            self,
-            expression=_scaled(self.expression, length, force),
-            pieces=self.pieces and _scaled_pieces(self.pieces, length),
-        )
+        pieces = self.pieces and _scaled_pieces(self.pieces, length)
+        return replace(self, expression=_scaled(self.expression, length, force), pieces=pieces)
 
 
-def from_formula(text: str, variable: str, parameters: Mapping[str, float] | None = None) -> Law:
+def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
     """A law from a formula in its variable; every other name in it is a parameter.
 
     Raises `InputError` for a parameter without a value and for one that the formula does not use.
@@ -119,26 +119,21 @@ def from_formula(text: str, variable: str, parameters: Mapping[str, float] | Non
     parameters = dict(parameters or {})
     names = parse(text).names - {variable}
     if missing := sorted(names - parameters.keys()):
-        raise InputError(f"'{text}' uses {_quoted(missing)} without a value: set {missing[0]}=VALUE")
+        raise InputError(f"'{text}' uses {', '.join(map(repr, missing))} without a value: set {missing[0]}=VALUE")
     if unused := sorted(parameters.keys() - names):
-        raise InputError(f"'{text}' does not use {_quoted(unused)}{suggest(unused[0], sorted(names)) if names else ''}")
+        hint = suggest(unused[0], sorted(names)) if names else ""
+        raise InputError(f"'{text}' does not use {', '.join(map(repr, unused))}{hint}")
     return Law(text, variable, _formula_expression(text, variable), {name: parameters[name] for name in sorted(names)})
 
 
-def from_potential(text: str, variable: str, parameters: Mapping[str, float] | None = None) -> Law:
+def from_potential(text: str, variable: str, parameters: Given = None) -> Law:
     """The law whose potential energy is the formula: its derivative with respect to the variable."""
     potential = from_formula(text, variable, parameters)
-    return replace(
-        potential, text=f"potential:{text}", expression=_derivative_expression(potential.expression, variable)
-    )
+    force = _derivative_expression(potential.expression, variable)
+    return replace(potential, text=f"potential:{text}", expression=force)
 
 
-def from_function(
-    function: Callable,
-    variable: str,
-    parameters: Mapping[str, float] | None = None,
-    breakpoints: tuple[float, ...] = (),
-) -> Law:
+def from_function(function: Callable, variable: str, parameters: Given = None, breakpoints: Sequence = ()) -> Law:
     """A law from a Python function (x, **parameters) written with operators and NumPy or CasADi functions.
 
     breakpoints : where it is not smooth; integration steps end there
@@ -157,9 +152,7 @@ def from_function(
     return law
 
 
-def from_any(
-    law: Any, variable: str, parameters: Mapping[str, float] | None, table: Mapping[str, Callable], what: str
-) -> Law:
+def from_any(law: Any, variable: str, parameters: Given, table: Named, what: str) -> Law:
     """A law from a law, a Python function, the name of one in `table`, or a formula; `what` it is, for messages.
 
     Raises `InputError` for anything else.
@@ -176,13 +169,13 @@ def from_any(
     return named(table, law, parameters) if is_name(law, variable, table) else from_formula(law, variable, parameters)
 
 
-def is_name(text: str, variable: str, table: Mapping[str, Callable]) -> bool:
+def is_name(text: str, variable: str, table: Named) -> bool:
     """Whether a text is a lone name, to be looked up as a law's, and no formula; hyphens may stand for underscores."""
     lone = text.isidentifier() and text != variable and text not in CONSTANTS
     return lone or text.replace("-", "_") in table
 
 
-def named(table: Mapping[str, Callable], name: str, parameters: Mapping[str, float]) -> Law:
+def named(table: Named, name: str, parameters: Mapping[str, float]) -> Law:
     """The law called `name` in `table`, with these parameters and the defaults of the others."""
     key = name.replace("-", "_")
     if key not in table:
@@ -193,7 +186,7 @@ def named(table: Mapping[str, Callable], name: str, parameters: Mapping[str, flo
     return table[key](**parameters)
 
 
-def parameter_names(law: Any, variable: str, table: Mapping[str, Callable]) -> set[str]:
+def parameter_names(law: Any, variable: str, table: Named) -> set[str]:
     """Names of the parameters that a law takes, in any of the ways a user may state one."""
     if isinstance(law, Law):
         return set(law.parameters)
@@ -209,9 +202,7 @@ def parameter_names(law: Any, variable: str, table: Mapping[str, Callable]) -> s
     return set(parse(law.removeprefix("potential:")).names) - {variable}
 
 
-def own_parameters(
-    law: Any, variable: str, table: Mapping[str, Callable], given: Mapping[str, float]
-) -> dict[str, float]:
+def own_parameters(law: Any, variable: str, table: Named, given: Mapping[str, float]) -> dict[str, float]:
     """Those of the given parameters that a law takes."""
     return {name: given[name] for name in given.keys() & parameter_names(law, variable, table)}
 
@@ -240,10 +231,6 @@ def coefficient_of_restitution(value: Any) -> float:
     return result
 
 
-def _quoted(names) -> str:
-    return ", ".join(f"'{name}'" for name in names)
-
-
 def _symbols(variable: str, names) -> tuple[ca.SX, dict[str, ca.SX]]:
     return ca.SX.sym(variable), {name: ca.SX.sym(name) for name in names}
 
@@ -255,11 +242,10 @@ def from_key(key: Key, p: Mapping[str, float]) -> Law:
 
 @lru_cache(maxsize=256)
 def _degree(key: Key) -> int:
-    _, variable, expression, names, pieces = key
-    if pieces is not None:
+    if key.pieces is not None:
         return 2
-    x, p = _symbols(variable, names)
-    value = ca.SX(expression(x, p, []))
+    x, p = _symbols(key.variable, key.names)
+    value = ca.SX(key.expression(x, p, []))
     if not has_taylor_series(ca.Function("law", [x, *p.values()], [value])):
         return 2  # |x| has the derivatives of a straight line
     return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
@@ -268,10 +254,9 @@ def _degree(key: Key) -> int:
 @lru_cache(maxsize=256)
 def _numeric(key: Key):
     """The function (x, p, q) -> (value, slope), and p -> (breaks, data) for a piecewise law."""
-    _, variable, expression, names, pieces = key
-    x, p = _symbols(variable, names)
+    (x, p), pieces = _symbols(key.variable, key.names), key.pieces
     q = ca.SX.sym("q", pieces[0] if pieces else 0)
-    value = ca.SX(expression(x, p, ca.vertsplit(q)))
+    value = ca.SX(key.expression(x, p, ca.vertsplit(q)))
     vector = ca.vertcat(*p.values())
     table = None
     if pieces:
@@ -304,17 +289,15 @@ def _derivative_expression(expression: Callable, variable: str) -> Callable:
 
 def _function_expression(function: Callable, variable: str, names: tuple[str, ...]) -> Callable:
     """The expression of a Python function, traced anew each time, since what it closes over may have changed."""
-    x, p = _symbols(variable, names)
-    name = getattr(function, "__name__", "function")
+    (x, p), name = _symbols(variable, names), getattr(function, "__name__", "function")
     mode = ca.GlobalOptions.getNumpyMode() if hasattr(ca.GlobalOptions, "getNumpyMode") else None
     try:
         if mode is not None:
             ca.GlobalOptions.setNumpyMode(1)  # NumPy's functions then give CasADi expressions, without a warning
         value = ca.SX(function(x, **p))
     except Exception as error:
-        raise InputError(
-            f"the law '{name}' fails on a symbolic argument ({type(error).__name__}); {HOW_TO_WRITE}"
-        ) from error
+        kind = type(error).__name__
+        raise InputError(f"the law '{name}' fails on a symbolic argument ({kind}); {HOW_TO_WRITE}") from error
     finally:
         if mode is not None:
             ca.GlobalOptions.setNumpyMode(mode)

@@ -47,9 +47,8 @@ class Liftoff:
         if not len(beyond):
             extreme = f"largest tension {forces.max():.4g}" if rises else f"least force {forces.min():.4g}"
             within = f" within [{low:g}, {high:g}]" if np.isfinite(high) or np.isfinite(low) else ""
-            raise NoOrbit(
-                f"spring '{law.text}' never reaches {self.name} ({extreme}{within}): nothing leaves the ground"
-            )
+            reached = f"never reaches {self.name} ({extreme}{within})"
+            raise NoOrbit(f"spring '{law.text}' {reached}: nothing leaves the ground")
         first = beyond[0]
         low, high = np.sort(extensions[first - 1 : first + 1])[:, None]
         return self._checked(law, float(_level_crossings(law, np.array([level]), low, high)[0]))
@@ -59,14 +58,12 @@ class Liftoff:
 
         They lie on the rising branch of the force that passes the level at rest; NaN where that branch ends before.
         """
-        static = self.extension(law)
-        alpha = np.asarray(alpha, dtype=float)
+        static, alpha = self.extension(law), np.asarray(alpha, dtype=float)
         if damping == 0.0:
             return np.full(alpha.shape, static)
-        level = 1.0 - self.load - damping * alpha
+        level, result = 1.0 - self.load - damping * alpha, np.full(alpha.shape, np.nan)
         extensions, forces = _rising_branch(law, static, up=damping < 0)
         cell = np.searchsorted(forces, level, side="right") - 1
-        result = np.full(alpha.shape, np.nan)
         inside = (cell >= 0) & (cell < len(extensions) - 1)
         if inside.any():
             ends = extensions[cell[inside]], extensions[cell[inside] + 1]
@@ -76,19 +73,14 @@ class Liftoff:
     def _checked(self, law: Law, liftoff: float) -> float:
         """The extension at lift-off; raises `NoOrbit` where the force only touches the level there."""
         slope = float(law.with_slope(liftoff)[1])
-        if not slope > FLATTEST_LIFTOFF:
-            raise NoOrbit(
-                f"spring '{law.text}' only just reaches {self.name} at extension {liftoff:.6g}, with slope "
-                f"{slope:.1e}: nothing lifts off cleanly"
-            )
-        return liftoff
+        if slope > FLATTEST_LIFTOFF:
+            return liftoff
+        where = f"at extension {liftoff:.6g}, with slope {slope:.1e}"
+        raise NoOrbit(f"spring '{law.text}' only just reaches {self.name} {where}: nothing lifts off cleanly")
 
 
 def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, np.ndarray]:
-    """Extensions (n,) going away from rest, as far as the force is finite, and the forces there.
-
-    The turning points of the force between samples are among them: a maximum that barely reaches a level lies there.
-    """
+    """Extensions (n,) away from rest, as far as the force is finite, with its turning points, and the forces there."""
     extensions = np.clip(rest + away * SAMPLED_DISTANCES, *law.range())
     forces, slopes = law.with_slope(extensions)
     finite = np.isfinite(forces)
@@ -104,8 +96,7 @@ def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, 
 
 
 def _rising_branch(law: Law, static: float, up: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Extensions and forces (n,), both ascending, from the static lift-off up or down to where the force turns or
-    ends."""
+    """Extensions and forces (n,), ascending, from the static lift-off up or down to where the force turns or ends."""
     side = 1.0 if up else -1.0
     extensions = np.unique(np.clip(static + side * SAMPLED_DISTANCES, *law.range()))[:: int(side)]
     forces, slopes = law.with_slope(extensions)
@@ -115,8 +106,7 @@ def _rising_branch(law: Law, static: float, up: bool) -> tuple[np.ndarray, np.nd
     if len(fails):
         count = max(int(fails[0]), 1)
         turn = _end_of_rise(law, extensions[count - 1], extensions[count])
-        extensions = np.append(extensions[:count], turn)
-        forces = np.append(forces[:count], law(turn))
+        extensions, forces = np.append(extensions[:count], turn), np.append(forces[:count], law(turn))
     return extensions[:: int(side)], forces[:: int(side)]
 
 

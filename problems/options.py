@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -18,28 +19,15 @@ if TYPE_CHECKING:
 def together(*options: Callable) -> Callable:
     """Several options as one decorator, shown in this order."""
 
-    def decorate(command: Callable) -> Callable:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
+    return lambda command: reduce(lambda decorated, option: option(decorated), reversed(options), command)
 
 
+IN_UNITS = ", in the machine's units."
+POSITIVE = click.FloatRange(0, min_open=True)
 machine_options = together(
     click.option("--machine", metavar="hopper|juggler|FILE.toml", help="Kind of machine, or a file that states it."),
-    click.option(
-        "--mass-ratio",
-        type=click.FloatRange(0, min_open=True),
-        metavar="M",
-        help="Foot (hand) over body (ball) mass; default 1.",
-    ),
-    click.option(
-        "--rest-length",
-        type=click.FloatRange(0, min_open=True),
-        metavar="L",
-        help="Of the spring; default: long enough.",
-    ),
+    click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
+    click.option("--rest-length", type=POSITIVE, metavar="L", help="Of the spring; default: long enough."),
     click.option("--spring", metavar="LAW", help="Formula of r, a law's name, table:FILE.csv or potential:FORMULA."),
     click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
     click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter; repeatable."),
@@ -48,41 +36,46 @@ loss_options = together(
     click.option("--restitution", type=click.FloatRange(0, 1), metavar="e", help="Of the impacts; default 0, plastic."),
     click.option("--damping", type=click.FloatRange(0), metavar="c", help="Of the damper beside the spring."),
     click.option("--drag", type=click.FloatRange(0), metavar="d", help="On each mass, against its motion."),
-    click.option(
-        "--inject", type=float, default=0.0, metavar="EPS", help="Added to every launch speed, in the machine's units."
-    ),
+    click.option("--inject", type=float, default=0.0, metavar="EPS", help=f"Added to every launch speed{IN_UNITS}"),
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 
 
+def family_option(text: str) -> Callable:
+    """The option that asks for the orbits of a family."""
+    return click.option("--family", type=click.IntRange(1), default=1, show_default=True, metavar="N", help=text)
+
+
 def file_option(flag: str, kind: str, text: str) -> Callable:
-    """An option that names a file to write, of a kind that `_endings` knows; its path is checked before the search."""
+    """An option that names a file to write, of a kind that has its own endings; checked before the search."""
 
     def check(context, parameter, path):
         if path is not None:
+            from orbits.continuation.family import ENDINGS
             from orbits.io import check_path
+            from orbits.plot import ANIMATIONS, FIGURES
 
-            check_path(path, _endings(kind))
+            endings = {"document": (), "figure": FIGURES, "animation": ANIMATIONS, "family": ENDINGS}
+            check_path(path, endings.get(kind, ENDINGS[:2]))
         return path
 
     return click.option(flag, metavar="FILE", help=text, callback=check)
 
 
-def _endings(kind: str) -> tuple[str, ...]:
-    """The endings of the files of a kind; none where all are allowed."""
-    if kind == "document":
-        return ()
-    if kind in ("figure", "animation"):
-        from orbits.plot import ANIMATIONS, FIGURES
-
-        return FIGURES if kind == "figure" else ANIMATIONS
-    from orbits.continuation.family import ENDINGS
-
-    return ENDINGS if kind == "family" else ENDINGS[:2]
-
-
 plot_option = file_option("--plot", "figure", "Write a figure (.png, .pdf, .svg).")
 animate_option = file_option("--animate", "animation", "Write an animation (.gif).")
+
+
+def write(result: Any, plot: str | None, animate: str | None, save: str | None = None) -> None:
+    """Write the figure, the animation and the document that are asked for."""
+    from orbits.plot import save_figure
+
+    if plot is not None:
+        save_figure(result.plot(), plot)
+    if animate is not None:
+        result.animate(animate)
+    if save is not None:
+        result.save(save)
 
 
 def print_result(result: Any, as_json: bool) -> None:
@@ -120,11 +113,9 @@ def machine_of(
 
     from .files import KINDS, build, read
 
-    statement: dict[str, Any] = {"machine": "hopper"}
+    statement: dict[str, Any] = {"machine": machine or "hopper"}
     where = "the options"
-    if machine in KINDS:
-        statement["machine"] = machine
-    elif machine is not None:
+    if machine is not None and machine not in KINDS:
         if not machine.endswith(".toml"):
             raise InputError(f"--machine {machine!r} is neither {' nor '.join(KINDS)} nor a .toml file")
         statement, where = read(machine), machine

@@ -2,7 +2,6 @@
 
 import csv
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,15 +14,6 @@ FORCE_NAMES = ("force", "tension", "load", "f")
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 NEWTONS = {"n": 1.0, "mn": 1e-3, "kn": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
 FEWEST_ROWS = 4
-
-
-@dataclass(frozen=True)
-class _Column:
-    """Where a quantity is in a table, under which name, and what its numbers are to be multiplied by."""
-
-    index: int
-    name: str
-    scale: float
 
 
 def read_table(path: Path, in_si: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -40,17 +30,17 @@ def read_table(path: Path, in_si: bool) -> tuple[np.ndarray, np.ndarray]:
         raise InputError(f"the table {path} has no rows; it needs a header and at least {FEWEST_ROWS} rows")
     if all(_is_number(cell) for cell in rows[0]):
         raise InputError(f"the table {path} has no header; name its columns in the first row")
-    extension = _named_column(path, rows[0], EXTENSION_NAMES, METRES, in_si)
-    force = _named_column(path, rows[0], FORCE_NAMES, NEWTONS, in_si)
+    at, name, metres = _named_column(path, rows[0], EXTENSION_NAMES, METRES, in_si)
+    beside, _, newtons = _named_column(path, rows[0], FORCE_NAMES, NEWTONS, in_si)
     values = []
     for line, row in enumerate(rows[1:], start=2):
         try:
-            values.append([float(row[extension.index]), float(row[force.index])])
+            values.append([float(row[at]), float(row[beside])])
         except (ValueError, IndexError):
             raise InputError(f"the table {path}, row {line}: {','.join(row)!r} does not hold two numbers") from None
-    sign = -1.0 if extension.name == "compression" else 1.0
+    sign = -1.0 if name == "compression" else 1.0
     extensions, forces = np.array(values).T
-    return sign * extension.scale * extensions, sign * force.scale * forces
+    return sign * metres * extensions, sign * newtons * forces
 
 
 def checked_pairs(columns: tuple[ArrayLike, ArrayLike], label: str) -> tuple[np.ndarray, np.ndarray]:
@@ -90,19 +80,15 @@ def quintic_pieces(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _limited_slopes(slope: np.ndarray, secant: np.ndarray) -> np.ndarray:
-    """Slopes (n,) that let the interpolant be monotone beside secants (n - 1,).
-
-    Each has the sign of the secants on both sides (0 at an extremum) and is at most 1.25 times the smaller, which keeps
-    the middle control points of a quintic without curvature in order.
-    """
+    """Slopes (n,) that let the interpolant be monotone beside secants (n - 1,): 0 at an extremum of the rows."""
     sides = np.column_stack([np.r_[secant[0], secant], np.r_[secant, secant[-1]]])
     sign = np.where((sides > 0).all(1), 1.0, np.where((sides < 0).all(1), -1.0, 0.0))
+    # 1.25 times the smaller secant keeps the middle control points of a quintic without curvature in order.
     return sign * np.clip(sign * slope, 0, 1.25 * np.abs(sides).min(1))
 
 
 def _limited_curvatures(curvature: np.ndarray, slope: np.ndarray, h: np.ndarray, rise: np.ndarray) -> np.ndarray:
-    """Curvatures (n,) that leave the control points of each quintic in order: b1 <= b2 and b2 <= b3 <= b4, times the
-    sign of its rise."""
+    """Curvatures (n,) that leave each quintic's control points in order, b1 <= b2 <= b3 <= b4 times its rise's sign."""
     direction = np.sign(rise)
     room = np.maximum(direction * (rise - 0.4 * h * (slope[:-1] + slope[1:])), 0) * 10 / h**2
     low, high = np.full(len(slope), -np.inf), np.full(len(slope), np.inf)
@@ -114,21 +100,17 @@ def _limited_curvatures(curvature: np.ndarray, slope: np.ndarray, h: np.ndarray,
     return np.clip(curvature, low, high)
 
 
-def _named_column(
-    path: Path, header: list[str], names: tuple[str, ...], units: dict[str, float], in_si: bool
-) -> _Column:
-    """The first column of a header that has one of the names, perhaps with a unit after it."""
+def _named_column(path, header, names, units, in_si) -> tuple[int, str, float]:
+    """The index, the name and the unit of the first column that has one of the names, perhaps a unit after it."""
     for index, cell in enumerate(header):
         name, *others = re.split(r"[\s_()\[\]/]+", cell.strip().lower())
         if name in names:
             unit = next(filter(None, others), "")
             if in_si and unit and unit not in units:
                 raise InputError(f"the table {path}: unknown unit '{unit}'; known: {', '.join(units)}")
-            return _Column(index, name, units[unit] if in_si and unit else 1.0)
-    raise InputError(
-        f"the table {path} has no column {names[0]}: its header is {','.join(header)!r}, known names are "
-        f"{', '.join(names)}"
-    )
+            return index, name, units[unit] if in_si and unit else 1.0
+    has, known = ",".join(header), ", ".join(names)
+    raise InputError(f"the table {path} has no column {names[0]}: its header is {has!r}, known names are {known}")
 
 
 def _is_number(cell: str) -> bool:

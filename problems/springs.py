@@ -50,32 +50,24 @@ def cubic(*, beta: float = 0.3) -> Law:
 
 
 def quintic(*, beta: float = 0.0, delta: float = 0.1) -> Law:
-    """Spring r + beta r**3 + delta r**5, the next symmetric polynomial after Duffing's (Nayfeh and Mook 1979).
-
-    With beta and delta of different signs it softens first and hardens then, or the other way round.
-    """
+    """Spring r + beta r**3 + delta r**5, softening first and hardening then, or inversely (Nayfeh and Mook 1979)."""
     return formula("r + beta*r**3 + delta*r**5", beta=beta, delta=delta)
 
 
 def tanh(*, b: float = 0.2) -> Law:
-    """Saturating spring tanh(b r)/b: the force never exceeds 1/b, a smooth form of the elastic,
-    perfectly plastic curve (Hill 1950)."""
+    """Saturating spring tanh(b r)/b: at most 1/b, a smooth elastic, perfectly plastic curve (Hill 1950)."""
     number("b", b, low=0)
     return formula("tanh(b*r)/b", b=b)
 
 
 def sinh(*, b: float = 0.5) -> Law:
-    """Hardening spring sinh(b r)/b, exponentially stiff both ways, the form of stress in
-    Eyring's theory of flow (1936)."""
+    """Hardening spring sinh(b r)/b, exponentially stiff both ways, as in Eyring's theory of flow (1936)."""
     number("b", b, low=0)
     return formula("sinh(b*r)/b", b=b)
 
 
 def toda(*, b: float = 0.2) -> Law:
-    """Toda's lattice spring (1 - exp(-b r))/b: hard in compression, saturating at 1/b in tension (Toda 1967).
-
-    A negative b turns it round: hard in tension.
-    """
+    """Toda's lattice spring (1 - exp(-b r))/b (1967): hard in compression, at most 1/b in tension; b < 0 reverses."""
     if number("b", b) == 0:
         raise InputError("b = 0 makes the Toda spring linear; use the law 'linear'")
     return formula("(1 - exp(-b*r))/b", b=b)
@@ -88,16 +80,14 @@ def morse(*, a: float = 0.05) -> Law:
 
 
 def bilinear(*, ratio: float = 3.0, gap: float = 0.5) -> Law:
-    """Stiffness 1 up to the extension `gap`, `ratio` beyond it: a second spring that is picked up in
-    tension (Shaw and Holmes 1983)."""
+    """Stiffness 1 up to the extension `gap`, `ratio` beyond: a second spring picked up (Shaw and Holmes 1983)."""
     number("ratio", ratio, low=0)
     number("gap", gap, low=0)
     return Law("bilinear", "r", _line_expression, {"ratio": ratio, "gap": gap}, (3, _bilinear_pieces))
 
 
 def end_stops(*, gap: float = 3.0, stop: float = 20.0) -> Law:
-    """Stiffness 1 between stops at extensions -gap and gap, `stop` beyond them: a bump stop and a strap
-    (Shaw and Holmes 1983)."""
+    """Stiffness 1 between extensions -gap and gap, `stop` beyond: bump stop and strap (Shaw and Holmes 1983)."""
     number("gap", gap, low=0)
     number("stop", stop, low=0)
     return Law("end_stops", "r", _line_expression, {"gap": gap, "stop": stop}, (3, _end_stop_pieces))
@@ -148,12 +138,9 @@ def table(source: str | Path | tuple[ArrayLike, ArrayLike], *, in_si: bool = Fal
     there is no force: an orbit that needs one is refused with the range. Raises `InputError` for a table that cannot be
     read or interpolated.
     """
-    if isinstance(source, str | Path):
-        label = Path(source).name
-        grid, forces = checked_pairs(read_table(Path(source), in_si), label)
-    else:
-        label = "table"
-        grid, forces = checked_pairs(source, label)
+    label = Path(source).name if isinstance(source, str | Path) else "table"
+    pairs = read_table(Path(source), in_si) if isinstance(source, str | Path) else source
+    grid, forces = checked_pairs(pairs, label)
     data = quintic_pieces(grid, forces)
 
     def expression(x, p, q):

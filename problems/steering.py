@@ -1,5 +1,4 @@
-"""Steering an actuated machine: keep it hopping though it is damped, bring it back onto its lossless orbit, or start it
-from rest.
+"""Steering an actuated machine: keep it hopping though damped, bring it onto its lossless orbit, or start it from rest.
 
 The control is the rate w of the spring's end, constant on each interval; effort is the integral of w**2. A landing is
 lossless, the gap's speed and acceleration vanishing with it, or plastic: then the speed is free, its energy is lost,
@@ -7,8 +6,9 @@ and the contact must press from there on. With a restitution above 0 the machine
 refused unless the landing is lossless.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 from orbits import Control, Guess, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
 from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of
-from orbits.flow.trajectory import Trajectory
 from orbits.numerics.bernstein import derivative, piecewise_roots
 from orbits.numerics.roots import bracketed_root
 
@@ -58,7 +57,7 @@ def keep_hopping(
     if cost == "work" and rate == np.inf:
         raise InputError("least positive work is done by jerks: give the largest rate")
     hop = _hop(machine, family, orbit, lossless, intervals, rate, stroke)
-    if _loses_nothing(machine) and not (lossless and cost == "effort"):
+    if not machine.damped and not (lossless and cost == "effort"):
         return _least_effort(replace(hop, lossless=True), None)
     if cost == "effort":
         return _least_effort(hop, guess)
@@ -77,12 +76,11 @@ def recover(
 
     The spring's end is at rest at both lift-offs. Arguments and errors as in `keep_hopping`.
     """
-    hop = _hop(machine, family, orbit, lossless or (short == 0 and _loses_nothing(machine)), intervals, rate, stroke)
+    hop = _hop(machine, family, orbit, lossless or (short == 0 and not machine.damped), intervals, rate, stroke)
     launch = hop.orbit.alpha - finite_number("short", short)
     if not launch > 0:
-        raise InputError(
-            f"short = {short:g}: the lossless launch speed is {hop.orbit.alpha:.6g}, and some of it is to be left"
-        )
+        whole = f"the lossless launch speed is {hop.orbit.alpha:.6g}"
+        raise InputError(f"short = {short:g}: {whole}, and some of it is to be left")
     liftoff = float(machine.model.release(launch, machine.values))
     values = {**hop.driven.still, "launch": launch, "aim": hop.orbit.alpha, "liftoff": liftoff}
     return _cheapest(hop, hop.stages("effort", periodic=False), values, [guess] if guess else hop.starts(launch))
@@ -103,8 +101,8 @@ def start_up(
     """
     pumps, intervals = whole_number("pumps", pumps, "pumps"), whole_number("intervals", intervals, "intervals")
     driven, orbit = Actuated(machine), _lossless(machine, family, orbit)
-    limits, contact_time = actuator_limits(driven, rate, stroke), _contact_time(orbit)
-    stages = swing_stages(driven.model, pumps, intervals, limits, contact_time)
+    limits = actuator_limits(driven, rate, stroke)
+    stages = swing_stages(driven.model, pumps, intervals, limits, _contact_time(orbit))
     values = {**driven.still, "aim": orbit.alpha, "rest": _rest(driven, orbit)}
     return steer(stages, values, guess=_growing_swings(orbit, values["rest"], pumps))
 
@@ -115,10 +113,8 @@ def rerun(machine: TwoMassMachine, control: Control, hops: int = 0) -> Simulatio
     hops : how many more follow, with the spring's end at rest
     """
     driven, schedule = Actuated(machine), control.schedule(RATE)
-    x = _flight_states(driven, control.legs[0], 0.0)
-    if not hops:
-        return simulate(driven, state=x, schedule=schedule, time=schedule[0][-1])
-    return simulate(driven, state=x, schedule=schedule, hops=1 + hops)
+    until: dict[str, Any] = {"hops": 1 + hops} if hops else {"time": schedule[0][-1]}
+    return simulate(driven, state=_flight_states(driven, control.legs[0], 0.0), schedule=schedule, **until)
 
 
 def missed(machine: TwoMassMachine, control: Control) -> float:
@@ -133,8 +129,7 @@ def work(machine: TwoMassMachine, control: Control) -> tuple[float, float]:
     driven, all_work, positive = Actuated(machine), 0.0, 0.0
     places, weights = np.polynomial.legendre.leggauss(POWER_SAMPLES)
     for leg in control.legs:
-        extension = driven.model.extension
-        length = leg.inputs.steps[0]
+        extension, length = driven.model.extension, leg.inputs.steps[0]
         t = leg.inputs.times[:-1, None] + length * (0.5 + 0.5 * places)
         states = _flight_states(driven, leg, t.ravel())
         tension = machine.spring(extension(states) - states[:, -1]).reshape(t.shape)
@@ -146,7 +141,7 @@ def work(machine: TwoMassMachine, control: Control) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class _Hop:
-    """A hop of a driven machine to be steered near a lossless orbit, with flight and contact in so many intervals."""
+    """A hop of a driven machine near a lossless orbit, with flight and contact in so many intervals."""
 
     driven: Actuated
     orbit: Orbit
@@ -169,10 +164,7 @@ class _Hop:
         return start if self.lossless else [*start, lambda: _undriven_guess(self.driven, launch)]
 
     def checked(self, answer: Control) -> Control:
-        """The answer, if its flight has as many turns of the extension as the orbit's.
-
-        A plastic landing may come earlier or later, so that one turn fewer or more is allowed.
-        """
+        """The answer, if it turns in flight as often as the orbit; one turn fewer or more if the landing is plastic."""
         flight = answer.legs[0].path
         coefficients = flight.coefficients[:, : len(self.driven.model.flight.states)]
         series = self.driven.model.extension.series(coefficients)
@@ -186,15 +178,7 @@ class _Hop:
         return answer
 
 
-def _hop(
-    machine: TwoMassMachine,
-    family: int,
-    orbit: Orbit | None,
-    lossless: bool,
-    intervals: int,
-    rate: float,
-    stroke: float,
-) -> _Hop:
+def _hop(machine, family, orbit, lossless, intervals, rate, stroke) -> _Hop:
     """The hop of checked arguments."""
     driven, orbit = Actuated(machine), _lossless(machine, family, orbit)
     if driven.restitution > 0 and not lossless:
@@ -233,8 +217,7 @@ def _cheapest(hop: _Hop, stages, values: dict[str, float], starts: Sequence[Any]
     answers, reasons = [], []
     for start in starts:
         try:
-            guess = start() if callable(start) else start
-            answers.append(hop.checked(steer(stages, values, guess=guess)))
+            answers.append(hop.checked(steer(stages, values, guess=start() if callable(start) else start)))
         except NoOrbit as reason:
             reasons.append(reason)
     if not answers:
@@ -245,10 +228,6 @@ def _cheapest(hop: _Hop, stages, values: dict[str, float], starts: Sequence[Any]
 def _lossless(machine: TwoMassMachine, family: int, orbit: Orbit | None) -> Orbit:
     """The orbit without the damping, found if it is not given."""
     return orbit or find(machine.with_values(**dict.fromkeys(DAMPERS, 0.0)), family=family)
-
-
-def _loses_nothing(machine: TwoMassMachine) -> bool:
-    return not any(getattr(machine, name) for name in DAMPERS)
 
 
 def _contact_time(orbit: Orbit) -> float:
@@ -267,10 +246,8 @@ def _flight_states(driven: Actuated, leg: Any, t: ArrayLike) -> np.ndarray:
 def _lossless_guess(driven: Actuated, orbit: Orbit) -> list[Guess]:
     """The lossless orbit, the spring's end at rest."""
     onto = np.linalg.pinv(driven.model.embed)
-    return [
-        Guess(float(orbit.flight_time), lambda t: np.append(orbit(t), 0.0)),
-        Guess(_contact_time(orbit), lambda t: onto @ np.append(orbit(orbit.flight_time + t), 0.0)),
-    ]
+    flight = Guess(float(orbit.flight_time), lambda t: np.append(orbit(t), 0.0))
+    return [flight, Guess(_contact_time(orbit), lambda t: onto @ np.append(orbit(orbit.flight_time + t), 0.0))]
 
 
 def _undriven_guess(driven: Actuated, launch: float) -> list[Guess]:
@@ -278,31 +255,24 @@ def _undriven_guess(driven: Actuated, launch: float) -> list[Guess]:
     run = simulate(driven, launch, hops=1)
     contacts = [leg for leg in run.legs if leg.phase == "contact"]
     if run.status != "done" or not contacts:
-        raise NoOrbit(
-            f"from a launch at {launch:.6g} the machine does not hop on by itself: {run.reason or run.status}"
-        )
-    first, last = run.legs[0].path, contacts[0].path
-    ends = (float(path.times[-1]) for path in (first, last))
-    sizes = len(driven.model.embed), driven.model.embed.shape[1]
-
-    def guess(end: float, path: Trajectory, size: int) -> Guess:
-        return Guess(end, lambda t: path(t)[:size])
-
-    return [guess(*each) for each in zip(ends, (first, last), sizes, strict=True)]
+        why = run.reason or run.status
+        raise NoOrbit(f"from a launch at {launch:.6g} the machine does not hop on by itself: {why}")
+    first, last, (n, m) = run.legs[0].path, contacts[0].path, driven.model.embed.shape
+    flown = Guess(float(first.times[-1]), lambda t: first(t)[:n])
+    return [flown, Guess(float(last.times[-1]), lambda t: last(t)[:m])]
 
 
-def _mid_contact(orbit: Orbit) -> float:
-    """The time of mid-contact since lift-off."""
-    return float(orbit.flight_time) + _contact_time(orbit) / 2
+def _lowest(orbit: Orbit) -> np.ndarray:
+    return orbit(float(orbit.flight_time) + _contact_time(orbit) / 2)
 
 
 def _rest(driven: Actuated, orbit: Orbit) -> float:
     """Where the upper mass rests in contact, between its lowest position on the orbit and lift-off."""
     contact = flow_of(driven.model.contact, tuple(driven.values))
     p, onto = list(driven.values.values()), np.linalg.pinv(driven.model.embed)
-    low, high = (float((onto @ np.append(orbit(t), 0.0))[0]) for t in (_mid_contact(orbit), 0.0))
+    low, high = (float((onto @ np.append(x, 0.0))[0]) for x in (_lowest(orbit), orbit(0.0)))
 
-    def acceleration(y: float) -> float:
+    def acceleration(y):
         return float(contact.rates([y, 0.0, 0.0], p)[1])
 
     return bracketed_root(acceleration, low, high, acceleration(low), acceleration(high))
@@ -310,16 +280,12 @@ def _rest(driven: Actuated, orbit: Orbit) -> float:
 
 def _growing_swings(orbit: Orbit, rest: float, pumps: int) -> list[Guess]:
     """Swings about rest that grow evenly to the orbit's lowest position."""
-    lowest = float(orbit(_mid_contact(orbit))[0])
+    lowest = float(_lowest(orbit)[0])
     count, time = 2 * pumps, 0.85 * _contact_time(orbit)  # a contact is more than one half swing, part of a whole one
 
-    def swing(i: int) -> Callable:
-        def states(t):
-            share = t / time
-            grown, side = (rest - lowest) * (i + share) / (count - 1), 1.0 if i % 2 == 0 else -1.0
-            angle = np.pi * share
-            return [rest + side * grown * np.cos(angle), -side * grown * np.pi / time * np.sin(angle), 0.0]
+    def states(i, t):
+        share, side = t / time, 1.0 if i % 2 == 0 else -1.0
+        grown, angle = (rest - lowest) * (i + share) / (count - 1), np.pi * share
+        return [rest + side * grown * np.cos(angle), -side * grown * np.pi / time * np.sin(angle), 0.0]
 
-        return states
-
-    return [Guess(time, swing(i)) for i in range(count)]
+    return [Guess(time, partial(states, i)) for i in range(count)]

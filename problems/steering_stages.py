@@ -1,5 +1,4 @@
-"""The stages of a steered hop and of a start from rest: their boundary conditions, bounds and costs, as `steer` takes
-them."""
+"""The stages, as `steer` takes them, of a hop and of a start from rest: boundary conditions, bounds and costs."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -89,7 +88,7 @@ class HopStatement:
         """The end of the flight."""
         if not self.lossless:
             return [along(self.gap, x)]
-        return [along(self.gap, x), self._gap_speed(x, p), self._contact_force(_product(self._to_contact, x), p, [])]
+        return [along(self.gap, x), self._gap_speed(x, p), self._contact_force(self._standing(x), p)]
 
     def approaching(self, x: Scalars, p: Parameters) -> list[Any]:
         """What is positive at a plastic landing."""
@@ -98,21 +97,19 @@ class HopStatement:
     def stuck(self, x: Scalars, before: Scalars, p: Parameters) -> list[Any]:
         """The start of the contact, after the impact."""
         speed = self._gap_speed(before, p)
-        after = [part - speed * share for part, share in zip(before, self.impact, strict=True)]
-        return _difference(x, _product(self._to_contact, after))
+        lost = [speed * share for share in self.impact]
+        return _difference(x, self._standing(_difference(before, lost)))
 
     def launched(self, x: Scalars, p: Parameters) -> list[Any]:
         """The end of the contact."""
         aim = [] if self.periodic else [along(self.model.contact_speed, x) - p["aim"], x[-1]]
-        return [self._contact_force(x, p, []), *aim]
+        return [self._contact_force(x, p), *aim]
 
-    @property
-    def _to_contact(self) -> np.ndarray:
-        return np.linalg.pinv(self.model.embed)
+    def _contact_force(self, x: Scalars, p: Parameters) -> Any:
+        return self.model.contact.watch["contact force"](x, p, [])
 
-    @property
-    def _contact_force(self) -> Callable:
-        return self.model.contact.watch["contact force"]
+    def _standing(self, x: Scalars) -> list[Any]:
+        return _product(np.linalg.pinv(self.model.embed), x)
 
     def _gap_speed(self, x: Scalars, p: Parameters) -> Any:
         return along(Affine(self.gap.weights), self.model.flight.field(x, {**p, RATE: 0.0}, []))
@@ -185,14 +182,14 @@ def swing_stages(model: Model, pumps: int, intervals: int, limits: Limits, time:
 def _running_cost(kind: str, model: Model, embed: np.ndarray) -> Callable:
     """The cost's rate; positive work is rounded by the parameter "round", see `steering.keep_hopping`."""
 
-    def effort(x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
-        return EFFORT_WEIGHTS.get(kind, 1.0) * p[RATE] ** 2
-
-    def work(x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+    def rate(x, p, q):
+        effort = EFFORT_WEIGHTS.get(kind, 1.0) * p[RATE] ** 2
+        if kind != "work":
+            return effort
         power = model.flight_gradient(_product(embed, x), p, q)[-1] * p[RATE]
-        return 0.5 * (power + (power**2 + p["round"] ** 2) ** 0.5) + effort(x, p, q)
+        return 0.5 * (power + (power**2 + p["round"] ** 2) ** 0.5) + effort
 
-    return work if kind == "work" else effort
+    return rate
 
 
 def _product(matrix: np.ndarray, x: Sequence[Any]) -> list[Any]:

@@ -104,10 +104,8 @@ def _spring(force: Any, stiffness: float | None, given: Mapping[str, float]) -> 
     if stiffness is not None:
         k = number("stiffness", stiffness, low=0)
         if 0 < slope < float("inf") and abs(slope / k - 1) > 1e-6:
-            raise InputError(
-                f"the spring '{law.text}' has stiffness {slope:g} N/m at rest, not {k:g}: "
-                "state it in N of m, and leave stiffness out"
-            )
+            stated = f"the spring '{law.text}' has stiffness {slope:g} N/m at rest, not {k:g}"
+            raise InputError(f"{stated}: state it in N of m, and leave stiffness out")
         return law, k
     if not 0 < slope < float("inf"):
         raise InputError(f"the spring '{law.text}' has slope {slope:g} at rest: give the stiffness that sets the units")
