@@ -8,9 +8,8 @@ from ..errors import FlowError
 from ..model.phase import Affine
 from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate
 from ..symbolic import interrupts
-from .breakpoints import ActivePieces, out_of_range
+from .breakpoints import ActivePieces, StopTest, integrate, out_of_range
 from .dynamics import PhaseDynamics
-from .integration import StopTest, integrate
 from .taylor import TaylorStepper
 from .trajectory import Trajectories
 
@@ -40,13 +39,19 @@ def series_along(quantity: Affine, c: np.ndarray, steps: np.ndarray) -> Piecewis
 
 
 def until_zero(
-    dynamics: PhaseDynamics, starts: np.ndarray, ps: np.ndarray, quantity: Affine, skip_start: int
+    dynamics: PhaseDynamics, starts: np.ndarray, ps: np.ndarray, quantity: Affine, skip_start: int = 0
 ) -> tuple[np.ndarray, Trajectories | None]:
-    """Motions up to the first sign change of an affine function, as `Flow.until_zero` describes them."""
+    """Motions from states (m, n) with parameters (m, np) up to the first sign change of an affine function.
+
+    Returns which of them (r,) reach it within the largest block of Taylor steps, and these motions. They are None when
+    no motion does, and where motions are better followed one by one: on a piecewise field, without a Taylor series, and
+    for a single start in closed form. `skip_start` is that of `first_zero`.
+    """
     remaining, found = np.arange(len(starts)), []
     if (dynamics.phase.closed_form and len(starts) == 1) or not dynamics.smooth:
         return remaining[:0], None
-    count, most, stepper = dynamics.expected_steps, dynamics.control.max_block, dynamics.taylor_stepper(0)
+    count, most, stepper = dynamics.expected_steps, dynamics.control.max_block, dynamics.stepper(0)
+    assert isinstance(stepper, TaylorStepper)
     while len(remaining) and count <= most:
         steps, c, accepted = stepper.advance_all(starts[remaining], ps[remaining], count)
         accepted = np.logical_and.accumulate(accepted, axis=1)
@@ -67,9 +72,9 @@ def until_zero(
         return remaining[:0], None
     if len(found) == 1:
         return found[0]
-    which = np.concatenate([indices for indices, _ in found])
-    order = np.argsort(which)
-    return which[order], Trajectories.joined([motions for _, motions in found])[order]
+    which, motions = zip(*found, strict=True)
+    order = np.argsort(np.concatenate(which))
+    return np.concatenate(which)[order], Trajectories.joined(motions)[order]
 
 
 def _cut_motions(names: tuple[str, ...], c, steps, last, t) -> Trajectories:

@@ -22,7 +22,7 @@ REASONS = {
     "Insufficient_Memory": "the memory ran out; use a smaller family number",
 }
 
-OPTIONS = {
+OPTIONS: dict[str, Any] = {
     "print_time": False,
     "show_eval_warnings": False,
     "error_on_fail": False,
@@ -88,9 +88,8 @@ def solve_equations(
     zero = [ca.MX(z.numel(), z.numel())]
     no_hessian = ca.Function("hessian", symbols, zero, ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"])
     watch = _Watch(z.numel(), equations.numel())
-    options: dict[str, Any] = {**OPTIONS, "hess_lag": no_hessian, "iteration_callback": watch}
-    problem: dict[str, Any] = {"x": z, "f": ca.MX(0), "g": scaled}
-    solver = ca.nlpsol("solver", "ipopt", problem, options)
+    options = {**OPTIONS, "hess_lag": no_hessian, "iteration_callback": watch}
+    solver = ca.nlpsol("solver", "ipopt", {"x": z, "f": ca.MX(0), "g": scaled}, options)
     try:
         with interrupts.deferred():
             answer = solver(x0=guess / scale, lbx=lower / scale, ubx=np.inf, lbg=0, ubg=0)
@@ -107,26 +106,16 @@ def solve_equations(
 
 @dataclass(frozen=True)
 class Minimum:
-    """The end of an iteration for a constrained minimum.
+    """The end of an iteration for a constrained minimum, with n unknowns and m constraints."""
 
-    x : (n,)
-    cost : the value of the cost there
-    multipliers : of the bounds (n,) and of the constraints (m,)
-    values : of the constraints, (m,)
-    off : the violation of each constraint, (m,)
-    slope : the largest entry of the gradient of the Lagrangian, beside the largest multiplier
-    kind : "minimum", "infeasible", "bottomless", "undefined", "overdetermined" or "stuck"
-    iterations : the number taken
-    """
-
-    x: np.ndarray
+    x: np.ndarray  # (n,)
     cost: float
-    multipliers: _Pair
-    values: np.ndarray
-    off: np.ndarray
-    slope: float
-    kind: str
-    iterations: int
+    multipliers: _Pair  # of the bounds (n,) and of the constraints (m,)
+    values: np.ndarray  # of the constraints, (m,)
+    off: np.ndarray  # the violation of each constraint, (m,)
+    slope: float  # the largest entry of the gradient of the Lagrangian, beside the largest multiplier
+    kind: str  # "minimum", "infeasible", "bottomless", "undefined", "overdetermined" or "stuck"
+    iterations: int  # the number taken
 
     @property
     def feasible(self) -> bool:
@@ -167,8 +156,12 @@ class Minimiser:
 
         The `kind` of the result says how the iteration ended; only a keyboard interrupt is raised.
         """
-        solver = self._solver(multipliers is not None)
-        warm_start = {} if multipliers is None else dict(zip(("lam_x0", "lam_g0"), multipliers, strict=True))
+        if (warm := multipliers is not None) not in self._solvers:
+            options: dict[str, Any] = {**MINIMISING, **self.options, **(WARM if warm else {})}
+            options["iteration_callback"] = self._watch
+            self._solvers[warm] = ca.nlpsol("minimise", "ipopt", self.problem, options)
+        solver = self._solvers[warm]
+        warm_start = dict(zip(("lam_x0", "lam_g0"), multipliers, strict=True)) if multipliers else {}
         (low, high), (least, most) = bounds, limits
         zeros = np.zeros(len(least))
         nowhere = Minimum(np.array(guess), np.nan, (np.zeros(len(guess)), zeros), zeros, zeros, 0.0, "", 0)
@@ -189,30 +182,19 @@ class Minimiser:
         iterations = stats.get("iter_count", 0)  # missing where the cost is undefined at the guess
         return Minimum(x, float(cost[0]), (lam_x, lam_g), values, off, slope, kind, iterations)
 
-    def _solver(self, warm: bool) -> ca.Function:
-        if warm not in self._solvers:
-            options: dict[str, Any] = {
-                **MINIMISING,
-                **self.options,
-                **(WARM if warm else {}),
-                "iteration_callback": self._watch,
-            }
-            self._solvers[warm] = ca.nlpsol("minimise", "ipopt", self.problem, options)
-        return self._solvers[warm]
-
 
 def _kind(status: str, cost: float, off: np.ndarray, slope: float) -> str:
     """The kind of end by the recomputed conditions, as Ipopt reports success at points that do not meet them."""
-    if status in ("Solve_Succeeded", *STALLED_STATUSES):
-        largest = max(np.abs(off).max(initial=0.0) / FEASIBLE, slope / STATIONARY_GRADIENT)
-        if largest <= 1.0:
-            return "minimum"
+    most = np.abs(off).max(initial=0.0)
+    ended = status in ("Solve_Succeeded", *STALLED_STATUSES)
+    if ended and max(most / FEASIBLE, slope / STATIONARY_GRADIENT) <= 1.0:
+        return "minimum"
     if cost < BOTTOMLESS:
         return "bottomless"
     if status == "Invalid_Number_Detected" or not np.isfinite(cost):
         return "undefined"
-    missed = np.abs(off).max(initial=0.0) > NEARLY
-    return "infeasible" if missed and status in ("Infeasible_Problem_Detected", "Restoration_Failed") else "stuck"
+    infeasible = most > NEARLY and status in ("Infeasible_Problem_Detected", "Restoration_Failed")
+    return "infeasible" if infeasible else "stuck"
 
 
 class _Watch(ca.Callback):
