@@ -44,8 +44,7 @@ class PhaseDynamics:
     def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
         """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""
         entries = ca.vertsplit(p)
-        named = dict(zip(self.parameters, entries, strict=False))
-        return ca.vertsplit(x), named, entries[len(self.parameters) :]
+        return ca.vertsplit(x), dict(zip(self.parameters, entries, strict=False)), entries[len(self.parameters) :]
 
     @cached_property
     def method(self) -> str:

@@ -60,8 +60,7 @@ class RungeKuttaStepper:
     def _length(self, x, p, dx, dp, h: float) -> float:
         """The longest step up to `h` whose error is below rounding, by step doubling."""
         while h > FLOW_CONTROL.shortest_step:
-            whole = self.step(x, 2 * h, p, dx, dp)[0]
-            half = self.step(x, h, p, dx, dp)[0]
+            whole, half = (self.step(x, length, p, dx, dp)[0] for length in (2 * h, h))
             error = np.abs(whole - self.step(half, h, p, dx, dp)[0]).max()
             bound = DOUBLE_STEP_ERROR * max(SMALLEST_SCALE, np.abs(x).max())
             if error <= bound:

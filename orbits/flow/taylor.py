@@ -142,10 +142,8 @@ def _step_function(graph: VectorField, columns: int, varied: tuple[int, ...]) ->
 
 def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Function:
     """The choice of a step's length, (coefficients of the states (K + 1, n), of the sensitivities (K + 1, n columns),
-    p, dp, limits (2,)) -> the powers (K + 1,) of the length, the limits of the next step, the lengths taken and tried.
-
-    The limits are the time left and the longest step to try.
-    """
+    p, dp, limits (2,): the time left and the longest step to try) -> the powers (K + 1,) of the length, the limits of
+    the next step, the lengths taken and tried."""
     n, orders = graph.size, TAYLOR_ORDER + 1
     c, dc = ca.SX.sym("c", orders, n), ca.SX.sym("dc", orders, n * columns)
     dp, limits = ca.SX.sym("dp", varied * columns), ca.SX.sym("l", 2)

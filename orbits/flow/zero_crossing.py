@@ -106,8 +106,7 @@ class ZeroSearch:
         count = len(self.starts)
         self.signs = np.zeros(count)  # Signs of the quantity at the ends of the last block, 0 before the first.
         self.over_signs, self.over_changes = np.zeros(count), np.zeros(count, int)
-        self.times = np.full(count, np.nan)
-        self.rows = np.full((count, len(self.dynamics.names)), np.nan)
+        self.times, self.rows = np.full(count, np.nan), np.full((count, len(self.dynamics.names)), np.nan)
         self.failed: dict[int, FlowError] = {}
 
     def in_closed_form(self, form) -> None:
@@ -119,8 +118,7 @@ class ZeroSearch:
             states = form.state(self.starts[remaining].T[:, :, None], times)
             c = form.along(self.quantity.weights, states.reshape(len(states), -1), CLOSED_ORDER)
             c[:, 0] += self.quantity.offset
-            counts = np.full(len(remaining), CLOSED_BLOCK)
-            polynomials = PiecewisePolynomials(c, np.full(len(c), length), counts)
+            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), CLOSED_BLOCK))
             owner, piece, t = self._first_roots(polynomials, remaining, self.skip[remaining] if began == 0 else 0)
             found, hits = began + length * piece + t, remaining[owner]
             self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
@@ -174,10 +172,9 @@ class ZeroSearch:
     def one_by_one(self, indices: np.ndarray, x: np.ndarray, began: np.ndarray) -> None:
         """Search the motions `indices` one after the other, from the states `x` at the times `began`."""
         for index, start, before in zip(indices, x, began, strict=True):
-            left = self.limit[index] - before
-            order = int(self.skip[index]) if before == 0 else 0
+            left, order = self.limit[index] - before, int(self.skip[index]) if before == 0 else 0
+            stop = first_zero(self.quantity, order, self.rising)
             try:
-                stop = first_zero(self.quantity, order, self.rising)
                 path, _ = integrate(self.dynamics, start, self.p, left, None, None, stop)
             except FlowError as error:
                 self.failed[int(index)] = error

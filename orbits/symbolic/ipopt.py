@@ -23,14 +23,12 @@ REASONS = {
 }
 
 OPTIONS: dict[str, Any] = {
-    "print_time": False,
-    "show_eval_warnings": False,
-    "error_on_fail": False,
+    **dict.fromkeys(("print_time", "show_eval_warnings", "error_on_fail"), False),
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.tol": 1e-13,
     "ipopt.constr_viol_tol": 1e-13,
-    "ipopt.dual_inf_tol": 1.0,  # the multipliers of a square problem do not matter
+    "ipopt.dual_inf_tol": 1.0,  # the multipliers of a square problem do not matter; else `tol` limits their conditions
     "ipopt.acceptable_iter": 0,
     "ipopt.max_iter": 200,
     "ipopt.nlp_scaling_method": "none",  # the caller scales
@@ -55,10 +53,7 @@ ENDS = {
 BOTTOMLESS, DIVERGING_ITERATES = -1e8, 1e12
 MINIMISING = {
     **OPTIONS,
-    "ipopt.tol": 1e-11,
-    "ipopt.constr_viol_tol": 1e-11,
-    "ipopt.compl_inf_tol": 1e-11,
-    "ipopt.dual_inf_tol": 1.0,  # only `tol` limits it: beside the multipliers, as `STATIONARY_GRADIENT`
+    **{f"ipopt.{name}": 1e-11 for name in ("tol", "constr_viol_tol", "compl_inf_tol")},
     "ipopt.bound_relax_factor": 0.0,  # no bound is violated, not even by rounding
     "ipopt.honor_original_bounds": "yes",
     "ipopt.max_iter": 1000,
@@ -134,15 +129,14 @@ class Minimum:
 class Minimiser:
     """Ipopt with exact second derivatives: minimises cost(unknowns, p) under bounds and constraints of order one.
 
-    options : of Ipopt, in addition to `MINIMISING`
+    The `options` are of Ipopt, in addition to `MINIMISING`.
     """
 
     def __init__(self, unknowns: ca.MX, p: ca.MX, cost: ca.MX, constraints: ca.MX, options: Mapping | None = None):
         self.options = dict(options or {})
         self.problem: dict[str, Any] = {"x": unknowns, "p": p, "f": cost, "g": constraints}
-        gradient = ca.gradient(cost, unknowns)
         multipliers = ca.MX.sym("multipliers", constraints.numel())
-        gradient += ca.jtimes(constraints, unknowns, multipliers, True)
+        gradient = ca.gradient(cost, unknowns) + ca.jtimes(constraints, unknowns, multipliers, True)
         self.conditions = ca.Function("conditions", [unknowns, p, multipliers], [cost, gradient, constraints])
         self._watch = _Watch(unknowns.numel(), constraints.numel(), p.numel())
         self._solvers: dict[bool, ca.Function] = {}
@@ -152,9 +146,8 @@ class Minimiser:
     ) -> Minimum:
         """The minimum near `guess` (n,), with unknowns within `bounds` and constraints within `limits`.
 
-        multipliers : of a similar problem's minimum, from which the iteration starts
-
-        The `kind` of the result says how the iteration ended; only a keyboard interrupt is raised.
+        The iteration starts from the `multipliers` of a similar problem's minimum, if given; the `kind` of the result
+        says how it ended. Only a keyboard interrupt is raised.
         """
         if (warm := multipliers is not None) not in self._solvers:
             options: dict[str, Any] = {**MINIMISING, **self.options, **(WARM if warm else {})}

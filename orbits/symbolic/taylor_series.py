@@ -76,24 +76,19 @@ def variations(field: ca.Function, varied: tuple[int, ...], order: int) -> tuple
 
 
 class _Series(list):
-    """The coefficients found so far of one result, with what its recursion needs besides.
-
-    slopes : the multiples j a[j] found so far, kept because many sums use them
-    partner : the series of a second function that the recursion needs, as the cosine beside the sine
-    inner : the series of the instructions of a composed operation
-    """
+    """The coefficients found so far of one result, with what its recursion needs besides."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.slopes: list[ca.SX] = []
-        self.partner: list[ca.SX] = []
-        self.inner: list[_Series] = []
+        self.slopes: list[ca.SX] = []  # the multiples j a[j] found so far, kept because many sums use them
+        self.partner: list[ca.SX] = []  # the series of a second function that it needs, as the cosine beside the sine
+        self.inner: list[_Series] = []  # the series of the instructions of a composed operation
 
 
 def _advance(instructions, series: list[_Series], inputs: Sequence, k: int) -> dict[tuple[int, int], ca.SX]:
-    """Append coefficient k of every instruction to its series; return those of the outputs by (output, element).
+    """Append coefficient k of every instruction, from those up to k of each element of each input, to its series.
 
-    inputs : for each input the coefficients of each of its elements, known up to k
+    Returns the coefficients k of the outputs by (output, element).
     """
     outputs = {}
     for (op, arguments, constant), out in zip(instructions, series, strict=True):
