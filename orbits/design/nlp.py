@@ -17,7 +17,7 @@ from ..errors import NoOrbit
 from ..model.machine import Machine
 from ..model.model import Model, Units
 from ..model.phase import Statement
-from ..numerics.linear import solve
+from ..numerics.roots import solve
 from ..periodic.multiple_shooting import MeshTrajectory, ShootingMesh, trajectory_on_mesh
 from ..periodic.orbit import Orbit
 from ..symbolic.ipopt import Minimiser, Minimum

@@ -1,24 +1,31 @@
-"""The smooth piece of a piecewise vector field that a motion is on, its breakpoints, and the piece that follows."""
+"""Integration of motions on smooth pieces of their vector fields, from breakpoint to breakpoint, until a test."""
+
+from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import OutOfRange
+from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from ..numerics.bernstein import PiecewisePolynomials, roots
+from ..symbolic import interrupts
 from .dynamics import PhaseDynamics
+from .trajectory import Trajectory
+from .vector_field import Array
 
 # How far from a breakpoint the limits of the field on its two sides are evaluated, relative to the breakpoint. They are
 # extrapolated to it from this distance and its double, so that an error of second order, 1e-12, remains.
 SIDE_DISTANCE = 1e-6
+# Times that differ by less than this share are equal up to rounding.
+SAME_TIME = 1e-15
+# (coefficients (m, rows, K + 1), steps (m,)) -> the step and the time in it at which to stop, None to go on.
+StopTest = Callable[[Array, Array], tuple[int, float] | None]
+Seeds = Array | None
 
 
 class ActivePiece:
     """The smooth piece that one motion with sensitivities is on: its data, their seeds, and its two breakpoints."""
 
-    def __init__(
-        self, dynamics: PhaseDynamics, p: np.ndarray, x: np.ndarray, columns: int, parameter_seeds: np.ndarray | None
-    ):
-        self.dynamics, self.pieces = dynamics, dynamics.phase.pieces
-        self.p, self.data = p, p
+    def __init__(self, dynamics: PhaseDynamics, p: Array, x: Array, columns: int, parameter_seeds: Seeds):
+        self.dynamics, self.pieces, self.p, self.data = dynamics, dynamics.phase.pieces, p, p
         self.parameter_seeds = np.zeros((len(p), columns)) if parameter_seeds is None else parameter_seeds
         self.seeds = self.parameter_seeds
         if self.pieces is None:
@@ -42,8 +49,7 @@ class ActivePiece:
         """The step shortened to the end of the piece, and the end it reaches: -1 lower, +1 upper, 0 neither."""
         if self.pieces is None:
             return h, 0
-        coordinate = self.weights @ c[: self.dynamics.size]
-        crossed = 0
+        coordinate, crossed = self.weights @ c[: self.dynamics.size], 0
         for side, level in ((-1, self.breaks[self.index]), (1, self.breaks[self.index + 1])):
             if not np.isfinite(level):
                 continue
@@ -64,8 +70,7 @@ class ActivePiece:
         index = self.index + side
         if not 0 <= index < len(self.table):
             raise out_of_range(self.dynamics, self.p, x)
-        self.level = self.breaks[max(index, self.index)]
-        before = self.data
+        self.level, before = self.breaks[max(index, self.index)], self.data
         self._set(index)
         if not variations.size:
             return variations
@@ -86,8 +91,7 @@ class ActivePiece:
         rates = self.dynamics.rates
         if len(self.data) > len(self.p):
             return rates(x, self.data) - rates(x, before)
-        room = np.diff(self.breaks).min()
-        level = self.breaks[self.index + (side < 0)]
+        room, level = np.diff(self.breaks).min(), self.breaks[self.index + (side < 0)]
         away = side * SIDE_DISTANCE * min(1 + abs(level), room) * self.weights / (self.weights @ self.weights)
         near, far = (rates(x + k * away, self.data) - rates(x - k * away, before) for k in (1.0, 2.0))
         return 2 * near - far
@@ -164,11 +168,10 @@ def first_piece(dynamics: PhaseDynamics, p: np.ndarray, x: np.ndarray) -> int:
     the rate of the rate, since positions change by speeds.
     """
     breaks, table, _ = dynamics.piece_table(p)
-    weights = dynamics.coordinate
-    place = float(weights @ x)
+    place = float((weights := dynamics.coordinate) @ x)
     if not breaks[0] <= place <= breaks[-1]:
         return -1
-    index = dynamics.piece(x, breaks)
+    index = int(dynamics.piece(x, breaks))
     if place in breaks:
         data = np.concatenate([p, table[index]])
         rates = dynamics.rates(x, data)
@@ -177,7 +180,7 @@ def first_piece(dynamics: PhaseDynamics, p: np.ndarray, x: np.ndarray) -> int:
             index -= 1
         elif place == breaks[index + 1] and heading > 0:
             index += 1
-    return index if 0 <= index < len(table) else -1
+    return index if index < len(table) else -1
 
 
 def out_of_range(dynamics: PhaseDynamics, p: np.ndarray, x: np.ndarray) -> OutOfRange:
@@ -186,3 +189,92 @@ def out_of_range(dynamics: PhaseDynamics, p: np.ndarray, x: np.ndarray) -> OutOf
     assert pieces is not None
     bounds = f"[{breaks[0]:.6g}, {breaks[-1]:.6g}]"
     return OutOfRange(f"the {pieces.label} reaches {place:.6g}, outside the law's range {bounds}")
+
+
+def integrate(
+    dynamics: PhaseDynamics, x: Array, p: Array, duration: float, seeds: Seeds, dp: Seeds, stop: StopTest | None
+) -> tuple[Trajectory, Array]:
+    """The motion from `x`, as `Flow.run` describes it, by the steps of the phase's stepper."""
+    check_start(dynamics, x, p, duration)
+    variations = np.zeros((len(x), 0)) if seeds is None else seeds
+    columns = variations.shape[1]
+    piece = ActivePiece(dynamics, p, x, columns, dp)
+    stepper = dynamics.stepper(columns, piece.varied())
+    coefficients: list[Array] = []
+    slopes: list[Array] = []
+    times, h = [0.0], None
+    while times[-1] < duration:
+        interrupts.check()
+        left = duration - times[-1]
+        block = _block_size(piece, stepper, stop, left, h)
+        steps, c, dc = stepper.advance(x, piece.data, variations, piece.seeds, block, left, h)
+        steps, c = _accepted_steps(dynamics, steps, c, times[-1], len(coefficients))
+        count, last, side, stopped = _block_end(piece, c, steps, left, stop)
+        for step in (*steps[: count - 1], last):
+            times.append(times[-1] + step)
+        coefficients.extend(c[:count])
+        power = last ** np.arange(1, c.shape[2])
+        x = c[count - 1, : dynamics.size, 0] + c[count - 1, : dynamics.size, 1:] @ power
+        if dc is not None and columns:
+            slopes.extend(dc[:count])
+            variations = dc[count - 1, ..., 0] + dc[count - 1, ..., 1:] @ power
+        h = steps[count - 1]
+        if np.abs(x).max() > dynamics.control.runaway:
+            kind = RunsAway if h > dynamics.control.singular_step else BreaksDown
+            raise kind(f"the {dynamics.phase.name} runs away at time {times[-1]:.6g}, at {describe(dynamics, x)}")
+        if stopped:
+            break
+        if duration - times[-1] < SAME_TIME * duration:
+            times[-1] = duration
+        if side:
+            variations = piece.enter(side, x, variations)
+    if not stop:
+        stepper.expected_steps = min(len(coefficients), dynamics.control.max_block)
+    path = Trajectory(np.array(times), np.array(coefficients), dynamics.names, np.array(slopes) if columns else None)
+    return path, variations
+
+
+def check_start(dynamics: PhaseDynamics, x: np.ndarray, p: np.ndarray, duration: float) -> None:
+    """Raise `FlowError` for a motion without a finite start or a positive duration."""
+    if not (np.isfinite(x).all() and np.isfinite(p).all() and duration > 0):
+        raise FlowError(f"the {dynamics.phase.name} cannot start from {x} for a time {duration}")
+
+
+def describe(dynamics: PhaseDynamics, x: Array) -> str:
+    """A state in words."""
+    return ", ".join(f"{name} = {value:.6g}" for name, value in zip(dynamics.phase.states, x, strict=False))
+
+
+def _block_size(piece: ActivePiece, stepper, stop: StopTest | None, left: float, h: float | None) -> int:
+    """How many steps to take in the next call, after a step of length `h` if there has been one."""
+    look_ahead = piece.dynamics.control.look_ahead
+    if piece.pieces or stop:
+        return 1 if piece.pieces else look_ahead
+    # A power of two, about as many steps as are left, since each number of steps has a function of its own.
+    return int(2 ** np.ceil(np.log2(np.clip(left / h, 1, look_ahead)))) if h else stepper.expected_steps
+
+
+def _accepted_steps(dynamics: PhaseDynamics, steps, c, t: float, taken: int) -> tuple[np.ndarray, np.ndarray]:
+    """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""
+    accepted = (steps > dynamics.control.shortest_step * max(t, 1.0)) & np.isfinite(c).all((1, 2))
+    if not accepted[0] or taken > dynamics.control.max_steps:
+        reason, kind = ("takes too many steps", FlowError) if accepted[0] else ("breaks down", BreaksDown)
+        raise kind(f"the {dynamics.phase.name} {reason} at time {t:.6g}, at {describe(dynamics, c[0, :, 0])}")
+    count = len(steps) if accepted.all() else int(np.argmin(accepted))
+    return steps[:count], c[:count]
+
+
+def _block_end(piece: ActivePiece, c, steps, left: float, stop: StopTest | None) -> tuple[int, float, int, bool]:
+    """Where a block of steps ends: how many steps are kept, the length of the last, which end of the smooth piece it
+    reaches (-1 lower, +1 upper, 0 neither), and whether the motion stops there."""
+    count, last, side = len(steps), steps[-1], 0
+    reached = np.cumsum(steps)
+    almost = left * (1 - piece.dynamics.control.rounding)
+    if reached[-1] >= almost:
+        count = int(np.argmax(reached >= almost)) + 1
+        last = left - (reached[count - 2] if count > 1 else 0.0)
+    if piece.pieces:
+        last, side = piece.cut(c[0], last)
+    if stop and (halt := stop(c[:count], np.append(steps[: count - 1], last))):
+        return halt[0] + 1, halt[1], 0, True
+    return count, last, side, False

@@ -8,11 +8,10 @@ from numpy.typing import ArrayLike
 
 from ..model.phase import Phase
 from ..symbolic.calls import BufferedFunction, ElementwiseFunction
-from .bounds import FLOW_CONTROL
 from .runge_kutta import RungeKuttaStepper
 from .taylor import TaylorStepper
 from .trajectory import Trajectories, Trajectory
-from .vector_field import VectorField
+from .vector_field import FLOW_CONTROL, VectorField
 
 
 class PhaseDynamics:
@@ -45,8 +44,7 @@ class PhaseDynamics:
     def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
         """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""
         entries = ca.vertsplit(p)
-        named = dict(zip(self.parameters, entries, strict=False))
-        return ca.vertsplit(x), named, entries[len(self.parameters) :]
+        return ca.vertsplit(x), dict(zip(self.parameters, entries, strict=False)), entries[len(self.parameters) :]
 
     @cached_property
     def method(self) -> str:
@@ -75,12 +73,6 @@ class PhaseDynamics:
             self.steppers[columns, varied] = form(self.vector_field, columns, varied)
         return self.steppers[columns, varied]
 
-    def taylor_stepper(self, columns: int, varied: tuple[int, ...] = ()) -> TaylorStepper:
-        """The `stepper` of a field that is known to have a Taylor series."""
-        stepper = self.stepper(columns, varied)
-        assert isinstance(stepper, TaylorStepper)
-        return stepper
-
     def rates(self, x: ArrayLike, p: ArrayLike) -> np.ndarray:
         """The field at one state (n,), with parameters and piece data (np + nq,)."""
         return self._rates(x, p)[0].ravel()
@@ -104,7 +96,8 @@ class PhaseDynamics:
         """Parameters with the data of the piece of each state (m, n): (m, np + nq), or (1, np) without pieces."""
         if self.phase.pieces is None:
             return np.reshape(p, (1, -1))
-        return np.array([[*p, *self.piece_data(x, p)[0]] for x in xs])
+        breaks, table, _ = self.piece_table(p)
+        return np.hstack([np.tile(p, (len(xs), 1)), table[self.piece(xs, breaks)]])
 
     def piece_data(self, x: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Data (nq,) of the piece at state `x` and its derivatives (nq, np)."""
@@ -116,11 +109,9 @@ class PhaseDynamics:
 
     def mesh_data(self, path: Trajectory, p: np.ndarray) -> np.ndarray:
         """Parameters with the data of the piece that each step of a motion lies in, (np + nq, N)."""
-        columns = np.tile(np.asarray(p, dtype=float)[:, None], len(path.steps))
         if self.phase.pieces is None:
-            return columns
-        breaks, table, _ = self.piece_table(p)
-        return np.vstack([columns, table[self.mesh_pieces(path, breaks)].T])
+            return np.tile(np.asarray(p, dtype=float)[:, None], len(path.steps))
+        return self.data(self._middles(path), p).T
 
     def data_of(self, motions: Trajectories, ps: np.ndarray) -> np.ndarray:
         """`mesh_data` of several motions with parameters (m, np), transposed: (N, np + nq)."""
@@ -130,13 +121,14 @@ class PhaseDynamics:
 
     def mesh_pieces(self, path: Trajectory, breaks: np.ndarray) -> np.ndarray:
         """Index (N,) of the piece that each step of a motion lies in."""
-        middles = path(0.5 * (path.times[1:] + path.times[:-1]))[:, : self.size]
-        return np.array([self.piece(x, breaks) for x in middles])
+        return self.piece(self._middles(path), breaks)
 
-    def piece(self, x: np.ndarray, breaks: np.ndarray) -> int:
-        """Index of the piece that holds state `x`."""
-        place = float(self.coordinate @ x)
-        return int(np.clip(np.searchsorted(breaks, place, "right") - 1, 0, len(breaks) - 2))
+    def _middles(self, path: Trajectory) -> np.ndarray:
+        return path(0.5 * (path.times[1:] + path.times[:-1]))[:, : self.size]
+
+    def piece(self, x: np.ndarray, breaks: np.ndarray) -> np.ndarray:
+        """Indices (...) of the pieces that hold states (..., n)."""
+        return np.clip(np.searchsorted(breaks, x @ self.coordinate, "right") - 1, 0, len(breaks) - 2)
 
     @cached_property
     def coordinate(self) -> np.ndarray:
@@ -155,5 +147,5 @@ class PhaseDynamics:
         assert pieces is not None
         breaks, rows = pieces.table(self.symbols(ca.SX(0, 1), p)[1])
         data = ca.vertcat(*[ca.horzcat(*row) for row in rows]) if pieces.size else ca.SX(len(rows), 0)
-        results = [ca.vertcat(*breaks), data, ca.jacobian(ca.vec(data), p)]
+        results = ca.vertcat(*breaks), data, ca.jacobian(ca.vec(data), p)
         return BufferedFunction(ca.Function("pieces", [p], [ca.densify(result) for result in results]))

@@ -1,12 +1,8 @@
 """The flow map of a phase with exact derivatives, as a piecewise polynomial that is accurate throughout each step.
 
-Three methods, of which the first that the phase allows is used:
-
-- closed form: the phase states its flow, and nothing is integrated;
-- Taylor: series of order 28 of the field's expression graph, with steps from their last two coefficients;
-- Runge-Kutta: Cooper and Verner's order 8 with step doubling, where an operation of the graph has no Taylor series.
-
-The step size is controlled by the error, never by the caller. Steps end on the breakpoints of a piecewise field.
+A phase may state its flow in closed form. Otherwise Taylor series of order 28 of the field's expression graph are used
+or, where an operation of the graph has none, Cooper and Verner's Runge-Kutta method of order 8. The error controls the
+step size, never the caller. Steps end on the breakpoints of a piecewise field.
 """
 
 from functools import lru_cache
@@ -17,12 +13,12 @@ from numpy.typing import ArrayLike
 from ..errors import FlowError
 from ..model.phase import Affine, Phase
 from ..symbolic import interrupts
+from . import zero_crossing
+from .breakpoints import StopTest, check_start, describe, integrate
 from .dynamics import PhaseDynamics
-from .integration import StopTest, check_start, describe, integrate
 from .taylor import TaylorStepper
-from .trajectory import Trajectories, Trajectory
+from .trajectory import Trajectory
 from .vector_field import TAYLOR_ORDER
-from .zero_crossing import ZeroSearch, until_zero
 
 # A share of the duration that does not count as a step of its own in closed form, since it is rounding.
 STEP_ROUNDING = 1e-12
@@ -91,16 +87,7 @@ class Flow(PhaseDynamics):
         assert self.phase.closed_form is not None
         return self.phase.closed_form(dict(zip(self.parameters, p, strict=True)))
 
-    def until_zero(
-        self, starts: np.ndarray, ps: np.ndarray, quantity: Affine, skip_start: int = 0
-    ) -> tuple[np.ndarray, Trajectories | None]:
-        """Motions from states (m, n) with parameters (m, np) up to the first sign change of an affine function.
-
-        Returns which of them (r,) reach it within the largest block of Taylor steps, and these motions. They are None
-        when no motion does, and where motions are better followed one by one: on a piecewise field, without a Taylor
-        series, and for a single start in closed form. `skip_start` is that of `first_zero`.
-        """
-        return until_zero(self, starts, ps, quantity, skip_start)
+    until_zero = zero_crossing.until_zero
 
     def first_zeros(
         self,
@@ -126,7 +113,7 @@ class Flow(PhaseDynamics):
         """
         starts = np.asarray(starts, dtype=float)
         skip, limit = (np.broadcast_to(values, len(starts)) for values in (skip, limit))
-        search = ZeroSearch(self, starts, p, quantity, limit, skip, rising, over)
+        search = zero_crossing.ZeroSearch(self, starts, p, quantity, limit, skip, rising, over)
         if self.phase.closed_form:
             search.in_closed_form(self._closed_form(p))
         elif isinstance(stepper := self.stepper(0), TaylorStepper):

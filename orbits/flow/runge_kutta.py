@@ -4,8 +4,7 @@ import casadi as ca
 import numpy as np
 
 from ..symbolic.calls import BufferedFunction
-from .bounds import FLOW_CONTROL
-from .vector_field import VectorField, runge_kutta
+from .vector_field import FLOW_CONTROL, Array, Steps, VectorField, runge_kutta
 
 # The first step that is tried. Later ones try four times the step before, so that the length can also grow.
 FIRST_STEP, GROWTH = 0.1, 4.0
@@ -36,9 +35,7 @@ class RungeKuttaStepper:
         self.powers = np.vander(self.NODES, increasing=True)
         self.watched = BufferedFunction(ca.Function("watched", [x, p], [ca.densify(field(x, p)[1])]))
 
-    def advance(
-        self, x: np.ndarray, p: np.ndarray, dx: np.ndarray, dp: np.ndarray, count: int, left: float, hint: float | None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def advance(self, x: Array, p: Array, dx: Array, dp: Array, count: int, left: float, hint: float | None) -> Steps:
         """One step, whatever `count` and `left` are; the caller cuts it where it leads too far.
 
         Returns its length (1,), at most `GROWTH` times the `hint`, or NaN where no step is accepted; coefficients
@@ -51,21 +48,19 @@ class RungeKuttaStepper:
         c = self._polynomial(start, np.vstack([ends, watched]), h)
         if not self.columns:
             return np.array([h]), c[None], None
-        nodes = len(self.NODES)
-        slopes = slopes.reshape(self.n, nodes, self.columns).transpose(0, 2, 1).reshape(-1, nodes)
+        slopes = slopes.reshape(self.n, -1, self.columns).transpose(0, 2, 1).reshape(-1, len(self.NODES))
         dc = self._polynomial(dx.ravel(), slopes, h).reshape(1, self.n, self.columns, -1)
         return np.array([h]), c[None], dc
 
-    def _polynomial(self, start: np.ndarray, values: np.ndarray, h: float) -> np.ndarray:
+    def _polynomial(self, start, values, h: float) -> np.ndarray:
         """Coefficients (rows, K + 1) through `start` (rows,) and the values (rows, nodes)."""
         rising = np.linalg.solve(self.powers, (values.T - start) / self.NODES[:, None])
         return np.column_stack([start, (rising / h ** np.arange(1, len(self.NODES) + 1)[:, None]).T])
 
-    def _length(self, x: np.ndarray, p: np.ndarray, dx: np.ndarray, dp: np.ndarray, h: float) -> float:
+    def _length(self, x, p, dx, dp, h: float) -> float:
         """The longest step up to `h` whose error is below rounding, by step doubling."""
         while h > FLOW_CONTROL.shortest_step:
-            whole = self.step(x, 2 * h, p, dx, dp)[0]
-            half = self.step(x, h, p, dx, dp)[0]
+            whole, half = (self.step(x, length, p, dx, dp)[0] for length in (2 * h, h))
             error = np.abs(whole - self.step(half, h, p, dx, dp)[0]).max()
             bound = DOUBLE_STEP_ERROR * max(SMALLEST_SCALE, np.abs(x).max())
             if error <= bound:

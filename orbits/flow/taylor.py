@@ -9,8 +9,7 @@ from ..numerics.bernstein import TINY
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.kernels import compile_function, compile_seconds, compiled_before, lengths
 from ..symbolic.taylor_series import variations
-from .bounds import FLOW_CONTROL
-from .vector_field import TAYLOR_ORDER, VectorField, symbolic_powers
+from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Array, Steps, VectorField, symbolic_powers
 
 # Truncation error of a step relative to the state: a tenth of the rounding error of the sum.
 TRUNCATION = 1e-17
@@ -53,9 +52,7 @@ class TaylorStepper:
         self._calls: dict[int, BufferedFunction] = {}
         self._batch_calls: dict[int, MappedFunction] = {}
 
-    def advance(
-        self, x: np.ndarray, p: np.ndarray, dx: np.ndarray, dp: np.ndarray, count: int, left: float, hint: float | None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def advance(self, x: Array, p: Array, dx: Array, dp: Array, count: int, left: float, hint: float | None) -> Steps:
         """The accepted ones of `count` steps, which together last no longer than `left`; the `hint` is not used.
 
         Returns steps (m,), coefficients (m, rows, K + 1) and sensitivities (m, n, columns, K + 1). A single NaN is
@@ -63,10 +60,9 @@ class TaylorStepper:
         """
         with self.lock:
             self.count_steps(count)
-            if count not in self._calls:
+            if (call := self._calls.get(count)) is None:
                 chain = self.step_function if count == 1 else self.step_function.mapaccum(count)
-                self._calls[count] = BufferedFunction(chain)
-            call = self._calls[count]
+                call = self._calls[count] = BufferedFunction(chain)
         with call.lock:
             start, data = call.arguments[0], call.arguments[1].reshape(count, -1)
             start[: self.n], start[-2], start[-1] = x, left, LONGEST_STEP
@@ -86,14 +82,14 @@ class TaylorStepper:
             return np.full(1, np.nan), c[:1], None
         return (steps, c, dc) if taken.all() else (steps, c[taken], dc[taken])
 
-    def unfold(self, c: np.ndarray, dc: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def unfold(self, c: Array, dc: Array) -> tuple[Array, Array]:
         """Coefficients (..., count, rows, K + 1) and sensitivities (..., count, n, columns, K + 1) from the results
         (..., K + 1, rows count) and (..., K + 1, n columns count) of `count` steps."""
         c = c.swapaxes(-1, -2).reshape(*c.shape[:-2], -1, self.rows, TAYLOR_ORDER + 1)
         dc = dc.swapaxes(-1, -2).reshape(*c.shape[:-2], self.columns, self.n, TAYLOR_ORDER + 1)
         return c, dc.swapaxes(-2, -3)
 
-    def advance_all(self, x: np.ndarray, p: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def advance_all(self, x: Array, p: Array, count: int) -> tuple[Array, Array, Array]:
         """`count` steps of each of several motions without sensitivities, from states (m, n) with parameters (m, np).
 
         Returns steps (m, count), 0 where they are rejected; coefficients (m, count, rows, K + 1); and which steps
@@ -101,9 +97,8 @@ class TaylorStepper:
         """
         with self.lock:
             self.count_steps(count * len(x))
-            if count not in self._batch_calls:
-                self._batch_calls[count] = MappedFunction(self.step_function.mapaccum(count))
-            call = self._batch_calls[count]
+            if (call := self._batch_calls.get(count)) is None:
+                call = self._batch_calls[count] = MappedFunction(self.step_function.mapaccum(count))
         limits = np.tile([np.inf, LONGEST_STEP], (len(x), 1))
         _, c, dc, made = call(np.concatenate([x, limits], axis=1), np.tile(p, count))
         steps, tried = made.swapaxes(0, 1)
@@ -111,22 +106,18 @@ class TaylorStepper:
         return steps, c, np.isfinite(c).all((2, 3)) & (tried > FLOW_CONTROL.shortest_step)
 
     def count_steps(self, count: int) -> None:
-        """Count steps that are about to be taken, and compile the step function once there have been enough."""
+        """Count steps that are about to be taken; once there have been enough, search the cache of compiled functions
+        for the step function, and later compile it."""
         with self.lock:
             self.interpretation_budget -= count * self.seconds_per_step
-            if self.interpretation_budget < 0:
-                self._compile()
-
-    def _compile(self) -> None:
-        """Search the cache of compiled functions the first time, and compile the second time."""
-        if not self.cache_searched:
-            self.cache_searched, faster = True, compiled_before(self.step_function)
-            rest = 1 - SEARCH_SHARE
-            self.interpretation_budget = np.inf if faster else rest * compile_seconds(self.step_function)
-        else:
-            self.interpretation_budget, faster = np.inf, compile_function(self.step_function)
-        if faster is not None:
-            self.step_function, self._calls, self._batch_calls, self.compiled = faster, {}, {}, True
+            if self.interpretation_budget >= 0:
+                return
+            faster = (compile_function if self.cache_searched else compiled_before)(self.step_function)
+            again = not (faster or self.cache_searched)
+            self.interpretation_budget = (1 - SEARCH_SHARE) * compile_seconds(self.step_function) if again else np.inf
+            self.cache_searched = True
+            if faster is not None:
+                self.step_function, self._calls, self._batch_calls, self.compiled = faster, {}, {}, True
 
 
 def _step_function(graph: VectorField, columns: int, varied: tuple[int, ...]) -> tuple[ca.Function, int]:
@@ -151,10 +142,8 @@ def _step_function(graph: VectorField, columns: int, varied: tuple[int, ...]) ->
 
 def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Function:
     """The choice of a step's length, (coefficients of the states (K + 1, n), of the sensitivities (K + 1, n columns),
-    p, dp, limits (2,)) -> the powers (K + 1,) of the length, the limits of the next step, the lengths taken and tried.
-
-    The limits are the time left and the longest step to try.
-    """
+    p, dp, limits (2,): the time left and the longest step to try) -> the powers (K + 1,) of the length, the limits of
+    the next step, the lengths taken and tried."""
     n, orders = graph.size, TAYLOR_ORDER + 1
     c, dc = ca.SX.sym("c", orders, n), ca.SX.sym("dc", orders, n * columns)
     dp, limits = ca.SX.sym("dp", varied * columns), ca.SX.sym("l", 2)

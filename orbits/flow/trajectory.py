@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..model.phase import Affine
 from ..numerics.bernstein import PiecewisePolynomials, evaluate, powers, shifted
+from ..numerics.roots import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,17 +18,12 @@ class Trajectory:
     """A motion as Taylor polynomials, one for each step.
 
     On times[i] <= t <= times[i + 1] the rows are the sums over k of coefficients[i, :, k] (t - times[i])**k.
-
-    times : (N + 1,)
-    coefficients : (N, n + m, K + 1), of the n states, then of the m watched quantities
-    names : of the rows
-    variations : (N, n, columns, K + 1), derivatives of the states with respect to whatever was varied, None without
     """
 
-    times: np.ndarray
-    coefficients: np.ndarray
-    names: tuple[str, ...]
-    variations: np.ndarray | None = None
+    times: np.ndarray  # (N + 1,)
+    coefficients: np.ndarray  # (N, n + m, K + 1), of the n states, then of the m watched quantities
+    names: tuple[str, ...]  # of the rows
+    variations: np.ndarray | None = None  # (N, n, columns, K + 1), derivatives of the states by whatever was varied
 
     def __post_init__(self):
         self.times.setflags(write=False)
@@ -64,45 +60,40 @@ class Trajectory:
         return self.coefficients[:, self.names.index(name)]
 
 
+@dataclass(eq=False)
 class Trajectories:
     """Several motions of one phase, the N steps of all in one array, so that they are evaluated together.
 
-    starts, steps : (N,), times at which the steps begin, and their lengths
-    ends : (m,), times at which the motions end
-    coefficients, variations : (N, ...), as in `Trajectory`
-    counts : (m,), number of steps of each motion; `first` and `last` (m,) are its first and last step
-    owner : (N,), the motion that a step belongs to
+    Beside the fields, `steps` (N,) are the lengths of the steps, `owner` (N,) the motions that they belong to, `first`
+    and `last` (m,) the first and last step of each motion.
     """
 
-    def __init__(
-        self,
-        starts: np.ndarray,
-        ends: np.ndarray,
-        coefficients: np.ndarray,
-        counts: np.ndarray,
-        names: tuple[str, ...],
-        variations: np.ndarray | None = None,
-    ):
-        self.starts, self.ends, self.coefficients, self.variations = starts, ends, coefficients, variations
-        self.counts, self.names = counts, names
-        self.last = np.cumsum(counts) - 1
-        self.first = self.last - counts + 1
-        self.owner = np.repeat(np.arange(len(counts)), counts)
-        self.steps = np.append(starts[1:], 0.0)
-        self.steps[self.last] = ends
-        self.steps -= starts
+    starts: Array  # (N,), times at which the steps begin
+    ends: Array  # (m,), times at which the motions end
+    coefficients: Array  # (N, ...), as in `Trajectory`, as are the variations
+    counts: Array  # (m,), number of steps of each motion
+    names: tuple[str, ...]
+    variations: Array | None = None
+
+    def __post_init__(self) -> None:
+        self.last = np.cumsum(self.counts) - 1
+        self.first = self.last - self.counts + 1
+        self.owner = np.repeat(np.arange(len(self.counts)), self.counts)
+        self.steps = np.append(self.starts[1:], 0.0)
+        self.steps[self.last] = self.ends
+        self.steps -= self.starts
 
     @classmethod
     def of(cls, paths: Sequence[Trajectory]) -> "Trajectories":
         """Several motions of one phase, either all with variations or none."""
-        varied = paths[0].variations is not None
+        moving = [path.variations for path in paths if path.variations is not None]
         return cls(
             np.concatenate([path.times[:-1] for path in paths]),
             np.array([path.times[-1] for path in paths]),
             np.concatenate([path.coefficients for path in paths]),
             np.array([len(path.times) - 1 for path in paths]),
             paths[0].names,
-            np.concatenate([path.variations for path in paths]) if varied else None,
+            np.concatenate(moving) if moving else None,
         )
 
     def __len__(self) -> int:
@@ -111,10 +102,10 @@ class Trajectories:
     @classmethod
     def joined(cls, parts: Sequence["Trajectories"]) -> "Trajectories":
         """The motions of all parts, either all with variations or none."""
-        varied = parts[0].variations is not None
-        names = ("starts", "ends", "coefficients", "counts", *(("variations",) if varied else ()))
-        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-        return cls(**arrays, names=parts[0].names)
+        names = ["starts", "ends", "coefficients", "counts"] + ["variations"] * (parts[0].variations is not None)
+        return cls(
+            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names}, names=parts[0].names
+        )
 
     def __iter__(self) -> Iterator[Trajectory]:
         return (self[i] for i in range(len(self)))
@@ -127,15 +118,15 @@ class Trajectories:
 
     def __getitem__(self, i):
         """One motion, or those of the indices (k,) in their order."""
-        variations = self.variations
-        if isinstance(i, np.ndarray):
+        if many := isinstance(i, np.ndarray):
             steps = np.concatenate([np.arange(a, b + 1) for a, b in zip(self.first[i], self.last[i], strict=True)])
-            moving = None if variations is None else variations[steps]
-            chosen = self.starts[steps], self.ends[i], self.coefficients[steps], self.counts[i]
-            return Trajectories(*chosen, self.names, moving)
-        steps = slice(self.first[i], self.last[i] + 1)
-        moving = None if variations is None else variations[steps]
-        return Trajectory(np.append(self.starts[steps], self.ends[i]), self.coefficients[steps], self.names, moving)
+        else:
+            steps = slice(self.first[i], self.last[i] + 1)
+        starts, coefficients, ends = self.starts[steps], self.coefficients[steps], self.ends[i]
+        moving = None if self.variations is None else self.variations[steps]
+        if many:
+            return Trajectories(starts, ends, coefficients, self.counts[i], self.names, moving)
+        return Trajectory(np.append(starts, ends), coefficients, self.names, moving)
 
     def replaced(self, i: np.ndarray, others: "Trajectories") -> "Trajectories":
         """The motions with those of the indices i (k,), ascending, replaced by others."""
@@ -144,13 +135,11 @@ class Trajectories:
             order[i] = len(self) + np.arange(len(i))
             return Trajectories.joined([self, others])[order]
         steps, arrays = np.isin(self.owner, i), {}
-        for name in ("starts", "coefficients", "variations"):
+        for name, places in (("starts", steps), ("coefficients", steps), ("variations", steps), ("ends", i)):
             if (array := getattr(self, name)) is not None:
                 arrays[name] = array.copy()
-                arrays[name][steps] = getattr(others, name)
-        ends = self.ends.copy()
-        ends[i] = others.ends
-        return Trajectories(**arrays, ends=ends, counts=self.counts, names=self.names)
+                arrays[name][places] = getattr(others, name)
+        return Trajectories(**arrays, counts=self.counts, names=self.names)
 
     def moved(self, changes: np.ndarray, longer: np.ndarray) -> "Trajectories":
         """The states to first order after small `changes` (m, columns) of what was varied.
@@ -172,13 +161,10 @@ class Trajectories:
 
         The weights and the offset of the function are numbers, or (m,) where they differ between motions.
         """
-        offset: ArrayLike = quantity.offset
-        if any(map(np.ndim, quantity.weights)):
-            weights = np.array(np.broadcast_arrays(*quantity.weights)).T[self.owner]
-        else:
-            weights = np.array(quantity.weights)
-        if embed is not None:
-            weights = weights @ embed
+        varying, offset = any(map(np.ndim, quantity.weights)), quantity.offset
+        weights = np.array(np.broadcast_arrays(*quantity.weights)).T
+        weights = weights[self.owner] if varying else weights
+        weights = weights if embed is None else weights @ embed
         coefficients = self.coefficients[:, : weights.shape[-1]]
         values = weights @ coefficients if weights.ndim == 1 else np.einsum("Ni,Nik->Nk", weights, coefficients)
         values[:, 0] += np.asarray(offset)[self.owner] if np.ndim(offset) else offset

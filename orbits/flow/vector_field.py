@@ -1,4 +1,4 @@
-"""A vector field as an expression graph, and one step of its flow as an expression."""
+"""A vector field as an expression graph, one step of its flow as an expression, and the bounds on all steps."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,10 +6,31 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from ..numerics.roots import Array
 from ..symbolic.taylor_series import has_taylor_series, taylor_coefficients
 
+# The lengths, coefficients and sensitivities of some steps.
+Steps = tuple[Array, Array, Array | None]
 # A high order makes few and long steps, and each step costs a fixed amount besides its series.
 TAYLOR_ORDER = 28
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlowControl:
+    """Bounds on the steps of a motion, by whatever stepper, and how many of them are taken in one call."""
+
+    shortest_step: float = 1e-15  # a step shorter than this, relative to the time, is a singularity of the vector field
+    max_steps: int = 200_000  # steps after which a motion is given up, far more than any that ends
+    runaway: float = 1e20  # a state with a component larger than this has run away
+    # A state that is so large after steps longer than this has run away to infinity, while steps that shrink below it
+    # lead into a singularity.
+    singular_step: float = 1e-3
+    look_ahead: int = 6  # steps of one call while a stop is looked for; two such calls are most of an oscillation
+    max_block: int = 64  # most steps of one call, since a function of its own is built for each number of steps
+    rounding: float = 1e-14  # what is left of a duration is dropped when it is less than this share of it
+
+
+FLOW_CONTROL = FlowControl()
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,8 @@ from ..errors import FlowError
 from ..model.phase import Affine
 from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate
 from ..symbolic import interrupts
-from .breakpoints import ActivePieces, out_of_range
+from .breakpoints import ActivePieces, StopTest, integrate, out_of_range
 from .dynamics import PhaseDynamics
-from .integration import StopTest, integrate
 from .taylor import TaylorStepper
 from .trajectory import Trajectories
 
@@ -40,13 +39,19 @@ def series_along(quantity: Affine, c: np.ndarray, steps: np.ndarray) -> Piecewis
 
 
 def until_zero(
-    dynamics: PhaseDynamics, starts: np.ndarray, ps: np.ndarray, quantity: Affine, skip_start: int
+    dynamics: PhaseDynamics, starts: np.ndarray, ps: np.ndarray, quantity: Affine, skip_start: int = 0
 ) -> tuple[np.ndarray, Trajectories | None]:
-    """Motions up to the first sign change of an affine function, as `Flow.until_zero` describes them."""
+    """Motions from states (m, n) with parameters (m, np) up to the first sign change of an affine function.
+
+    Returns which of them (r,) reach it within the largest block of Taylor steps, and these motions. They are None when
+    no motion does, and where motions are better followed one by one: on a piecewise field, without a Taylor series, and
+    for a single start in closed form. `skip_start` is that of `first_zero`.
+    """
     remaining, found = np.arange(len(starts)), []
     if (dynamics.phase.closed_form and len(starts) == 1) or not dynamics.smooth:
         return remaining[:0], None
-    count, most, stepper = dynamics.expected_steps, dynamics.control.max_block, dynamics.taylor_stepper(0)
+    count, most, stepper = dynamics.expected_steps, dynamics.control.max_block, dynamics.stepper(0)
+    assert isinstance(stepper, TaylorStepper)
     while len(remaining) and count <= most:
         steps, c, accepted = stepper.advance_all(starts[remaining], ps[remaining], count)
         accepted = np.logical_and.accumulate(accepted, axis=1)
@@ -67,9 +72,9 @@ def until_zero(
         return remaining[:0], None
     if len(found) == 1:
         return found[0]
-    which = np.concatenate([indices for indices, _ in found])
-    order = np.argsort(which)
-    return which[order], Trajectories.joined([motions for _, motions in found])[order]
+    which, motions = zip(*found, strict=True)
+    order = np.argsort(np.concatenate(which))
+    return np.concatenate(which)[order], Trajectories.joined(motions)[order]
 
 
 def _cut_motions(names: tuple[str, ...], c, steps, last, t) -> Trajectories:
@@ -101,8 +106,7 @@ class ZeroSearch:
         count = len(self.starts)
         self.signs = np.zeros(count)  # Signs of the quantity at the ends of the last block, 0 before the first.
         self.over_signs, self.over_changes = np.zeros(count), np.zeros(count, int)
-        self.times = np.full(count, np.nan)
-        self.rows = np.full((count, len(self.dynamics.names)), np.nan)
+        self.times, self.rows = np.full(count, np.nan), np.full((count, len(self.dynamics.names)), np.nan)
         self.failed: dict[int, FlowError] = {}
 
     def in_closed_form(self, form) -> None:
@@ -114,8 +118,7 @@ class ZeroSearch:
             states = form.state(self.starts[remaining].T[:, :, None], times)
             c = form.along(self.quantity.weights, states.reshape(len(states), -1), CLOSED_ORDER)
             c[:, 0] += self.quantity.offset
-            counts = np.full(len(remaining), CLOSED_BLOCK)
-            polynomials = PiecewisePolynomials(c, np.full(len(c), length), counts)
+            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), CLOSED_BLOCK))
             owner, piece, t = self._first_roots(polynomials, remaining, self.skip[remaining] if began == 0 else 0)
             found, hits = began + length * piece + t, remaining[owner]
             self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
@@ -169,10 +172,9 @@ class ZeroSearch:
     def one_by_one(self, indices: np.ndarray, x: np.ndarray, began: np.ndarray) -> None:
         """Search the motions `indices` one after the other, from the states `x` at the times `began`."""
         for index, start, before in zip(indices, x, began, strict=True):
-            left = self.limit[index] - before
-            order = int(self.skip[index]) if before == 0 else 0
+            left, order = self.limit[index] - before, int(self.skip[index]) if before == 0 else 0
+            stop = first_zero(self.quantity, order, self.rising)
             try:
-                stop = first_zero(self.quantity, order, self.rising)
                 path, _ = integrate(self.dynamics, start, self.p, left, None, None, stop)
             except FlowError as error:
                 self.failed[int(index)] = error

@@ -1,9 +1,8 @@
 """Roots of polynomials on an interval by Bernstein exclusion, which cannot skip a grazing pair of roots.
 
-A polynomial is given by its coefficients c[0..K] of t**k on 0 <= t <= h. Its Bernstein coefficients on the interval
-enclose its values, and their sign changes bound the number of roots: none means no root, one means exactly one root,
-and where there are more the interval is halved. Source: Farouki, "The Bernstein polynomial basis: a centennial
-retrospective", CAGD 29 (2012).
+The Bernstein coefficients of a polynomial with coefficients c[0..K] of t**k on 0 <= t <= h enclose its values, and
+their sign changes bound the number of roots: none means none, one exactly one, and where there are more the interval is
+halved. Source: Farouki, "The Bernstein polynomial basis: a centennial retrospective", CAGD 29 (2012).
 """
 
 from collections.abc import Iterator
@@ -13,7 +12,10 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .roots import CLOSED, MOST_ITERATIONS
+from .roots import CLOSED, MOST_ITERATIONS, Array
+
+_Crossed = list[tuple[int, float]]
+_Places = tuple[Array, Array, Array]
 
 # Halving stops here: 2**-40 of a step is less than double precision can tell apart at a grazing pair.
 MOST_HALVINGS = 40
@@ -51,15 +53,9 @@ def powers(t: ArrayLike, count: int) -> np.ndarray:
     return values
 
 
-def bernstein(coefficients: np.ndarray, h: ArrayLike) -> np.ndarray:
-    """Bernstein coefficients on [0, h]; `coefficients` (..., K + 1) and `h` (...) broadcast."""
-    return _bernstein(coefficients, powers(h, coefficients.shape[-1]))
-
-
-def _bernstein(coefficients: np.ndarray, of_h: np.ndarray) -> np.ndarray:
-    """`bernstein` from the powers (..., K + 1) of h, or from more of them."""
-    count = coefficients.shape[-1]
-    return coefficients * of_h[..., :count] @ _to_bernstein(count - 1)
+def bernstein(coefficients: np.ndarray, of_h: np.ndarray) -> np.ndarray:
+    """Bernstein coefficients on [0, h]; `coefficients` (..., K + 1) and the powers `of_h` (..., K + 1) broadcast."""
+    return coefficients * of_h @ _to_bernstein(coefficients.shape[-1] - 1)
 
 
 def evaluate(coefficients: np.ndarray, t: ArrayLike) -> np.ndarray:
@@ -67,14 +63,9 @@ def evaluate(coefficients: np.ndarray, t: ArrayLike) -> np.ndarray:
     return np.einsum("...k,...k", coefficients, powers(t, coefficients.shape[-1]))
 
 
-@cache
-def _orders(count: int) -> np.ndarray:
-    return np.arange(count)
-
-
 def derivative(coefficients: np.ndarray) -> np.ndarray:
     """Coefficients of the derivative, (..., K)."""
-    return coefficients[..., 1:] * _orders(coefficients.shape[-1])[1:]
+    return coefficients[..., 1:] * np.arange(1, coefficients.shape[-1])
 
 
 def shifted(coefficients: np.ndarray, h: np.ndarray) -> np.ndarray:
@@ -95,13 +86,11 @@ def roots(coefficients: np.ndarray, h: float) -> list[float]:
 
     A double root that rounding cannot separate is not reported.
     """
-    brackets = _isolate(bernstein(coefficients, h), 0.0, 1.0, MOST_HALVINGS)
-    return [_refine(coefficients, h, *bracket) for bracket in brackets]
+    values = bernstein(coefficients, powers(h, len(coefficients)))
+    return [_refine(coefficients, h, *bracket) for bracket in _isolate(values, 0.0, 1.0, MOST_HALVINGS)]
 
 
-def piecewise_roots(
-    coefficients: np.ndarray, steps: np.ndarray, start: int = 0, rising: bool = False
-) -> list[tuple[int, float]]:
+def piecewise_roots(coefficients: Array, steps: Array, start: int = 0, rising: bool = False) -> _Crossed:
     """Roots (piece, time in it) of a continuous piecewise polynomial, in order, as of `PiecewisePolynomials.roots`."""
     return Crossings(start, rising)(coefficients, steps)
 
@@ -116,7 +105,7 @@ class Crossings:
         self.start, self.rising = start, rising
         self.before: np.ndarray | None = None
 
-    def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> list[tuple[int, float]]:
+    def __call__(self, coefficients: Array, steps: Array) -> _Crossed:
         """The roots (piece, time in it) of the next block, in order."""
         polynomial = PiecewisePolynomials(coefficients, steps, np.array([len(steps)]))
         _, pieces, times = polynomial.roots(self.start, self.rising, self.before)
@@ -139,23 +128,17 @@ class PiecewisePolynomials:
     after : the sign (m,) at the end of each, 1 or -1, once `roots` has been called
     """
 
-    def __init__(
-        self, coefficients: np.ndarray, steps: np.ndarray, counts: np.ndarray, of_steps: np.ndarray | None = None
-    ):
-        self.coefficients, self.steps = coefficients, steps
-        size = coefficients.shape[1]
+    def __init__(self, coefficients: Array, steps: Array, counts: Array, of_steps: Array | None = None):
+        self.coefficients, self.steps, size = coefficients, steps, coefficients.shape[1]
         self.of_steps = powers(steps, size) if of_steps is None else of_steps[:, :size]
         self.last = np.cumsum(counts) - 1
         self.first = self.last - counts + 1
         self.owner = np.repeat(np.arange(len(counts)), counts)
 
-    def roots(
-        self, start: ArrayLike = 0, rising: bool = False, before: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def roots(self, start: ArrayLike = 0, rising: bool = False, before: Array | None = None) -> _Places:
         """All roots, in order: the polynomial (r,), the piece of it (r,), and the time in that piece (r,).
 
-        start : the order of the zero at the very beginning of each, for all or (m,); it is divided out exactly and not
-            reported
+        start : the order of the zero at the very beginning of each, for all or (m,), which is divided out exactly
         rising : report only the roots where the sign goes from minus to plus
         before : the sign (m,) with which each is continued from an earlier block, or 0 where it begins here
         """
@@ -165,12 +148,8 @@ class PiecewisePolynomials:
         if not len(brackets := _brackets(values, rising)):
             return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
         pieces = brackets[0].astype(int)
-        if len(pieces) > FEW:
-            times = _refine_together(series[pieces], self.steps[pieces], *brackets[1:])
-        else:
-            each = zip(pieces, *brackets[1:], strict=True)
-            times = np.array([_refine(series[i], self.steps[i], *bracket) for i, *bracket in each])
-        owner = self.owner[pieces]
+        owner, places = self.owner[pieces], (series[pieces], self.steps[pieces], *brackets[1:])
+        times = _refine_together(*places) if len(pieces) > FEW else np.array([*map(_refine, *places)])
         return owner, pieces - self.first[owner], times
 
     def _without_first_zero(self, start: ArrayLike) -> np.ndarray:
@@ -180,35 +159,30 @@ class PiecewisePolynomials:
         series, orders = self.coefficients.copy(), np.broadcast_to(start, self.first.shape)
         for order in np.unique(orders[orders > 0]):
             first = self.first[orders == order]
-            series[first, :-order] = self.coefficients[first, order:]
-            series[first, -order:] = 0.0
+            series[first, :-order], series[first, -order:] = self.coefficients[first, order:], 0.0
         return series
 
     def _control_values(self, series: np.ndarray, before: np.ndarray | None) -> np.ndarray:
-        """Bernstein coefficients (N, K + 1), of one sign on both sides of a joint.
-
-        Otherwise rounding would lose a root there, or find it twice.
-        """
-        values = _bernstein(series, self.of_steps)
+        """Bernstein coefficients (N, K + 1), of one sign on both sides of a joint: else rounding loses a root there."""
+        values = bernstein(series, self.of_steps)
         joint = self.owner[1:] == self.owner[:-1]
         values[:-1, -1] = np.where(joint, series[1:, 0], values[:-1, -1])
         if before is not None:
             first = values[self.first, 0]
-            values[self.first, 0] = np.where(before * first < 0, before * np.abs(first), first)
-            values[self.first, 0] = np.where((before < 0) & (first == 0), -TINY, values[self.first, 0])
+            continued = np.where(before * first < 0, before * np.abs(first), first)
+            values[self.first, 0] = np.where((before < 0) & (first == 0), -TINY, continued)
         return values
 
-    def lowest(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def lowest(self) -> _Places:
         """The least value (m,) of each polynomial, the piece (m,) and the time in it (m,) where it is taken."""
-        pieces = np.arange(len(self.steps))
-        values = _bernstein(self.coefficients, self.of_steps)
+        values = bernstein(self.coefficients, self.of_steps)
         ends = np.einsum("Nk,Nk->N", self.coefficients, self.of_steps)
         least = np.minimum.reduceat(np.minimum(self.coefficients[:, 0], ends), self.first)
         lower = np.flatnonzero(values.min(1) < least[self.owner])  # pieces that may have a lower value inside
         slopes = PiecewisePolynomials(derivative(self.coefficients[lower]), self.steps[lower], np.ones(len(lower), int))
         owner, _, t = slopes.roots(rising=True)
         turns = lower[owner]
-        pieces = np.concatenate([turns, pieces, pieces])
+        pieces = np.concatenate([turns, *[np.arange(len(ends))] * 2])
         times = np.concatenate([t, self.steps, np.zeros(len(ends))])
         values = np.concatenate([evaluate(self.coefficients[turns], t), ends, self.coefficients[:, 0]])
         order = np.lexsort((values, self.owner[pieces]))  # the least of each first
@@ -247,7 +221,7 @@ def _polygon_root(j, before, after, count: int):
     return (j + before / (before - after)) / (count - 1)
 
 
-def _isolate(values: np.ndarray, low: float, high: float, depth: int) -> Iterator[tuple[float, float, bool, float]]:
+def _isolate(values, low: float, high: float, depth: int) -> Iterator[tuple[float, float, bool, float]]:
     """The bracket (low, high) of each root, whether it rises, and where it is about, in shares of the interval."""
     positive = values >= 0
     changed = np.flatnonzero(positive[1:] != positive[:-1])
@@ -266,8 +240,7 @@ def _halve(values):
     """De Casteljau's split at the middle."""
     left, right = np.empty_like(values), np.empty_like(values)
     for k in range(len(values)):
-        left[k], right[-1 - k] = values[0], values[-1]
-        values = 0.5 * (values[1:] + values[:-1])
+        left[k], right[-1 - k], values = values[0], values[-1], 0.5 * (values[1:] + values[:-1])
     return left, right
 
 
@@ -284,18 +257,12 @@ def _refine(coefficients, h, low, high, rising, t) -> float:
         for a in reversed(c):
             slope = slope * t + value
             value = value * t + a
-        if sign * value >= 0:
-            high = t
-        else:
-            low = t
+        low, high = (low, t) if sign * value >= 0 else (t, high)
         new = t - value / slope if slope else low
         step = abs(new - t)
         if min(step, high - low) <= CLOSED * high or (last and step * (step / last) ** 2 <= NEGLIGIBLE * high):
             return min(max(new, low), high)
-        if low < new < high:
-            t, last = new, step
-        else:
-            t, last = 0.5 * (low + high), 0.0
+        t, last = (new, step) if low < new < high else (0.5 * (low + high), 0.0)
     return t
 
 

@@ -1,10 +1,11 @@
-"""Roots of functions of one variable; importing a library's root finders takes longer than the solutions do."""
+"""Roots of functions of one variable, and of linear systems; importing a library's root finders takes longer."""
 
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+Array = np.ndarray
 # A grid is refined this many times beside each extremum, with points at these shares of the two cells next to it.
 REFINEMENTS = 2
 SHARES = np.arange(1, 8) / 8
@@ -19,13 +20,7 @@ MOST_ITERATIONS = 200
 
 
 def bracketed_root(
-    function: Callable[[float], float],
-    a: float,
-    b: float,
-    fa: float,
-    fb: float,
-    enough: float = 0.0,
-    width: float = 0.0,
+    function: Callable[[float], float], a: float, b: float, fa: float, fb: float, enough: float = 0, width: float = 0
 ) -> float:
     """The root between a and b, where the function has the values fa and fb of opposite sign: bisection and secant.
 
@@ -34,8 +29,7 @@ def bracketed_root(
     """
     if abs(fa) < abs(fb):
         a, b, fa, fb = b, a, fb, fa
-    c, fc = a, fa  # b is the best point, a the other end of the bracket, c the previous b
-    wider = 1.0
+    c, fc, wider = a, fa, 1.0  # b is the best point, a the other end of the bracket, c the previous b
     for _ in range(MOST_ITERATIONS):
         least = max(UNIT * max(abs(a), abs(b)), 0.5 * width)
         if fb == 0 or abs(a - b) <= 2 * least:
@@ -53,8 +47,7 @@ def bracketed_root(
             # fails, so that each such step is twice as long as the one before.
             new = b + np.copysign(min(wider * least, abs(middle - b)), a - b)
             wider *= 2
-        c, fc = b, fb
-        b, fb = new, function(new)
+        c, fc, b, fb = b, fb, new, function(new)
         if (fb > 0) == (fa > 0):
             a, fa = c, fc
         if abs(fa) < abs(fb):
@@ -62,9 +55,7 @@ def bracketed_root(
     return b
 
 
-def resolved(
-    function: Callable[[np.ndarray], np.ndarray], grid: np.ndarray, toward_zero: bool
-) -> tuple[np.ndarray, np.ndarray]:
+def resolved(function: Callable[[Array], Array], grid: Array, toward_zero: bool) -> tuple[Array, Array]:
     """A grid (n,) with more points beside the local extrema of a function of arrays, and the values there.
 
     function : may give NaN; no extremum is seen beside one
@@ -90,8 +81,8 @@ def resolved(
 
 
 def enclosed_sign_changes(
-    function: Callable[[np.ndarray, np.ndarray], np.ndarray], a: ArrayLike, b: ArrayLike, fa: ArrayLike, fb: ArrayLike
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    function: Callable[[Array, Array], Array], a: ArrayLike, b: ArrayLike, fa: ArrayLike, fb: ArrayLike
+) -> tuple[Array, Array, Array, Array]:
     """Neighbouring numbers x1, x2 (m,) between a and b at which functions change sign, and their values f1, f2 there.
 
     Each function goes from fa to fb (m,), of opposite sign; where it jumps, the two numbers lie on both sides.
@@ -121,3 +112,14 @@ def enclosed_sign_changes(
         smooth = (rise**2 < share) & ((1 - rise) ** 2 < 1 - share) & np.isfinite(inverse)
         t[i] = np.clip(np.where(smooth, inverse, 0.5), np.minimum(least, 0.5), np.maximum(1 - least, 0.5))
     return x1, x2, f1, f2
+
+
+def solve(matrix: Array, right: Array) -> Array:
+    """The solution of a square system (n, n) or of a stack of them (m, n, n); NaN, and no error, for a singular one."""
+    try:
+        return np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        if matrix.ndim == 2:
+            return np.full(np.shape(right), np.nan)
+        sides = np.broadcast_to(right, (len(matrix), *np.shape(right)[-2:]))
+        return np.array([solve(one, side) for one, side in zip(matrix, sides, strict=True)])

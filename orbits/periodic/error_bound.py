@@ -13,8 +13,8 @@ from ..flow.flow import Flow
 from ..flow.trajectory import Trajectory
 from ..flow.vector_field import runge_kutta
 from ..numerics.bernstein import powers
-from ..numerics.linear import solve
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
+from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction
 from .evaluation import Evaluation
 from .single_shooting import Shooting

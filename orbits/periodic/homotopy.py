@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..model.model import Model
-from ..numerics.linear import solve
+from ..numerics.roots import solve
 from .admissibility import count_families
 from .evaluation import Evaluation
 from .interpretation import halved

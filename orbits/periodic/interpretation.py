@@ -9,7 +9,7 @@ from ..errors import NoOrbit
 from ..flow.trajectory import Trajectories
 from ..model.machine import Machine
 from ..model.model import Model, Reduction
-from ..numerics.linear import solve
+from ..numerics.roots import solve
 from .certificate import certify
 from .contact import follow_contacts
 from .cycle import Shape

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import FlowError, NoOrbit
-from ..numerics.linear import solve
+from ..numerics.roots import solve
 from .evaluation import PointEvaluation
 
 # A relative Newton step is the last one when it changes the end of the motion by less than this: the next one, its

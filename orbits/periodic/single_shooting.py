@@ -13,7 +13,7 @@ from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectory
 from ..model.phase import Statement
 from ..numerics.bernstein import derivative, evaluate
-from ..numerics.linear import solve
+from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.ipopt import solve_equations
 from .evaluation import Evaluation, PointEvaluation, stacked

@@ -1,14 +1,31 @@
 """Three fast ways to call a CasADi function on NumPy arrays: at one point, mapped over many, or elementwise on many."""
 
 import threading
-from abc import ABC, abstractmethod
 from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .instructions import single_assignment
+# A scalar operation of an SX function: its code, its arguments, and the value of an OP_CONST, else None. The arguments
+# are the positions of the instructions whose results it takes, those of an OP_INPUT (which input, which element), and
+# those of an OP_OUTPUT (source, which output, which element).
+Instruction = tuple[int, tuple[int, ...], float | None]
+
+
+def single_assignment(function: ca.Function) -> list[Instruction]:
+    """The instructions of an SX function, with work slots renamed so that no result overwrites another."""
+    position: dict[int, int] = {}  # of the instruction whose result each work slot holds
+    instructions: list[Instruction] = []
+    for i in range(function.n_instructions()):
+        op, source, target = function.instruction_id(i), function.instruction_input(i), function.instruction_output(i)
+        arguments = tuple(source) if op == ca.OP_INPUT else tuple(position[slot] for slot in source)
+        if op == ca.OP_OUTPUT:
+            arguments += tuple(target)
+        else:
+            position[target[0]] = i
+        instructions.append((op, arguments, function.instruction_constant(i) if op == ca.OP_CONST else None))
+    return instructions
 
 
 class BufferedFunction:
@@ -29,10 +46,9 @@ class BufferedFunction:
         self.results = [flat.reshape(shape, order="F") for flat, shape in zip(self.flat, shapes, strict=True)]
         self._buffer: Any
         self._buffer, self.trigger = function.buffer()
-        for i, array in enumerate(self.arguments):
-            self._buffer.set_arg(i, array.data)
-        for i, array in enumerate(self.flat):
-            self._buffer.set_res(i, array.data)
+        for place, arrays in ((self._buffer.set_arg, self.arguments), (self._buffer.set_res, self.flat)):
+            for i, array in enumerate(arrays):
+                place(i, array.data)
 
     def __call__(self, *arguments: ArrayLike) -> list[np.ndarray]:
         """Results as matrices of the function's shapes; arguments of matching sizes, matrices included."""
@@ -52,14 +68,15 @@ def room_for(count: int) -> int:
     return -(-count // unit) * unit
 
 
-class _BatchFunction(ABC):
-    """A function at the points of a batch; one buffered function is built and kept for each capacity."""
+class MappedFunction:
+    """A CasADi function at several points in one call: arguments (m, size) make results (m, rows, columns)."""
 
     # How results are copied out: "K" keeps the layout in memory, "C" puts each point's numbers side by side.
-    _order: Literal["K", "C"]
+    _order: Literal["K", "C"] = "K"
 
-    def __init__(self) -> None:
-        self._batches: dict[int, tuple[BufferedFunction, list[np.ndarray], list[np.ndarray]]] = {}
+    def __init__(self, function: ca.Function):
+        self.function = function
+        self._batches: dict[int, tuple] = {}  # what `_batch` returns, for each capacity
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         """Results of each point; an argument (1, size) is shared by all points."""
@@ -75,21 +92,8 @@ class _BatchFunction(ABC):
             call.trigger()
             return [memory[:count].copy(order=self._order) for memory in outputs]
 
-    @abstractmethod
-    def _batch(self, capacity: int) -> tuple[BufferedFunction, list[np.ndarray], list[np.ndarray]]:
-        """The function of a whole batch, with views of its arguments and results by point."""
-
-
-class MappedFunction(_BatchFunction):
-    """A CasADi function at several points in one call: arguments (m, size) make results (m, rows, columns)."""
-
-    _order = "K"
-
-    def __init__(self, function: ca.Function):
-        super().__init__()
-        self.function = function
-
     def _batch(self, capacity):
+        """The function of a whole batch, with views of its arguments and results by point."""
         call = BufferedFunction(self.function.map(capacity) if capacity > 1 else self.function)
         shapes = [self.function.size_out(i)[::-1] for i in range(self.function.n_out())]
         inputs = [memory.reshape(capacity, -1) for memory in call.arguments]
@@ -97,7 +101,7 @@ class MappedFunction(_BatchFunction):
         return call, inputs, [output.swapaxes(1, 2) for output in outputs]
 
 
-class ElementwiseFunction(_BatchFunction):
+class ElementwiseFunction(MappedFunction):
     """An SX function of vectors at several points: arguments (m, size) make results (m, rows).
 
     Each of its instructions works on all points at once. This is ten to seventy times as fast as evaluating one point
@@ -107,12 +111,9 @@ class ElementwiseFunction(_BatchFunction):
     _order = "C"
 
     def __init__(self, function: ca.Function):
-        super().__init__()
         symbols = function.sx_in()
-        function = ca.Function("dense", symbols, [ca.densify(result) for result in function.call(symbols)])
-        self._instructions = single_assignment(function)
-        self._sizes = [function.numel_in(i) for i in range(function.n_in())]
-        self._rows = [function.numel_out(i) for i in range(function.n_out())]
+        super().__init__(ca.Function("dense", symbols, [ca.densify(result) for result in function.call(symbols)]))
+        self._instructions = single_assignment(self.function)
 
     def _batch(self, capacity):
         call = BufferedFunction(self._columnwise(capacity))
@@ -120,9 +121,9 @@ class ElementwiseFunction(_BatchFunction):
 
     def _columnwise(self, count: int) -> ca.Function:
         """The function on matrices (count, size)."""
-        arguments = [ca.MX.sym("x", count, size) for size in self._sizes]
+        arguments = [ca.MX.sym("x", count, self.function.numel_in(i)) for i in range(self.function.n_in())]
         columns = [ca.horzsplit(argument) if argument.numel() else [] for argument in arguments]
-        results = [[ca.MX.zeros(count)] * rows for rows in self._rows]
+        results = [[ca.MX.zeros(count)] * self.function.numel_out(i) for i in range(self.function.n_out())]
         values: list = []
         for op, places, constant in self._instructions:
             if op == ca.OP_OUTPUT:

@@ -18,23 +18,17 @@ import numpy as np
 
 from ..errors import InputError
 
-MAX_LENGTH = 2000
-MAX_NODES = 1000
-# Each level of nesting costs a handful of Python frames, so that this stays far from the interpreter's limit.
-MAX_DEPTH = 60
+# Each level of nesting costs a handful of Python frames, so that the depth stays far from the interpreter's limit.
+MAX_LENGTH, MAX_NODES, MAX_DEPTH = 2000, 1000, 60
 BLANKS = " \t\n\r\f\v"
-
 CONSTANTS = {"pi": np.pi}
-
 # The names of each function in NumPy and in CasADi.
 _SAME = ("exp", "expm1", "log", "log1p", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh", "sign")
-_INVERSE = ("asin", "acos", "atan", "asinh", "acosh", "atanh")
 FUNCTIONS = {
     **{name: (name, name) for name in _SAME},
-    **{name: ("arc" + name[1:], name) for name in _INVERSE},
+    **{name: ("arc" + name[1:], name) for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh")},
     "abs": ("abs", "fabs"),
 }
-
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)|(?P<operator>\*\*|[-+*/()]))",
     re.ASCII,
@@ -67,8 +61,7 @@ class Formula:
         """The terms of the sum that it is, up to their signs; itself where it is no sum."""
         terms, waiting = [], [self.tree]
         while waiting:
-            tree = waiting.pop()
-            if tree[0] in ("+", "-"):
+            if (tree := waiting.pop())[0] in ("+", "-"):
                 waiting += tree[1:]
             else:
                 terms.append(Formula(self.text, tree))
@@ -80,10 +73,10 @@ class Formula:
             raise InputError(f"'{self.text}' needs a value for {', '.join(missing)}")
         kinds = {type(value) for value in values.values() if isinstance(value, casadi.SX | casadi.MX)}
         if kinds:
-            return _evaluate(self.tree, values, kinds.pop(), symbolic=True)
+            return _evaluate(self.tree, values, kinds.pop(), casadi)
         arrays = {name: np.asarray(value, dtype=float) for name, value in values.items()}
         with np.errstate(all="ignore"):
-            return _evaluate(self.tree, arrays, np.float64, symbolic=False)
+            return _evaluate(self.tree, arrays, np.float64, np)
 
 
 def parse(text: str) -> Formula:
@@ -158,10 +151,9 @@ def _as_tuples(node: ast.expr, tokens: list[_Token]) -> tuple:
         chain.append(node)
         node = node.left
     match node:
-        case ast.Name(id=place) if tokens[int(place[1:])].kind == "number":
-            tree: tuple = ("number", float(tokens[int(place[1:])].word))
         case ast.Name(id=place):
-            tree = ("name", tokens[int(place[1:])].word)
+            kind, word, _ = tokens[int(place[1:])]
+            tree: tuple = (kind, float(word) if kind == "number" else word)
         case ast.Call(func=ast.Name(id=place), args=[argument], keywords=[]):
             tree = ("call", tokens[int(place[1:])].word, _as_tuples(argument, tokens))
         case ast.UnaryOp(op=ast.USub(), operand=operand):
@@ -180,8 +172,7 @@ _SIGNS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "
 
 def suggest(word: str, known: Collection[str]) -> str:
     """'; did you mean ...' with the nearest known word, else the list of them, or '' when there are none."""
-    near = difflib.get_close_matches(word, list(known), n=1)
-    if near:
+    if near := difflib.get_close_matches(word, list(known), n=1):
         return f"; did you mean '{near[0]}'?"
     return f"; known: {', '.join(known)}" if known else ""
 
@@ -189,8 +180,7 @@ def suggest(word: str, known: Collection[str]) -> str:
 def _tokens(text: str) -> list[_Token]:
     tokens, position, end = [], 0, len(text.rstrip(BLANKS))
     while position < end:
-        match = _TOKEN.match(text, position)
-        if match is None or match.lastgroup is None:
+        if (match := _TOKEN.match(text, position)) is None or match.lastgroup is None:
             position = len(text) - len(text[position:].lstrip(BLANKS))
             character = text[position] if text[position].isprintable() else f"\\x{ord(text[position]):02x}"
             remedy = ": a power is written **" if character == "^" else ""
@@ -216,8 +206,8 @@ def _nodes(tree: tuple) -> list[tuple]:
     return nodes[::-1]
 
 
-def _evaluate(tree: tuple, values: Mapping, constant: type, symbolic: bool):
-    """The value of a tree; `constant` turns a number into the kind of the values."""
+def _evaluate(tree: tuple, values: Mapping, constant: type, library):
+    """The value of a tree; `constant` turns a number into the kind of the values, `library` has their functions."""
     stack = []
     for node in _nodes(tree):
         kind = node[0]
@@ -226,9 +216,7 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, symbolic: bool):
         elif kind == "name":
             stack.append(constant(CONSTANTS[node[1]]) if node[1] in CONSTANTS else values[node[1]])
         elif kind == "call":
-            numpy_name, casadi_name = FUNCTIONS[node[1]]
-            function = getattr(casadi, casadi_name) if symbolic else getattr(np, numpy_name)
-            stack.append(function(stack.pop()))
+            stack.append(getattr(library, FUNCTIONS[node[1]][library is casadi])(stack.pop()))
         elif kind == "negative":
             stack.append(-stack.pop())
         else:
@@ -237,10 +225,4 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, symbolic: bool):
     return stack.pop()
 
 
-_OPERATORS = {
-    "+": operator.add,
-    "-": operator.sub,
-    "*": operator.mul,
-    "/": operator.truediv,
-    "**": operator.pow,
-}
+_OPERATORS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "**": operator.pow}

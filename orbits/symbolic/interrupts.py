@@ -18,11 +18,8 @@ def deferred() -> Iterator[None]:
 
     Outside the main thread, or where another handler is installed, nothing is changed.
     """
-    ours = (
-        threading.current_thread() is threading.main_thread()
-        and signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    )
-    if not ours:
+    inside = threading.current_thread() is threading.main_thread()
+    if not inside or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
     _noted.clear()

@@ -22,15 +22,13 @@ REASONS = {
     "Insufficient_Memory": "the memory ran out; use a smaller family number",
 }
 
-OPTIONS = {
-    "print_time": False,
-    "show_eval_warnings": False,
-    "error_on_fail": False,
+OPTIONS: dict[str, Any] = {
+    **dict.fromkeys(("print_time", "show_eval_warnings", "error_on_fail"), False),
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.tol": 1e-13,
     "ipopt.constr_viol_tol": 1e-13,
-    "ipopt.dual_inf_tol": 1.0,  # the multipliers of a square problem do not matter
+    "ipopt.dual_inf_tol": 1.0,  # the multipliers of a square problem do not matter; else `tol` limits their conditions
     "ipopt.acceptable_iter": 0,
     "ipopt.max_iter": 200,
     "ipopt.nlp_scaling_method": "none",  # the caller scales
@@ -55,10 +53,7 @@ ENDS = {
 BOTTOMLESS, DIVERGING_ITERATES = -1e8, 1e12
 MINIMISING = {
     **OPTIONS,
-    "ipopt.tol": 1e-11,
-    "ipopt.constr_viol_tol": 1e-11,
-    "ipopt.compl_inf_tol": 1e-11,
-    "ipopt.dual_inf_tol": 1.0,  # only `tol` limits it: beside the multipliers, as `STATIONARY_GRADIENT`
+    **{f"ipopt.{name}": 1e-11 for name in ("tol", "constr_viol_tol", "compl_inf_tol")},
     "ipopt.bound_relax_factor": 0.0,  # no bound is violated, not even by rounding
     "ipopt.honor_original_bounds": "yes",
     "ipopt.max_iter": 1000,
@@ -88,9 +83,8 @@ def solve_equations(
     zero = [ca.MX(z.numel(), z.numel())]
     no_hessian = ca.Function("hessian", symbols, zero, ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"])
     watch = _Watch(z.numel(), equations.numel())
-    options: dict[str, Any] = {**OPTIONS, "hess_lag": no_hessian, "iteration_callback": watch}
-    problem: dict[str, Any] = {"x": z, "f": ca.MX(0), "g": scaled}
-    solver = ca.nlpsol("solver", "ipopt", problem, options)
+    options = {**OPTIONS, "hess_lag": no_hessian, "iteration_callback": watch}
+    solver = ca.nlpsol("solver", "ipopt", {"x": z, "f": ca.MX(0), "g": scaled}, options)
     try:
         with interrupts.deferred():
             answer = solver(x0=guess / scale, lbx=lower / scale, ubx=np.inf, lbg=0, ubg=0)
@@ -107,26 +101,16 @@ def solve_equations(
 
 @dataclass(frozen=True)
 class Minimum:
-    """The end of an iteration for a constrained minimum.
+    """The end of an iteration for a constrained minimum, with n unknowns and m constraints."""
 
-    x : (n,)
-    cost : the value of the cost there
-    multipliers : of the bounds (n,) and of the constraints (m,)
-    values : of the constraints, (m,)
-    off : the violation of each constraint, (m,)
-    slope : the largest entry of the gradient of the Lagrangian, beside the largest multiplier
-    kind : "minimum", "infeasible", "bottomless", "undefined", "overdetermined" or "stuck"
-    iterations : the number taken
-    """
-
-    x: np.ndarray
+    x: np.ndarray  # (n,)
     cost: float
-    multipliers: _Pair
-    values: np.ndarray
-    off: np.ndarray
-    slope: float
-    kind: str
-    iterations: int
+    multipliers: _Pair  # of the bounds (n,) and of the constraints (m,)
+    values: np.ndarray  # of the constraints, (m,)
+    off: np.ndarray  # the violation of each constraint, (m,)
+    slope: float  # the largest entry of the gradient of the Lagrangian, beside the largest multiplier
+    kind: str  # "minimum", "infeasible", "bottomless", "undefined", "overdetermined" or "stuck"
+    iterations: int  # the number taken
 
     @property
     def feasible(self) -> bool:
@@ -145,15 +129,14 @@ class Minimum:
 class Minimiser:
     """Ipopt with exact second derivatives: minimises cost(unknowns, p) under bounds and constraints of order one.
 
-    options : of Ipopt, in addition to `MINIMISING`
+    The `options` are of Ipopt, in addition to `MINIMISING`.
     """
 
     def __init__(self, unknowns: ca.MX, p: ca.MX, cost: ca.MX, constraints: ca.MX, options: Mapping | None = None):
         self.options = dict(options or {})
         self.problem: dict[str, Any] = {"x": unknowns, "p": p, "f": cost, "g": constraints}
-        gradient = ca.gradient(cost, unknowns)
         multipliers = ca.MX.sym("multipliers", constraints.numel())
-        gradient += ca.jtimes(constraints, unknowns, multipliers, True)
+        gradient = ca.gradient(cost, unknowns) + ca.jtimes(constraints, unknowns, multipliers, True)
         self.conditions = ca.Function("conditions", [unknowns, p, multipliers], [cost, gradient, constraints])
         self._watch = _Watch(unknowns.numel(), constraints.numel(), p.numel())
         self._solvers: dict[bool, ca.Function] = {}
@@ -163,12 +146,15 @@ class Minimiser:
     ) -> Minimum:
         """The minimum near `guess` (n,), with unknowns within `bounds` and constraints within `limits`.
 
-        multipliers : of a similar problem's minimum, from which the iteration starts
-
-        The `kind` of the result says how the iteration ended; only a keyboard interrupt is raised.
+        The iteration starts from the `multipliers` of a similar problem's minimum, if given; the `kind` of the result
+        says how it ended. Only a keyboard interrupt is raised.
         """
-        solver = self._solver(multipliers is not None)
-        warm_start = {} if multipliers is None else dict(zip(("lam_x0", "lam_g0"), multipliers, strict=True))
+        if (warm := multipliers is not None) not in self._solvers:
+            options: dict[str, Any] = {**MINIMISING, **self.options, **(WARM if warm else {})}
+            options["iteration_callback"] = self._watch
+            self._solvers[warm] = ca.nlpsol("minimise", "ipopt", self.problem, options)
+        solver = self._solvers[warm]
+        warm_start = dict(zip(("lam_x0", "lam_g0"), multipliers, strict=True)) if multipliers else {}
         (low, high), (least, most) = bounds, limits
         zeros = np.zeros(len(least))
         nowhere = Minimum(np.array(guess), np.nan, (np.zeros(len(guess)), zeros), zeros, zeros, 0.0, "", 0)
@@ -189,30 +175,19 @@ class Minimiser:
         iterations = stats.get("iter_count", 0)  # missing where the cost is undefined at the guess
         return Minimum(x, float(cost[0]), (lam_x, lam_g), values, off, slope, kind, iterations)
 
-    def _solver(self, warm: bool) -> ca.Function:
-        if warm not in self._solvers:
-            options: dict[str, Any] = {
-                **MINIMISING,
-                **self.options,
-                **(WARM if warm else {}),
-                "iteration_callback": self._watch,
-            }
-            self._solvers[warm] = ca.nlpsol("minimise", "ipopt", self.problem, options)
-        return self._solvers[warm]
-
 
 def _kind(status: str, cost: float, off: np.ndarray, slope: float) -> str:
     """The kind of end by the recomputed conditions, as Ipopt reports success at points that do not meet them."""
-    if status in ("Solve_Succeeded", *STALLED_STATUSES):
-        largest = max(np.abs(off).max(initial=0.0) / FEASIBLE, slope / STATIONARY_GRADIENT)
-        if largest <= 1.0:
-            return "minimum"
+    most = np.abs(off).max(initial=0.0)
+    ended = status in ("Solve_Succeeded", *STALLED_STATUSES)
+    if ended and max(most / FEASIBLE, slope / STATIONARY_GRADIENT) <= 1.0:
+        return "minimum"
     if cost < BOTTOMLESS:
         return "bottomless"
     if status == "Invalid_Number_Detected" or not np.isfinite(cost):
         return "undefined"
-    missed = np.abs(off).max(initial=0.0) > NEARLY
-    return "infeasible" if missed and status in ("Infeasible_Problem_Detected", "Restoration_Failed") else "stuck"
+    infeasible = most > NEARLY and status in ("Infeasible_Problem_Detected", "Restoration_Failed")
+    return "infeasible" if infeasible else "stuck"
 
 
 class _Watch(ca.Callback):

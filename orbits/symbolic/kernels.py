@@ -59,8 +59,7 @@ def compiled_before(function: ca.Function) -> ca.Function | None:
 
 def compile_function(function: ca.Function) -> ca.Function | None:
     """The same function compiled, kept for later processes and loaded; None when there is no compiler or it fails."""
-    path = compiler()
-    if path is None:
+    if (path := compiler()) is None:
         return None
     with tempfile.TemporaryDirectory(prefix="orbits-") as folder:
         generator = ca.CodeGenerator(function.name() + ".c")

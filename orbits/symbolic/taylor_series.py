@@ -1,8 +1,8 @@
 """Taylor series of the solutions of x' = f(x, p), by recursion over the expression graph of f.
 
 The graph is traversed once per order with the classical product, quotient and power recursions (Jorba and Zou, "A
-software package for the numerical integration of ODEs by means of high-order Taylor methods", Exp. Math. 14, 2005).
-The result therefore grows with the square of the order, and not exponentially as by repeated symbolic differentiation.
+software package for the numerical integration of ODEs by means of high-order Taylor methods", Exp. Math. 14, 2005), so
+that the result grows with the square of the order, not exponentially as by repeated symbolic differentiation.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,7 +10,7 @@ from functools import partial
 
 import casadi as ca
 
-from .instructions import Instruction, single_assignment
+from .calls import Instruction, single_assignment
 
 _ZERO = ca.SX(0)
 
@@ -36,10 +36,10 @@ def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> c
     watched: list[list[ca.SX]] = [[] for _ in range(m)]
     for k in range(order + 1):
         outputs = _advance(instructions, series, (state, parameters), k)
-        for i in range(m):
-            watched[i].append(outputs.get((1, i), _ZERO))
-        for i in range(n if k < order else 0):
-            state[i].append(outputs.get((0, i), _ZERO) / (k + 1))
+        for i, row in enumerate(watched):
+            row.append(outputs.get((1, i), _ZERO))
+        for i, row in enumerate(state if k < order else ()):
+            row.append(outputs.get((0, i), _ZERO) / (k + 1))
     return ca.vertcat(*[ca.horzcat(*row) for row in (*state, *watched)])
 
 
@@ -76,35 +76,19 @@ def variations(field: ca.Function, varied: tuple[int, ...], order: int) -> tuple
 
 
 class _Series(list):
-    """The coefficients found so far of one result, with what its recursion needs besides.
-
-    slopes : the multiples j a[j], kept because many sums use them
-    partner : the series of a second function that the recursion needs, as the cosine beside the sine
-    inner : the series of the instructions of a composed operation
-    """
+    """The coefficients found so far of one result, with what its recursion needs besides."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.slopes: dict[int, ca.SX] = {}
-        self.partner: list[ca.SX] = []
-        self.inner: list[_Series] = []
-
-    def slope(self, j: int) -> ca.SX:
-        """j a[j], coefficient j - 1 of the derivative."""
-        if j not in self.slopes:
-            self.slopes[j] = j * self[j]
-        return self.slopes[j]
-
-    def constant(self) -> bool:
-        return all(c.is_zero() for c in self[1:])
+        self.slopes: list[ca.SX] = []  # the multiples j a[j] found so far, kept because many sums use them
+        self.partner: list[ca.SX] = []  # the series of a second function that it needs, as the cosine beside the sine
+        self.inner: list[_Series] = []  # the series of the instructions of a composed operation
 
 
-def _advance(
-    instructions: list[Instruction], series: list[_Series], inputs: Sequence, k: int
-) -> dict[tuple[int, int], ca.SX]:
-    """Append coefficient k of every instruction to its series; return those of the outputs by (output, element).
+def _advance(instructions, series: list[_Series], inputs: Sequence, k: int) -> dict[tuple[int, int], ca.SX]:
+    """Append coefficient k of every instruction, from those up to k of each element of each input, to its series.
 
-    inputs : for each input the coefficients of each of its elements, known up to k
+    Returns the coefficients k of the outputs by (output, element).
     """
     outputs = {}
     for (op, arguments, constant), out in zip(instructions, series, strict=True):
@@ -131,10 +115,8 @@ def _convolve(a, b, low: int, high: int, k: int) -> ca.SX:
 
 def _weighted(a: _Series, b, k: int) -> ca.SX:
     """Sum of j/k a[j] b[k-j] for 1 <= j <= k: the recursion of every function whose derivative is elementary."""
-    terms = [j for j in range(1, k + 1) if not (a[j].is_zero() or b[k - j].is_zero())]
-    if not terms:
-        return ca.SX(0)
-    return ca.dot(ca.vertcat(*[a.slope(j) for j in terms]), ca.vertcat(*[b[k - j] for j in terms])) / k
+    a.slopes += [j * a[j] for j in range(len(a.slopes), k + 1)]
+    return _convolve(a.slopes, b, 1, k, k) / k
 
 
 # Each recursion gives coefficient k of an operation from its first argument a and its last argument b, known up to k,
@@ -149,7 +131,7 @@ def _square(a, b, out, k: int) -> ca.SX:
 def _power(a, b, out, k: int) -> ca.SX:
     if k == 0:
         return a[0] ** b[0]
-    if not b.constant():
+    if not all(c.is_zero() for c in b[1:]):
         return _compose(_VARIABLE_POWER, (a, b), out, k)[0, 0]
     terms = [j for j in range(1, k + 1) if not a[j].is_zero()]
     return sum((((b[0] + 1) * j / k - 1) * a[j] * out[k - j] for j in terms), ca.SX(0)) / a[0]
@@ -179,10 +161,10 @@ def _integral(function: Callable, derivative: list[Instruction], a, b, out, k: i
     if k == 0:
         return function(a[0])
     _compose(derivative, (a,), out, k - 1)
-    return _weighted(a, out.inner[derivative[-1].arguments[0]], k)
+    return _weighted(a, out.inner[derivative[-1][1][0]], k)
 
 
-def _compose(instructions: list[Instruction], arguments: tuple, out: _Series, k: int) -> dict[tuple[int, int], ca.SX]:
+def _compose(instructions, arguments: tuple, out: _Series, k: int) -> dict[tuple[int, int], ca.SX]:
     """Coefficient k of a function made of `instructions`, after those of lower order that are still missing."""
     out.inner = out.inner or [_Series() for _ in instructions]
     for i in range(len(out.inner[0]), k + 1):
@@ -193,10 +175,6 @@ def _compose(instructions: list[Instruction], arguments: tuple, out: _Series, k:
 def _instructions(function: Callable, count: int) -> list[Instruction]:
     symbols = [ca.SX.sym("a") for _ in range(count)]
     return single_assignment(ca.Function("f", symbols, [function(*symbols)]))
-
-
-def _integral_of_derivative(function: Callable) -> partial:
-    return partial(_integral, function, _instructions(lambda a: ca.jacobian(function(a), a), 1))
 
 
 _VARIABLE_POWER = _instructions(lambda a, b: ca.exp(b * ca.log(a)), 2)
@@ -221,12 +199,8 @@ _RECURSIONS: dict[int, Callable[..., ca.SX]] = {
     ca.OP_COSH: partial(_with_partner, ca.cosh, ca.sinh, (1, 1)),
     ca.OP_TAN: partial(_tangent, ca.tan, 1),
     ca.OP_TANH: partial(_tangent, ca.tanh, -1),
-    ca.OP_LOG: _integral_of_derivative(ca.log),
-    ca.OP_LOG1P: _integral_of_derivative(ca.log1p),
-    ca.OP_ASIN: _integral_of_derivative(ca.asin),
-    ca.OP_ACOS: _integral_of_derivative(ca.acos),
-    ca.OP_ATAN: _integral_of_derivative(ca.atan),
-    ca.OP_ASINH: _integral_of_derivative(ca.asinh),
-    ca.OP_ACOSH: _integral_of_derivative(ca.acosh),
-    ca.OP_ATANH: _integral_of_derivative(ca.atanh),
 }
+for _name in ("log", "log1p", "asin", "acos", "atan", "asinh", "acosh", "atanh"):
+    _function = getattr(ca, _name)
+    _slope = _instructions(lambda a, f=_function: ca.jacobian(f(a), a), 1)
+    _RECURSIONS[getattr(ca, f"OP_{_name.upper()}")] = partial(_integral, _function, _slope)

@@ -11,8 +11,8 @@ from orbits import FlowError, OutOfRange, ReturnMap, find, simulate
 from orbits.continuation.corrector import correct, newton_steps, predict_and_correct
 from orbits.continuation.curve import Curve, interpolated
 from orbits.continuation.newton_batch import newton_batch
-from orbits.flow.bounds import FlowControl
 from orbits.flow.flow import flow_of
+from orbits.flow.vector_field import FlowControl
 from orbits.flow.zero_crossing import first_zero
 from orbits.hybrid.impacts import Impacts
 from orbits.model.phase import Affine

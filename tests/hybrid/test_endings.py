@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, ReturnMap, find, multiplier, simulate
-from orbits.flow.bounds import FlowControl
+from orbits.flow.vector_field import FlowControl
 from orbits.hybrid.impacts import STATUSES, ImpactOptions, Impacts
 from problems import Hopper, Juggler
 from problems.springs import table

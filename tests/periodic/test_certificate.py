@@ -12,7 +12,7 @@ from orbits import METHODS, NoOrbit, find
 from orbits.continuation.corrector import correct_all
 from orbits.continuation.curve import Curve
 from orbits.flow.flow import flow_of
-from orbits.numerics.linear import solve
+from orbits.numerics.roots import solve
 from orbits.periodic.local_law import by_launch_speed, landing_gap_slope, launch_power
 from problems import HeavyHand, Hopper, Juggler, springs
 
