@@ -6,10 +6,10 @@ import numpy as np
 
 from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from ..numerics.bernstein import PiecewisePolynomials, roots
+from ..numerics.roots import Array
 from ..symbolic import interrupts
 from .dynamics import PhaseDynamics
 from .trajectory import Trajectory
-from .vector_field import Array
 
 # How far from a breakpoint the limits of the field on its two sides are evaluated, relative to the breakpoint. They are
 # extrapolated to it from this distance and its double, so that an error of second order, 1e-12, remains.

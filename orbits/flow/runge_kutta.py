@@ -3,8 +3,9 @@
 import casadi as ca
 import numpy as np
 
+from ..numerics.roots import Array
 from ..symbolic.calls import BufferedFunction
-from .vector_field import FLOW_CONTROL, Array, Steps, VectorField, runge_kutta
+from .vector_field import FLOW_CONTROL, Steps, VectorField, runge_kutta
 
 # The first step that is tried. Later ones try four times the step before, so that the length can also grow.
 FIRST_STEP, GROWTH = 0.1, 4.0

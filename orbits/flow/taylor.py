@@ -6,10 +6,11 @@ import casadi as ca
 import numpy as np
 
 from ..numerics.bernstein import TINY
+from ..numerics.roots import Array
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.kernels import compile_function, compile_seconds, compiled_before, lengths
 from ..symbolic.taylor_series import variations
-from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Array, Steps, VectorField, symbolic_powers
+from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Steps, VectorField, symbolic_powers
 
 # Truncation error of a step relative to the state: a tenth of the rounding error of the sum.
 TRUNCATION = 1e-17
