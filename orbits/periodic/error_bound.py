@@ -16,7 +16,7 @@ from ..numerics.bernstein import powers
 from ..numerics.linear import solve
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import BufferedFunction
-from .evaluation import Evaluation
+from .newton import Evaluation
 from .single_shooting import Shooting
 
 # Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are equal
@@ -34,8 +34,7 @@ NINTH_TERM = 0.01
 EPS = float(np.finfo(float).eps)
 NARROW = (
     ". Either it hangs at an unstable equilibrium, where rounding decides, or it crosses something narrower than an "
-    "integration step: smooth the law, or give breakpoints to "
-    "springs.function"
+    "integration step: smooth the law, or give breakpoints to springs.function"
 )
 
 
@@ -54,36 +53,27 @@ def error_bounds(
     closing : rows (m, n + 1) that close the equations where a parameter is varied too, the last unit vector for errors
         at the parameter's value
     quickly : where the flow allows it, integrate the field along each step's polynomial by Gauss's rule, and carry the
-        defects of the steps to the end of the arc; else, the motion is integrated again by another method with smaller
-        steps
+        steps' defects to the end of the arc; else, integrate the motion again by another method with smaller steps
 
-    The residuals that this gives go through the inverse Jacobian. Added is the rounding that both integrations may
-    share: half a unit in the last place of the state a step, adding up at random, through the same inverse, and grown
-    by the flow where that grows differences (in a long flight of a nonlinear spring a change of amplitude becomes one
-    of phase).
+    The residuals found so go through the inverse Jacobian. Added is the rounding that both integrations may share: half
+    a unit in the last place of the state a step, adding up at random, through the same inverse, and grown by the flow
+    where that grows differences (in a long flight a nonlinear spring turns a change of amplitude into one of phase).
     """
-    smooth = len(equations.flows) == 1 and equations.flows[0].smooth
-    quickly = quickly and smooth and evaluation.trajectories[0].variations is not None
-    residuals = (
-        _residuals_by_defects(equations, us, ps, evaluation) if quickly else np.full_like(evaluation.residual, np.nan)
-    )
-    refused: dict[int, NoOrbit] = {}
+    residuals, refused = np.full_like(evaluation.residual, np.nan), {}
+    if quickly and len(equations.flows) == 1 and equations.smooth and evaluation.trajectories[0].variations is not None:
+        residuals = _residuals_by_defects(equations, us, ps, evaluation)
     for i in np.flatnonzero(~np.isfinite(residuals).all(1)).tolist():
-        paths = tuple(motions[i] for motions in evaluation.trajectories)
         try:
-            residuals[i] = equations.residual(us[i], ps[i], paths, _end_by_another_method)
+            residuals[i] = equations.residual(us[i], ps[i], evaluation[i].trajectories, _end_by_another_method)
         except NoOrbit as error:
             refused[i] = error
     bounds, doubtful = _bounds_of_residuals(equations, us, evaluation, closing, residuals)
     return bounds, doubtful | refused
 
 
-def _bounds_of_residuals(
-    equations: Shooting, us: np.ndarray, evaluation: Evaluation, closing: np.ndarray | None, residuals: np.ndarray
-) -> tuple[np.ndarray, dict[int, NoOrbit]]:
+def _bounds_of_residuals(equations: Shooting, us, evaluation: Evaluation, closing, residuals):
     """The bounds that independent residuals (m, n) give, rounding included; as in `error_bounds`."""
-    n, index = equations.size, equations.statement.unknowns.index("alpha")
-    jacobian = evaluation.jacobian
+    n, index, jacobian = equations.size, equations.statement.unknowns.index("alpha"), evaluation.jacobian
     square = jacobian if closing is None else np.concatenate([jacobian, closing[:, None]], axis=1)
     inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[:, [index]])[:, :n, 0]  # the inverse's row of alpha
     alpha = us[:, index]
