@@ -3,9 +3,6 @@
 Nothing here reuses the equations that were solved, only the motions.
 """
 
-from collections.abc import Iterator
-from itertools import chain
-
 import numpy as np
 
 from ..flow.trajectory import Trajectories
@@ -18,8 +15,7 @@ MIDDLE = 1e-7
 # The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
 # share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
 STATIONARY = 1e-6
-# A violation: the index of the orbit, and what is wrong in words.
-Violation = tuple[int, str]
+Violation = tuple[int, str]  # the index of the orbit, and what is wrong in words
 
 
 def admissibility(model: Model, cycles: Cycles) -> tuple:
@@ -30,11 +26,11 @@ def admissibility(model: Model, cycles: Cycles) -> tuple:
     separation over the cycle, `NONE` also where no length is stated or the contact does not end; and the violations of
     each orbit, in words.
     """
-    jerk, clearance, when = _gaps(model, cycles)
+    jerk, clearance, collisions = _gaps(model, cycles)
     separation, meetings = _separations(model, cycles)
     smallest_force, largest_force, pulls = _contact_forces(model, cycles)
     violations: list[list[str]] = [[] for _ in range(len(cycles))]
-    for i, reason in chain(_gap_violations(model, jerk, clearance, when), pulls, meetings):
+    for i, reason in (*collisions, *pulls, *meetings):
         violations[i].append(reason)
     return jerk, clearance, smallest_force, largest_force, separation, [tuple(reasons) for reasons in violations]
 
@@ -48,13 +44,17 @@ def count_families(model: Model, halves: Trajectories, per_flight: int) -> list[
     return (turns // per_flight).tolist()
 
 
-def _gaps(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Jerks of the gap at lift-off (m,), its lowest interior minima (m,), `NONE` without one, and their times (m,)."""
+def _gaps(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
+    """Jerks of the gap at lift-off (m,), its lowest interior minima (m,), `NONE` without one, and what they violate."""
     halves = cycles.halves
     gaps = halves.series(model.gap(cycles.p_of_halves))
     jerk = (6 * gaps[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
     clearance, when = _least_of_halves(cycles, *_lowest_minima(halves, gaps))
-    return jerk, clearance, when
+    opens, meets = "the gap opens the wrong way at landing (landing jerk", model.violations["gap"]
+    wrong, low = np.flatnonzero(jerk <= 0).tolist(), np.flatnonzero(clearance <= 0).tolist()
+    violations = [(i, f"{opens} {-jerk[i]:.3g}, must be negative)") for i in wrong]
+    violations += [(i, f"{meets} at t = {when[i]:.6g} of the flight (height {clearance[i]:.3g})") for i in low]
+    return jerk, clearance, violations
 
 
 def _lowest_minima(halves: Trajectories, gaps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -86,13 +86,6 @@ def _least_of_halves(cycles: Cycles, values: np.ndarray, times: np.ndarray) -> t
     half, each = values.argmin(1), np.arange(len(values))
     when = times[each, half]
     return values[each, half], np.where(half == 0, when, cycles.flight_times - when)
-
-
-def _gap_violations(model: Model, jerk: np.ndarray, clearance: np.ndarray, when: np.ndarray) -> Iterator[Violation]:
-    for i in np.flatnonzero(jerk <= 0).tolist():
-        yield i, f"the gap opens the wrong way at landing (landing jerk {-jerk[i]:.3g}, must be negative)"
-    for i in np.flatnonzero(clearance <= 0).tolist():
-        yield i, f"{model.violations['gap']} at t = {when[i]:.6g} of the flight (height {clearance[i]:.3g})"
 
 
 def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Violation]]:

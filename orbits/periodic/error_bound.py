@@ -26,8 +26,7 @@ RANDOM_STEPS = 20.0
 SHEAR = 4.0
 # Order-8 steps are taken in one call, their number a multiple of this, so that few functions are built.
 STEPS_PER_CALL = 32
-# An error beyond the first share, and beyond the second times what rounding explains, shows that the steps have leapt
-# over a feature of a law.
+# An error beyond the first share, and beyond the second times what rounding explains: the steps leapt over a feature.
 WORST_ERROR, DOUBTFUL_RATIO = 1e-11, 1e4
 # Order-8 steps are so short that the ninth Taylor term, their error, is below this share of rounding.
 NINTH_TERM = 0.01
@@ -141,7 +140,7 @@ def _end_by_another_method(flow: Flow, start: np.ndarray, p: np.ndarray, path: T
 def _substeps(coefficients: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """Numbers (N,) of order-8 steps that bring the error over each step of a motion below rounding.
 
-    The shapes are those of a `Trajectory`. The error of k such steps is k**-8 times the ninth Taylor term of the whole.
+    The error of k such steps is k**-8 times the ninth Taylor term of the whole.
     """
     ninth = np.abs(coefficients[:, :, 9]).max(1) * steps**9 / np.maximum(np.abs(coefficients[:, :, 0]).max(1), 1e-300)
     # At least 8 of them, since a feature of the law between fewer samples could be missed.

@@ -205,10 +205,8 @@ def halved(flights: Trajectories) -> Trajectories:
 
 
 def _landing_by_alpha(evaluation: Evaluation, reversor: tuple[int, ...]) -> ndarray:
-    """Derivatives (m, states) of the state at landing by alpha, the second unknown, where first halves were solved for.
-
-    The second half of the motion is the mirror image of the first, and so is its transition matrix.
-    """
+    """Derivatives (m, states) of the state at landing by alpha, the second unknown; the second half of the motion is
+    the mirror image of the first, and so is its transition matrix."""
     first, start, mirror = evaluation.transitions[0], evaluation.starts[0][:, :, [1]], np.array(reversor)[:, None]
     return (mirror * solve(first[:, :, : first.shape[1]], mirror * (first @ start)))[:, :, 0]
 

@@ -241,10 +241,8 @@ class Orbit:
 
         Raises `InputError` when the file cannot be written.
         """
-        flight, contact = (
-            path and {"names": path.names, "times": path.times, "coefficients": path.coefficients}
-            for path in (self.flight, self.contact)
-        )
+        parts, motions = ("names", "times", "coefficients"), (self.flight, self.contact)
+        flight, contact = (path and {name: getattr(path, name) for name in parts} for path in motions)
         heights = {name: [height.weights, height.offset] for name, height in self.shape.heights.items()}
         shape, units = vars(self.shape) | {"heights": heights}, self.units and asdict(self.units)
         motion = {"shape": shape, "flight": flight, "contact": contact, "units": units}
@@ -290,13 +288,9 @@ def _path_of(data: Mapping[str, Any]) -> Trajectory:
 
 
 def _shape_of(data: Mapping[str, Any]) -> Shape:
-    return Shape(
-        data["reversor"] and tuple(data["reversor"]),
-        data["contact_reversor"] and tuple(data["contact_reversor"]),
-        np.array(data["embed"]),
-        {name: Affine(tuple(weights), offset) for name, (weights, offset) in data["heights"].items()},
-        tuple(map(tuple, data["springs"])),
-    )
+    reversor, mirror = (data[name] and tuple(data[name]) for name in ("reversor", "contact_reversor"))
+    heights = {name: Affine(tuple(weights), offset) for name, (weights, offset) in data["heights"].items()}
+    return Shape(reversor, mirror, np.array(data["embed"]), heights, tuple(map(tuple, data["springs"])))
 
 
 def _float_of(value: Any) -> float:

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..flow.flow import Flow, flow_of
+from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectory
 from ..model.phase import Statement
 from ..numerics.bernstein import derivative, evaluate
@@ -27,10 +27,8 @@ def shooting_equations(statement: Statement, parameters: tuple[str, ...]) -> "Sh
 
 
 class Shooting:
-    """The equations F(u, p) = 0 of a statement, `parameters` naming the entries of p.
-
-    Everywhere u is (n,), p is (np,), `vary` names k parameters with respect to which derivatives are taken too.
-    """
+    """The equations F(u, p) = 0 of a statement, for u (n,) and p (np,), whose entries `parameters` names; `vary` names
+    k parameters with respect to which derivatives are taken too."""
 
     def __init__(self, statement: Statement, parameters: tuple[str, ...]):
         self.statement, self.parameters = statement, tuple(parameters)
@@ -129,7 +127,7 @@ class Shooting:
         moved = tuple(motions.moved(change(start), change(duration)) for motions, start, duration in arcs)
         if any(flow.phase.pieces for flow in self.flows):
             points = zip(us, ps, zip(*moved, strict=True), strict=True)
-            residual = np.array([self.residual(u, p, paths, _end_of_path) for u, p, paths in points])
+            residual = np.array([self.residual(u, p, paths, lambda *arc: arc[-1].end) for u, p, paths in points])
         else:
             residual = self.arrivals(us, ps, *(motions.finals for motions in moved))[0][:, :, 0]
         return replace(evaluation, residual=residual, trajectories=moved)
@@ -180,10 +178,6 @@ def _with_derivatives(function: ca.Function) -> BufferedFunction:
     arguments = function.sx_in()
     value = ca.vertcat(*function.call(arguments))
     return BufferedFunction(dense(function.name(), arguments, [value, ca.jacobian(value, ca.vertcat(*arguments))]))
-
-
-def _end_of_path(flow: Flow, start: np.ndarray, p: np.ndarray, path: Trajectory) -> np.ndarray:
-    return path.end
 
 
 def _chain(slope: np.ndarray, *inner: np.ndarray) -> np.ndarray:
