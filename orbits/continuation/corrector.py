@@ -10,8 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import NoOrbit
-from ..periodic.evaluation import Evaluation
-from ..periodic.newton import STALLED_RATIO, settles
+from ..periodic.newton import STALLED_RATIO, Evaluation, settles
 from ..symbolic.calls import room_for
 from .curve import Curve, CurvePoint
 from .predictor import around

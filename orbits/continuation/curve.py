@@ -17,12 +17,11 @@ from ..errors import NoOrbit, OrbitsError
 from ..model.machine import Machine
 from ..periodic.certificate import certify
 from ..periodic.error_bound import error_bounds
-from ..periodic.evaluation import Evaluation, joined
-from ..periodic.formulations import equations_of
-from ..periodic.interpretation import certified_orbit, interpret, with_contacts
+from ..periodic.find import certified_orbit
+from ..periodic.formulations import equations_of, interpret, or_none
+from ..periodic.newton import Evaluation, joined
 from ..periodic.orbit import Orbit
 from ..periodic.single_shooting import Shooting
-from ..periodic.solution import or_none
 from .family import Point
 from .newton_batch import NewtonBatch, newton_batch
 from .predictor import around
@@ -199,7 +198,7 @@ class Curve:
     def _certificates(self, points: Sequence[CurvePoint], us, ps, evaluation: Evaluation, errors) -> list[Point]:
         """The orbits at `solutions`, certified; raises `NoOrbit` about the first that cannot be."""
         model = self.machine.model
-        cases = with_contacts(model, interpret(model, self.method, self.orbits, us, ps, evaluation, errors))
+        cases = interpret(model, self.method, self.orbits, us, ps, evaluation, errors)
         certificates = certify(model, cases)
         also = {name: cases.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)

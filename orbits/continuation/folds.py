@@ -15,9 +15,9 @@ import numpy as np
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
 from ..model.phase import Arc, Phase, Statement
-from ..periodic.evaluation import Evaluation
+from ..periodic.formulations import columns
+from ..periodic.newton import Evaluation
 from ..periodic.single_shooting import shooting_equations
-from ..periodic.solution import columns
 from .arguments import Options, check_followed, checked_options, machine_at
 from .curve import Curve, CurvePoint
 from .family import Family, Point

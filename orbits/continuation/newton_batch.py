@@ -13,7 +13,7 @@ import numpy as np
 
 from ..flow.taylor import LONGEST_STEP
 from ..flow.trajectory import Trajectories
-from ..periodic.evaluation import Evaluation
+from ..periodic.newton import Evaluation
 from ..periodic.single_shooting import Shooting, dense
 from ..symbolic.calls import MappedFunction
 from .predictor import hermite

@@ -14,10 +14,9 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..model.machine import Machine
-from ..periodic.formulations import equations_of
-from ..periodic.interpretation import certified_orbit
+from ..periodic.find import certified_orbit
+from ..periodic.formulations import equations_of, vector
 from ..periodic.orbit import Orbit
-from ..periodic.solution import vector
 from ..symbolic import interrupts
 from ..symbolic.ipopt import Minimum
 from .nlp import DEMAND_MARGIN, DesignPoint, Ties, Weights, design_point

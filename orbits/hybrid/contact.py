@@ -5,7 +5,7 @@ import numpy as np
 from ..flow.flow import Flow
 from ..model.phase import Affine
 from ..numerics.bernstein import Crossings
-from ..periodic.contact import contact_force_row
+from ..periodic.formulations import contact_force_row
 
 # After this many zeros of the contact's speed the contact never ends, see `ContactEnd`.
 TURNS = 3

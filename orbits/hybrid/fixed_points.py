@@ -13,9 +13,8 @@ from ..flow.trajectory import Trajectory
 from ..model.model import Reduction
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
-from ..periodic.find import find
+from ..periodic.find import certified_orbit, find
 from ..periodic.formulations import equations_of
-from ..periodic.interpretation import certified_orbit
 from ..periodic.orbit import Orbit
 from .impacts import Impacts
 

@@ -22,9 +22,8 @@ from ..flow.trajectory import Trajectory
 from ..model.machine import ImpactingMachine, check_machine
 from ..model.phase import Affine
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
-from ..periodic.contact import contact_force_row
-from ..periodic.energy import gradients
-from ..periodic.solution import vector
+from ..periodic.certificate import gradients
+from ..periodic.formulations import contact_force_row, vector
 from ..symbolic.calls import ElementwiseFunction
 from .contact import TURNS, ContactEnd
 

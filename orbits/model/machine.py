@@ -37,7 +37,7 @@ class Machine(Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """The machine in words and numbers for JSON, with the keys of `orbits.periodic.orbit_file.MACHINE_FIELDS`."""
+        """The machine in words and numbers for JSON, with the keys of `orbits.periodic.orbit.MACHINE_FIELDS`."""
         ...
 
 

@@ -1,60 +1,38 @@
 """What makes a root of the equations a motion: the gap, the contact force and the separation, over the whole cycle.
 
-Nothing here reuses the equations that were solved, only the motions. Orbits of one model are checked together, which
-takes hardly longer than checking one.
+Nothing here reuses the equations that were solved, only the motions.
 """
-
-from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..flow.trajectory import Trajectories
 from ..model.model import Model
 from ..numerics.bernstein import derivative, evaluate
-from .contact import CONTACT_FORCE
-from .solution import NONE, Cycles
+from .formulations import CONTACT_FORCE, NONE, Cycles
 
 # A stationary point this near to the middle of the motion, as a share of its time, is the middle itself.
 MIDDLE = 1e-7
 # The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
 # share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
 STATIONARY = 1e-6
-# A violation: the index of the orbit, and what is wrong in words.
-Violation = tuple[int, str]
+Violation = tuple[int, str]  # the index of the orbit, and what is wrong in words
 
 
-@dataclass(frozen=True, eq=False)
-class Admissibility:
-    """What was checked of m orbits, (m,) each, `NONE` where there is no such minimum or peak.
+def admissibility(model: Model, cycles: Cycles) -> tuple:
+    """What makes m solved orbits of one model motions, and what makes them none.
 
-    jerk : of the gap at lift-off, which is minus that at landing
-    clearance : the lowest interior minimum of the gap
-    smallest_force, largest_force : the lowest interior minimum of the contact force, and its peak
-    separation : the least over the cycle, `NONE` also where no length is stated or the contact does not end
-    violations : of each orbit, in words
+    Returns (m,) each, `NONE` where there is no such minimum or peak: the jerk of the gap at lift-off, which is minus
+    that at landing; the lowest interior minimum of the gap; that of the contact force, and its peak; the least
+    separation over the cycle, `NONE` also where no length is stated or the contact does not end; and the violations of
+    each orbit, in words.
     """
-
-    jerk: np.ndarray
-    clearance: np.ndarray
-    smallest_force: np.ndarray
-    largest_force: np.ndarray
-    separation: np.ndarray
-    violations: tuple[tuple[str, ...], ...]
-
-
-def admissibility(model: Model, cycles: Cycles) -> Admissibility:
-    """What makes solved orbits of one model motions, and what makes them none."""
-    jerk, clearance, when = _gaps(model, cycles)
-    separation, separation_violations = _separations(model, cycles)
+    jerk, clearance, collisions = _gaps(model, cycles)
+    separation, meetings = _separations(model, cycles)
+    smallest_force, largest_force, pulls = _contact_forces(model, cycles)
     violations: list[list[str]] = [[] for _ in range(len(cycles))]
-    checks = (_gap_violations(model, jerk, clearance, when), _force_violations(model, cycles), separation_violations)
-    for check in checks:
-        for i, reason in check:
-            violations[i].append(reason)
-    return Admissibility(
-        jerk, clearance, *_contact_forces(model, cycles), separation, tuple(tuple(reasons) for reasons in violations)
-    )
+    for i, reason in (*collisions, *pulls, *meetings):
+        violations[i].append(reason)
+    return jerk, clearance, smallest_force, largest_force, separation, [tuple(reasons) for reasons in violations]
 
 
 def count_families(model: Model, halves: Trajectories, per_flight: int) -> list[int]:
@@ -66,13 +44,17 @@ def count_families(model: Model, halves: Trajectories, per_flight: int) -> list[
     return (turns // per_flight).tolist()
 
 
-def _gaps(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Jerks of the gap at lift-off (m,), its lowest interior minima (m,), `NONE` without one, and their times (m,)."""
+def _gaps(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
+    """Jerks of the gap at lift-off (m,), its lowest interior minima (m,), `NONE` without one, and what they violate."""
     halves = cycles.halves
     gaps = halves.series(model.gap(cycles.p_of_halves))
     jerk = (6 * gaps[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
     clearance, when = _least_of_halves(cycles, *_lowest_minima(halves, gaps))
-    return jerk, clearance, when
+    opens, meets = "the gap opens the wrong way at landing (landing jerk", model.violations["gap"]
+    wrong, low = np.flatnonzero(jerk <= 0).tolist(), np.flatnonzero(clearance <= 0).tolist()
+    violations = [(i, f"{opens} {-jerk[i]:.3g}, must be negative)") for i in wrong]
+    violations += [(i, f"{meets} at t = {when[i]:.6g} of the flight (height {clearance[i]:.3g})") for i in low]
+    return jerk, clearance, violations
 
 
 def _lowest_minima(halves: Trajectories, gaps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -106,19 +88,16 @@ def _least_of_halves(cycles: Cycles, values: np.ndarray, times: np.ndarray) -> t
     return values[each, half], np.where(half == 0, when, cycles.flight_times - when)
 
 
-def _gap_violations(model: Model, jerk: np.ndarray, clearance: np.ndarray, when: np.ndarray) -> Iterator[Violation]:
-    for i in np.flatnonzero(jerk <= 0).tolist():
-        yield i, f"the gap opens the wrong way at landing (landing jerk {-jerk[i]:.3g}, must be negative)"
-    for i in np.flatnonzero(clearance <= 0).tolist():
-        yield i, f"{model.violations['gap']} at t = {when[i]:.6g} of the flight (height {clearance[i]:.3g})"
+def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
+    """The lowest interior minima (m,) of the contact forces, and their peaks (m,), `NONE` where there are none; and the
+    contacts that do not end or that have to pull.
 
-
-def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray]:
-    """The lowest interior minima (m,) of the contact forces, and their peaks (m,), `NONE` where there are none."""
-    least, peaks = np.full((2, len(cycles)), NONE)
+    The force starts from a simple zero, which is divided out exactly; a whole contact ends on another one.
+    """
+    (least, peaks), violations = np.full((2, len(cycles)), NONE), [*cycles.without_contact.items()]
     if not cycles.contacts:
-        return least, peaks
-    contacts = cycles.contacts
+        return least, peaks, violations
+    contacts, pulls = cycles.contacts, model.violations["pull"]
     force = contacts.coefficients[:, contacts.names.index(CONTACT_FORCE)]
     owner, piece, t = contacts.pile(derivative(force)).roots(rising=True)
     inside = contacts.time(owner, piece, t) < contacts.ends[owner] * (1 - MIDDLE)
@@ -129,29 +108,16 @@ def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarra
         rising = evaluate(derivative(derivative(last)), h) > 0
         low = np.where(rising, np.minimum(low, evaluate(last, h)), low)
     least[cycles.with_contact], peaks[cycles.with_contact] = low, -contacts.pile(-force).lowest()[0]
-    return least, peaks
-
-
-def _force_violations(model: Model, cycles: Cycles) -> Iterator[Violation]:
-    """Contacts that do not end, and those that have to pull.
-
-    The force starts from a simple zero, which is divided out exactly; a whole contact ends on another one.
-    """
-    yield from cycles.without_contact.items()
-    if not cycles.contacts:
-        return
-    contacts, pulls = cycles.contacts, model.violations["pull"]
-    force = contacts.coefficients[:, contacts.names.index(CONTACT_FORCE)]
     owner, piece, t = contacts.pile(force).roots(start=1)
     times = contacts.time(owner, piece, t)
     inside = np.full(len(times), True) if model.reversor else times < contacts.ends[owner] * (1 - MIDDLE)
     pulling, first = np.unique(owner[inside], return_index=True)
-    for i, time in zip(cycles.with_contact[pulling].tolist(), times[inside][first], strict=True):
-        yield i, f"{pulls} in contact at t = {time:.6g}"
     at_once = force[contacts.first, 1] <= 0
     at_once[pulling] = False
-    for i in cycles.with_contact[at_once].tolist():
-        yield i, f"{pulls} as soon as the contact begins"
+    places = zip(cycles.with_contact[pulling].tolist(), times[inside][first], strict=True)
+    violations += [(i, f"{pulls} in contact at t = {time:.6g}") for i, time in places]
+    violations += [(i, f"{pulls} as soon as the contact begins") for i in cycles.with_contact[at_once].tolist()]
+    return least, peaks, violations
 
 
 def _separations(model: Model, cycles: Cycles) -> tuple[np.ndarray, list[Violation]]:

@@ -1,16 +1,23 @@
 """The certificate of an orbit: what was measured of it after it was solved, and whether it is a motion."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 
 from ..errors import NoOrbit
+from ..flow.flow import flow_of
+from ..flow.trajectory import Trajectories
 from ..model.model import Model
+from ..model.phase import Phase
+from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
+from ..symbolic.calls import ElementwiseFunction
 from .admissibility import admissibility, count_families
-from .energy import energy_changes
-from .error_bound import DOUBTFUL_RATIO, NARROW
+from .error_bound import DOUBTFUL_RATIO, EPS, NARROW
+from .formulations import NONE, Cycles, columns, or_none
 from .local_law import by_launch_speed, launch_power, loss_coefficient
-from .solution import NONE, Cycles, or_none
 
 # An energy drift beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a
 # feature of a law.
@@ -59,39 +66,36 @@ CERTIFICATE_FIELDS = tuple(Certificate.__dataclass_fields__)
 
 def certify(model: Model, cycles: Cycles) -> list[Certificate]:
     """The certificates of solved orbits of one model; raises `NoOrbit` about the first that can have none."""
-    checked = admissibility(model, cycles)
-    changes, floors, gradients = energy_changes(model, cycles)
+    jerk, clearance, smallest_force, largest_force, separation, violations = admissibility(model, cycles)
+    changes, floors, gradients = _energy_changes(model, cycles)
     direction = by_launch_speed(lambda u: model.launch(u, cycles.p), cycles.u)
     with np.errstate(all="ignore"):
         power = launch_power(gradients.T, direction)
         launch = 0.5 * cycles.u["alpha"] * power
         drift = changes.max(1) / launch
-        loss = _losses(model, cycles, checked.jerk, power)
-    finite = np.all(np.isfinite([cycles.error, cycles.residual, drift, checked.jerk]), axis=0)
-    for values in (loss, checked.separation, checked.smallest_force):
+        loss = _losses(model, cycles, jerk, power)
+    finite = np.all(np.isfinite([cycles.error, cycles.residual, drift, jerk]), axis=0)
+    for values in (loss, separation, smallest_force):
         finite &= np.isfinite(values) | (values == NONE)
     leaps = (changes > np.maximum(WORST_DRIFT * launch[:, None], DOUBTFUL_RATIO * floors)).any(1)
     for i in np.flatnonzero(~finite | leaps).tolist():
-        reason = "its numbers overflow; state the machine in units nearer to 1"
-        if finite[i]:
-            reason = f"its energy drifts by {drift[i]:.1e}{NARROW}"
+        overflow = "its numbers overflow; state the machine in units nearer to 1"
+        reason = f"its energy drifts by {drift[i]:.1e}{NARROW}" if finite[i] else overflow
         raise NoOrbit(f"the orbit cannot be certified: {reason}").about(i)
-    figures = {
-        "family": count_families(model, cycles.halves, cycles.halves_per_flight),
-        "residual": cycles.residual.tolist(),
-        "error": cycles.error.tolist(),
-        "energy_drift": drift.tolist(),
-        "clearance": or_none(checked.clearance),
-        "smallest_separation": or_none(checked.separation),
-        "smallest_contact_force": or_none(checked.smallest_force),
-        "largest_contact_force": or_none(checked.largest_force),
-        "landing_jerk": (-checked.jerk).tolist(),
-        "loss_coefficient": or_none(loss),
-        "stable_side": _stable_sides(loss, cycles.gap_slope),
-        "violations": checked.violations,
-        "unfolding": cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles),
-    }
-    return [Certificate(*row) for row in zip(*(figures[name] for name in CERTIFICATE_FIELDS), strict=True)]
+    sides = np.where(cycles.gap_slope > 0, "above", "below").astype(object)
+    sides[(loss == NONE) | (loss == 0)] = None
+    rows = zip(
+        count_families(model, cycles.halves, cycles.halves_per_flight),
+        *(values.tolist() for values in (cycles.residual, cycles.error, drift)),
+        *(or_none(values) for values in (clearance, separation, smallest_force, largest_force)),
+        (-jerk).tolist(),
+        or_none(loss),
+        sides.tolist(),
+        violations,
+        cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles),
+        strict=True,
+    )
+    return [Certificate(*row) for row in rows]
 
 
 def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -> np.ndarray:
@@ -99,14 +103,47 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
     found, defined = np.full(len(cycles), NONE), (jerk > 0) & (cycles.gap_slope != 0)
     if defined.any():
         mass = model.impact_mass({name: values[defined] for name, values in cycles.p.items()})
-        slope = np.abs(cycles.gap_slope[defined])
-        loss = loss_coefficient(mass, jerk[defined], slope, power[defined])
+        loss = loss_coefficient(mass, jerk[defined], np.abs(cycles.gap_slope[defined]), power[defined])
         found[defined] = np.where(loss == np.inf, np.nan, loss)  # a number too large is not `NONE`
     return found
 
 
-def _stable_sides(loss: np.ndarray, gap_slope: np.ndarray) -> list[str | None]:
-    """On which side of alpha launches come nearer to it; None where nothing is lost."""
-    sides = np.where(gap_slope > 0, "above", "below").astype(object)
-    sides[(loss == NONE) | (loss == 0)] = None
-    return sides.tolist()
+@lru_cache(maxsize=64)
+def gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> ElementwiseFunction:
+    """An energy gradient of a model at several points, (x, parameters with the data of a piece)."""
+    flow = flow_of(phase, parameters)
+    x = ca.SX.sym("x", flow.size)
+    p = ca.SX.sym("p", len(parameters) + (phase.pieces.size if phase.pieces else 0))
+    return ElementwiseFunction(ca.Function("gradient", [x, p], [ca.vertcat(*gradient(*flow.symbols(x, p)))]))
+
+
+def _energy_changes(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The largest changes of energy on each half of a flight and on its contact, (m, halves + 1); how much of them the
+    rounding of the states explains, of the same shape; and the energy's gradients (m, n) at launch."""
+    changes, floors = np.zeros((2, len(cycles), cycles.halves_per_flight + 1))
+    *flown, starts = _work(model.flight, model.flight_gradient, cycles.halves, cycles.p_of_halves)
+    changes[:, :-1], floors[:, :-1] = (values.reshape(len(cycles), -1) for values in flown)
+    if cycles.contacts:
+        stood = _work(model.contact, model.contact_gradient, cycles.contacts, cycles.p_of_contacts)
+        changes[cycles.with_contact, -1], floors[cycles.with_contact, -1], _ = stood
+    return changes, floors, starts[:: cycles.halves_per_flight]
+
+
+def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[np.ndarray, ...]:
+    """The largest change of energy (m,) of each motion, that of rounding (m,), and the gradient at its start (m, n).
+
+    The change is the work of the gradient on the straight lines between the ends of the steps.
+    """
+    flow, call = flow_of(phase, tuple(p)), gradients(phase, gradient, tuple(p))
+    n, data = flow.size, flow.data_of(motions, columns(p.values()))
+    states = motions.coefficients[:, :n, 0]
+    moves = np.roll(states, -1, axis=0)
+    moves[motions.last] = motions.finals[:, :n]
+    moves -= states
+    points = states[:, None] + GAUSS_PLACES[:, None] * moves[:, None]
+    rates = call(points.reshape(-1, n), np.repeat(data, GAUSS, axis=0))[0].reshape(-1, GAUSS, n)
+    changes = np.cumsum(((GAUSS_WEIGHTS @ rates) * moves).sum(1))
+    before = np.where(motions.first > 0, changes[motions.first - 1], 0.0)
+    largest = motions.largest(changes - np.repeat(before, motions.counts))
+    floors = EPS * motions.largest(states) * motions.largest(rates)
+    return largest, floors, call(states[motions.first], data[motions.first])[0]

@@ -16,7 +16,7 @@ from ..numerics.bernstein import powers
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction
-from .evaluation import Evaluation
+from .newton import Evaluation
 from .single_shooting import Shooting
 
 # Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are equal
@@ -26,16 +26,14 @@ RANDOM_STEPS = 20.0
 SHEAR = 4.0
 # Order-8 steps are taken in one call, their number a multiple of this, so that few functions are built.
 STEPS_PER_CALL = 32
-# An error beyond the first share, and beyond the second times what rounding explains, shows that the steps have leapt
-# over a feature of a law.
+# An error beyond the first share, and beyond the second times what rounding explains: the steps leapt over a feature.
 WORST_ERROR, DOUBTFUL_RATIO = 1e-11, 1e4
 # Order-8 steps are so short that the ninth Taylor term, their error, is below this share of rounding.
 NINTH_TERM = 0.01
 EPS = float(np.finfo(float).eps)
 NARROW = (
     ". Either it hangs at an unstable equilibrium, where rounding decides, or it crosses something narrower than an "
-    "integration step: smooth the law, or give breakpoints to "
-    "springs.function"
+    "integration step: smooth the law, or give breakpoints to springs.function"
 )
 
 
@@ -54,36 +52,27 @@ def error_bounds(
     closing : rows (m, n + 1) that close the equations where a parameter is varied too, the last unit vector for errors
         at the parameter's value
     quickly : where the flow allows it, integrate the field along each step's polynomial by Gauss's rule, and carry the
-        defects of the steps to the end of the arc; else, the motion is integrated again by another method with smaller
-        steps
+        steps' defects to the end of the arc; else, integrate the motion again by another method with smaller steps
 
-    The residuals that this gives go through the inverse Jacobian. Added is the rounding that both integrations may
-    share: half a unit in the last place of the state a step, adding up at random, through the same inverse, and grown
-    by the flow where that grows differences (in a long flight of a nonlinear spring a change of amplitude becomes one
-    of phase).
+    The residuals found so go through the inverse Jacobian. Added is the rounding that both integrations may share: half
+    a unit in the last place of the state a step, adding up at random, through the same inverse, and grown by the flow
+    where that grows differences (in a long flight a nonlinear spring turns a change of amplitude into one of phase).
     """
-    smooth = len(equations.flows) == 1 and equations.flows[0].smooth
-    quickly = quickly and smooth and evaluation.trajectories[0].variations is not None
-    residuals = (
-        _residuals_by_defects(equations, us, ps, evaluation) if quickly else np.full_like(evaluation.residual, np.nan)
-    )
-    refused: dict[int, NoOrbit] = {}
+    residuals, refused = np.full_like(evaluation.residual, np.nan), {}
+    if quickly and len(equations.flows) == 1 and equations.smooth and evaluation.trajectories[0].variations is not None:
+        residuals = _residuals_by_defects(equations, us, ps, evaluation)
     for i in np.flatnonzero(~np.isfinite(residuals).all(1)).tolist():
-        paths = tuple(motions[i] for motions in evaluation.trajectories)
         try:
-            residuals[i] = equations.residual(us[i], ps[i], paths, _end_by_another_method)
+            residuals[i] = equations.residual(us[i], ps[i], evaluation[i].trajectories, _end_by_another_method)
         except NoOrbit as error:
             refused[i] = error
     bounds, doubtful = _bounds_of_residuals(equations, us, evaluation, closing, residuals)
     return bounds, doubtful | refused
 
 
-def _bounds_of_residuals(
-    equations: Shooting, us: np.ndarray, evaluation: Evaluation, closing: np.ndarray | None, residuals: np.ndarray
-) -> tuple[np.ndarray, dict[int, NoOrbit]]:
+def _bounds_of_residuals(equations: Shooting, us, evaluation: Evaluation, closing, residuals):
     """The bounds that independent residuals (m, n) give, rounding included; as in `error_bounds`."""
-    n, index = equations.size, equations.statement.unknowns.index("alpha")
-    jacobian = evaluation.jacobian
+    n, index, jacobian = equations.size, equations.statement.unknowns.index("alpha"), evaluation.jacobian
     square = jacobian if closing is None else np.concatenate([jacobian, closing[:, None]], axis=1)
     inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[:, [index]])[:, :n, 0]  # the inverse's row of alpha
     alpha = us[:, index]
@@ -151,7 +140,7 @@ def _end_by_another_method(flow: Flow, start: np.ndarray, p: np.ndarray, path: T
 def _substeps(coefficients: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """Numbers (N,) of order-8 steps that bring the error over each step of a motion below rounding.
 
-    The shapes are those of a `Trajectory`. The error of k such steps is k**-8 times the ninth Taylor term of the whole.
+    The error of k such steps is k**-8 times the ninth Taylor term of the whole.
     """
     ninth = np.abs(coefficients[:, :, 9]).max(1) * steps**9 / np.maximum(np.abs(coefficients[:, :, 0]).max(1), 1e-300)
     # At least 8 of them, since a feature of the law between fewer samples could be missed.

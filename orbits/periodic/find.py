@@ -9,13 +9,15 @@ import numpy as np
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.machine import Machine, check_machine
 from ..model.model import Model
+from ..numerics.roots import solve
 from ..symbolic import interrupts
-from .evaluation import Evaluation
-from .formulations import equations_of
-from .homotopy import solve_by_homotopy
-from .interpretation import certified_orbit
-from .orbit import Orbit
-from .solution import vector
+from .admissibility import count_families
+from .certificate import certify
+from .error_bound import error_bounds
+from .formulations import contact_reversor, equations_of, halved, interpret, or_none, vector
+from .newton import Evaluation
+from .orbit import Orbit, Shape
+from .single_shooting import Shooting
 
 METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 10_000
@@ -25,15 +27,17 @@ SAME_ORBIT = 1e-9
 LONGEST_START = 1e4
 # A start may state these unknowns although not every statement asks for them.
 OPTIONAL_UNKNOWNS = ("contact_duration", "unfolding")
+# With a step size below this share of the homotopy, the family has folded back or ended.
+MIN_STEP = 1e-4
+# A corrector that changes the launch speed or the time by a larger share may have jumped to another orbit.
+MAX_CORRECTION = 0.1
+# The tangent is differenced over this share of the homotopy: a predictor needs no more digits, and a derivative by the
+# homotopy parameter would take longer to build.
+DIFFERENCE = 1e-6
 
 
 class Root(NamedTuple):
-    """A solution of a method's equations.
-
-    u : the unknowns (n,)
-    evaluation : the equations there, at this one point
-    error : bound on the error of alpha where it is known, else None
-    """
+    """A solution (n,) of a method's equations, these there, and a bound on the error of alpha where it is known."""
 
     u: np.ndarray
     evaluation: Evaluation
@@ -65,10 +69,20 @@ def find(
     cannot be.
     """
     check_machine(machine)
+    began = time.perf_counter()
     with interrupts.deferred():
         if start is None:
-            return _find_family(machine, 1 if family is None else family, method, progress)
-        return _find_near(machine, start, family, method)
+            wanted = 1 if family is None else family
+            method, root = solve_family(machine, wanted, method, progress)
+            orbit = certified_orbit(machine, method, *root, began=began)
+            if orbit.family != wanted:
+                raise NoOrbit(another_family(wanted, orbit.family))
+        else:
+            method, root = solve_near(machine, start, method)
+            orbit = certified_orbit(machine, method, *root, began=began)
+            if family is not None and orbit.family != _family_number(family):
+                raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
+        return orbit
 
 
 def find_all(
@@ -85,12 +99,11 @@ def find_all(
     for start in starts:
         try:
             orbit = find(machine, start=start, method=method)
+            if not any(_same(orbit, other) for other in found):
+                found.append(orbit)
         except NoOrbit as error:
             reason = error
-            continue
-        if not any(_same(orbit, other) for other in found):
-            found.append(orbit)
-    if not found and reason:
+    if reason and not found:
         raise NoOrbit(f"none of the starts leads to an orbit; the last: {reason}")
     return tuple(sorted(found, key=lambda orbit: orbit.alpha))
 
@@ -110,7 +123,7 @@ def solve_family(
         start = model.guess(family, p)
         return method, Root(*equations.newton([start["liftoff"], start["alpha"]], vector(p)))
     correct = equations.multiple_shooting if method == "shooting" else equations.newton
-    return method, Root(*solve_by_homotopy(model, equations, correct, family, p, progress))
+    return method, Root(*_solve_by_homotopy(model, equations, correct, family, p, progress))
 
 
 def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> tuple[str, Root]:
@@ -131,27 +144,45 @@ def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str
         raise NoOrbit(f"the start cannot be followed: {error}") from None
 
 
+def certified_orbit(
+    machine: Machine, method: str, u: np.ndarray, evaluation: Evaluation, error: float | None = None, *, began: float
+) -> Orbit:
+    """The certified orbit of a solution `u` (n,) of a method's equations, whose evaluation there has one point.
+
+    An `error` of alpha that is not known is measured; the search `began` at that `time.perf_counter`. Raises `NoOrbit`
+    when the orbit cannot be certified.
+    """
+    model, p = machine.model, machine.values
+    equations = equations_of(model, method, tuple(p))
+    us, ps = np.reshape(u, (1, -1)), vector(p)[None]
+    errors = np.array([error])
+    if error is None:
+        errors, refused = error_bounds(equations, us, ps, evaluation)
+        if refused:
+            raise refused[0]
+    cycles = interpret(model, method, equations, us, ps, evaluation, errors)
+    (certificate,) = certify(model, cycles)
+    reversor = contact_reversor(model.reversor, model.embed) if model.reversor else None
+    return Orbit(
+        machine=machine.describe(),
+        alpha=float(cycles.u["alpha"][0]),
+        liftoff_extension=float(cycles.u["liftoff"][0]),
+        flight_time=float(cycles.flight_times[0]),
+        contact_time=or_none(cycles.contact_times)[0],
+        flight=cycles.flight[0],
+        contact=cycles.contacts[0] if cycles.contacts else None,
+        shape=Shape(model.reversor, reversor, model.embed, model.heights(p), model.springs),
+        certificate=certificate,
+        method=method,
+        skipped=_skipped(model, p, method, equations.compiled),
+        seconds=time.perf_counter() - began,
+        units=machine.units,
+    )
+
+
 def another_family(wanted: int, found: int) -> str:
     """The message about a solve for one family that ends on another."""
     return f"the solve for family {wanted} ended on an orbit of family {found}; try another method"
-
-
-def _find_family(machine: Machine, family: int, method: str | None, progress: Callable | None) -> Orbit:
-    began = time.perf_counter()
-    method, root = solve_family(machine, family, method, progress)
-    orbit = certified_orbit(machine, method, *root, began=began)
-    if orbit.family != family:
-        raise NoOrbit(another_family(family, orbit.family))
-    return orbit
-
-
-def _find_near(machine: Machine, start: Orbit | Mapping[str, float], family: int | None, method: str | None) -> Orbit:
-    began = time.perf_counter()
-    method, root = solve_near(machine, start, method)
-    orbit = certified_orbit(machine, method, *root, began=began)
-    if family is not None and orbit.family != _family_number(family):
-        raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
-    return orbit
 
 
 def _same(a: Orbit, b: Orbit) -> bool:
@@ -178,17 +209,11 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
 
 def _unknowns_of(orbit: Orbit) -> dict[str, float]:
     """The unknowns, by name, of every statement that an orbit solves."""
-    states = orbit.flight.coefficients[0, :, 0].tolist()
-    unknowns = dict(zip(orbit.flight.names, states, strict=False))
-    unknowns |= {
-        "liftoff": orbit.liftoff_extension,
-        "alpha": orbit.alpha,
-        "duration": orbit.flight_time / (2 if orbit.shape.reversor else 1),
-        "unfolding": orbit.certificate.unfolding or 0.0,
-    }
-    if orbit.contact_time is not None:
-        unknowns["contact_duration"] = orbit.contact_time / 2
-    return unknowns
+    unknowns = dict(zip(orbit.flight.names, orbit.flight.coefficients[0, :, 0].tolist(), strict=False))
+    unknowns |= {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha}
+    unknowns["duration"] = orbit.flight_time / (2 if orbit.shape.reversor else 1)
+    unknowns["unfolding"] = orbit.certificate.unfolding or 0.0
+    return unknowns | ({} if orbit.contact_time is None else {"contact_duration": orbit.contact_time / 2})
 
 
 def _family_number(family: int) -> int:
@@ -199,21 +224,89 @@ def _family_number(family: int) -> int:
 
 def _possible_method(model: Model, method: str | None) -> str:
     """The method asked for, or the simplest that the model allows; raises `InputError` for one that it does not."""
-    possible = {
-        "closed form": model.reduction is not None and model.reduction.exact is not None,
-        "relative": model.reduction is not None,
-        "half orbit": model.reversor is not None,
-        "shooting": True,
+    reduction = model.reduction
+    needs = {
+        "closed form": ("a straight-line spring and constant gravity", reduction and reduction.exact),
+        "relative": ("two masses and constant gravity", reduction),
+        "half orbit": ("a reversor", model.reversor),
+        "shooting": ("", True),
     }
     if method is None:
-        return next(name for name in METHODS if possible[name])
+        return next(name for name in METHODS if needs[name][1])
     if method not in METHODS:
         raise InputError(f"unknown method '{method}'; known: {', '.join(METHODS)}")
-    if not possible[method]:
-        needs = {
-            "closed form": "a straight-line spring and constant gravity",
-            "relative": "two masses and constant gravity",
-            "half orbit": "a reversor",
-        }
-        raise InputError(f"method '{method}' needs {needs[method]}; leave it out for the simplest way")
+    if not needs[method][1]:
+        raise InputError(f"method '{method}' needs {needs[method][0]}; leave it out for the simplest way")
     return method
+
+
+def _solve_by_homotopy(model: Model, equations: Shooting, correct, family: int, p, progress):
+    """Solve a model's equations from its guess, with the homotopy parameter led from 0 to 1 by step-size control.
+
+    `correct`, (u, parameters) -> the solution near u and the equations there, is the corrector.
+    """
+    unknowns, homotopy = equations.statement.unknowns, model.homotopy
+    start = {**model.guess(family, {**p, homotopy: 0.0} if homotopy else p), "unfolding": 0.0}
+    start["duration"] *= 2 if "unfolding" in unknowns else 1
+    u = np.array([start[name] for name in unknowns])
+    if homotopy is None:
+        return correct(u, vector(p))
+    reached, step = 0.0, 1.0
+    u, evaluation = correct(u, vector({**p, homotopy: 0.0}))
+    while reached < 1:
+        ahead = equations.evaluate(u, vector({**p, homotopy: reached + DIFFERENCE}))
+        tangent = solve(evaluation.jacobian[0], (evaluation.residual[0] - ahead.residual) / DIFFERENCE)
+        step = min(step, 1 - reached)
+        while True:
+            value = 1.0 if step == 1 - reached else reached + step
+            predicted, p_ahead = u + step * tangent, {**p, homotopy: value}
+            try:
+                u, evaluation = _corrected(model, equations, correct, predicted, family, p_ahead)
+                break
+            except NoOrbit as error:
+                step /= 2
+                if step < MIN_STEP:
+                    raise NoOrbit(
+                        f"no lossless orbit of family {family}: with {100 * reached:.3g}% of gravity's variation it is "
+                        f"at alpha = {u[unknowns.index('alpha')]:.6g}, and it cannot be followed further ({error})"
+                    ) from None
+        reached, step = value, 2 * step
+        if progress:
+            progress(reached)
+    return u, evaluation
+
+
+def _corrected(model: Model, equations: Shooting, correct, predicted, family, p) -> tuple[np.ndarray, Evaluation]:
+    """The solution near a predicted point; raises `NoOrbit` where it is far from it or of another family."""
+    unknowns = equations.statement.unknowns
+    positive = [unknowns.index(name) for name in ("alpha", "duration")]
+    if not (predicted[positive] > 0).all():  # this refuses NaN too
+        raise NoOrbit("the step leads to a negative time or speed")
+    new, evaluation = correct(predicted, vector(p))
+    if np.max(np.abs(new - predicted)[positive] / np.abs(new[positive])) > MAX_CORRECTION:
+        raise NoOrbit("the corrector ends far from the predicted orbit")
+    halves = evaluation.trajectories[0].only(model.flight.states)
+    halves = halved(halves) if "unfolding" in unknowns else halves
+    if count_families(model, halves, len(halves)) != [family]:
+        raise NoOrbit("the family changes")
+    return new, evaluation
+
+
+def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:
+    """What the method did without, in words."""
+    mirrored = "flight: half of it, by time reversal"
+    skipped = [mirrored] if method == "half orbit" or (method == "shooting" and model.reversor) else []
+    if method == "closed form":
+        skipped = ["flight: closed form, nothing integrated", "search: one scalar equation, no solver"]
+    if method == "relative":
+        skipped = ["flight: the extension alone is integrated, 2 states of 4", mirrored]
+    if method in ("relative", "half orbit"):
+        skipped.append("search: Newton on a few unknowns from a measured guess, no Ipopt")
+    share = "only its first half" if model.reversor else "once"
+    integrated = f"{share}, for its duration and the checks, not for the search"
+    skipped.append(f"contact: {'closed form' if model.contact.closed_form else integrated}")
+    if model.separation(p) is None:
+        skipped.append("separation of the masses: no rest length given")
+    if not compiled:
+        skipped.append("compilation: nothing that repays it, or no compiler")
+    return tuple(skipped)

@@ -1,15 +1,33 @@
-"""What is solved for an orbit of a model: the boundary value statements, and which of them a method takes."""
+"""What is solved for an orbit of a model, which statement a method takes, and what its solutions mean."""
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
-from ..errors import InputError
+from ..errors import FlowError, InputError, NoOrbit, OutOfRange
+from ..flow.flow import Flow, flow_of
+from ..flow.trajectory import Trajectories, Trajectory
+from ..flow.zero_crossing import first_zero
 from ..model.model import Model, Reduction
-from ..model.phase import Arc, Phase, Statement
+from ..model.phase import Affine, Arc, Phase, Statement
+from ..numerics.roots import solve
+from .local_law import landing_gap_slope
+from .newton import Evaluation
 from .single_shooting import Shooting, shooting_equations
+
+# Marks a minimum, a peak or a time that does not exist.
+NONE = np.inf
+# The quantity that every contact phase watches: the force that the contact exerts, which ends it where it vanishes.
+CONTACT_FORCE = "contact force"
+# When the unfolding changes the energy over a flight by more than this share, the unfolded equations have no orbit but
+# a forced motion. On orbits it is rounding.
+LARGEST_UNFOLDING = 1e-9
+# A contact lasts longer than the flight by at most about the square root of the mass ratio: a longer one does not end.
+LONGEST_CONTACT = 1e7
 
 
 def reduction_of(model: Model, method: str) -> Reduction | None:
@@ -56,7 +74,7 @@ def half_orbit(model: Model) -> Statement:
     return Statement("half orbit", model.half_unknowns, (flight, contact), ("duration", "contact_duration"))
 
 
-def contact_reversor(reversor: tuple[int, ...], embed: np.ndarray) -> tuple[int, ...]:
+def contact_reversor(reversor: tuple[int, ...], embed: ndarray) -> tuple[int, ...]:
     """The sign of each contact state under time reversal, from those of the flight states."""
     return tuple(int(reversor[i]) for i in np.abs(embed).argmax(0))
 
@@ -87,3 +105,159 @@ def whole_flight(model: Model) -> Statement:
         guard=lambda u, x, p, q: [model.liftoff(u, p, q)],
     )
     return Statement("whole flight", ("liftoff", "alpha", "duration", "unfolding"), (arc,), ("alpha", "duration"))
+
+
+@dataclass(frozen=True, eq=False)
+class Cycles:
+    """Solved orbits (m) of one model as arrays, on their way from the equations to their certificates.
+
+    u, p : unknowns and parameters by name, (m,) each
+    flight : the first halves, in flight states; whole flights where nothing mirrors them
+    halves : of each flight the motion from lift-off to its middle and, where that is not its mirror image, the one from
+        landing backwards
+    gap_slope : (m,), derivative with respect to alpha of the gap at the orbit's landing time
+    residual, error : (m,), the largest residual of the equations, and the bound on the error of alpha
+    with_contact : (k,), the orbits whose contact ends; `contacts` are theirs, each up to its middle or, where nothing
+        mirrors it, up to lift-off
+    without_contact : by index of the others, the reason why their contact does not end
+    """
+
+    u: Mapping[str, ndarray]
+    p: Mapping[str, ndarray]
+    flight: Trajectories
+    halves: Trajectories
+    gap_slope: ndarray
+    residual: ndarray
+    error: ndarray
+    with_contact: ndarray
+    contacts: Trajectories | None
+    without_contact: Mapping[int, str]
+
+    def __len__(self) -> int:
+        return len(self.error)
+
+    @property
+    def halves_per_flight(self) -> int:
+        """How many of the `halves` belong to each flight: 1 where the other one is its mirror image, else 2."""
+        return len(self.halves) // len(self)
+
+    @cached_property
+    def flight_times(self) -> ndarray:
+        """Times (m,) of whole flights."""
+        return self.halves.ends.reshape(len(self), -1).sum(1) * (2 // self.halves_per_flight)
+
+    @cached_property
+    def contact_times(self) -> ndarray:
+        """Times (m,) of whole contacts, `NONE` for those that do not end."""
+        times = np.full(len(self), NONE)
+        if self.contacts:
+            times[self.with_contact] = self.contacts.ends * (2 // self.halves_per_flight)
+        return times
+
+    @cached_property
+    def p_of_halves(self) -> Mapping[str, ndarray]:
+        """The parameters of each of the `halves`."""
+        return {name: np.repeat(values, self.halves_per_flight) for name, values in self.p.items()}
+
+    @cached_property
+    def p_of_contacts(self) -> Mapping[str, ndarray]:
+        """The parameters of each of the `contacts`."""
+        return {name: values[self.with_contact] for name, values in self.p.items()}
+
+
+def interpret(
+    model: Model, method: str, equations: Shooting, us: ndarray, ps: ndarray, evaluation: Evaluation, errors: ndarray
+) -> Cycles:
+    """What solutions (m, n) of a method's equations with parameters (m, np) mean, with their contacts.
+
+    `evaluation` holds the equations there, `errors` (m,) bounds on the errors of alpha. Raises `NoOrbit` about the
+    first solution that is no orbit.
+    """
+    u = dict(zip(equations.statement.unknowns, us.T, strict=True))
+    p = dict(zip(equations.parameters, ps.T, strict=True))
+    flight, halves, gap_slope = _flights(model, method, u, p, evaluation)
+    contacts = _contacts(model, u, p, u.get("contact_duration", LONGEST_CONTACT * (1 + flight.ends)))
+    return Cycles(u, p, flight, halves, gap_slope, np.abs(evaluation.residual).max(1), errors, *contacts)
+
+
+def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Evaluation):
+    """The `flight`, the `halves` and the `gap_slope` of `Cycles`."""
+    motions = evaluation.trajectories[0]
+    if reduction := reduction_of(model, method):
+        of_steps = ({name: values[motions.owner] for name, values in each.items()} for each in (u, p))
+        coefficients = reduction.complete(motions.starts, motions.coefficients, *of_steps)
+        flight = Trajectories(motions.starts, motions.ends, coefficients, motions.counts, model.flight.states)
+        landing = _landing_by_alpha(evaluation, reduction.reversor)
+        return flight, flight, reduction.gap_slope(2 * flight.ends, landing.T, p)
+    flight = motions.only(model.flight.states)
+    if model.reversor:
+        return flight, flight, landing_gap_slope(model, _landing_by_alpha(evaluation, model.reversor).T, p)
+    for i in np.flatnonzero(np.abs(u["unfolding"]) * u["duration"] > LARGEST_UNFOLDING).tolist():
+        reason = f"with the energy pumped at the rate {u['unfolding'][i]:.3g}: this model has no lossless orbit here"
+        raise NoOrbit(f"the landing conditions hold only {reason}").about(i)
+    landing = (evaluation.transitions[0] @ evaluation.starts[0])[:, :, 1]
+    return flight, halved(flight), landing_gap_slope(model, landing.T, p)
+
+
+def halved(flights: Trajectories) -> Trajectories:
+    """The halves of whole flights: of each the first, and the second from landing backwards."""
+    return Trajectories.of([half for path in flights for half in path.split(path.times[-1] / 2)])
+
+
+def _landing_by_alpha(evaluation: Evaluation, reversor: tuple[int, ...]) -> ndarray:
+    """Derivatives (m, states) of the state at landing by alpha, the second unknown; the second half of the motion is
+    the mirror image of the first, and so is its transition matrix."""
+    first, start, mirror = evaluation.transitions[0], evaluation.starts[0][:, :, [1]], np.array(reversor)[:, None]
+    return (mirror * solve(first[:, :, : first.shape[1]], mirror * (first @ start)))[:, :, 0]
+
+
+def contact_force_row(contact: Phase) -> Affine:
+    """The contact force as a function of the rows of a trajectory in contact: its states, then what is watched."""
+    row = (*contact.states, *contact.watch).index(CONTACT_FORCE)
+    return Affine((0.0,) * row + (1.0,))
+
+
+def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
+    """The `with_contact`, `contacts` and `without_contact` of `Cycles`.
+
+    A contact has to end within `limits` (m,); where the launch has several speeds, mid-contact is at that time.
+    """
+    flow, starts, ps = flow_of(model.contact, tuple(p)), columns(model.touchdown(u, p)), columns(p.values())
+    # A mirrored contact is followed until its speed vanishes. Otherwise the force ends it, whose zero at landing does
+    # not count.
+    end = (model.contact_speed, 0) if model.reversor else (contact_force_row(model.contact), 1)
+    done, contacts = flow.until_zero(starts, ps, *end) if model.one_speed else (np.zeros(0, int), None)
+    if contacts and len(done) == len(starts) and (contacts.ends < limits).all():
+        return done, contacts, {}
+    ended = zip(done.tolist(), contacts or (), strict=True)
+    found: dict[int, Any] = {i: contact for i, contact in ended if contact.times[-1] < limits[i]}
+    for i in {*range(len(starts))} - found.keys():
+        found[i] = _single_contact(model, flow, starts[i], ps[i], limits[i], end)
+    reasons = {i: contact for i, contact in sorted(found.items()) if isinstance(contact, str)}
+    order = sorted(found.keys() - reasons.keys())
+    return np.array(order, int), Trajectories.of([found[i] for i in order]) if order else None, reasons
+
+
+def _single_contact(model: Model, flow: Flow, start: ndarray, p: ndarray, limit: float, end) -> Trajectory | str:
+    """The contact from one state, or the reason why it does not end."""
+    stop = first_zero(*end) if model.one_speed else None
+    try:
+        path, _ = flow.run(start, p, limit, stop=stop)
+    except FlowError as error:
+        return f"contact: {error}" if isinstance(error, OutOfRange) else model.violations["end"]
+    return model.violations["end"] if stop and not path.times[-1] < limit else path
+
+
+def columns(values: Iterable) -> ndarray:
+    """The array (m, n) of n values, each (m,) or one number for all m; at least one is an array."""
+    return np.array(np.broadcast_arrays(*values), dtype=float).T.copy()
+
+
+def vector(p: Mapping[str, float]) -> ndarray:
+    """The values of parameters by name, in their order."""
+    return np.array(list(p.values()), dtype=float)
+
+
+def or_none(values: ndarray) -> list[float | None]:
+    """Numbers (m,), with None for `NONE`."""
+    return [None if value == NONE else value for value in values.tolist()]

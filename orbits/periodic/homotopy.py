@@ -8,10 +8,10 @@ from ..errors import NoOrbit
 from ..model.model import Model
 from ..numerics.roots import solve
 from .admissibility import count_families
-from .evaluation import Evaluation
+from .formulations import vector
 from .interpretation import halved
+from .newton import Evaluation
 from .single_shooting import Shooting
-from .solution import vector
 
 # With a step size below this share of the homotopy, the family has folded back or ended.
 MIN_STEP = 1e-4

@@ -12,14 +12,13 @@ from ..model.model import Model, Reduction
 from ..numerics.roots import solve
 from .certificate import certify
 from .contact import follow_contacts
-from .cycle import Shape
 from .error_bound import error_bounds
-from .evaluation import Evaluation
-from .formulations import contact_reversor, equations_of, reduction_of
+from .formulations import Cycles, contact_reversor, equations_of, or_none, reduction_of, vector
 from .local_law import landing_gap_slope
-from .orbit import Orbit
+from .newton import Evaluation
+from .orbit import Orbit, Shape
 from .single_shooting import Shooting
-from .solution import Cycles, Solution, or_none, vector
+from .solution import Solution
 
 # When the unfolding changes the energy over a flight by more than this share, the unfolded equations have no orbit but
 # a forced motion. On orbits it is rounding.

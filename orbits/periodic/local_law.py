@@ -25,10 +25,7 @@ def loss_coefficient(impact_mass: Any, jerk: Any, gap_slope: Any, power: Any) ->
 
 
 def launch_power(gradient: Iterable, direction: Iterable) -> Any:
-    """Derivative of the energy at launch by alpha, from the energy's gradient there and the launch state's derivative.
-
-    Both are given by component.
-    """
+    """Derivative by alpha of the energy at launch, from the energy's gradient and the state's derivative there."""
     return sum(g * d for g, d in zip(gradient, direction, strict=True))
 
 

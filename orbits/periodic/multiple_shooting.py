@@ -1,8 +1,7 @@
 """Multiple shooting: the equations of a statement with the state at the end of every integration step as an unknown.
 
-`MultipleShooting` poses them for one orbit, with free times between the breakpoints of a piecewise field.
-`ShootingMesh` poses them on steps that are fixed shares of the arcs' durations, so that one graph serves a nonlinear
-program over parameters. Both have the same boundary functions and the same defects.
+`MultipleShooting` poses them for one orbit, with free times between the breakpoints of a piecewise field,
+`ShootingMesh` on fixed shares of the arcs' durations, so that one graph serves a nonlinear program over parameters.
 """
 
 from collections.abc import Sequence
@@ -35,15 +34,14 @@ def boundary_functions(statement: Statement, parameters: tuple[str, ...]) -> lis
     functions, size_before = [], 0
     for arc in statement.arcs:
         size = len(arc.phase.states)
-        before, x, y = (ca.SX.sym(name, n) for name, n in (("before", size_before), ("x", size), ("y", size)))
+        before, x, y = ca.SX.sym("before", size_before), ca.SX.sym("x", size), ca.SX.sym("y", size)
         q = ca.SX.sym("q", arc.phase.pieces.size if arc.phase.pieces else 0)
         start = ca.vertcat(*arc.start(unknowns, ca.vertsplit(before), values))
         guard = arc.guard(unknowns, ca.vertsplit(x), values, ca.vertsplit(q))
         residuals = ca.vertcat(*guard, *arc.conditions(unknowns, ca.vertsplit(y), values))
-        duration = ca.SX(arc.duration(unknowns, values))
-        departure = ca.Function("departure", [u, before, p], [ca.densify(start), duration])
+        leaving = [ca.densify(start), ca.SX(arc.duration(unknowns, values))]
         arrival = ca.Function("arrival", [u, x, y, p, q], [ca.densify(residuals)])
-        functions.append((departure, arrival))
+        functions.append((ca.Function("departure", [u, before, p], leaving), arrival))
         size_before = size
     return functions
 
@@ -65,41 +63,32 @@ class MultipleShooting:
 
     Unknowns: u; per arc, the times of its legs (between breakpoints) where there is more than one; the shooting nodes.
     Equations, each of order one: the defects; at a breakpoint, coordinate - level; the sum of the legs' times; the
-    statement's own conditions.
-
-    `Shooting`, whose module needs this one, gives itself as `equations`.
+    statement's own conditions. The argument `equations` is a `Shooting`.
     """
 
     def __init__(self, equations: Any, u: np.ndarray, p: np.ndarray):
         statement = equations.statement
-        self._unknowns = [ca.MX.sym("u", equations.size)]
-        self._guesses, self._scales = [u], [np.maximum(np.abs(u), 1.0)]
-        self._lowers = [np.full(equations.size, -np.inf)]
-        for name in statement.durations:
-            index = statement.unknowns.index(name)
-            self._lowers[0][index] = SHORTEST_DURATION * u[index]
+        lower = np.full(equations.size, -np.inf)
+        times = [statement.unknowns.index(name) for name in statement.durations]
+        lower[times] = SHORTEST_DURATION * u[times]
+        self._parts: list[tuple] = []
         self._equations: list[ca.MX] = []
+        symbol = self._add_unknowns("u", u, lower, np.maximum(np.abs(u), 1.0))
         before, trajectories = ca.MX(0, 1), equations.evaluate(u, p).trajectories
         boundaries = boundary_functions(statement, equations.parameters)
         for flow, path, (departure, arrival) in zip(equations.flows, trajectories, boundaries, strict=True):
-            start, duration = departure(self._unknowns[0], before, p)
+            start, duration = departure(symbol, before, p)
             before = self._add_arc(flow, path, start, duration, p)
             q, _ = flow.piece_data(path.coefficients[0, : flow.size, 0], p)
-            self._equations.append(arrival(self._unknowns[0], start, before, p, q))
+            self._equations.append(arrival(symbol, start, before, p, q))
+        unknowns, *values = zip(*self._parts, strict=True)
+        self.unknowns, self.equations = ca.vertcat(*unknowns), ca.vertcat(*self._equations)
+        self.guess, self.lower, self.scale = map(np.concatenate, values)
 
-    unknowns = property(lambda self: ca.vertcat(*self._unknowns))
-    equations = property(lambda self: ca.vertcat(*self._equations))
-    guess = property(lambda self: np.concatenate(self._guesses))
-    lower = property(lambda self: np.concatenate(self._lowers))
-    scale = property(lambda self: np.concatenate(self._scales))
-
-    def _add_unknowns(self, name: str, guess: np.ndarray, lower: float, scale) -> ca.MX:
+    def _add_unknowns(self, name: str, guess: np.ndarray, lower, scale) -> ca.MX:
         """A symbol for further unknowns."""
         symbol = ca.MX.sym(name, len(guess))
-        self._unknowns.append(symbol)
-        self._guesses.append(guess)
-        self._lowers.append(np.full(len(guess), lower))
-        self._scales.append(np.broadcast_to(scale, guess.shape))
+        self._parts.append((symbol, guess, *(np.broadcast_to(bound, guess.shape) for bound in (lower, scale))))
         return symbol
 
     def _add_arc(self, flow: Flow, path: Trajectory, start: ca.MX, duration: ca.MX, p: np.ndarray) -> ca.MX:
@@ -110,9 +99,8 @@ class MultipleShooting:
         nodes = ca.reshape(self._add_unknowns("x", guess.ravel(), -np.inf, np.tile(sizes, count)), n, count)
         leg, levels, coordinate = _legs(flow, path, p)
         times = np.bincount(leg, path.steps)
-        if len(times) == 1:
-            leg_times = duration
-        else:
+        leg_times = duration
+        if len(times) > 1:
             leg_times = self._add_unknowns("t", times, 0.0, 1.0)
             self._equations.append((ca.sum1(leg_times) - duration) / times.sum())
         steps = ca.vertcat(*[leg_times[int(i)] * (h / times[i]) for i, h in zip(leg, path.steps, strict=True)]).T
@@ -137,11 +125,9 @@ def _legs(flow: Flow, path: Trajectory, p: np.ndarray) -> tuple[np.ndarray, list
 
 @dataclass(frozen=True, eq=False)
 class MeshTrajectory:
-    """The trajectory of a statement on a mesh, as values for a `ShootingMesh`.
+    """The trajectory of a statement on a mesh, as values for the symbols of a `ShootingMesh` with these `counts`.
 
-    counts : number of steps of each arc
-    data : values of its symbol `data`
-    nodes, sizes : values of its symbol `nodes`, and what counts as one unit of each
+    `sizes` are what counts as one unit of each of the `nodes`.
     """
 
     counts: tuple[int, ...]

@@ -1,7 +1,8 @@
 """A lossless orbit: a frozen result that evaluates, prints, plots, saves and loads itself."""
 
+import json
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass, field
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,57 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
+from ..io import to_json
 from ..model.model import Units
+from ..model.phase import Affine
 from ..numerics.bernstein import lowest
-from .certificate import Certificate
-from .cycle import Shape
-from .orbit_file import read_orbit, write_orbit
+from .certificate import CERTIFICATE_FIELDS, Certificate
+
+ORBIT_FORMAT = "persistent-orbits orbit 1"
+# What describes a machine in a document.
+MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
+# What follows in the document of an orbit.
+DOCUMENT_FIELDS = (
+    *("family", "alpha", "flight_time", "contact_time", "admissible", "violations"),
+    *("residual", "error", "energy_drift", "clearance", "smallest_separation", "smallest_contact_force"),
+    *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "stable_side", "unfolding"),
+    *("liftoff_extension", "state_mid_flight", "method", "skipped", "seconds"),
+)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How the stored half motions make a whole cycle, and what of it to show.
+
+    reversor, contact_reversor : signs of the states under time reversal, None where whole motions are stored
+    embed : (n, m) matrix from contact to flight states
+    heights : names and functions of the flight state, the masses first
+    springs : names of the heights, lower and upper, that springs join, None for the ground
+    """
+
+    reversor: tuple[int, ...] | None
+    contact_reversor: tuple[int, ...] | None
+    embed: np.ndarray
+    heights: Mapping[str, Affine]
+    springs: tuple[tuple[str | None, str], ...]
+
+    def in_flight(self, flight: Trajectory, flight_time: float, t: np.ndarray) -> np.ndarray:
+        """Flight states (..., n) at times `t` (...) after lift-off."""
+        return _mirrored(flight, np.minimum(t, flight_time), flight_time, self.reversor)
+
+    def in_contact(self, contact: Trajectory, contact_time: float, t: np.ndarray) -> np.ndarray:
+        """Flight states (..., n) at times `t` (...) after landing."""
+        states = _mirrored(contact, np.clip(t, 0, contact_time), contact_time, self.contact_reversor)
+        return states[..., : self.embed.shape[1]] @ self.embed.T
+
+
+def _mirrored(path: Trajectory, t: np.ndarray, duration: float, signs: tuple[int, ...] | None) -> np.ndarray:
+    """Rows at times `t` of a motion whose first half is `path` and whose second is its image under `signs`, if any."""
+    if signs is None:
+        return path(t)
+    later = t > path.times[-1]
+    states = path(np.where(later, duration - t, t))[..., : len(signs)]
+    return np.where(later[..., None], states * np.array(signs), states)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +92,7 @@ class Orbit:
     method: str
     skipped: tuple[str, ...] = ()
     seconds: float = 0.0
-    units: Units | None = field(default=None)
+    units: Units | None = None
 
     @property
     def admissible(self) -> bool:
@@ -77,11 +124,8 @@ class Orbit:
     @property
     def rises(self) -> dict[str, float]:
         """The largest rise of each of the shape's heights above its value at lift-off, by name."""
-        found = {}
-        for name, height in self.shape.heights.items():
-            series = height.series(self.flight.coefficients)
-            found[name] = float(-lowest(-series, self.flight.steps)[0] - series[0, 0])
-        return found
+        series = {name: height.series(self.flight.coefficients) for name, height in self.shape.heights.items()}
+        return {name: float(-lowest(-c, self.flight.steps)[0] - c[0, 0]) for name, c in series.items()}
 
     @property
     def state_mid_flight(self) -> np.ndarray:
@@ -111,39 +155,14 @@ class Orbit:
 
     def document(self) -> dict[str, Any]:
         """The orbit as the JSON document of the command line."""
-        c = self.certificate
         mid = self.state_mid_flight
         if self.shape.reversor:  # the states with the other sign vanish there
             mid = mid[np.array(self.shape.reversor) > 0]
-        document = {
-            **self.machine,
-            "family": c.family,
-            "alpha": self.alpha,
-            "flight_time": self.flight_time,
-            "contact_time": self.contact_time,
-            "admissible": self.admissible,
-            "violations": list(c.violations),
-            "residual": c.residual,
-            "error": c.error,
-            "energy_drift": c.energy_drift,
-            "clearance": c.clearance,
-            "smallest_separation": c.smallest_separation,
-            "smallest_contact_force": c.smallest_contact_force,
-            "largest_contact_force": c.largest_contact_force,
-            "rises": self.rises,
-            "landing_jerk": c.landing_jerk,
-            "loss_coefficient": c.loss_coefficient,
-            "stable_side": c.stable_side,
-            "unfolding": c.unfolding,
-            "liftoff_extension": self.liftoff_extension,
-            "state_mid_flight": [float(value) for value in mid],
-            "method": self.method,
-            "skipped": list(self.skipped),
-            "seconds": self.seconds,
-        }
-        if self.units:
-            document["si"] = self.si()
-        return document
+        figures = vars(self.certificate) | vars(self) | {"admissible": self.admissible, "rises": self.rises}
+        figures |= {"violations": list(self.violations), "skipped": list(self.skipped)}
+        figures["state_mid_flight"] = mid.tolist()
+        document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
+        return document | {"si": self.si()} if self.units else document
 
     def si(self) -> dict[str, float | None]:
         """The main results in SI units; raises `InputError` for a machine that was stated without."""
@@ -174,12 +193,12 @@ class Orbit:
             extra = f"   ({value * scale:.6g} {unit})" if scale and value is not None else ""
             return f"  {name:<24}{text}{extra}"
 
-        what = f"{machine['machine']}, spring {machine['spring']}, gravity {machine['gravity']}"
         numbers = {"mass ratio": machine["mass_ratio"], "rest length": machine["rest_length"], **machine["parameters"]}
-        values = ", ".join(f"{name} = {value:g}" for name, value in numbers.items() if value is not None)
+        attracts = f"   (attracts from {c.stable_side})" if c.stable_side else ""
         lines = [
-            f"lossless orbit of family {c.family}: {what}",
-            f"  {values}",
+            f"lossless orbit of family {c.family}: {machine['machine']}, spring {machine['spring']}, gravity "
+            f"{machine['gravity']}",
+            "  " + ", ".join(f"{name} = {value:g}" for name, value in numbers.items() if value is not None),
             row("alpha", self.alpha, length and length / time, "m/s") + f"   +- {c.error:.1e}",
             row("flight time", self.flight_time, time, "s"),
             row("contact time", self.contact_time, time, "s"),
@@ -190,8 +209,7 @@ class Orbit:
             row("smallest contact force", c.smallest_contact_force, force, "N"),
             row("largest contact force", c.largest_contact_force, force, "N"),
             row("landing jerk", c.landing_jerk),
-            row("loss coefficient C", c.loss_coefficient)
-            + (f"   (attracts from {c.stable_side})" if c.stable_side else ""),
+            row("loss coefficient C", c.loss_coefficient) + attracts,
             f"  {'residual':<24}{c.residual:.1e}",
             f"  {'energy drift':<24}{c.energy_drift:.1e}",
             f"  {'found by':<24}{self.method}, {1e3 * self.seconds:.1f} ms",
@@ -223,9 +241,59 @@ class Orbit:
 
         Raises `InputError` when the file cannot be written.
         """
-        return write_orbit(path, self.document(), self.shape, self.flight, self.contact, self.units)
+        parts, motions = ("names", "times", "coefficients"), (self.flight, self.contact)
+        flight, contact = (path and {name: getattr(path, name) for name in parts} for path in motions)
+        heights = {name: [height.weights, height.offset] for name, height in self.shape.heights.items()}
+        shape, units = vars(self.shape) | {"heights": heights}, self.units and asdict(self.units)
+        motion = {"shape": shape, "flight": flight, "contact": contact, "units": units}
+        path, document = Path(path), {"format": ORBIT_FORMAT, **self.document(), "motion": motion}
+        try:
+            path.write_text(to_json(document) + "\n", encoding="utf-8")
+        except (OSError, ValueError) as error:
+            raise InputError(f"the orbit cannot be saved to {path}: {error}") from None
+        return path
 
     @classmethod
     def load(cls, path: str | Path) -> "Orbit":
         """Read an orbit that `save` wrote; raises `InputError` when the file is not one."""
-        return cls(**read_orbit(path))
+        try:
+            data = json.loads(Path(path).read_text(encoding="utf-8"))
+            if data["format"] != ORBIT_FORMAT:
+                raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
+            motion = data["motion"]
+            checked = {name: data[name] for name in CERTIFICATE_FIELDS if name != "violations"}
+            return cls(
+                machine={name: data[name] for name in MACHINE_FIELDS},
+                **{name: _float_of(data[name]) for name in ("alpha", "liftoff_extension", "flight_time")},
+                contact_time=data["contact_time"] and _float_of(data["contact_time"]),
+                flight=_path_of(motion["flight"]),
+                contact=motion["contact"] and _path_of(motion["contact"]),
+                shape=_shape_of(motion["shape"]),
+                certificate=Certificate(**checked, violations=tuple(data["violations"])),
+                method=data["method"],
+                skipped=tuple(data["skipped"]),
+                seconds=data["seconds"],
+                units=motion["units"] and Units(**motion["units"]),
+            )
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"{path} is not a saved orbit: {error}") from None
+
+
+def _path_of(data: Mapping[str, Any]) -> Trajectory:
+    path = Trajectory(np.array(data["times"]), np.array(data["coefficients"]), tuple(data["names"]))
+    steps, rows, _ = path.coefficients.shape
+    if len(path.times) != steps + 1 or rows != len(path.names) or not (path.steps > 0).all():
+        raise ValueError("its motion is damaged")
+    return path
+
+
+def _shape_of(data: Mapping[str, Any]) -> Shape:
+    reversor, mirror = (data[name] and tuple(data[name]) for name in ("reversor", "contact_reversor"))
+    heights = {name: Affine(tuple(weights), offset) for name, (weights, offset) in data["heights"].items()}
+    return Shape(reversor, mirror, np.array(data["embed"]), heights, tuple(map(tuple, data["springs"])))
+
+
+def _float_of(value: Any) -> float:
+    if not isinstance(value, float):
+        raise ValueError(f"{value!r} is not a number")
+    return value

@@ -3,33 +3,21 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..flow.flow import Flow, flow_of
+from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectory
 from ..model.phase import Statement
 from ..numerics.bernstein import derivative, evaluate
 from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.ipopt import solve_equations
-from .evaluation import Evaluation, PointEvaluation, stacked
 from .multiple_shooting import MultipleShooting, boundary_functions
-from .newton import newton
-
-
-class BoundaryFunctions(NamedTuple):
-    """What a statement says of one arc, each with its derivatives by all arguments.
-
-    departure : (u, end of the arc before, p) -> start state and duration (states + 1,)
-    conditions : (u, start state, end state, p, q) -> what vanishes at both ends, q being the data of the first piece
-    """
-
-    departure: BufferedFunction
-    conditions: BufferedFunction
+from .newton import Evaluation, newton, stacked
 
 
 @lru_cache(maxsize=64)
@@ -39,10 +27,8 @@ def shooting_equations(statement: Statement, parameters: tuple[str, ...]) -> "Sh
 
 
 class Shooting:
-    """The equations F(u, p) = 0 of a statement, `parameters` naming the entries of p.
-
-    Everywhere u is (n,), p is (np,), `vary` names k parameters with respect to which derivatives are taken too.
-    """
+    """The equations F(u, p) = 0 of a statement, for u (n,) and p (np,), whose entries `parameters` names; `vary` names
+    k parameters with respect to which derivatives are taken too."""
 
     def __init__(self, statement: Statement, parameters: tuple[str, ...]):
         self.statement, self.parameters = statement, tuple(parameters)
@@ -60,12 +46,13 @@ class Shooting:
         return any(flow.compiled for flow in self.flows)
 
     @cached_property
-    def ends(self) -> list[BoundaryFunctions]:
-        """The boundary functions of each arc."""
+    def ends(self) -> list[tuple[BufferedFunction, BufferedFunction]]:
+        """The `boundary_functions` of each arc: (u, end of the arc before, p) -> start state with the duration, and the
+        residuals at both ends, each with its derivatives by all arguments."""
         functions = boundary_functions(self.statement, self.parameters)
-        return [BoundaryFunctions(*map(_with_derivatives, functions_of_arc)) for functions_of_arc in functions]
+        return [(_with_derivatives(departure), _with_derivatives(arrival)) for departure, arrival in functions]
 
-    def evaluate(self, u: ArrayLike, p: np.ndarray, vary: tuple[str, ...] = ()) -> PointEvaluation:
+    def evaluate(self, u: ArrayLike, p: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
         """Residual, Jacobian and motion at one point; the error control of the flow chooses the steps.
 
         Raises `FlowError` when the motion cannot be integrated.
@@ -74,24 +61,24 @@ class Shooting:
         du, dp, dvaried, seeds = self.seeds(vary)
         before, dbefore = np.zeros(0), np.zeros((0, n + k))
         residuals, jacobians, arcs = [], [], []
-        for flow, boundary, (start_seeds, parameter_seeds) in zip(self.flows, self.ends, seeds, strict=True):
-            value, slope = boundary.departure(u, before, p)
+        for flow, (departure, arrival), arc_seeds in zip(self.flows, self.ends, seeds, strict=True):
+            value, slope = departure(u, before, p)
             dvalue = _chain(slope, du, dbefore, dp)
             start, duration, dduration = value[:-1, 0], value[-1, 0], dvalue[-1]
             dstart = np.vstack([dvalue[:-1], dvaried])
-            path, transition = flow.run(start, p, duration, start_seeds, parameter_seeds)
+            path, transition = flow.run(start, p, duration, *arc_seeds)
             end = path.end[: flow.size]
             speed = evaluate(derivative(path.coefficients[-1, : flow.size]), path.steps[-1])
             dend = transition @ dstart + np.outer(speed, dduration)
             q, slope = flow.piece_data(start, p)
             dq = _chain(slope, dp)
-            residual, slope = boundary.conditions(u, start, end, p, q)
+            residual, slope = arrival(u, start, end, p, q)
             residuals.append(residual.ravel())
             jacobians.append(_chain(slope, du, dstart[: flow.size], dend, dp, dq))
             arcs.append((path, transition, dstart, dduration, slope[:, n + flow.size : n + 2 * flow.size]))
             before, dbefore = end, dend
         per_arc: list[Any] = list(zip(*arcs, strict=True))
-        return PointEvaluation(np.concatenate(residuals), np.vstack(jacobians), *per_arc)
+        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *per_arc)
 
     @lru_cache(maxsize=8)  # noqa: B019 - the equations themselves are kept as long
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
@@ -101,10 +88,8 @@ class Shooting:
         dp = np.zeros((len(self.parameters), n + k))
         for j, name in enumerate(vary):
             dp[self.parameters.index(name), n + j] = 1.0
-        seeds = [
-            (np.eye(flow.size, flow.size + k), np.hstack([np.zeros((len(dp), flow.size)), dp[:, n:]]))
-            for flow in self.flows
-        ]
+        sizes = [flow.size for flow in self.flows]
+        seeds = [(np.eye(size, size + k), np.hstack([np.zeros((len(dp), size)), dp[:, n:]])) for size in sizes]
         return np.eye(n, n + k), dp, np.eye(k, n + k, n), seeds
 
     def evaluate_all(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
@@ -116,12 +101,9 @@ class Shooting:
     ) -> tuple[np.ndarray, np.ndarray, Evaluation]:
         """Newton steps from points X (m, n + 1), unknowns and a varied parameter, towards F = 0 and rows . X = targets.
 
-        evaluation : the equations at the points
-        ps : parameters (m, np) there
-        rows, targets : (m, n + 1) and (m,)
-
-        Returns the steps (m, n + 1), the directions of the curve (m, n + 1), and the equations where the steps lead:
-        the residuals exactly, the rest to first order.
+        `evaluation` holds the equations at the points, ps (m, np) the parameters there; rows are (m, n + 1), targets
+        (m,). Returns the steps (m, n + 1), the directions of the curve (m, n + 1), and the equations where the steps
+        lead: the residuals exactly, the rest to first order.
         """
         right = np.zeros((*xs.shape, 2))
         right[:, :-1, 0], right[:, -1, 0] = -evaluation.residual, targets - np.einsum("mi,mi->m", xs, rows)
@@ -145,7 +127,7 @@ class Shooting:
         moved = tuple(motions.moved(change(start), change(duration)) for motions, start, duration in arcs)
         if any(flow.phase.pieces for flow in self.flows):
             points = zip(us, ps, zip(*moved, strict=True), strict=True)
-            residual = np.array([self.residual(u, p, paths, _end_of_path) for u, p, paths in points])
+            residual = np.array([self.residual(u, p, paths, lambda *arc: arc[-1].end) for u, p, paths in points])
         else:
             residual = self.arrivals(us, ps, *(motions.finals for motions in moved))[0][:, :, 0]
         return replace(evaluation, residual=residual, trajectories=moved)
@@ -156,19 +138,19 @@ class Shooting:
         u, p = ca.SX.sym("u", self.size), ca.SX.sym("p", len(self.parameters))
         ends = [ca.SX.sym("x", flow.size) for flow in self.flows]
         residuals = []
-        for before, end, boundary in zip([ca.SX(0, 1), *ends], ends, self.ends, strict=False):
-            start = boundary.departure.function(u, before, p)[0][:-1]
-            residuals.append(boundary.conditions.function(u, start, end, p, ca.SX(0, 1))[0])
+        for before, end, (departure, arrival) in zip([ca.SX(0, 1), *ends], ends, self.ends, strict=False):
+            start = departure.function(u, before, p)[0][:-1]
+            residuals.append(arrival.function(u, start, end, p, ca.SX(0, 1))[0])
         return MappedFunction(dense("arrivals", [u, p, *ends], [ca.vertcat(*residuals)]))
 
     def residual(self, u: np.ndarray, p: np.ndarray, paths: tuple[Trajectory, ...], end_of: Callable) -> np.ndarray:
         """The residual (n,) where every arc ends at end_of(flow, start, p, path), one of `paths` for each."""
         before, residuals = np.zeros(0), []
-        for flow, path, boundary in zip(self.flows, paths, self.ends, strict=True):
-            start = boundary.departure(u, before, p)[0][:-1, 0]
+        for flow, path, (departure, arrival) in zip(self.flows, paths, self.ends, strict=True):
+            start = departure(u, before, p)[0][:-1, 0]
             before = end_of(flow, start, p, path)
             q, _ = flow.piece_data(start, p)
-            residuals.append(boundary.conditions(u, start, before, p, q)[0].ravel())
+            residuals.append(arrival(u, start, before, p, q)[0].ravel())
         return np.concatenate(residuals)
 
     def newton(self, u: ArrayLike, p: np.ndarray, attempts: int = 30) -> tuple[np.ndarray, Evaluation]:
@@ -196,10 +178,6 @@ def _with_derivatives(function: ca.Function) -> BufferedFunction:
     arguments = function.sx_in()
     value = ca.vertcat(*function.call(arguments))
     return BufferedFunction(dense(function.name(), arguments, [value, ca.jacobian(value, ca.vertcat(*arguments))]))
-
-
-def _end_of_path(flow: Flow, start: np.ndarray, p: np.ndarray, path: Trajectory) -> np.ndarray:
-    return path.end
 
 
 def _chain(slope: np.ndarray, *inner: np.ndarray) -> np.ndarray:
