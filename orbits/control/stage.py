@@ -29,6 +29,11 @@ class Input:
     high: float | Callable[[Mapping[str, Any]], Any] = np.inf
     degree: int = 0
 
+    @property
+    def numbers(self) -> tuple[float, float]:
+        """The two bounds, -inf and inf where they are expressions."""
+        return -np.inf if callable(self.low) else self.low, np.inf if callable(self.high) else self.high
+
 
 @dataclass(frozen=True, eq=False)
 class Stage:
@@ -115,8 +120,7 @@ def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:
     for name, given in stage.inputs.items():
         if name in parameters:
             raise InputError(f"{where}: '{name}' is both an input and a parameter; rename one")
-        sides = zip((given.low, given.high), (-np.inf, np.inf), strict=True)
-        check_range(f"{where}: input '{name}'", [none if callable(side) else side for side, none in sides])
+        check_range(f"{where}: input '{name}'", given.numbers)
         whole_number(f"{where}: degree of input '{name}'", given.degree, "powers", 0)
 
 

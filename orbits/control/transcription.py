@@ -93,9 +93,8 @@ class Transcription:
         self, stages: tuple[Stage, ...], fixed: tuple[str, ...], free: tuple[str, ...],
         substeps: tuple[int, ...], exchange_points: tuple[tuple[int, int], ...],
     ):  # fmt: skip
-        self.stages, self.fixed, self.free = stages, fixed, free
+        self.stages, self.fixed, self.free, self.names = stages, fixed, free, (*fixed, *free)
         self.substeps, self.exchange_points = substeps, exchange_points
-        self.names = (*fixed, *free)
         self.shapes = [(len(s.phase.states), s.intervals, len(s.coefficient_names)) for s in stages]
         self.labels: list[str] = []
         self.inner_paths: list[int] = []
@@ -104,8 +103,8 @@ class Transcription:
 
     def _build(self) -> Minimiser:
         """The nonlinear program, with the given parameters, the shares and the cost's unit as its parameters."""
-        given, freed, shares = (ca.MX.sym("p", k) for k in (len(self.fixed), len(self.free), len(self.exchange_points)))
-        p, cost, constraints, data = ca.vertcat(given, freed), ca.MX(0), [], []
+        given, freed, shares = (ca.MX.sym("p", len(each)) for each in (self.fixed, self.free, self.exchange_points))
+        p, unit, cost, constraints, data = ca.vertcat(given, freed), ca.MX.sym("unit"), ca.MX(0), [], []
         parts = [(ca.MX.sym("T"), ca.MX.sym("x", n, N + 1), ca.MX.sym("w", m, N)) for n, N, m in self.shapes]
         for i, part in enumerate(parts):
             stage_cost, stage_constraints, stage_data = self._build_stage(i, part, parts[i - 1][1][:, -1], p)
@@ -118,14 +117,11 @@ class Transcription:
             self.inner_paths += range(len(self.labels), len(self.labels) + path.numel())
             constraints += [self._constrain(path[j], i, f"'{name}'") for j, name in enumerate(self.stages[i].path)]
         unknowns = ca.veccat(*[symbol for part in parts for symbol in part], freed)
-        unit = ca.MX.sym("unit")
-        parameters = ca.vertcat(given, shares, unit)
-        return Minimiser(unknowns, parameters, cost / unit, ca.vertcat(*constraints), STALLS)
+        return Minimiser(unknowns, ca.vertcat(given, shares, unit), cost / unit, ca.vertcat(*constraints), STALLS)
 
     def _build_stage(self, i: int, part, before: ca.MX, p: ca.MX) -> tuple[ca.MX, list[ca.MX], ca.MX]:
         """Cost, constraints, and the parameters of each interval of a stage that follows the state `before`."""
-        stage, (duration, x, w) = self.stages[i], part
-        n = stage.intervals
+        stage, (duration, x, w), n = self.stages[i], part, self.stages[i].intervals
         data = ca.vertcat(ca.repmat(p, 1, n), ca.repmat(duration / n, 1, n), w)
         step = advance(stage, self.names, self.substeps[i]).map(n)
         ends, costs, path = step(x[:, :-1], ca.DM.ones(1, n), data)
@@ -163,14 +159,13 @@ class Transcription:
     def bounds(self, free: Mapping[str, tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the unknowns, (n,) each."""
         sides = []
-        for side, none in ((0, -np.inf), (1, np.inf)):
+        for side in (0, 1):
             parts = []
-            for stage, (size, n, _) in zip(self.stages, self.shapes, strict=True):
-                each: list[float] = []
-                for given in stage.inputs.values():
-                    bound = (given.low, given.high)[side]
-                    each += [none if callable(bound) else bound] * (given.degree + 1)
-                nodes, coefficients = np.full((size, n + 1), none), np.tile(np.c_[each], n)
+            for stage, (size, n, m) in zip(self.stages, self.shapes, strict=True):
+                coefficients = np.zeros((m, n))
+                for name, rows in stage.input_rows().items():
+                    coefficients[rows] = stage.inputs[name].numbers[side]
+                nodes = np.full((size, n + 1), (-np.inf, np.inf)[side])
                 parts.append(StageUnknowns(stage.duration[side], nodes, coefficients))
             sides.append(self.pack(parts, [bound[side] for bound in free.values()]))
         return sides[0], sides[1]
@@ -200,17 +195,10 @@ class Transcription:
         return float(self._minimiser.conditions(x, p, 0.0)[0])
 
     def minimise(self, x: np.ndarray, p: np.ndarray, bounds, multipliers: Multipliers | None) -> Minimum:
-        """The minimum near `x`; `p` holds the given parameters, the shares of the exchange points, and the cost's unit.
-
-        multipliers : of a minimum nearby, from which the iteration starts; None for a cold start
-        """
+        """The minimum near `x`; `p` holds the given parameters, the shares of the exchange points, and the cost's unit,
+        and the iteration starts from the `multipliers` of a minimum nearby, or cold."""
         least, most = np.array(self._limits).T
         return self._minimiser(x, p, bounds, (least, most), multipliers)
-
-    def padded(self, multipliers: Multipliers) -> Multipliers:
-        """Multipliers of the same problem with fewer exchange points, for this one."""
-        bound, held = multipliers
-        return bound, np.append(held, np.zeros(len(self.labels) - len(held)))
 
     def end_conditions(self, values: np.ndarray, ends: Sequence) -> Iterator[tuple]:
         """Of each stage what `_conditions` gives for parameters and the stages' (first, last) states."""
@@ -219,10 +207,4 @@ class Transcription:
             yield _conditions(stage, self.names, len(before))(*ends[i], before, values)
 
 
-@lru_cache(maxsize=32)
-def transcription(
-    stages: tuple[Stage, ...], fixed: tuple[str, ...], free: tuple[str, ...],
-    substeps: tuple[int, ...] | None = None, exchange_points: tuple[tuple[int, int], ...] = (),
-) -> Transcription:  # fmt: skip
-    """The nonlinear program of stages, kept for the next call."""
-    return Transcription(stages, fixed, free, substeps or (1,) * len(stages), exchange_points)
+transcription = lru_cache(maxsize=32)(Transcription)
