@@ -1,5 +1,4 @@
-"""Motions found by optimal control: the solution of the nonlinear program integrated accurately, open loop, with its
-errors, and what the next solve may start from."""
+"""Motions found by optimal control: solutions of the nonlinear program integrated accurately, open loop, and errors."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -18,8 +17,8 @@ from .transcription import Multipliers, StageUnknowns, Transcription
 
 @dataclass(frozen=True)
 class ControlledLeg(Leg):
-    """One stage of a motion: its phase's name, its start, its motion from there, and its inputs, which are polynomials
-    of the time since the start as well. Rows of the motion are the states, then the path expressions."""
+    """One stage of a motion, whose rows are the states, then the path expressions; and its inputs as polynomials of the
+    time since its start."""
 
     inputs: Trajectory
 
@@ -117,15 +116,16 @@ class Control:
 class StageRollout:
     """A stage integrated accurately from its first state through all its intervals.
 
+    unknowns : those of the stage in the nonlinear program
     path : the motion, states and then path expressions
     nodes : states (n, N + 1) at the ends of the intervals
     cost : the running cost
-    interval, began : of each step of the motion, (steps,), the interval that it is in and the share of it at which it
-        begins
+    interval, began : of each step (steps,) of the motion the interval, and the share of it at which the step begins
     overstepped : the most by which an input leaves its bounds
     """
 
     stage: Stage
+    unknowns: StageUnknowns
     path: Trajectory
     nodes: np.ndarray
     cost: float
@@ -133,8 +133,10 @@ class StageRollout:
     began: np.ndarray
     overstepped: float
 
-    def distance(self, nodes: np.ndarray) -> float:
-        """The largest distance of its states from those at the shooting nodes (n, N + 1), relative to their size."""
+    @property
+    def distance(self) -> float:
+        """The largest distance of its states from those at the shooting nodes, relative to their size."""
+        nodes = self.unknowns.nodes
         return float((np.abs(self.nodes - nodes) / (1.0 + np.abs(nodes).max(1, keepdims=True))).max())
 
     @cached_property
@@ -164,14 +166,8 @@ class StageRollout:
 
 @dataclass(frozen=True)
 class MotionRollout:
-    """All stages of a solution integrated accurately.
+    """All stages of a solution integrated accurately; `values` of all parameters, and the rest as in `Control`."""
 
-    unknowns : unknowns of each stage in the nonlinear program
-    values : values of all parameters
-    cost, error, violation : as in `Control`
-    """
-
-    unknowns: list[StageUnknowns]
     values: np.ndarray
     stages: list[StageRollout]
     cost: float
@@ -180,48 +176,45 @@ class MotionRollout:
 
     def legs(self) -> tuple[ControlledLeg, ...]:
         """The legs of the accurate motion."""
-        starts = np.cumsum([0.0, *(part.duration for part in self.unknowns)]).tolist()
-        return tuple(
-            ControlledLeg(of.stage.phase.name, start, of.path, _input_polynomials(of.stage, duration, coefficients))
-            for of, (duration, _, coefficients), start in zip(self.stages, self.unknowns, starts, strict=False)
-        )
+        ends = np.cumsum([0.0, *(of.unknowns.duration for of in self.stages)]).tolist()
+        names, inputs = [of.stage.phase.name for of in self.stages], [_input_polynomials(of) for of in self.stages]
+        return tuple(map(ControlledLeg, names, ends, [of.path for of in self.stages], inputs))
 
 
 def roll_out(solution: WarmStart, cost: float, fixed: np.ndarray) -> MotionRollout:
     """Integrate a solution, whose cost in the nonlinear program is given, at the given parameters `fixed`."""
-    problem = solution.problem
-    unknowns, values = problem.unpack(solution.x), np.concatenate([fixed, problem.free_values(solution.x)])
-    pairs = zip(problem.stages, unknowns, strict=True)
+    problem, x = solution.problem, solution.x
+    values = np.concatenate([fixed, x[len(x) - len(problem.free) :]])
+    pairs = zip(problem.stages, problem.unpack(x), strict=True)
     stages = [_roll_out_stage(stage, problem.names, values, part) for stage, part in pairs]
     conditions = list(problem.end_conditions(values, [(of.nodes[:, 0], of.nodes[:, -1]) for of in stages]))
     accurate = float(sum(float(final) for *_, final, _, _ in conditions) + sum(of.cost for of in stages))
     arrays = [[np.array(part) for part in parts[:3]] for parts in conditions]
     missed = [np.concatenate([np.abs(start), np.abs(end), -above], axis=None) for start, end, above in arrays]
-    distance = max(of.distance(part.nodes) for of, part in zip(stages, unknowns, strict=True))
-    error = max(distance, abs(accurate - cost) / max(solution.unit, abs(cost)))
+    error = max(*(of.distance for of in stages), abs(accurate - cost) / max(solution.unit, abs(cost)))
     violation = max([float(off.max(initial=0.0)) for off in missed] + [of.violation for of in stages])
-    return MotionRollout(unknowns, values, stages, accurate, error, violation)
+    return MotionRollout(values, stages, accurate, error, violation)
 
 
 def _roll_out_stage(stage: Stage, names: tuple[str, ...], values, unknowns: StageUnknowns) -> StageRollout:
     """Integrate a stage of a solution accurately, with parameters `names` of the given values."""
     flow, (duration, nodes, coefficients) = stage_flow(stage, names), unknowns
-    size, n, h = len(stage.phase.states), stage.intervals, duration / stage.intervals
-    x, cost, blocks, lengths, interval, began, ends = nodes[:, 0], 0.0, [], [], [], [], [nodes[:, 0]]
+    size, h, x, cost = len(stage.phase.states), duration / stage.intervals, nodes[:, 0], 0.0
+    blocks, lengths, began, ends = [], [], [], [x]
     keep = [*range(size), *range(size + 2, len(flow.names))]  # all rows but those of the clock and the cost
-    for i in range(n):
+    for i in range(stage.intervals):
         path, _ = flow.run([*x, 0.0, 0.0], np.concatenate([values, [h], coefficients[:, i]]), 1.0)
         x, cost = path.end[:size], cost + path.end[size + 1]
         ends.append(x)
         blocks.append(path.coefficients[:, keep] / powers(h, path.coefficients.shape[2]))
         lengths.append(path.steps * h)
-        interval += [i] * len(path.steps)
         began.append(path.times[:-1])
     times = np.concatenate([[0.0], np.cumsum(np.concatenate(lengths))])
-    times[-1] = duration
+    times[-1], interval = duration, np.repeat(np.arange(stage.intervals), [len(steps) for steps in lengths])
     dense = Trajectory(times, np.concatenate(blocks), tuple(flow.names[i] for i in keep))
     overstepped = _overstepped(stage, dict(zip(names, values, strict=True)), coefficients)
-    return StageRollout(stage, dense, np.array(ends).T, cost, np.array(interval), np.concatenate(began), overstepped)
+    states, shares = np.array(ends).T, np.concatenate(began)
+    return StageRollout(stage, unknowns, dense, states, cost, interval, shares, overstepped)
 
 
 def _overstepped(stage: Stage, named: dict[str, float], coefficients: np.ndarray) -> float:
@@ -234,8 +227,9 @@ def _overstepped(stage: Stage, named: dict[str, float], coefficients: np.ndarray
     return most
 
 
-def _input_polynomials(stage: Stage, duration: float, coefficients) -> Trajectory:
-    """The inputs of a stage as polynomials of its time, from Bernstein coefficients (m, N) on its intervals."""
+def _input_polynomials(rollout: StageRollout) -> Trajectory:
+    """The inputs of a stage as polynomials of its time."""
+    stage, (duration, _, coefficients) = rollout.stage, rollout.unknowns
     n, most = stage.intervals, 1 + max((given.degree for given in stage.inputs.values()), default=0)
     monomial, h = np.zeros((n, len(stage.inputs), most)), duration / n
     for i, rows in enumerate(stage.input_rows().values()):

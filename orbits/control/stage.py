@@ -21,8 +21,8 @@ INTERVAL_LENGTH = "interval's length"
 class Input:
     """A control input: a polynomial of this degree on each interval of a stage, which may jump between intervals.
 
-    low, high : bounds of the polynomial's Bernstein coefficients, numbers or p -> expression. The input keeps them
-        everywhere, and for degrees 0 and 1 they restrict it no further
+    low, high : bounds of its Bernstein coefficients, numbers or p -> expression. The input keeps them everywhere, and
+        for degrees 0 and 1 they restrict it no further
     """
 
     low: float | Callable[[Mapping[str, Any]], Any] = -np.inf
@@ -77,11 +77,8 @@ class Stage:
 
 @lru_cache(maxsize=64)
 def interval_phase(stage: Stage) -> Phase:
-    """The phase of a stage over one interval, whose time is the share of the interval that has passed.
-
-    It has two more states: a clock with that share, on which the inputs' polynomials depend, and the running cost. It
-    watches the expressions that stay positive.
-    """
+    """The phase of a stage over one interval, whose time is the share of the interval that has passed. It has two more
+    states, a clock with that share and the running cost, and watches the expressions that stay positive."""
     size = len(stage.phase.states)
 
     def with_inputs(x, p):
@@ -97,8 +94,8 @@ def interval_phase(stage: Stage) -> Phase:
         given = [*stage.phase.field(states, named, q)]
         if len(given) != size:
             raise InputError(f"the field of the {stage.phase.name} gives {len(given)} rates for {size} states")
-        given = [*given, 1.0, stage.running(states, named, q)]
-        return [rate if i == size else p[INTERVAL_LENGTH] * rate for i, rate in enumerate(given)]
+        length = p[INTERVAL_LENGTH]
+        return [*(length * rate for rate in given), 1.0, length * stage.running(states, named, q)]
 
     watch = {name: lambda x, p, q, of=of: of(*with_inputs(x, p), q) for name, of in stage.path.items()}
     return Phase(stage.phase.name, (*stage.phase.states, "clock", "cost"), rates, watch)

@@ -1,11 +1,9 @@
 """Optimal control of motions through several phases with free durations, by direct multiple shooting and Ipopt.
 
-The inputs of a stage are polynomials on each of its equal intervals. The unknowns are the durations, the states at the
-shooting nodes, the coefficients of the inputs, and the free parameters. The intervals are joined by Taylor steps with
-exact first and second derivatives. The solution is then integrated from each stage's start by the accurate flow, and
-steps are halved until both agree. Path expressions must stay positive on the dense polynomials. Where they do not,
-they are constrained at that point too, and the problem is solved again. This is an exchange method: Hettich and
-Kortanek, "Semi-infinite programming", SIAM Review 35, 1993.
+The inputs of a stage are polynomials on each of its equal intervals, which are joined by Taylor steps with exact first
+and second derivatives. The solution is integrated from each stage's start by the accurate flow, and steps are halved
+until both agree. Where path expressions fall below zero on the dense polynomials they are constrained at that point
+too: an exchange method, see Hettich and Kortanek, "Semi-infinite programming", SIAM Review 35, 1993.
 """
 
 import time
@@ -24,8 +22,7 @@ from .transcription import StageUnknowns, Transcription, transcription
 
 # Inputs of a guess are sampled this share of an interval away from its ends, since it may jump there.
 INSET = 1e-9
-# A value within this distance of a bound, relative to the bound or to one, is at it: an iteration that fails ends no
-# closer.
+# A value this close to a bound, relative to it or to one, is at it: an iteration that fails ends no closer.
 AT_BOUND = 1e-4
 # A duration without an upper bound that grows by this factor has no minimum.
 RUNAWAY_DURATION = 1e3
@@ -50,9 +47,10 @@ class SteerOptions:
     smallest_scaled_cost: float = 0.1
     negligible_cost: float = 1e-20
 
-    def in_range(self, cost: float) -> bool:
-        """Whether a cost is of order one."""
-        return self.smallest_scaled_cost < cost < 1 / self.smallest_scaled_cost
+    def needs_unit(self, cost: float, unit: float = 1.0) -> bool:
+        """Whether a cost has a size that is not of order one in a unit."""
+        of_order_one = self.smallest_scaled_cost < cost / unit < 1 / self.smallest_scaled_cost
+        return self.negligible_cost < cost < np.inf and not of_order_one
 
 
 STEER_OPTIONS = SteerOptions()
@@ -82,9 +80,8 @@ def steer(
     refine : all intervals are halved until the cost changes by no more than this share of it. None keeps them as they
         are, and it is not known how much finer ones would save
 
-    Raises `InputError` for bounds that conflict. Raises `NoOrbit`, saying which condition or bound is in the way, where
-    there is no such motion, a stage collapses or runs away, the cost has no lower bound, or nothing is found from the
-    guess.
+    Raises `InputError` for bounds that conflict. Raises `NoOrbit`, saying what is in the way, where there is no such
+    motion, a stage collapses or runs away, the cost has no lower bound, or nothing is found from the guess.
     """
     began = time.perf_counter()
     stages, parameters, free = tuple(stages), dict(parameters or {}), dict(free or {})
@@ -149,13 +146,12 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) 
             raise NoOrbit(_reason_of_failure(current.problem, found))
         current = replace(current, x=found.x, multipliers=found.multipliers)
         _check_not_away(stages, first, problem.unpack(current.x))
-        size = abs(found.cost)
-        if size > STEER_OPTIONS.negligible_cost and not STEER_OPTIONS.in_range(size / current.unit):
+        if STEER_OPTIONS.needs_unit(size := abs(found.cost), current.unit):
             factor, (bound, held) = current.unit / size, found.multipliers
             current = replace(current, unit=size, multipliers=(factor * bound, factor * held))
             continue
         motion = roll_out(current, found.cost, fixed)
-        _check_not_collapsed(stages, motion.unknowns)
+        _check_not_collapsed(stages, [of.unknowns for of in motion.stages])
         if motion.error <= tolerance and motion.violation <= tolerance:
             named = dict(zip(problem.names, motion.values.tolist(), strict=True))
             accuracy = motion.violation, motion.error
@@ -166,12 +162,11 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) 
         current = finer
     if motion is None:
         raise NoOrbit("the cost does not settle to an order of magnitude; bound the inputs, or round the cost")
-    low = [
-        f": {name} still falls below zero between interval ends" for of in motion.stages for name in of.low(tolerance)
-    ]
+    names = [name for of in motion.stages for name in of.low(tolerance)][:1]
+    low = "".join(f": {name} still falls below zero between interval ends" for name in names)
     raise NoOrbit(
         f"the motion does not settle to {tolerance:.0e}, it is off by {max(motion.error, motion.violation):.1e} after "
-        f"{rounds} rounds{''.join(low[:1])}; take more intervals or a larger tolerance"
+        f"{rounds} rounds{low}; take more intervals or a larger tolerance"
     )
 
 
@@ -182,8 +177,7 @@ def _warm_or_cold_start(problem: Transcription, guess, free: Mapping, bounds, fi
         return known
     x = _unknowns_of_guess(problem, guess, free, bounds)
     size = abs(problem.cost(x, np.concatenate([fixed, [1.0]])))
-    has_unit = STEER_OPTIONS.negligible_cost < size < np.inf and not STEER_OPTIONS.in_range(size)
-    return WarmStart(problem, x, None, np.zeros(0), size if has_unit else 1.0)
+    return WarmStart(problem, x, None, np.zeros(0), size if STEER_OPTIONS.needs_unit(size) else 1.0)
 
 
 def _minimum(start: WarmStart, fixed, bounds) -> Minimum:
@@ -198,8 +192,7 @@ def _minimum(start: WarmStart, fixed, bounds) -> Minimum:
 def _refined(current: WarmStart, motion: MotionRollout, tolerance: float) -> WarmStart:
     """The start of the next round: steps are halved where they are inaccurate, and exchange points added at dips."""
     problem = current.problem
-    pairs = zip(motion.stages, motion.unknowns, strict=True)
-    inaccurate = [stage.distance(part.nodes) > tolerance for stage, part in pairs]
+    inaccurate = [stage.distance > tolerance for stage in motion.stages]
     dips = [(i, *dip) for i, stage in enumerate(motion.stages) for dip in stage.dips(tolerance)]
     if not any(inaccurate) and not dips:  # the cost or a condition at an end is off
         inaccurate = [True] * len(inaccurate)
@@ -207,10 +200,10 @@ def _refined(current: WarmStart, motion: MotionRollout, tolerance: float) -> War
     points = problem.exchange_points + tuple((i, interval) for i, interval, _ in dips)
     finer = transcription(problem.stages, problem.fixed, problem.free, substeps, points)
     shares = np.append(current.shares, [share for *_, share in dips])
-    multipliers = current.multipliers
-    if multipliers:  # those of further exchange points are 0
-        multipliers = multipliers[0], np.append(multipliers[1], np.zeros(len(finer.labels) - len(multipliers[1])))
-    return replace(current, problem=finer, multipliers=multipliers, shares=shares)
+    assert current.multipliers is not None  # of the minimum that was rolled out
+    bound, held = current.multipliers
+    held = np.append(held, np.zeros(len(finer.labels) - len(held)))  # 0 at the new exchange points
+    return replace(current, problem=finer, multipliers=(bound, held), shares=shares)
 
 
 def _unknowns_of_guess(problem: Transcription, guess, free: Mapping, bounds) -> np.ndarray:
@@ -297,8 +290,7 @@ def _reason_of_failure(problem: Transcription, found: Minimum) -> str:
 
 
 def _bounds_in_the_way(problem: Transcription, found: Minimum) -> list[str]:
-    """The bounds that an iteration ended at, in words: of durations, of inputs on most of their intervals if they are
-    numbers, and of path expressions somewhere within their stage."""
+    """The bounds that an iteration ended at, in words; of inputs those at which most of their intervals are."""
     short, inputs = [], []
     for i, (stage, part) in enumerate(zip(problem.stages, problem.unpack(found.x), strict=True), start=1):
         if _shortest(stage, part):

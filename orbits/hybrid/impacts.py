@@ -43,7 +43,7 @@ STATUS = f"<U{max(map(len, STATUSES))}"
 CAP = 10_000
 # Order of the gap's zero at a lift-off.
 LIFTOFF_ORDER = 3
-# After this many zeros of the contact's speed the contact never ends, see `ContactEnd`.
+# After this many zeros of its speed a contact never ends, see `ContactEnd`.
 TURNS = 3
 # A contact whose rates are all below this is at rest. An overdamped contact gets there without turning.
 STILL_RATE = 1e-12
@@ -58,8 +58,7 @@ class ImpactOptions:
     batch_contact : contacts are followed as a batch up to this time, and what has not ended then one by one
     summed_change : bounces are summed as a geometric series once the pressing acceleration changes by less than this
         share while they last; their effect on the rest of the motion is of third order in that time
-    slowest_bounce : a bounce slower than this, relative to the state, is rounding; where no force presses, such bounces
-        would never end
+    slowest_bounce : a bounce slower than this, relative to the state, is rounding, and would never end without a force
     launch_distance : a contact that ends within this relative distance of a launch state is taken to end there, so that
         lossless hops stay lossless to the last bit; two lift-offs that close would be one fold of the spring's force
     energy_panels : straight panels between the origin and a state along which its energy is integrated
@@ -78,10 +77,8 @@ class ImpactOptions:
 class Landing:
     """The effect of impacts on flight states, (m, ...) each.
 
-    held : whether sustained contact follows, at once or after infinitely many bounces
-    state : the state after the impact; it moves away where the machine bounces
-    loss : loss of energy
-    wait : the time that infinitely many bounces take, 0 where there are none
+    held : whether sustained contact follows, at once or after infinitely many bounces, which take the time `wait`
+    state, loss : the state after the impact, which moves away where the machine bounces, and the loss of energy
     """
 
     held: np.ndarray
@@ -96,9 +93,8 @@ class ContactEnd:
     speed : the coordinate of the contact that is its speed; None where rest is not looked for
     outcome : "lifts_off", "rests", or None while the contact lasts
 
-    Trajectories of one coordinate do not cross in the phase plane. Once the speed has changed its sign three times, the
-    contact has passed each extension upward and downward, and what follows stays, with damping or without, inside
-    what it has passed. A contact that has not ended by then never does.
+    Trajectories of one coordinate do not cross in the phase plane. Once the speed has changed its sign three times,
+    what follows stays, with damping or without, inside what the contact has passed, and it never ends.
     """
 
     def __init__(self, contact: Flow, speed: Affine | None):
@@ -115,7 +111,7 @@ class ContactEnd:
         return first
 
     def _rest(self, speed: Affine, coefficients, steps) -> list[tuple[int, float]]:
-        """Places from which the force never ends the contact: the last turn, and steps at whose start it is still."""
+        """Places from which the force never ends the contact: the last turn, and where a step starts at rest."""
         turns = self.speed_zeros(speed.series(coefficients), steps)
         last, self.turns_left = turns[self.turns_left - 1 : self.turns_left], self.turns_left - len(turns)
         still = np.flatnonzero(np.abs(coefficients[:, : self.size, 1]).max(1) < STILL_RATE)[:1]
@@ -191,8 +187,8 @@ class Impacts:
     def sustained_contact(self, y: np.ndarray, left: float = np.inf) -> tuple[Trajectory | None, str | None, str]:
         """Follow the contact from a state (k,) for at most the time `left`: its motion, its outcome and the reason.
 
-        The outcome is "lifts_off", a status, or None when the time is up. That a contact rests is only looked for when
-        the time is not limited. The motion is None where it could not be followed.
+        The outcome is "lifts_off", a status, or None when the time is up; that it rests is only looked for when the
+        time is not limited. The motion is None where it could not be followed.
         """
         endless = left == np.inf
         limit = self.longest_contact(y) if endless else left
@@ -222,8 +218,7 @@ class Impacts:
         return outcome, ends
 
     def liftoff(self, ys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The speeds (m,) of contact states (m, k) whose force vanishes, and whether (m,) each is the launch with that
-        speed."""
+        """Speeds (m,) of contact states (m, k) whose force vanishes, and whether (m,) each is the launch so fast."""
         speed, x = self.model.contact_speed(ys), ys @ self.model.embed.T
         if not self.model.one_speed:
             return speed, np.zeros(len(ys), bool)

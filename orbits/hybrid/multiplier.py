@@ -55,9 +55,8 @@ def _through_flight(impacts: Impacts, alpha: float, x, change, order: int) -> tu
     x, change = path.end[: len(x)], variations[:, 0]
     speed = float(impacts.gap_speed @ x)
     if order == LIFTOFF_ORDER and abs(speed) < TANGENTIAL * alpha:  # later bounces may be arbitrarily slow
-        raise NoOrbit(
-            f"the landing is tangential, at speed {speed:.1e}: no multiplier; {_one_sided(impacts, alpha, x, change)}"
-        )
+        law = _one_sided(impacts, alpha, x, change)
+        raise NoOrbit(f"the landing is tangential, at speed {speed:.1e}: no multiplier; {law}")
     rates = impacts.flight.rates(x, impacts.flight.data(x[None], impacts.p)[0])
     return x, change - rates * (np.array(impacts.gap.weights) @ change) / speed
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError, finite_number, whole_number
 from ..model.machine import ImpactingMachine
 from ..numerics.roots import enclosed_sign_changes
-from .fixed_points import JUMP, FixedPoint, basin_of, crossings, lossless_speeds, or_zero, preimages, resolved_map
+from .fixed_points import JUMP, FixedPoint, Intervals, ResolvedMap, lossless_speeds, or_zero
 from .impacts import CAP, LIFTOFF_ORDER, STATUS, Impacts, status_of_failure
 
 # Launch speeds in one batch: few enough to stay in a processor's cache.
@@ -78,24 +78,19 @@ class ReturnMap:
         hops = [vars(_hops_from(self.impacts, batch, self.inject, self.cap)) for batch in batches]
         return Hops(**{name: np.concatenate([part[name] for part in hops]).reshape(alpha.shape) for name in hops[0]})
 
-    def _next(self, alpha: np.ndarray) -> np.ndarray:
-        """Next launch speeds, NaN where there are none."""
-        return self(alpha).next
-
     def fixed_points(self, low: float, high: float, samples: int = 2000) -> tuple[FixedPoint, ...]:
         """The fixed points of the map between two launch speeds, ascending.
 
-        Without injection, and without losses other than those of impacts, they are the lossless orbits that are
-        motions: all of them under constant gravity, otherwise those of `find`. In all other cases they are where the
-        map crosses the identity line. They are found where next - alpha changes its sign between neighbours of a grid
-        of `samples` launches, refined toward lossless ones, where an injection makes two, and toward extrema.
+        Without injection or damping they are the lossless orbits that are motions: all of them under constant gravity,
+        otherwise those of `find`. Else the map crosses the identity line there: next - alpha changes its sign between
+        neighbours of a grid of `samples` launches, refined toward lossless ones and toward extrema.
         """
         low, high = _speed_range(low, high)
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative:
             return tuple(FixedPoint(alpha, "lossless") for alpha in lossless)
-        grid, following = resolved_map(self._next, lossless, low, high, samples, True)
-        return tuple(FixedPoint(float(alpha), "crossing") for alpha in crossings(self._next, grid, following))
+        crossings = ResolvedMap(self, lossless, low, high, samples, True).crossings()
+        return tuple(FixedPoint(float(alpha), "crossing") for alpha in crossings)
 
     def jumps(self, hops: Hops) -> np.ndarray:
         """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
@@ -105,31 +100,25 @@ class ReturnMap:
         # A jump that is smaller than the changes beside it would not be seen in a plot.
         i = np.flatnonzero((np.diff(hops.impacts) != 0) & (change > beside))
         same = lambda alpha, which: np.where(self(alpha).impacts == hops.impacts[i[which]], 1.0, -1.0)  # noqa: E731
-        ones = np.ones(len(i))
-        a, b, _, _ = enclosed_sign_changes(same, hops.alpha[i], hops.alpha[i + 1], ones, -ones)
-        return i[np.abs(or_zero(self._next(a)) - or_zero(self._next(b))) > JUMP * a]
+        a, b, _, _ = enclosed_sign_changes(same, hops.alpha[i], hops.alpha[i + 1], np.ones(len(i)), -np.ones(len(i)))
+        return i[np.abs(or_zero(self(a).next) - or_zero(self(b).next)) > JUMP * a]
 
-    def preimages(
-        self, edges: list[tuple[float, float]], low: float, high: float, samples: int = 2000
-    ) -> list[tuple[float, float]]:
-        """The intervals of launch speeds between `low` and `high` whose next launch speed lies in one of the intervals
-        `edges`, ascending.
-
-        They end where the map passes an edge, or jumps. They are found from a grid as in `fixed_points`.
-        """
+    def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
+        """The intervals of launch speeds between `low` and `high`, ascending, whose next one lies in one of the
+        intervals `edges`. They end where the map passes an edge, or jumps; the grid is as in `fixed_points`."""
         low, high = _speed_range(low, high)
         edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in edges]
         if wrong := [pair for pair in edges if not 0 < pair[0] <= pair[1]]:
             raise InputError(f"edges = {wrong[0]}; the launch speeds of an interval are above 0 and ascend")
         lossless = lossless_speeds(self.impacts, low, high)
-        return preimages(self._next, edges, *resolved_map(self._next, lossless, low, high, samples, False))
+        return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
 
-    def basin(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> list[tuple[float, float]]:
+    def basin(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> Intervals:
         """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
 
-        All launches just above a lossless launch speed come down to it, up to where the map falls below it. All others
-        that come to a lossless hop enter one of these intervals before, within at most `hops` hops. Intervals that
-        would add only some 1e-5 of the range are left out. Raises `InputError` with injection or damping.
+        All launches just above a lossless one come down to it, up to where the map falls below it; all others enter
+        one of these intervals before, within at most `hops` hops. Intervals that would add only some 1e-5 of the range
+        are left out. Raises `InputError` with injection or damping.
         """
         low, high = _speed_range(low, high)
         if self.inject != 0 or not self.impacts.model.conservative:
@@ -138,8 +127,7 @@ class ReturnMap:
         lossless = lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high)
         if not lossless or lossless[0] >= high:
             return []
-        grid, following = resolved_map(self._next, lossless, lossless[0], high, samples, False)
-        intervals = basin_of(self._next, lossless, grid, following, hops, high - low)
+        intervals = ResolvedMap(self, lossless, lossless[0], high, samples, False).basin(lossless, hops, high - low)
         return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
 
 

@@ -1,7 +1,6 @@
 """Simulation of a machine from any state: flights, impacts and contacts, one after the other, with every event found.
 
-Events are zeros of the Taylor polynomials of the motion, found by Bernstein exclusion, which does not miss a grazing
-pair of zeros. Each leg is kept as its polynomials, so that the whole motion can be evaluated at any time.
+Events are zeros of the motion's Taylor polynomials, found by Bernstein exclusion, which misses no grazing pair of them.
 """
 
 from collections.abc import Mapping
@@ -22,11 +21,9 @@ from ..numerics.bernstein import lowest
 from ..symbolic import interrupts
 from .impacts import CAP, LIFTOFF_ORDER, Impacts, status_of_failure
 
-# A gap, a gap speed or a contact force below this, relative to the state, is zero: the rounding of a state that the
-# caller has computed is smaller.
+# A gap, a gap speed or a contact force below this, relative to the state, is zero: a caller's rounding is smaller.
 TOUCHING = 1e-9
-# An event this close to a change of the schedule, relative to the time, happens at it: event times are accurate to no
-# more than this.
+# An event this close to a change of the schedule, relative to the time, is at it: event times are no more accurate.
 SIMULTANEOUS = 1e-9
 
 
@@ -64,8 +61,7 @@ class Simulation:
 
     legs, events : in order
     status : "done", or why it ended early: a name of `orbits.hybrid.impacts.STATUSES`
-    launches : launch speeds, first that of the start if it was a launch, then one for each lift-off, so hops + 1 or
-        hops of them; NaN at a lift-off that is no launch
+    launches : launch speeds, that of the start if it was a launch, then one for each lift-off, NaN if it is no launch
     end : time of the end
     machine : the machine simulated
     reason : why the motion could not be followed further, in words; "" where it could
@@ -83,10 +79,9 @@ class Simulation:
     def smallest_separation(self) -> float | None:
         """The smallest separation of the masses, None without a rest length; where it is not above 0 they pass through
         each other, which no real machine does and the simulation ignores."""
-        separation = self.machine.model.separation(self.machine.values)
-        if separation is None:
-            return None
         embed, smallest = self.machine.model.embed, []
+        if (separation := self.machine.model.separation(self.machine.values)) is None:
+            return None
         for leg in self.legs:
             rows = leg.path.coefficients
             states = rows[:, : len(embed)] if leg.phase == "flight" else embed @ rows[:, : embed.shape[1]]
@@ -154,17 +149,15 @@ def simulate(
     """Follow a machine's motion from a launch or from a state.
 
     machine : as in `find`, with its restitution
-    alpha : launch speed at a lift-off after sustained contact, or the unknowns of a launch by name where a launch is
-        more than a speed; or
+    alpha : launch speed at a lift-off after sustained contact, or the unknowns of a launch by name; or
     state : (n,), a flight state with open gap, or with a gap that is closed and at rest; then the machine stays in
         contact if the contact force presses, and lifts off if it does not
-    hops, time : the simulation ends after this many lift-offs, or after this time, whichever is first; one of them is
-        needed
+    hops, time : it ends after this many lift-offs or after this time, whichever is first; one of them is needed
     inject : added to the launch speed at every lift-off that is a launch; with a damper its extension depends on the
         speed, and the injection moves the machine to that of the new speed
     cap : impacts in one hop after which it is given up
-    schedule : (times (k + 1,), values (k,) of parameters by name), an actuator's inputs: the values hold from one time
-        to the next, and the machine's own before and after. Legs are cut at these times
+    schedule : (times (k + 1,), values (k,) of parameters by name): an actuator's inputs from one time to the next, at
+        which legs are cut; the machine's own values hold before and after
 
     Raises `InputError` for arguments without a meaning, such as a launch at which the contact would not open.
     """
@@ -184,10 +177,7 @@ def simulate(
 
 
 class _Schedule:
-    """Parameters as piecewise constant functions of time; see `simulate`. Raises `InputError` for what is none.
-
-    values : the machine's own parameters, which hold before the first time and after the last
-    """
+    """Parameters as piecewise constant functions of time, as in `simulate`, with the machine's own `values` outside."""
 
     def __init__(self, values: Mapping[str, float], schedule: tuple[ArrayLike, Mapping[str, ArrayLike]] | None) -> None:
         times, changes = ((), {}) if schedule is None else schedule
@@ -211,8 +201,7 @@ class _Schedule:
 
 
 def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None]:
-    """The first flight state at parameters `p`, the launch speed if it is a launch, and the order of the gap's zero
-    there, None where the machine starts in contact."""
+    """The first flight state, the launch speed if it is a launch, and the order of the gap's zero, None in contact."""
     if (alpha is None) == (state is None):
         raise InputError("a simulation starts from a launch speed alpha or from a state: give one of them")
     if alpha is not None:
@@ -264,8 +253,7 @@ class _Run:
         self.now, self.impact_count, self.liftoff_count, self.reason = 0.0, 0, 0, ""
 
     def simulate(self, x, order: int | None, alpha: float | None) -> Simulation:
-        """Alternate flights and contacts until one of them gives the status of the end; `order` is that of the gap's
-        zero at the start of a flight, None at the start of a contact."""
+        """Alternate flights, from a zero of the gap of this order, and contacts, order None, up to the end's status."""
         self.launches += [] if alpha is None else [alpha]
         status: str | None = None
         while status is None:
@@ -278,8 +266,7 @@ class _Run:
         return Simulation(tuple(self.legs), tuple(self.events), status, launches, self.now, machine, self.reason)
 
     def flight(self, x, order: int) -> tuple[str | None, np.ndarray, bool]:
-        """Fly until the gap closes: the status if the simulation ends, the state after the impact, whether sustained
-        contact follows."""
+        """Fly until the gap closes: the status at an end, the state after the impact, whether contact follows."""
         until, closed = self.update_parameters(), False
         last = self.now + float(self.impacts.longest_flight(x))
         if order == LIFTOFF_ORDER and not self.impacts.opens(x[None])[0]:
@@ -323,11 +310,10 @@ class _Run:
         return self.liftoff(y, x)
 
     def liftoff(self, y, x) -> tuple[str | None, np.ndarray]:
-        """Lift off from a contact state: the status if the simulation ends, and the flight state; that is the state `x`
-        at landing where an injection takes all the speed."""
+        """Lift off from a contact state: the status at an end, and the flight state, `x` if an injection stops it."""
         impacts, driven = self.impacts, len(self.inputs.times) > 0
-        before = after = impacts.model.embed @ y
         (speed,), (is_launch,) = impacts.liftoff(y[None])
+        before = after = impacts.model.embed @ y
         # A driven machine lifts off where it is; without inputs its state is moved onto the launch set.
         if is_launch and not (driven and self.inject == 0):
             speed = float(speed) + self.inject
@@ -348,8 +334,7 @@ class _Run:
         return until
 
     def add_leg(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
-        """Keep a leg, which ends at the time `until` if that is given; returns "done" if the time is up, else
-        `status`."""
+        """Keep a leg, which ends at `until` if that is given; returns "done" if the time is up, else `status`."""
         self.legs.append(Leg(phase, self.now, path))
         lasted = float(path.times[-1])
         over = until is None and (lasted >= self.time - self.now or self.now + lasted >= self.time)
