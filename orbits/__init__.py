@@ -6,19 +6,17 @@ from .continuation.family import End, Event, Family, Point
 from .continuation.folds import fold_statement, follow_fold
 from .continuation.follow import follow, orbit_at, trace
 from .continuation.step_control import StepControl
-from .control.guess import Guess
-from .control.motion import Control
+from .control.rollout import Control
 from .control.stage import Input, Stage
-from .control.steer import steer
+from .control.steer import Guess, steer
 from .design.optimality import Active
 from .design.optimize import Design, optimize
 from .design.pareto import Front, pareto
 from .design.sensitivities import quantities, sensitivities
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .hybrid.fixed_points import FixedPoint
-from .hybrid.hops import Hops
 from .hybrid.multiplier import multiplier
-from .hybrid.return_map import ReturnMap
+from .hybrid.return_map import Hops, ReturnMap
 from .hybrid.simulation import Simulation, simulate
 from .io import __version__
 from .model.closed_form import Oscillator

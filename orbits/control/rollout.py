@@ -1,31 +1,131 @@
-"""Rollouts: the solution of the nonlinear program integrated accurately, open loop, with its errors."""
+"""Motions found by optimal control: solutions of the nonlinear program integrated accurately, open loop, and errors."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import comb
 
 import numpy as np
 
+from ..errors import InputError
 from ..flow.trajectory import Trajectory
+from ..hybrid.simulation import Leg
 from ..numerics.bernstein import PiecewisePolynomials, powers
-from .motion import ControlledLeg, WarmStart
 from .stage import Stage, stage_flow
-from .transcription import StageUnknowns, Transcription
+from .transcription import Multipliers, StageUnknowns, Transcription
+
+
+@dataclass(frozen=True)
+class ControlledLeg(Leg):
+    """One stage of a motion, whose rows are the states, then the path expressions; and its inputs as polynomials of the
+    time since its start."""
+
+    inputs: Trajectory
+
+    @property
+    def duration(self) -> float:
+        """Duration of the stage."""
+        return float(self.path.times[-1])
+
+    def input_of(self, name: str) -> Callable[[float], float]:
+        """An input as a function of the time in the stage."""
+        row = self.inputs.names.index(name)
+        return lambda t: self.inputs(t)[row]
+
+    def input_column(self, name: str) -> np.ndarray:
+        """Coefficients (N, K + 1) of an input on each interval, 0 where the stage does not have it."""
+        return self.inputs.row(name) if name in self.inputs.names else np.zeros((len(self.inputs.steps), 1))
+
+
+@dataclass(frozen=True)
+class WarmStart:
+    """The point from which the next solve starts: a problem with its unknowns and multipliers.
+
+    shares : the share of its interval at which each exchange point of the problem lies
+    unit : unit of the cost, which brings it to order one, since Ipopt's tolerances are absolute
+    """
+
+    problem: Transcription
+    x: np.ndarray
+    multipliers: Multipliers | None
+    shares: np.ndarray
+    unit: float = 1.0
+
+
+@dataclass(frozen=True)
+class Control:
+    """A motion of locally least cost. Another guess may lead to one that costs less.
+
+    legs : the stages in order
+    cost : cost of the accurate motion
+    parameters : all parameters by name, those left free with the values found
+    violation : the most by which the accurate motion misses a condition, leaves a bound, or falls below zero in a path
+        expression
+    error : the most by which the states of the accurate motion, relative to their size, or its cost differ from those
+        of the nonlinear program
+    coarseness : the share of the cost by which the last halving of the intervals changed it, NaN if they were kept.
+        Violation and error are those of this motion and do not say what finer inputs would save
+    iterations, rounds : Ipopt's iterations, and the solves in which they were taken
+    seconds : time taken in all
+    status : "optimal"; anything else is raised as an error
+    """
+
+    legs: tuple[ControlledLeg, ...]
+    cost: float
+    parameters: Mapping[str, float]
+    violation: float
+    error: float
+    iterations: int
+    rounds: int
+    seconds: float
+    status: str = "optimal"
+    coarseness: float = np.nan
+    answer: WarmStart | None = field(default=None, repr=False)
+
+    @property
+    def durations(self) -> np.ndarray:
+        """Durations of the stages."""
+        return np.array([leg.duration for leg in self.legs])
+
+    @property
+    def end(self) -> float:
+        """The time at which the last stage ends."""
+        return self.legs[-1].start + self.legs[-1].duration
+
+    def schedule(self, *names: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """The times (k + 1,) at which piecewise constant inputs change, and their values (k,) in between, 0 where a
+        stage does not have them, as `simulate` takes them.
+
+        Raises `InputError` for a name that is no input, and for an input that varies within an interval.
+        """
+        if strange := set(names).difference(*(leg.inputs.names for leg in self.legs)):
+            raise InputError(f"there is no input '{min(strange)}'")
+        rows = {name: [leg.input_column(name) for leg in self.legs] for name in names}
+        if varying := [name for name, columns in rows.items() if any(c[:, 1:].any() for c in columns)]:
+            raise InputError(f"input '{varying[0]}' varies within an interval: it is no schedule; give it degree 0")
+        times = np.concatenate([*(leg.start + leg.inputs.times[:-1] for leg in self.legs), [self.end]])
+        return times, {name: np.concatenate([c[:, 0] for c in columns]) for name, columns in rows.items()}
+
+    def __str__(self) -> str:
+        rows = [f"  {leg.phase:<12}from {leg.start:<12.8g}for {leg.duration:.10g}" for leg in self.legs]
+        found = f"  cost {self.cost:.12g}, violation {self.violation:.1e}, error {self.error:.1e}"
+        return "\n".join([*rows, found, f"  {self.iterations} iterations, {self.rounds} rounds, {self.seconds:.2f} s"])
 
 
 @dataclass(frozen=True, eq=False)
 class StageRollout:
     """A stage integrated accurately from its first state through all its intervals.
 
+    unknowns : those of the stage in the nonlinear program
     path : the motion, states and then path expressions
     nodes : states (n, N + 1) at the ends of the intervals
     cost : the running cost
-    interval, began : of each step of the motion, (steps,), the interval that it is in and the share of it at which it
-        begins
+    interval, began : of each step (steps,) of the motion the interval, and the share of it at which the step begins
     overstepped : the most by which an input leaves its bounds
     """
 
     stage: Stage
+    unknowns: StageUnknowns
     path: Trajectory
     nodes: np.ndarray
     cost: float
@@ -34,20 +134,16 @@ class StageRollout:
     overstepped: float
 
     @property
-    def ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """The first and the last state."""
-        return self.nodes[:, 0], self.nodes[:, -1]
-
-    def distance(self, nodes: np.ndarray) -> float:
-        """The largest distance of its states from those at the shooting nodes (n, N + 1), relative to their size."""
+    def distance(self) -> float:
+        """The largest distance of its states from those at the shooting nodes, relative to their size."""
+        nodes = self.unknowns.nodes
         return float((np.abs(self.nodes - nodes) / (1.0 + np.abs(nodes).max(1, keepdims=True))).max())
 
     @cached_property
     def _minima(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Of each path expression the minimum (N,) on each interval, and the share (N,) of it at which that lies."""
-        counts, found = np.bincount(self.interval), {}
+        counts, h, found = np.bincount(self.interval), self.path.times[-1] / self.stage.intervals, {}
         first = np.cumsum(counts) - counts
-        h = self.path.times[-1] / self.stage.intervals
         for name in self.stage.path:
             values, piece, t = PiecewisePolynomials(self.path.row(name), self.path.steps, counts).lowest()
             found[name] = values, np.clip(self.began[first + piece] + t / h, 0.0, 1.0)
@@ -64,24 +160,14 @@ class StageRollout:
 
     def dips(self, tolerance: float) -> list[tuple[int, float]]:
         """Intervals, and shares of them, where a path expression falls below zero by more than the tolerance."""
-        found = {
-            (int(i), float(shares[i]))
-            for values, shares in self._minima.values()
-            for i in np.flatnonzero(values < -tolerance)
-        }
-        return sorted(found)
+        minima = self._minima.values()
+        return sorted({(int(i), float(t[i])) for values, t in minima for i in np.flatnonzero(values < -tolerance)})
 
 
 @dataclass(frozen=True)
 class MotionRollout:
-    """All stages of a solution integrated accurately.
+    """All stages of a solution integrated accurately; `values` of all parameters, and the rest as in `Control`."""
 
-    unknowns : unknowns of each stage in the nonlinear program
-    values : values of all parameters
-    cost, error, violation : as in `Control`
-    """
-
-    unknowns: list[StageUnknowns]
     values: np.ndarray
     stages: list[StageRollout]
     cost: float
@@ -90,54 +176,45 @@ class MotionRollout:
 
     def legs(self) -> tuple[ControlledLeg, ...]:
         """The legs of the accurate motion."""
-        starts = np.cumsum([0.0, *(part.duration for part in self.unknowns)]).tolist()
-        return tuple(
-            ControlledLeg(of.stage.phase.name, start, of.path, input_polynomials(of.stage, duration, coefficients))
-            for of, (duration, _, coefficients), start in zip(self.stages, self.unknowns, starts, strict=False)
-        )
+        ends = np.cumsum([0.0, *(of.unknowns.duration for of in self.stages)]).tolist()
+        names, inputs = [of.stage.phase.name for of in self.stages], [_input_polynomials(of) for of in self.stages]
+        return tuple(map(ControlledLeg, names, ends, [of.path for of in self.stages], inputs))
 
 
 def roll_out(solution: WarmStart, cost: float, fixed: np.ndarray) -> MotionRollout:
     """Integrate a solution, whose cost in the nonlinear program is given, at the given parameters `fixed`."""
-    problem = solution.problem
-    unknowns, values = problem.unpack(solution.x), np.concatenate([fixed, problem.free_values(solution.x)])
-    pairs = zip(problem.stages, unknowns, strict=True)
-    stages = [roll_out_stage(stage, problem.names, values, part) for stage, part in pairs]
-    accurate, missed = _cost_and_defect(problem, values, stages)
-    distance = max(stage.distance(part.nodes) for stage, part in zip(stages, unknowns, strict=True))
-    error = max(distance, abs(accurate - cost) / max(solution.unit, abs(cost)))
-    violation = max(missed, *(stage.violation for stage in stages))
-    return MotionRollout(unknowns, values, stages, accurate, error, violation)
+    problem, x = solution.problem, solution.x
+    values = np.concatenate([fixed, x[len(x) - len(problem.free) :]])
+    pairs = zip(problem.stages, problem.unpack(x), strict=True)
+    stages = [_roll_out_stage(stage, problem.names, values, part) for stage, part in pairs]
+    conditions = list(problem.end_conditions(values, [(of.nodes[:, 0], of.nodes[:, -1]) for of in stages]))
+    accurate = float(sum(float(final) for *_, final, _, _ in conditions) + sum(of.cost for of in stages))
+    arrays = [[np.array(part) for part in parts[:3]] for parts in conditions]
+    missed = [np.concatenate([np.abs(start), np.abs(end), -above], axis=None) for start, end, above in arrays]
+    error = max(*(of.distance for of in stages), abs(accurate - cost) / max(solution.unit, abs(cost)))
+    violation = max([float(off.max(initial=0.0)) for off in missed] + [of.violation for of in stages])
+    return MotionRollout(values, stages, accurate, error, violation)
 
 
-def _cost_and_defect(problem: Transcription, values, stages: list[StageRollout]) -> tuple[float, float]:
-    """The cost of the accurate motion, and the most by which it misses a condition at an end of a stage."""
-    found = list(problem.end_conditions(values, [stage.ends for stage in stages]))
-    cost = float(sum(float(final) for *_, final, _, _ in found) + sum(stage.cost for stage in stages))
-    arrays = [[np.array(part) for part in parts[:3]] for parts in found]
-    off = [np.concatenate([np.abs(start), np.abs(end), -above], axis=None) for start, end, above in arrays]
-    return cost, max(float(part.max(initial=0.0)) for part in off)
-
-
-def roll_out_stage(stage: Stage, names: tuple[str, ...], values: np.ndarray, unknowns: StageUnknowns) -> StageRollout:
-    """Integrate a stage of a solution accurately, open loop, with parameters `names` of the given values."""
+def _roll_out_stage(stage: Stage, names: tuple[str, ...], values, unknowns: StageUnknowns) -> StageRollout:
+    """Integrate a stage of a solution accurately, with parameters `names` of the given values."""
     flow, (duration, nodes, coefficients) = stage_flow(stage, names), unknowns
-    size, n, h = len(stage.phase.states), stage.intervals, duration / stage.intervals
-    x, cost, blocks, lengths, interval, began, ends = nodes[:, 0], 0.0, [], [], [], [], [nodes[:, 0]]
+    size, h, x, cost = len(stage.phase.states), duration / stage.intervals, nodes[:, 0], 0.0
+    blocks, lengths, began, ends = [], [], [], [x]
     keep = [*range(size), *range(size + 2, len(flow.names))]  # all rows but those of the clock and the cost
-    for i in range(n):
+    for i in range(stage.intervals):
         path, _ = flow.run([*x, 0.0, 0.0], np.concatenate([values, [h], coefficients[:, i]]), 1.0)
         x, cost = path.end[:size], cost + path.end[size + 1]
         ends.append(x)
         blocks.append(path.coefficients[:, keep] / powers(h, path.coefficients.shape[2]))
         lengths.append(path.steps * h)
-        interval += [i] * len(path.steps)
         began.append(path.times[:-1])
     times = np.concatenate([[0.0], np.cumsum(np.concatenate(lengths))])
-    times[-1] = duration
+    times[-1], interval = duration, np.repeat(np.arange(stage.intervals), [len(steps) for steps in lengths])
     dense = Trajectory(times, np.concatenate(blocks), tuple(flow.names[i] for i in keep))
     overstepped = _overstepped(stage, dict(zip(names, values, strict=True)), coefficients)
-    return StageRollout(stage, dense, np.array(ends).T, cost, np.array(interval), np.concatenate(began), overstepped)
+    states, shares = np.array(ends).T, np.concatenate(began)
+    return StageRollout(stage, unknowns, dense, states, cost, interval, shares, overstepped)
 
 
 def _overstepped(stage: Stage, named: dict[str, float], coefficients: np.ndarray) -> float:
@@ -150,13 +227,13 @@ def _overstepped(stage: Stage, named: dict[str, float], coefficients: np.ndarray
     return most
 
 
-def input_polynomials(stage: Stage, duration: float, coefficients: np.ndarray) -> Trajectory:
-    """The inputs of a stage as polynomials of its time, from Bernstein coefficients (m, N) on its intervals."""
+def _input_polynomials(rollout: StageRollout) -> Trajectory:
+    """The inputs of a stage as polynomials of its time."""
+    stage, (duration, _, coefficients) = rollout.stage, rollout.unknowns
     n, most = stage.intervals, 1 + max((given.degree for given in stage.inputs.values()), default=0)
     monomial, h = np.zeros((n, len(stage.inputs), most)), duration / n
     for i, rows in enumerate(stage.input_rows().values()):
-        bernstein = coefficients[rows]
-        degree = len(bernstein) - 1
+        bernstein, degree = coefficients[rows], rows.stop - rows.start - 1
         for k in range(degree + 1):  # monomial coefficients are differences of Bernstein coefficients
             difference = sum((-1) ** (k - j) * comb(k, j) * bernstein[j] for j in range(k + 1))
             monomial[:, i, k] = comb(degree, k) * difference / h**k

@@ -21,13 +21,18 @@ INTERVAL_LENGTH = "interval's length"
 class Input:
     """A control input: a polynomial of this degree on each interval of a stage, which may jump between intervals.
 
-    low, high : bounds of the polynomial's Bernstein coefficients, numbers or p -> expression. The input keeps them
-        everywhere, and for degrees 0 and 1 they restrict it no further
+    low, high : bounds of its Bernstein coefficients, numbers or p -> expression. The input keeps them everywhere, and
+        for degrees 0 and 1 they restrict it no further
     """
 
     low: float | Callable[[Mapping[str, Any]], Any] = -np.inf
     high: float | Callable[[Mapping[str, Any]], Any] = np.inf
     degree: int = 0
+
+    @property
+    def numbers(self) -> tuple[float, float]:
+        """The two bounds, -inf and inf where they are expressions."""
+        return -np.inf if callable(self.low) else self.low, np.inf if callable(self.high) else self.high
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +77,8 @@ class Stage:
 
 @lru_cache(maxsize=64)
 def interval_phase(stage: Stage) -> Phase:
-    """The phase of a stage over one interval, whose time is the share of the interval that has passed.
-
-    It has two more states: a clock with that share, on which the inputs' polynomials depend, and the running cost. It
-    watches the expressions that stay positive.
-    """
+    """The phase of a stage over one interval, whose time is the share of the interval that has passed. It has two more
+    states, a clock with that share and the running cost, and watches the expressions that stay positive."""
     size = len(stage.phase.states)
 
     def with_inputs(x, p):
@@ -92,8 +94,8 @@ def interval_phase(stage: Stage) -> Phase:
         given = [*stage.phase.field(states, named, q)]
         if len(given) != size:
             raise InputError(f"the field of the {stage.phase.name} gives {len(given)} rates for {size} states")
-        given = [*given, 1.0, stage.running(states, named, q)]
-        return [rate if i == size else p[INTERVAL_LENGTH] * rate for i, rate in enumerate(given)]
+        length = p[INTERVAL_LENGTH]
+        return [*(length * rate for rate in given), 1.0, length * stage.running(states, named, q)]
 
     watch = {name: lambda x, p, q, of=of: of(*with_inputs(x, p), q) for name, of in stage.path.items()}
     return Phase(stage.phase.name, (*stage.phase.states, "clock", "cost"), rates, watch)
@@ -115,8 +117,7 @@ def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:
     for name, given in stage.inputs.items():
         if name in parameters:
             raise InputError(f"{where}: '{name}' is both an input and a parameter; rename one")
-        sides = zip((given.low, given.high), (-np.inf, np.inf), strict=True)
-        check_range(f"{where}: input '{name}'", [none if callable(side) else side for side, none in sides])
+        check_range(f"{where}: input '{name}'", given.numbers)
         whole_number(f"{where}: degree of input '{name}'", given.degree, "powers", 0)
 
 

@@ -1,28 +1,31 @@
 """Optimal control of motions through several phases with free durations, by direct multiple shooting and Ipopt.
 
-The inputs of a stage are polynomials on each of its equal intervals. The unknowns are the durations, the states at the
-shooting nodes, the coefficients of the inputs, and the free parameters. The intervals are joined by Taylor steps with
-exact first and second derivatives. The solution is then integrated from each stage's start by the accurate flow, and
-steps are halved until both agree. Path expressions must stay positive on the dense polynomials. Where they do not,
-they are constrained at that point too, and the problem is solved again. This is an exchange method: Hettich and
-Kortanek, "Semi-infinite programming", SIAM Review 35, 1993.
+The inputs of a stage are polynomials on each of its equal intervals, which are joined by Taylor steps with exact first
+and second derivatives. The solution is integrated from each stage's start by the accurate flow, and steps are halved
+until both agree. Where path expressions fall below zero on the dense polynomials they are constrained at that point
+too: an exchange method, see Hettich and Kortanek, "Semi-infinite programming", SIAM Review 35, 1993.
 """
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..symbolic import interrupts
 from ..symbolic.ipopt import Minimum
-from .diagnosis import check_not_away, check_not_collapsed, reason_of_failure, reason_of_unsettled
-from .guess import Guess, unknowns_of_guess
-from .motion import Control, WarmStart
-from .rollout import MotionRollout, roll_out
+from .rollout import Control, ControlledLeg, MotionRollout, WarmStart, roll_out
 from .stage import Stage, check_range, check_stage
-from .transcription import Transcription, transcription
+from .transcription import StageUnknowns, Transcription, transcription
+
+# Inputs of a guess are sampled this share of an interval away from its ends, since it may jump there.
+INSET = 1e-9
+# A value this close to a bound, relative to it or to one, is at it: an iteration that fails ends no closer.
+AT_BOUND = 1e-4
+# A duration without an upper bound that grows by this factor has no minimum.
+RUNAWAY_DURATION = 1e3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,12 +47,23 @@ class SteerOptions:
     smallest_scaled_cost: float = 0.1
     negligible_cost: float = 1e-20
 
-    def in_range(self, cost: float) -> bool:
-        """Whether a cost is of order one."""
-        return self.smallest_scaled_cost < cost < 1 / self.smallest_scaled_cost
+    def needs_unit(self, cost: float, unit: float = 1.0) -> bool:
+        """Whether a cost has a size that is not of order one in a unit."""
+        of_order_one = self.smallest_scaled_cost < cost / unit < 1 / self.smallest_scaled_cost
+        return self.negligible_cost < cost < np.inf and not of_order_one
 
 
 STEER_OPTIONS = SteerOptions()
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A start for a stage: its duration, its states as a function of the time in it, and its inputs by name, each a
+    number or a function of that time."""
+
+    duration: float
+    states: Callable[[float], ArrayLike]
+    inputs: Mapping[str, float | Callable[[float], float]] = field(default_factory=dict)
 
 
 def steer(
@@ -66,9 +80,8 @@ def steer(
     refine : all intervals are halved until the cost changes by no more than this share of it. None keeps them as they
         are, and it is not known how much finer ones would save
 
-    Raises `InputError` for bounds that conflict. Raises `NoOrbit`, saying which condition or bound is in the way, where
-    there is no such motion, a stage collapses or runs away, the cost has no lower bound, or nothing is found from the
-    guess.
+    Raises `InputError` for bounds that conflict. Raises `NoOrbit`, saying what is in the way, where there is no such
+    motion, a stage collapses or runs away, the cost has no lower bound, or nothing is found from the guess.
     """
     began = time.perf_counter()
     stages, parameters, free = tuple(stages), dict(parameters or {}), dict(free or {})
@@ -118,7 +131,7 @@ def _halved(found: Control, stages, parameters, free, tolerance: float, refine: 
 def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) -> Control:
     """The motion on the intervals as they are."""
     try:
-        problem = transcription(stages, tuple(parameters), tuple(free))
+        problem = transcription(stages, tuple(parameters), tuple(free), (1,) * len(stages), ())
     except KeyError as error:
         raise InputError(f"a stage asks for {error}, which is neither an input of it nor a parameter") from None
     bounds, fixed = problem.bounds(free), np.array(list(parameters.values()), dtype=float)
@@ -130,28 +143,31 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) 
         found = _minimum(current, fixed, bounds)
         iterations += found.iterations
         if found.kind != "minimum":
-            raise NoOrbit(reason_of_failure(current.problem, found))
+            raise NoOrbit(_reason_of_failure(current.problem, found))
         current = replace(current, x=found.x, multipliers=found.multipliers)
-        check_not_away(stages, first, problem.unpack(current.x))
-        size = abs(found.cost)
-        if size > STEER_OPTIONS.negligible_cost and not STEER_OPTIONS.in_range(size / current.unit):
-            current = current.rescaled(size)
+        _check_not_away(stages, first, problem.unpack(current.x))
+        if STEER_OPTIONS.needs_unit(size := abs(found.cost), current.unit):
+            factor, (bound, held) = current.unit / size, found.multipliers
+            current = replace(current, unit=size, multipliers=(factor * bound, factor * held))
             continue
         motion = roll_out(current, found.cost, fixed)
-        check_not_collapsed(stages, motion.unknowns)
+        _check_not_collapsed(stages, [of.unknowns for of in motion.stages])
         if motion.error <= tolerance and motion.violation <= tolerance:
             named = dict(zip(problem.names, motion.values.tolist(), strict=True))
-            return Control(
-                motion.legs(), motion.cost, named, motion.violation, motion.error, iterations, rounds, 0.0,
-                answer=current,
-            )  # fmt: skip
+            accuracy = motion.violation, motion.error
+            return Control(motion.legs(), motion.cost, named, *accuracy, iterations, rounds, 0.0, answer=current)
         finer = _refined(current, motion, tolerance)
         if max(finer.problem.substeps) > STEER_OPTIONS.substeps:
             break
         current = finer
     if motion is None:
         raise NoOrbit("the cost does not settle to an order of magnitude; bound the inputs, or round the cost")
-    raise NoOrbit(reason_of_unsettled(motion, rounds, tolerance))
+    names = [name for of in motion.stages for name in of.low(tolerance)][:1]
+    low = "".join(f": {name} still falls below zero between interval ends" for name in names)
+    raise NoOrbit(
+        f"the motion does not settle to {tolerance:.0e}, it is off by {max(motion.error, motion.violation):.1e} after "
+        f"{rounds} rounds{low}; take more intervals or a larger tolerance"
+    )
 
 
 def _warm_or_cold_start(problem: Transcription, guess, free: Mapping, bounds, fixed) -> WarmStart:
@@ -159,10 +175,9 @@ def _warm_or_cold_start(problem: Transcription, guess, free: Mapping, bounds, fi
     known = guess.answer if isinstance(guess, Control) else None
     if known is not None and known.problem.stages == problem.stages and known.problem.names == problem.names:
         return known
-    x = unknowns_of_guess(problem, guess, free, bounds)
+    x = _unknowns_of_guess(problem, guess, free, bounds)
     size = abs(problem.cost(x, np.concatenate([fixed, [1.0]])))
-    has_unit = STEER_OPTIONS.negligible_cost < size < np.inf and not STEER_OPTIONS.in_range(size)
-    return WarmStart(problem, x, None, np.zeros(0), size if has_unit else 1.0)
+    return WarmStart(problem, x, None, np.zeros(0), size if STEER_OPTIONS.needs_unit(size) else 1.0)
 
 
 def _minimum(start: WarmStart, fixed, bounds) -> Minimum:
@@ -177,8 +192,7 @@ def _minimum(start: WarmStart, fixed, bounds) -> Minimum:
 def _refined(current: WarmStart, motion: MotionRollout, tolerance: float) -> WarmStart:
     """The start of the next round: steps are halved where they are inaccurate, and exchange points added at dips."""
     problem = current.problem
-    pairs = zip(motion.stages, motion.unknowns, strict=True)
-    inaccurate = [stage.distance(part.nodes) > tolerance for stage, part in pairs]
+    inaccurate = [stage.distance > tolerance for stage in motion.stages]
     dips = [(i, *dip) for i, stage in enumerate(motion.stages) for dip in stage.dips(tolerance)]
     if not any(inaccurate) and not dips:  # the cost or a condition at an end is off
         inaccurate = [True] * len(inaccurate)
@@ -186,5 +200,115 @@ def _refined(current: WarmStart, motion: MotionRollout, tolerance: float) -> War
     points = problem.exchange_points + tuple((i, interval) for i, interval, _ in dips)
     finer = transcription(problem.stages, problem.fixed, problem.free, substeps, points)
     shares = np.append(current.shares, [share for *_, share in dips])
-    multipliers = None if current.multipliers is None else finer.padded(current.multipliers)
-    return replace(current, problem=finer, multipliers=multipliers, shares=shares)
+    assert current.multipliers is not None  # of the minimum that was rolled out
+    bound, held = current.multipliers
+    held = np.append(held, np.zeros(len(finer.labels) - len(held)))  # 0 at the new exchange points
+    return replace(current, problem=finer, multipliers=(bound, held), shares=shares)
+
+
+def _unknowns_of_guess(problem: Transcription, guess, free: Mapping, bounds) -> np.ndarray:
+    """The unknowns (n,) of a problem that a guess means, a `Guess` for each stage or a `Control`; `free` names the free
+    parameters, and `bounds` are those of all unknowns."""
+    given = guess.legs if isinstance(guess, Control) else guess
+    if not isinstance(given, tuple | list) or not all(isinstance(one, Guess | ControlledLeg) for one in given):
+        raise InputError(f"guess = {guess!r}; it is a Guess for each stage, or a Control")
+    if len(given) != len(problem.stages):
+        raise InputError(f"the guess has {len(given)} stages where there are {len(problem.stages)}")
+    parts = [_sampled(stage, one) for stage, one in zip(problem.stages, given, strict=True)]
+    low, high = (bound[len(bound) - len(free) :] for bound in bounds)
+    middle = np.where(np.isfinite(low + high), 0.5 * (low + high), np.where(np.isfinite(low), low, high))
+    middle = np.where(np.isfinite(middle), middle, 0.0)
+    parameters = guess.parameters if isinstance(guess, Control) else {}
+    x = problem.pack(parts, [parameters.get(name, value) for name, value in zip(free, middle, strict=True)])
+    if not np.isfinite(x).all():
+        raise InputError("the guess is not finite everywhere")
+    return x
+
+
+def _sampled(stage: Stage, given: Guess | ControlledLeg) -> StageUnknowns:
+    """The unknowns of a stage that a guess of it means."""
+    where, size, n = f"the guess of the {stage.phase.name}", len(stage.phase.states), stage.intervals
+    if isinstance(given, ControlledLeg):
+        inputs = {name: given.input_of(name) for name in stage.inputs if name in given.inputs.names}
+        guess = Guess(given.duration, lambda t: given.path(t)[:size], inputs)
+    else:
+        guess = given
+    duration = finite_number(f"{where}: duration", guess.duration)
+    if strange := guess.inputs.keys() - stage.inputs.keys():
+        raise InputError(f"{where} is of an input '{min(strange)}': it has none such")
+    nodes = np.array([np.asarray(guess.states(t), dtype=float) for t in np.linspace(0, duration, n + 1)])
+    if nodes.shape != (n + 1, size):
+        raise InputError(f"{where} is not {size} numbers, {', '.join(stage.phase.states)}")
+    rows = []
+    for name, control in stage.inputs.items():
+        value = guess.inputs.get(name, 0.0)
+        for share in np.linspace(INSET, 1 - INSET, control.degree + 1) if control.degree else (0.5,):
+            times = (np.arange(n) + share) * duration / n
+            rows.append([float(value(t)) if callable(value) else float(value) for t in times])
+    return StageUnknowns(duration, nodes.T, np.array(rows).reshape(-1, n))
+
+
+def _check_not_away(stages, first: list[StageUnknowns], last: list[StageUnknowns]) -> None:
+    """Raise `NoOrbit` where the duration of a stage, from its first value to its last, grows without end."""
+    for number, (stage, guessed, found) in enumerate(zip(stages, first, last, strict=True), start=1):
+        if np.isinf(stage.duration[1]) and found.duration > RUNAWAY_DURATION * guessed.duration:
+            raise NoOrbit(
+                f"stage {number} ({stage.phase.name}) runs away: it lasts {found.duration:.2g} already, and the longer "
+                "it lasts the less it costs; bound its duration"
+            )
+
+
+def _check_not_collapsed(stages, unknowns: list[StageUnknowns]) -> None:
+    """Raise `NoOrbit` where a stage has shrunk to its lower bound, though it may last longer."""
+    for number, (stage, part) in enumerate(zip(stages, unknowns, strict=True), start=1):
+        if _shortest(stage, part):
+            raise NoOrbit(
+                f"stage {number} ({stage.phase.name}) collapses: least cost is at its shortest duration "
+                f"{stage.duration[0]:g}; state it without that stage, or fix its duration"
+            )
+
+
+def _reason_of_failure(problem: Transcription, found: Minimum) -> str:
+    """The reason why an iteration found no minimum, in the words of the problem."""
+    if found.kind == "bottomless":
+        return f"the cost has no lower bound: it fell to {found.cost:.1e}; bound the inputs, or let them cost something"
+    if found.kind == "undefined":
+        return "the equations stop being numbers on the way; start from a nearer motion"
+    if found.kind == "overdetermined":
+        return "there are more conditions than inputs can meet: take more intervals, or drop a condition"
+    worst = int(np.argmax(np.nan_to_num(found.off, nan=np.inf)))
+    name, off = problem.labels[worst], float(found.off[worst])
+    active = "".join(_bounds_in_the_way(problem, found))
+    if found.kind == "infeasible":
+        return f"no motion meets the conditions: {name} is missed by {off:.2g}{active}; widen a bound"
+    if found.feasible:
+        return (
+            f"no convergence from this guess: the conditions hold to {off:.1g}, but the cost's slope is "
+            f"{found.slope:.1g}{active}; start from a nearer motion, take more intervals, or round the cost"
+        )
+    return f"no convergence from this guess ({name} off by {off:.1g}){active}; start from a nearer motion"
+
+
+def _bounds_in_the_way(problem: Transcription, found: Minimum) -> list[str]:
+    """The bounds that an iteration ended at, in words; of inputs those at which most of their intervals are."""
+    short, inputs = [], []
+    for i, (stage, part) in enumerate(zip(problem.stages, problem.unpack(found.x), strict=True), start=1):
+        if _shortest(stage, part):
+            short.append(f"; stage {i} ({stage.phase.name}) is at its shortest duration {stage.duration[0]:g}")
+        for name, rows in stage.input_rows().items():
+            bounds = [bound for bound in stage.inputs[name].numbers if np.isfinite(bound)]
+            if np.mean([np.any([_at_bound(part.coefficients[rows], bound) for bound in bounds], axis=0)]) > 0.5:
+                inputs.append(f"input '{name}' of stage {i}")
+    paths = dict.fromkeys(problem.labels[row] for row in problem.inner_paths if found.values[row] < AT_BOUND)
+    return short + [f"; {name} is at its bounds" for name in [*inputs, *paths]]
+
+
+def _shortest(stage: Stage, unknowns: StageUnknowns) -> bool:
+    """Whether a stage that may last longer is at its shortest duration."""
+    low, high = stage.duration
+    return low < high and bool(_at_bound(unknowns.duration / low, 1.0))
+
+
+def _at_bound(values, bound: float):
+    """Whether values (...) are at a bound."""
+    return np.abs(values - bound) <= AT_BOUND * (1.0 + np.abs(bound))

@@ -13,8 +13,7 @@ from ..symbolic.ipopt import Minimiser, Minimum
 from ..symbolic.taylor_series import taylor_coefficients
 from .stage import Stage, stage_flow
 
-# Order of the Taylor steps. A step of order twelve costs half of one of the accurate flow, and where twelve is too low
-# the steps are halved.
+# Order of the Taylor steps, which cost half of those of the accurate flow; where it is too low the steps are halved.
 CONTROL_ORDER = 12
 # Options of Ipopt with which it ends where it stalls: with large states rounding keeps it from its own tolerances.
 STALLS = {
@@ -39,8 +38,7 @@ class StageUnknowns(NamedTuple):
 
 @lru_cache(maxsize=64)
 def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
-    """(state, share, parameters with length and coefficients) -> state, running cost and path expressions after that
-    share of an interval."""
+    """(state, share, parameters with length and coefficients) -> state, cost, path expressions after that share."""
     graph = stage_flow(stage, names).vector_field
     size, share = len(stage.phase.states), ca.SX.sym("share")
     if graph.has_series:
@@ -63,8 +61,8 @@ def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
 
 @lru_cache(maxsize=64)
 def _conditions(stage: Stage, names: tuple[str, ...], size_before: int) -> ca.Function:
-    """(first state, last state, last state before, parameters) -> zeros at the start, zeros at the end, what is
-    above zero there, final cost, and bounds of inputs, -inf and inf where they are numbers."""
+    """(first state, last state, last state before, parameters) -> zeros at the start, zeros at the end, what is above
+    zero there, final cost, and bounds of inputs, infinite where they are numbers."""
     size = len(stage.phase.states)
     first, last, before, p = (ca.SX.sym("x", k) for k in (size, size, size_before, len(names)))
     named = dict(zip(names, ca.vertsplit(p), strict=True))
@@ -93,84 +91,71 @@ class Transcription:
         self, stages: tuple[Stage, ...], fixed: tuple[str, ...], free: tuple[str, ...],
         substeps: tuple[int, ...], exchange_points: tuple[tuple[int, int], ...],
     ):  # fmt: skip
-        self.stages, self.fixed, self.free = stages, fixed, free
+        self.stages, self.fixed, self.free, self.names = stages, fixed, free, (*fixed, *free)
         self.substeps, self.exchange_points = substeps, exchange_points
-        self.names = (*fixed, *free)
         self.shapes = [(len(s.phase.states), s.intervals, len(s.coefficient_names)) for s in stages]
         self.labels: list[str] = []
         self.inner_paths: list[int] = []
         self._limits: list[tuple[float, float]] = []
+        self._constraints: list[ca.MX] = []
         self._minimiser = self._build()
 
     def _build(self) -> Minimiser:
         """The nonlinear program, with the given parameters, the shares and the cost's unit as its parameters."""
-        given, freed, shares = (ca.MX.sym("p", k) for k in (len(self.fixed), len(self.free), len(self.exchange_points)))
-        p, cost, constraints, data = ca.vertcat(given, freed), ca.MX(0), [], []
+        given, freed, shares = (ca.MX.sym("p", len(each)) for each in (self.fixed, self.free, self.exchange_points))
+        p, unit, cost, data = ca.vertcat(given, freed), ca.MX.sym("unit"), ca.MX(0), []
         parts = [(ca.MX.sym("T"), ca.MX.sym("x", n, N + 1), ca.MX.sym("w", m, N)) for n, N, m in self.shapes]
         for i, part in enumerate(parts):
-            stage_cost, stage_constraints, stage_data = self._build_stage(i, part, parts[i - 1][1][:, -1], p)
+            stage_cost, stage_data = self._build_stage(i, part, parts[i - 1][1][:, -1], p)
             cost += stage_cost
-            constraints += stage_constraints
             data.append(stage_data)
         for k, (i, interval) in enumerate(self.exchange_points):
             step = advance(self.stages[i], self.names, self.substeps[i])
             path = step(parts[i][1][:, interval], shares[k], data[i][:, interval])[2]
-            self.inner_paths += range(len(self.labels), len(self.labels) + path.numel())
-            constraints += [self._constrain(path[j], i, f"'{name}'") for j, name in enumerate(self.stages[i].path)]
+            for j, name in enumerate(self.stages[i].path):
+                self._constrain(path[j], i, f"'{name}'", inner=True)
         unknowns = ca.veccat(*[symbol for part in parts for symbol in part], freed)
-        unit = ca.MX.sym("unit")
-        parameters = ca.vertcat(given, shares, unit)
-        return Minimiser(unknowns, parameters, cost / unit, ca.vertcat(*constraints), STALLS)
+        return Minimiser(unknowns, ca.vertcat(given, shares, unit), cost / unit, ca.vertcat(*self._constraints), STALLS)
 
-    def _build_stage(self, i: int, part, before: ca.MX, p: ca.MX) -> tuple[ca.MX, list[ca.MX], ca.MX]:
-        """Cost, constraints, and the parameters of each interval of a stage that follows the state `before`."""
-        stage, (duration, x, w) = self.stages[i], part
-        n = stage.intervals
+    def _build_stage(self, i: int, part, before: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Cost, and the parameters of each interval, of a stage that follows the state `before`."""
+        stage, (duration, x, w), n = self.stages[i], part, self.stages[i].intervals
         data = ca.vertcat(ca.repmat(p, 1, n), ca.repmat(duration / n, 1, n), w)
-        step = advance(stage, self.names, self.substeps[i]).map(n)
-        ends, costs, path = step(x[:, :-1], ca.DM.ones(1, n), data)
+        ends, costs, path = advance(stage, self.names, self.substeps[i]).map(n)(x[:, :-1], ca.DM.ones(1, n), data)
         conditions = _conditions(stage, self.names, before.numel())
         start, end, above, final, lows, highs = conditions(x[:, 0], x[:, -1], before, p)
-        constraints = [
-            self._constrain(ca.vec(ends - x[:, 1:]), i, "the motion", 0.0),
-            self._constrain(start, i, "the condition at the start", 0.0),
-            self._constrain(end, i, "the condition at the end", 0.0),
-            self._constrain(above, i, "the bound at the end"),
-        ]
+        self._constrain(ca.vec(ends - x[:, 1:]), i, "the motion", 0.0)
+        self._constrain(start, i, "the condition at the start", 0.0)
+        self._constrain(end, i, "the condition at the end", 0.0)
+        self._constrain(above, i, "the bound at the end")
         for k, name in enumerate(stage.path):
-            self.inner_paths += range(len(self.labels), len(self.labels) + n - 1)
-            constraints.append(self._constrain(path[k, :-1].T, i, f"'{name}'"))
-        return ca.sum2(costs) + final, constraints + self._bounded_inputs(i, w, lows, highs), data
-
-    def _constrain(self, values: ca.MX, stage: int, what: str, most: float = np.inf) -> ca.MX:
-        """Note that `values` stay between 0 and `most`, and the condition that they belong to."""
-        name = f"{what} of stage {stage + 1} ({self.stages[stage].phase.name})"
-        self.labels += [name] * values.numel()
-        self._limits += [(0.0, most)] * values.numel()
-        return values
-
-    def _bounded_inputs(self, i: int, w: ca.MX, lows: ca.MX, highs: ca.MX) -> list[ca.MX]:
-        """Constraints from bounds of inputs that are functions of the parameters."""
-        constraints, stage = [], self.stages[i]
+            self._constrain(path[k, :-1].T, i, f"'{name}'", inner=True)
         for k, (name, rows) in enumerate(stage.input_rows().items()):
             given, values = stage.inputs[name], ca.vec(w[rows, :])
             if callable(given.low):
-                constraints.append(self._constrain(values - lows[k], i, f"the lower bound of input '{name}'"))
+                self._constrain(values - lows[k], i, f"the lower bound of input '{name}'")
             if callable(given.high):
-                constraints.append(self._constrain(highs[k] - values, i, f"the upper bound of input '{name}'"))
-        return constraints
+                self._constrain(highs[k] - values, i, f"the upper bound of input '{name}'")
+        return ca.sum2(costs) + final, data
+
+    def _constrain(self, values: ca.MX, stage: int, what: str, most: float = np.inf, inner: bool = False) -> None:
+        """Keep `values` between 0 and `most`; `inner` ones are path expressions within a stage."""
+        if inner:
+            self.inner_paths += range(len(self.labels), len(self.labels) + values.numel())
+        self.labels += [f"{what} of stage {stage + 1} ({self.stages[stage].phase.name})"] * values.numel()
+        self._limits += [(0.0, most)] * values.numel()
+        self._constraints.append(values)
 
     def bounds(self, free: Mapping[str, tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the unknowns, (n,) each."""
         sides = []
-        for side, none in ((0, -np.inf), (1, np.inf)):
+        for side in (0, 1):
             parts = []
-            for stage, (size, n, _) in zip(self.stages, self.shapes, strict=True):
-                each: list[float] = []
-                for given in stage.inputs.values():
-                    bound = (given.low, given.high)[side]
-                    each += [none if callable(bound) else bound] * (given.degree + 1)
-                nodes, coefficients = np.full((size, n + 1), none), np.tile(np.c_[each], n)
+            for stage, (size, n, m) in zip(self.stages, self.shapes, strict=True):
+                coefficients = np.zeros((m, n))
+                for name, rows in stage.input_rows().items():
+                    coefficients[rows] = stage.inputs[name].numbers[side]
+                nodes = np.full((size, n + 1), (-np.inf, np.inf)[side])
                 parts.append(StageUnknowns(stage.duration[side], nodes, coefficients))
             sides.append(self.pack(parts, [bound[side] for bound in free.values()]))
         return sides[0], sides[1]
@@ -182,35 +167,22 @@ class Transcription:
 
     def unpack(self, x: np.ndarray) -> list[StageUnknowns]:
         """The unknowns of each stage."""
-        parts, k = [], 0
+        parts = []
         for size, n, m in self.shapes:
-            states, after = k + 1, k + 1 + size * (n + 1)
-            nodes = x[states:after].reshape((size, n + 1), order="F")
-            coefficients = x[after : after + m * n].reshape((m, n), order="F")
-            parts.append(StageUnknowns(float(x[k]), nodes, coefficients))
-            k = after + m * n
+            duration, nodes, coefficients, x = np.split(x, np.cumsum([1, size * (n + 1), m * n]))
+            nodes, coefficients = nodes.reshape((n + 1, size)).T, coefficients.reshape((n, m)).T
+            parts.append(StageUnknowns(float(duration[0]), nodes, coefficients))
         return parts
-
-    def free_values(self, x: np.ndarray) -> np.ndarray:
-        """The free parameters among the unknowns."""
-        return x[len(x) - len(self.free) :]
 
     def cost(self, x: np.ndarray, p: np.ndarray) -> float:
         """The cost of unknowns, with `p` as in `minimise`."""
         return float(self._minimiser.conditions(x, p, 0.0)[0])
 
     def minimise(self, x: np.ndarray, p: np.ndarray, bounds, multipliers: Multipliers | None) -> Minimum:
-        """The minimum near `x`; `p` holds the given parameters, the shares of the exchange points, and the cost's unit.
-
-        multipliers : of a minimum nearby, from which the iteration starts; None for a cold start
-        """
+        """The minimum near `x`; `p` holds the given parameters, the shares of the exchange points, and the cost's unit,
+        and the iteration starts from the `multipliers` of a minimum nearby, or cold."""
         least, most = np.array(self._limits).T
         return self._minimiser(x, p, bounds, (least, most), multipliers)
-
-    def padded(self, multipliers: Multipliers) -> Multipliers:
-        """Multipliers of the same problem with fewer exchange points, for this one."""
-        bound, held = multipliers
-        return bound, np.append(held, np.zeros(len(self.labels) - len(held)))
 
     def end_conditions(self, values: np.ndarray, ends: Sequence) -> Iterator[tuple]:
         """Of each stage what `_conditions` gives for parameters and the stages' (first, last) states."""
@@ -219,10 +191,4 @@ class Transcription:
             yield _conditions(stage, self.names, len(before))(*ends[i], before, values)
 
 
-@lru_cache(maxsize=32)
-def transcription(
-    stages: tuple[Stage, ...], fixed: tuple[str, ...], free: tuple[str, ...],
-    substeps: tuple[int, ...] | None = None, exchange_points: tuple[tuple[int, int], ...] = (),
-) -> Transcription:  # fmt: skip
-    """The nonlinear program of stages, kept for the next call."""
-    return Transcription(stages, fixed, free, substeps or (1,) * len(stages), exchange_points)
+transcription = lru_cache(maxsize=32)(Transcription)

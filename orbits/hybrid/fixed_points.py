@@ -1,4 +1,4 @@
-"""Fixed points of the return map: the lossless orbits that are motions, and crossings of the identity line."""
+"""Fixed points of the return map, preimages of intervals under it, and the basin of its lossless hops."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -24,9 +24,11 @@ JUMP = 1e-6
 FURTHER = 3
 # Launches in the grid on which lossless orbits are searched: per half oscillation, and at most.
 PER_TURN, MOST_SAMPLES = 8, 2000
+# A basin, which may have infinitely many intervals, is complete when a hop adds less than this share of the range.
+SETTLED = 1e-5
 
-# Launch speeds (m,) -> next launch speeds (m,), NaN where there are none.
-SpeedMap = Callable[[np.ndarray], np.ndarray]
+# (lowest, highest) of each interval, ascending.
+Intervals = list[tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -37,28 +39,59 @@ class FixedPoint:
     kind: str
 
 
-def crossings(next_speeds: SpeedMap, grid: np.ndarray, following: np.ndarray) -> np.ndarray:
-    """Launch speeds (k,) at which the map crosses the identity line, from its values on a grid."""
-    a, b, fa, fb = _sign_changes(lambda alpha, which: or_zero(next_speeds(alpha)) - alpha, grid, following - grid)
-    continuous = np.maximum(np.abs(fa), np.abs(fb)) <= JUMP * a
-    return np.where(np.abs(fa) <= np.abs(fb), a, b)[continuous]
+class ResolvedMap:
+    """A return map on a grid of launch speeds that resolves it; `following` are the next ones, 0 where there are none.
 
-
-def resolved_map(
-    next_speeds: SpeedMap, lossless: list[float], low: float, high: float, samples: int, identity: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """A grid of launch speeds from `low` to `high` that resolves the map, and the next ones, 0 where there are none.
-
-    The grid is refined toward the lossless launch speeds, where the map has no slope, and toward its extrema: all of
-    them, or with `identity` those that may touch the identity line.
+    The grid, from `low` to `high`, is refined toward the lossless launch speeds, where the map has no slope, and toward
+    its extrema: all of them, or with `identity` those that may touch the identity line.
     """
-    distances = np.geomspace(1e-12, high - low, 200)
-    beside = [alpha + side * distances for alpha in lossless for side in (-1, 1)]
-    grid = np.concatenate([np.linspace(low, high, whole_number("samples", samples, "launches", 2)), *beside])
-    grid = np.unique(grid[(grid >= low) & (grid <= high)])
-    slope = float(identity)
-    grid, values = resolved(lambda alpha: next_speeds(alpha) - slope * alpha, grid, identity)
-    return grid, or_zero(values + slope * grid)
+
+    def __init__(self, return_map: Callable, lossless: list, low: float, high: float, samples: int, identity: bool):
+        distances, slope = np.geomspace(1e-12, high - low, 200), float(identity)
+        beside = [alpha + side * distances for alpha in lossless for side in (-1, 1)]
+        grid = np.concatenate([np.linspace(low, high, whole_number("samples", samples, "launches", 2)), *beside])
+        grid = np.unique(grid[(grid >= low) & (grid <= high)])
+        self.grid, values = resolved(lambda alpha: return_map(alpha).next - slope * alpha, grid, identity)
+        self.following = or_zero(values + slope * self.grid)
+        self.next = lambda alpha: or_zero(return_map(alpha).next)
+
+    def crossings(self) -> np.ndarray:
+        """Launch speeds (k,) at which the map crosses the identity line."""
+        a, b, fa, fb = _sign_changes(lambda alpha, _: self.next(alpha) - alpha, self.grid, self.following - self.grid)
+        continuous = np.maximum(np.abs(fa), np.abs(fb)) <= JUMP * a
+        return np.where(np.abs(fa) <= np.abs(fb), a, b)[continuous]
+
+    def preimages(self, edges: Intervals) -> Intervals:
+        """The intervals of launch speeds whose next one lies in one of `edges`."""
+        levels, grid = np.unique(edges), self.grid
+        excess = self.following[:, None] - levels
+        i, k = np.nonzero((excess[1:] >= 0) != (excess[:-1] >= 0))
+        above = grid[i], grid[i + 1], excess[i, k], excess[i + 1, k]
+        ends, *_ = enclosed_sign_changes(lambda alpha, which: self.next(alpha) - levels[k[which]], *above)
+        ends = np.unique([grid[0], *ends, grid[-1]])
+        ends = ends[np.append(True, np.diff(ends) > 1e-15 * ends[1:])]
+        inside = within(self.next(0.5 * (ends[1:] + ends[:-1])), edges)
+        switches = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
+        return list(zip(ends[switches[::2]].tolist(), ends[switches[1::2]].tolist(), strict=True))
+
+    def basin(self, lossless: list[float], hops: int, width: float) -> Intervals:
+        """The intervals of launch speeds that come to one of the `lossless` ones, of which the lowest begins the grid,
+        within `hops` hops, in a range of this width."""
+        pairs = zip(lossless, [*lossless[1:], float(self.grid[-1])], strict=True)
+        intervals, total = [(star, self._end_of_descent(star, end)) for star, end in pairs], 0.0
+        for _ in range(hops):
+            intervals = self.preimages(intervals)
+            total, last = float(np.diff(intervals).sum()), total
+            if total - last <= SETTLED * width:
+                break
+        return intervals
+
+    def _end_of_descent(self, star: float, end: float) -> float:
+        """The launch speed from which on the map falls below the lossless one, `star`; `end` if not before."""
+        grid, excess = self.grid, self.following - star
+        i = np.flatnonzero((grid > star) & (grid < end) & (excess < 0))[:1]
+        ends = grid[i - 1], grid[i], excess[i - 1], excess[i]
+        return float(enclosed_sign_changes(lambda a, _: self.next(a) - star, *ends)[0][0]) if len(i) else end
 
 
 def _sign_changes(function: Callable, grid: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -74,11 +107,10 @@ def or_zero(speeds: np.ndarray) -> np.ndarray:
 
 def lossless_speeds(impacts: Impacts, low: float, high: float) -> list[float]:
     """Launch speeds from `low` to `high` of the lossless orbits that are motions, ascending."""
-    model = impacts.model
-    if not model.conservative:
+    if not impacts.model.conservative:
         return []
-    if model.reduction and not model.reduction.exact:
-        orbits = _all_orbits(impacts, model.reduction, low, high)
+    if (reduction := impacts.model.reduction) and not reduction.exact:
+        orbits = _all_orbits(impacts, reduction, low, high)
     else:
         orbits = _orbits_of_families(impacts, high)
     return sorted({orbit.alpha for orbit in orbits if low <= orbit.alpha <= high and orbit.admissible})
@@ -129,3 +161,10 @@ def _all_orbits(impacts: Impacts, reduction: Reduction, low: float, high: float)
             yield certified_orbit(impacts.machine, "relative", u, evaluation, began=began)
         except NoOrbit:
             continue
+
+
+def within(values: np.ndarray, edges) -> np.ndarray:
+    """Whether values (m,) lie in one of several intervals that ascend and do not overlap."""
+    edges = np.reshape(edges, (-1, 2))
+    i = np.searchsorted(edges[:, 0], values, side="right") - 1
+    return (i >= 0) & (values <= edges[i, 1]) if len(edges) else np.zeros(len(values), bool)

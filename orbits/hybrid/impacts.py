@@ -4,8 +4,6 @@ An impact of restitution e turns the speed s of the gap into -e s. With e = 0 th
 contact force presses, and leaves at once where the contact would have to pull. A contact ends where its force vanishes.
 For most springs that happens on the launch set. A spring whose force does not rise all the way may also let go
 elsewhere, or at the extension of a launch while it moves down.
-
-The return map and the simulation share the names of how a hop ends: `STATUSES`.
 """
 
 from collections.abc import Mapping
@@ -21,11 +19,11 @@ from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectory
 from ..model.machine import ImpactingMachine, check_machine
 from ..model.phase import Affine
+from ..numerics.bernstein import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..periodic.certificate import gradients
 from ..periodic.formulations import contact_force_row, vector
 from ..symbolic.calls import ElementwiseFunction
-from .contact import TURNS, ContactEnd
 
 # How a hop ends other than by "lifts_off" (of a map) and "done" (of a simulation).
 STATUSES = {
@@ -44,6 +42,10 @@ STATUS = f"<U{max(map(len, STATUSES))}"
 CAP = 10_000
 # Order of the gap's zero at a lift-off.
 LIFTOFF_ORDER = 3
+# After this many zeros of its speed a contact never ends, see `ContactEnd`.
+TURNS = 3
+# A contact whose rates are all below this is at rest. An overdamped contact gets there without turning.
+STILL_RATE = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +57,7 @@ class ImpactOptions:
     batch_contact : contacts are followed as a batch up to this time, and what has not ended then one by one
     summed_change : bounces are summed as a geometric series once the pressing acceleration changes by less than this
         share while they last; their effect on the rest of the motion is of third order in that time
-    slowest_bounce : a bounce slower than this, relative to the state, is rounding; where no force presses, such bounces
-        would never end
+    slowest_bounce : a bounce slower than this, relative to the state, is rounding, and would never end without a force
     launch_distance : a contact that ends within this relative distance of a launch state is taken to end there, so that
         lossless hops stay lossless to the last bit; two lift-offs that close would be one fold of the spring's force
     energy_panels : straight panels between the origin and a state along which its energy is integrated
@@ -71,17 +72,12 @@ class ImpactOptions:
     energy_panels: int = 32
 
 
-IMPACT_OPTIONS = ImpactOptions()
-
-
 @dataclass(frozen=True)
 class Landing:
     """The effect of impacts on flight states, (m, ...) each.
 
-    held : whether sustained contact follows, at once or after infinitely many bounces
-    state : the state after the impact; it moves away where the machine bounces
-    loss : loss of energy
-    wait : the time that infinitely many bounces take, 0 where there are none
+    held : whether sustained contact follows, at once or after infinitely many bounces, which take the time `wait`
+    state, loss : the state after the impact, which moves away where the machine bounces, and the loss of energy
     """
 
     held: np.ndarray
@@ -90,26 +86,64 @@ class Landing:
     wait: np.ndarray
 
 
+class ContactEnd:
+    """A `stop` of the contact's flow: at lift-off, or as soon as it is known that lift-off never comes.
+
+    speed : the coordinate of the contact that is its speed; None where rest is not looked for
+    outcome : "lifts_off", "rests", or None while the contact lasts
+
+    Trajectories of one coordinate do not cross in the phase plane. Once the speed has changed its sign three times,
+    what follows stays, with damping or without, inside what the contact has passed, and it never ends.
+    """
+
+    def __init__(self, contact: Flow, speed: Affine | None):
+        self.size, self.force, self.speed = contact.size, contact_force_row(contact.phase), speed
+        self.force_zeros, self.speed_zeros, self.turns_left = Crossings(), Crossings(), TURNS
+        self.outcome: str | None = None
+
+    def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> tuple[int, float] | None:
+        """The step at which the contact ends, and the time in that step; None while it lasts."""
+        liftoff = self.force_zeros(self.force.series(coefficients), steps)[:1]
+        rest = self._rest(self.speed, coefficients, steps) if self.speed else []
+        first = min([*liftoff, *rest], default=None)
+        self.outcome = None if first is None else "lifts_off" if liftoff and first == liftoff[0] else "rests"
+        return first
+
+    def _rest(self, speed: Affine, coefficients, steps) -> list[tuple[int, float]]:
+        """Places from which the force never ends the contact: the last turn, and where a step starts at rest."""
+        turns = self.speed_zeros(speed.series(coefficients), steps)
+        last, self.turns_left = turns[self.turns_left - 1 : self.turns_left], self.turns_left - len(turns)
+        still = np.flatnonzero(np.abs(coefficients[:, : self.size, 1]).max(1) < STILL_RATE)[:1]
+        return [*last, *((int(i), float(steps[i])) for i in still)]
+
+
 class Impacts:
     """The impacts and contacts of a machine with its restitution, at its own parameters or at other `values` of them.
+
+    bounce_order : order of the gap's zero where the machine leaves at once after an impact
+    flight, contact : the flows of the two phases
+    gap : the gap as a function of the flight state
+    contact_force, force_index : the contact force as a function of the rows of the contact's motion, and its place
+        among the quantities that the contact watches
+    direction : the change (n,) of the flight state per change of the gap's speed in an impact
+    onto_contact : matrix (k, n) from flight states with closed gap to contact states
 
     Raises `InputError` for what is no machine with a restitution.
     """
 
     def __init__(
-        self, machine: ImpactingMachine, values: Mapping[str, float] | None = None,
-        options: ImpactOptions = IMPACT_OPTIONS,
-    ):  # fmt: skip
+        self, machine: ImpactingMachine, values: Mapping[str, float] | None = None, options: ImpactOptions | None = None
+    ):
         check_machine(machine, "restitution")
-        self.machine, self.options = machine, options
-        self.model, self.restitution = machine.model, float(machine.restitution)
-        self.values = dict(values or machine.values)
-        self.p = vector(self.values)
-
-    @property
-    def bounce_order(self) -> int:
-        """Order of the gap's zero where the machine leaves at once after an impact."""
-        return 1 if self.restitution > 0 else 2
+        self.machine, self.options = machine, options or ImpactOptions()
+        model, self.restitution = machine.model, float(machine.restitution)
+        self.model, self.values = model, dict(values or machine.values)
+        self.p, names = vector(self.values), tuple(self.values)
+        self.bounce_order = 1 if self.restitution > 0 else 2
+        self.flight, self.contact = flow_of(model.flight, names), flow_of(model.contact, names)
+        self.gap, self.contact_force = model.gap(self.values), contact_force_row(model.contact)
+        self.force_index = len(self.contact_force.weights) - 1 - self.contact.size
+        self.direction, self.onto_contact = model.impact(self.values), np.linalg.pinv(model.embed)
 
     def landing(self, x: np.ndarray) -> Landing:
         """The effect of impacts at flight states (m, n) with closed gap."""
@@ -145,18 +179,18 @@ class Impacts:
         """The time (...) after which a flight from states (..., n) is said not to end."""
         return self.options.longest_flight * (1 + np.abs(x).max(-1))
 
-    def longest_contact(self, y: np.ndarray) -> np.ndarray:
-        """The time (...) after which a contact from states (..., k) is said not to end."""
-        return self.options.longest_contact * (1 + np.abs(y).max(-1))
+    def longest_contact(self, y: np.ndarray) -> float:
+        """The time after which a contact from a state (k,) is said not to end."""
+        return float(self.options.longest_contact * (1 + np.abs(y).max()))
 
     def sustained_contact(self, y: np.ndarray, left: float = np.inf) -> tuple[Trajectory | None, str | None, str]:
         """Follow the contact from a state (k,) for at most the time `left`: its motion, its outcome and the reason.
 
-        The outcome is "lifts_off", a status, or None when the time is up. That a contact rests is only looked for when
-        the time is not limited. The motion is None where it could not be followed.
+        The outcome is "lifts_off", a status, or None when the time is up; that it rests is only looked for when the
+        time is not limited. The motion is None where it could not be followed.
         """
         endless = left == np.inf
-        limit = float(self.longest_contact(y)) if endless else left
+        limit = self.longest_contact(y) if endless else left
         end = ContactEnd(self.contact, self.model.contact_speed if endless and self.model.one_speed else None)
         try:
             path, _ = self.contact.run(y, self.p, limit, stop=end)
@@ -183,8 +217,7 @@ class Impacts:
         return outcome, ends
 
     def liftoff(self, ys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The speeds (m,) of contact states (m, k) whose force vanishes, and whether (m,) each is the launch with that
-        speed."""
+        """Speeds (m,) of contact states (m, k) whose force vanishes, and whether (m,) each is the launch so fast."""
         speed, x = self.model.contact_speed(ys), ys @ self.model.embed.T
         if not self.model.one_speed:
             return speed, np.zeros(len(ys), bool)
@@ -193,15 +226,12 @@ class Impacts:
         return speed, forward & (distance <= self.options.launch_distance * (1 + np.abs(x).max(1)))
 
     def energy(self, x: ArrayLike) -> float:
-        """The energy of a flight state (n,), relative to rest with the spring unloaded and the gap closed.
-
-        It is the integral of the gradient of the energy along the straight line from the origin.
-        """
+        """The energy of a flight state (n,), relative to rest with the spring unloaded and the gap closed: the integral
+        of its gradient along the straight line from the origin."""
         x = np.asarray(x, dtype=float)
-        edges = np.linspace(0.0, 1.0, self.options.energy_panels + 1)
-        if self.flight.phase.pieces:  # A panel may not reach across a breakpoint of the law.
-            reach = float(np.array(self.flight.phase.pieces.coordinate) @ x)
-            breaks = self.flight.piece_table(self.p)[0]
+        edges, pieces = np.linspace(0.0, 1.0, self.options.energy_panels + 1), self.model.flight.pieces
+        if pieces:  # A panel may not reach across a breakpoint of the law.
+            reach, breaks = float(self.flight.coordinate @ x), self.flight.piece_table(self.p)[0]
             edges = np.unique([*edges, *(b / reach for b in breaks if reach and 0 < b / reach < 1)])
         widths = np.diff(edges)
         points = (edges[:-1, None] + widths[:, None] * GAUSS_PLACES).reshape(-1, 1) * x
@@ -210,27 +240,11 @@ class Impacts:
         return float((widths[:, None] * GAUSS_WEIGHTS).ravel() @ (slopes @ x))
 
     @cached_property
-    def flight(self) -> Flow:
-        """The flow of the flight."""
-        return flow_of(self.model.flight, tuple(self.values))
-
-    @cached_property
-    def contact(self) -> Flow:
-        """The flow of the contact."""
-        return flow_of(self.model.contact, tuple(self.values))
-
-    @cached_property
-    def gap(self) -> Affine:
-        """The gap as a function of the flight state."""
-        return self.model.gap(self.values)
-
-    @cached_property
     def gap_speed(self) -> np.ndarray:
         """Weights (n,) of the gap's speed as a function of the flight state, whose speeds are states themselves."""
         graph = self.flight.vector_field
         speed = ca.DM(self.gap.weights).T @ graph.field(graph.x, graph.p)[0]
-        weights = ca.evalf(ca.jacobian(speed, graph.x))
-        return np.array(weights).ravel()
+        return np.array(ca.evalf(ca.jacobian(speed, graph.x))).ravel()
 
     def pressing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The contact force (m,) at flight states with closed gap and no gap speed, and the acceleration (m,) at which
@@ -238,16 +252,6 @@ class Impacts:
         rates, _ = self.flight.field(x, self.p)
         _, watched = self.contact.field(x @ self.onto_contact.T, self.p)
         return watched[:, self.force_index], -(rates @ self.gap_speed)
-
-    @cached_property
-    def contact_force(self) -> Affine:
-        """The contact force as a function of the rows of the contact's motion."""
-        return contact_force_row(self.contact.phase)
-
-    @cached_property
-    def force_index(self) -> int:
-        """Index of the contact force among the quantities that the contact watches."""
-        return self.contact_force.weights.index(1.0) - self.contact.size
 
     def gap_rates(self, x: np.ndarray) -> np.ndarray:
         """Third and fourth derivative (2, m) of the gap in time at flight states (m, n)."""
@@ -257,20 +261,9 @@ class Impacts:
     def _gap_rates(self) -> ElementwiseFunction:
         graph = self.flight.vector_field
         field = graph.field(graph.x, graph.p)[0]
-        rates = [ca.DM(self.gap_speed).T @ field]
-        for _ in range(2):
-            rates.append(ca.jtimes(rates[-1], graph.x, field))
-        return ElementwiseFunction(ca.Function("gap_rates", [graph.x, graph.p], [ca.vertcat(*rates[1:])]))
-
-    @cached_property
-    def direction(self) -> np.ndarray:
-        """The change (n,) of the flight state per change of the gap's speed in an impact."""
-        return self.model.impact(self.values)
-
-    @cached_property
-    def onto_contact(self) -> np.ndarray:
-        """Matrix (k, n) from flight states with closed gap to contact states."""
-        return np.linalg.pinv(self.model.embed)
+        jerk = ca.jtimes(ca.DM(self.gap_speed).T @ field, graph.x, field)
+        rates = ca.vertcat(jerk, ca.jtimes(jerk, graph.x, field))
+        return ElementwiseFunction(ca.Function("gap_rates", [graph.x, graph.p], [rates]))
 
     @cached_property
     def launch_inertia(self) -> float:

@@ -13,8 +13,7 @@ from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.zero_crossing import first_zero
 from ..model.machine import ImpactingMachine
 from ..periodic.local_law import loss_coefficient
-from .contact import ContactEnd
-from .impacts import CAP, LIFTOFF_ORDER, Impacts
+from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts
 
 # An impact slower than this, relative to the launch speed, is tangential.
 TANGENTIAL = 1e-7
@@ -28,7 +27,10 @@ def multiplier(machine: ImpactingMachine, alpha: float) -> float:
     impacts, alpha = Impacts(machine), finite_number("alpha", alpha)
     if alpha <= 0:
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
-    x, change, order = impacts.launch(np.array([alpha]))[0], _change_of_launch(impacts, alpha), LIFTOFF_ORDER
+    x, order = impacts.launch(np.array([alpha]))[0], LIFTOFF_ORDER
+    step = 1e-5 * alpha  # The extension of the launch state depends on the launch speed too where there is damping.
+    low, high = impacts.launch(np.array([alpha - step, alpha + step]))
+    change = (high - low) / (2 * step)
     if not impacts.opens(x[None])[0]:
         raise NoOrbit(f"alpha = {alpha:g} is no launch: the damper is too strong for the contact to open")
     for _ in range(CAP):
@@ -42,13 +44,6 @@ def multiplier(machine: ImpactingMachine, alpha: float) -> float:
     raise NoOrbit(f"after {CAP} impacts the machine has not come to rest on the ground")
 
 
-def _change_of_launch(impacts: Impacts, alpha: float) -> np.ndarray:
-    """The derivative (n,) of the launch state; with damping the extension depends on the launch speed too."""
-    step = 1e-5 * alpha
-    low, high = impacts.launch(np.array([alpha - step, alpha + step]))
-    return (high - low) / (2 * step)
-
-
 def _through_flight(impacts: Impacts, alpha: float, x, change, order: int) -> tuple[np.ndarray, np.ndarray]:
     """State and change where the gap closes next."""
     try:
@@ -60,15 +55,14 @@ def _through_flight(impacts: Impacts, alpha: float, x, change, order: int) -> tu
     x, change = path.end[: len(x)], variations[:, 0]
     speed = float(impacts.gap_speed @ x)
     if order == LIFTOFF_ORDER and abs(speed) < TANGENTIAL * alpha:  # later bounces may be arbitrarily slow
-        raise NoOrbit(
-            f"the landing is tangential, at speed {speed:.1e}: no multiplier; {_one_sided(impacts, alpha, x, change)}"
-        )
+        law = _one_sided(impacts, alpha, x, change)
+        raise NoOrbit(f"the landing is tangential, at speed {speed:.1e}: no multiplier; {law}")
     rates = impacts.flight.rates(x, impacts.flight.data(x[None], impacts.p)[0])
     return x, change - rates * (np.array(impacts.gap.weights) @ change) / speed
 
 
 def _one_sided(impacts: Impacts, alpha: float, x, change) -> str:
-    """The power law that replaces the multiplier where a hop lands tangentially at `x`, in words."""
+    """The power law that replaces the multiplier where a hop lands tangentially at `x`."""
     jerk, slope = -impacts.gap_rates(x[None])[0, 0], float(np.array(impacts.gap.weights) @ change)
     if not jerk > 0 or slope == 0:
         return "nor a power law"
@@ -80,11 +74,9 @@ def _one_sided(impacts: Impacts, alpha: float, x, change) -> str:
 
 def _through_contact(impacts: Impacts, y, change) -> float:
     """The change of the speed at which the contact ends."""
-    contact = impacts.contact
-    end = ContactEnd(contact, impacts.model.contact_speed)
+    contact, end = impacts.contact, ContactEnd(impacts.contact, impacts.model.contact_speed)
     try:
-        limit = float(impacts.longest_contact(y))
-        path, variations = contact.run(y, impacts.p, limit, seeds=change[:, None], stop=end)
+        path, variations = contact.run(y, impacts.p, impacts.longest_contact(y), seeds=change[:, None], stop=end)
     except FlowError as error:
         raise NoOrbit(f"the contact does not end: {error}") from None
     if end.outcome != "lifts_off":

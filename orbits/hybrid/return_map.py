@@ -1,4 +1,12 @@
-"""The one-step return map: from the launch speed at one lift-off after sustained contact to that at the next."""
+"""The one-step return map: from the launch speed at one lift-off after sustained contact to that at the next.
+
+A hop is a flight, impacts after which the machine leaves at once, and a sustained contact. The loss of a hop is the sum
+of the losses of its impacts. It is not the difference of launch speeds: near a lossless orbit the loss vanishes like
+the power 4/3 of the distance, and the difference would be rounding.
+"""
+
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -6,15 +14,36 @@ from numpy.typing import ArrayLike
 from ..errors import InputError, finite_number, whole_number
 from ..model.machine import ImpactingMachine
 from ..numerics.roots import enclosed_sign_changes
-from .basins import SETTLED, basin_of, preimages
-from .fixed_points import JUMP, FixedPoint, crossings, lossless_speeds, or_zero, resolved_map
-from .hops import Hops, hops_from
-from .impacts import CAP, STATUS, Impacts
+from .fixed_points import JUMP, FixedPoint, Intervals, ResolvedMap, lossless_speeds, or_zero
+from .impacts import CAP, LIFTOFF_ORDER, STATUS, Impacts, status_of_failure
 
 # Launch speeds in one batch: few enough to stay in a processor's cache.
 BATCH_SIZE = 1000
 # Below this, in the units of the machine, no lossless launch is searched.
 SLOWEST_LOSSLESS = 1e-3
+
+
+@dataclass(frozen=True)
+class Hops:
+    """The outcome of launches, each array of the launch speeds' shape.
+
+    alpha : launch speeds
+    next : launch speed at the next lift-off, with the injection, NaN where there is none
+    loss : loss of alpha**2 in the hop before the injection, or in its impacts where there is no next launch
+    impacts : number of impacts in between
+    status : "lifts_off", or why there is no next launch: a name of `orbits.hybrid.impacts.STATUSES`
+    """
+
+    alpha: np.ndarray
+    next: np.ndarray
+    loss: np.ndarray
+    impacts: np.ndarray
+    status: np.ndarray
+
+    def document(self) -> dict[str, Any]:
+        """The hops as the JSON document of the command line."""
+        columns = {name: np.ravel(values).tolist() for name, values in vars(self).items()}
+        return {**columns, "next": [None if np.isnan(value) else value for value in columns["next"]]}
 
 
 class ReturnMap:
@@ -31,8 +60,7 @@ class ReturnMap:
 
     def __init__(self, machine: ImpactingMachine, inject: float = 0.0, cap: int = CAP):
         self.inject, self.cap = finite_number("inject", inject), whole_number("cap", cap, "impacts")
-        self.machine = machine
-        self.impacts = Impacts(machine)
+        self.machine, self.impacts = machine, Impacts(machine)
         if not self.impacts.model.one_speed:
             raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
 
@@ -42,37 +70,27 @@ class ReturnMap:
             alpha = np.asarray(alpha, dtype=float)
         except (TypeError, ValueError):
             raise InputError(f"alpha = {alpha!r}; launch speeds are numbers") from None
-        if not (np.isfinite(alpha) & (alpha > 0)).all():
-            worst = alpha[~(np.isfinite(alpha) & (alpha > 0))].flat[0]
-            raise InputError(f"alpha = {worst:g}; launch speeds are above 0")
+        if len(wrong := alpha[~(np.isfinite(alpha) & (alpha > 0))]):
+            raise InputError(f"alpha = {wrong[0]:g}; launch speeds are above 0")
         if not alpha.size:
             return Hops(alpha, alpha, alpha, alpha.astype(int), alpha.astype(STATUS))
         batches = np.array_split(alpha.ravel(), -(-alpha.size // BATCH_SIZE))
-        hops = [hops_from(self.impacts, batch, self.inject, self.cap) for batch in batches]
-        columns = {
-            name: np.concatenate([getattr(part, name) for part in hops]).reshape(alpha.shape)
-            for name in ("next", "loss", "impacts", "status")
-        }
-        return Hops(alpha, **columns)
-
-    def _next(self, alpha: np.ndarray) -> np.ndarray:
-        """Next launch speeds, NaN where there are none."""
-        return self(alpha).next
+        hops = [vars(_hops_from(self.impacts, batch, self.inject, self.cap)) for batch in batches]
+        return Hops(**{name: np.concatenate([part[name] for part in hops]).reshape(alpha.shape) for name in hops[0]})
 
     def fixed_points(self, low: float, high: float, samples: int = 2000) -> tuple[FixedPoint, ...]:
         """The fixed points of the map between two launch speeds, ascending.
 
-        Without injection, and without losses other than those of impacts, they are the lossless orbits that are
-        motions: all of them under constant gravity, otherwise those of `find`. In all other cases they are where the
-        map crosses the identity line. They are found where next - alpha changes its sign between neighbours of a grid
-        of `samples` launches, refined toward lossless ones, where an injection makes two, and toward extrema.
+        Without injection or damping they are the lossless orbits that are motions: all of them under constant gravity,
+        otherwise those of `find`. Else the map crosses the identity line there: next - alpha changes its sign between
+        neighbours of a grid of `samples` launches, refined toward lossless ones and toward extrema.
         """
         low, high = _speed_range(low, high)
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative:
             return tuple(FixedPoint(alpha, "lossless") for alpha in lossless)
-        grid, following = resolved_map(self._next, lossless, low, high, samples, True)
-        return tuple(FixedPoint(float(alpha), "crossing") for alpha in crossings(self._next, grid, following))
+        crossings = ResolvedMap(self, lossless, low, high, samples, True).crossings()
+        return tuple(FixedPoint(float(alpha), "crossing") for alpha in crossings)
 
     def jumps(self, hops: Hops) -> np.ndarray:
         """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
@@ -82,31 +100,25 @@ class ReturnMap:
         # A jump that is smaller than the changes beside it would not be seen in a plot.
         i = np.flatnonzero((np.diff(hops.impacts) != 0) & (change > beside))
         same = lambda alpha, which: np.where(self(alpha).impacts == hops.impacts[i[which]], 1.0, -1.0)  # noqa: E731
-        ones = np.ones(len(i))
-        a, b, _, _ = enclosed_sign_changes(same, hops.alpha[i], hops.alpha[i + 1], ones, -ones)
-        return i[np.abs(or_zero(self._next(a)) - or_zero(self._next(b))) > JUMP * a]
+        a, b, _, _ = enclosed_sign_changes(same, hops.alpha[i], hops.alpha[i + 1], np.ones(len(i)), -np.ones(len(i)))
+        return i[np.abs(or_zero(self(a).next) - or_zero(self(b).next)) > JUMP * a]
 
-    def preimages(
-        self, edges: list[tuple[float, float]], low: float, high: float, samples: int = 2000
-    ) -> list[tuple[float, float]]:
-        """The intervals of launch speeds between `low` and `high` whose next launch speed lies in one of the intervals
-        `edges`, ascending.
-
-        They end where the map passes an edge, or jumps. They are found from a grid as in `fixed_points`.
-        """
+    def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
+        """The intervals of launch speeds between `low` and `high`, ascending, whose next one lies in one of the
+        intervals `edges`. They end where the map passes an edge, or jumps; the grid is as in `fixed_points`."""
         low, high = _speed_range(low, high)
         edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in edges]
         if wrong := [pair for pair in edges if not 0 < pair[0] <= pair[1]]:
             raise InputError(f"edges = {wrong[0]}; the launch speeds of an interval are above 0 and ascend")
         lossless = lossless_speeds(self.impacts, low, high)
-        return preimages(self._next, edges, *resolved_map(self._next, lossless, low, high, samples, False))
+        return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
 
-    def basin(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> list[tuple[float, float]]:
+    def basin(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> Intervals:
         """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
 
-        All launches just above a lossless launch speed come down to it, up to where the map falls below it. All others
-        that come to a lossless hop enter one of these intervals before, within at most `hops` hops. Intervals that
-        would add only some 1e-5 of the range are left out. Raises `InputError` with injection or damping.
+        All launches just above a lossless one come down to it, up to where the map falls below it; all others enter
+        one of these intervals before, within at most `hops` hops. Intervals that would add only some 1e-5 of the range
+        are left out. Raises `InputError` with injection or damping.
         """
         low, high = _speed_range(low, high)
         if self.inject != 0 or not self.impacts.model.conservative:
@@ -115,8 +127,7 @@ class ReturnMap:
         lossless = lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high)
         if not lossless or lossless[0] >= high:
             return []
-        grid, following = resolved_map(self._next, lossless, lossless[0], high, samples, False)
-        intervals = basin_of(self._next, lossless, grid, following, hops, SETTLED * (high - low))
+        intervals = ResolvedMap(self, lossless, lossless[0], high, samples, False).basin(lossless, hops, high - low)
         return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
 
 
@@ -126,3 +137,55 @@ def _speed_range(low: float, high: float) -> tuple[float, float]:
     if not 0 < low < high:
         raise InputError(f"low = {low:g}, high = {high:g}: 0 < low < high is needed")
     return low, high
+
+
+def _flights_and_impacts(impacts: Impacts, alpha, cap: int):
+    """Losses, numbers of impacts, statuses (m,) and contact states (m, k) up to sustained contact ("lifts_off")."""
+    m = len(alpha)
+    loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
+    state, standing = impacts.launch(alpha), np.zeros((m, impacts.contact.size))
+    flying, order = np.flatnonzero(impacts.opens(state)), LIFTOFF_ORDER
+    status[flying] = "cap"
+    for _ in range(cap):
+        start, limit = state[flying], impacts.longest_flight(state[flying])
+        times, rows, errors = impacts.flight.first_zeros(start, impacts.p, impacts.gap, limit, order)
+        gone, order = np.isnan(times), impacts.bounce_order
+        status[flying[gone]] = "carried_off"
+        for i, error in errors.items():
+            status[flying[i]] = status_of_failure(error, "flight")
+        flying = flying[~gone]
+        if not len(flying):
+            break
+        landing = impacts.landing(rows[~gone, : impacts.flight.size])
+        counts[flying] += 1
+        loss[flying] += 2 * landing.loss / impacts.launch_inertia
+        held = flying[landing.held]
+        standing[held], status[held] = landing.state[landing.held] @ impacts.onto_contact.T, "lifts_off"
+        state[flying] = landing.state
+        flying = flying[~landing.held]
+        if not len(flying):
+            break
+    return loss, counts, status, standing
+
+
+def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
+    """One hop from each of the launch speeds (m,), given up after `cap` impacts, with `inject` added to the next."""
+    loss, counts, status, standing = _flights_and_impacts(impacts, alpha, cap)
+    next_speed, left, lifting = np.full(len(alpha), np.nan), alpha**2 - loss, np.flatnonzero(status == "lifts_off")
+    if impacts.contact.phase.closed_form:  # The force is linear: the energy alone decides whether it vanishes.
+        status[lifting[left[lifting] < 0]] = "rests"
+    elif len(lifting):
+        status[lifting], ends = impacts.sustained_contacts(standing[lifting])
+        ended = status[lifting] == "lifts_off"
+        lifting = lifting[ended]
+        speed, launches = impacts.liftoff(ends[ended])
+        status[lifting[~launches]] = "leaves_elsewhere"
+        if not impacts.model.conservative:
+            lifting, speed = lifting[launches], speed[launches]
+            left[lifting] = speed**2
+            loss[lifting] = alpha[lifting] ** 2 - left[lifting]
+    lifting = np.flatnonzero(status == "lifts_off")
+    next_speed[lifting] = np.sqrt(np.maximum(left[lifting], 0.0)) + inject
+    stopped = next_speed <= 0
+    status[stopped], next_speed[stopped] = "rests", np.nan
+    return Hops(alpha, next_speed, loss, counts, status)

@@ -1,7 +1,6 @@
 """Simulation of a machine from any state: flights, impacts and contacts, one after the other, with every event found.
 
-Events are zeros of the Taylor polynomials of the motion, found by Bernstein exclusion, which does not miss a grazing
-pair of zeros. Each leg is kept as its polynomials, so that the whole motion can be evaluated at any time.
+Events are zeros of the motion's Taylor polynomials, found by Bernstein exclusion, which misses no grazing pair of them.
 """
 
 from collections.abc import Mapping
@@ -21,11 +20,11 @@ from ..model.machine import ImpactingMachine
 from ..numerics.bernstein import lowest
 from ..symbolic import interrupts
 from .impacts import CAP, LIFTOFF_ORDER, Impacts, status_of_failure
-from .schedule import Schedule
 
-# A gap, a gap speed or a contact force below this, relative to the state, is zero: the rounding of a state that the
-# caller has computed is smaller.
+# A gap, a gap speed or a contact force below this, relative to the state, is zero: a caller's rounding is smaller.
 TOUCHING = 1e-9
+# An event this close to a change of the schedule, relative to the time, is at it: event times are no more accurate.
+SIMULTANEOUS = 1e-9
 
 
 @dataclass(frozen=True)
@@ -62,8 +61,7 @@ class Simulation:
 
     legs, events : in order
     status : "done", or why it ended early: a name of `orbits.hybrid.impacts.STATUSES`
-    launches : launch speeds, first that of the start if it was a launch, then one for each lift-off, so hops + 1 or
-        hops of them; NaN at a lift-off that is no launch
+    launches : launch speeds, that of the start if it was a launch, then one for each lift-off, NaN if it is no launch
     end : time of the end
     machine : the machine simulated
     reason : why the motion could not be followed further, in words; "" where it could
@@ -79,15 +77,11 @@ class Simulation:
 
     @cached_property
     def smallest_separation(self) -> float | None:
-        """The smallest separation of the masses, None without a rest length.
-
-        Where it is not above 0 the masses pass through each other, which no real machine does and the simulation
-        ignores.
-        """
-        separation = self.machine.model.separation(self.machine.values)
-        if separation is None:
-            return None
+        """The smallest separation of the masses, None without a rest length; where it is not above 0 they pass through
+        each other, which no real machine does and the simulation ignores."""
         embed, smallest = self.machine.model.embed, []
+        if (separation := self.machine.model.separation(self.machine.values)) is None:
+            return None
         for leg in self.legs:
             rows = leg.path.coefficients
             states = rows[:, : len(embed)] if leg.phase == "flight" else embed @ rows[:, : embed.shape[1]]
@@ -96,31 +90,20 @@ class Simulation:
 
     def document(self) -> dict[str, Any]:
         """The simulation as the JSON document of the command line."""
-        events = [
-            {
-                "kind": event.kind, "time": event.time, "before": event.before.tolist(), "after": event.after.tolist(),
-                "energy": event.energy, "loss": event.loss,
-            }
-            for event in self.events
-        ]  # fmt: skip
         return {
             "launches": [None if np.isnan(speed) else float(speed) for speed in self.launches],
             "status": self.status, "reason": self.reason, "end": self.end,
-            "smallest_separation": self.smallest_separation, "events": events,
+            "smallest_separation": self.smallest_separation,
+            "events": [{**vars(e), "before": e.before.tolist(), "after": e.after.tolist()} for e in self.events],
         }  # fmt: skip
 
     def __str__(self) -> str:
         lines = [f"{'time':>14}  {'event':<10}{'energy':>16}{'loss':>14}"]
-        for event in self.events:
-            lines.append(f"{event.time:14.9g}  {event.kind:<10}{event.energy:16.9g}{event.loss:14.6g}")
-        speeds = ", ".join(f"{speed:.10g}" for speed in self.launches)
-        lines += [f"  launch speeds {speeds}", f"  {self.status} at time {self.end:.9g}"]
-        if self.reason:
-            lines[-1] += f": {self.reason}"
-        if self.smallest_separation is not None and self.smallest_separation <= 0:
-            lines.append(
-                f"  the masses pass through each other: their least separation is {self.smallest_separation:.6g}"
-            )
+        lines += [f"{e.time:14.9g}  {e.kind:<10}{e.energy:16.9g}{e.loss:14.6g}" for e in self.events]
+        speeds, why = ", ".join(f"{speed:.10g}" for speed in self.launches), f": {self.reason}" if self.reason else ""
+        lines += [f"  launch speeds {speeds}", f"  {self.status} at time {self.end:.9g}{why}"]
+        if (least := self.smallest_separation) is not None and least <= 0:
+            lines.append(f"  the masses pass through each other: their least separation is {least:.6g}")
         return "\n".join(lines)
 
     def plot(self, axes: Any = None) -> Any:
@@ -166,21 +149,19 @@ def simulate(
     """Follow a machine's motion from a launch or from a state.
 
     machine : as in `find`, with its restitution
-    alpha : launch speed at a lift-off after sustained contact, or the unknowns of a launch by name where a launch is
-        more than a speed; or
+    alpha : launch speed at a lift-off after sustained contact, or the unknowns of a launch by name; or
     state : (n,), a flight state with open gap, or with a gap that is closed and at rest; then the machine stays in
         contact if the contact force presses, and lifts off if it does not
-    hops, time : the simulation ends after this many lift-offs, or after this time, whichever is first; one of them is
-        needed
+    hops, time : it ends after this many lift-offs or after this time, whichever is first; one of them is needed
     inject : added to the launch speed at every lift-off that is a launch; with a damper its extension depends on the
         speed, and the injection moves the machine to that of the new speed
     cap : impacts in one hop after which it is given up
-    schedule : (times (k + 1,), values (k,) of parameters by name), an actuator's inputs: the values hold from one time
-        to the next, and the machine's own before and after. Legs are cut at these times
+    schedule : (times (k + 1,), values (k,) of parameters by name): an actuator's inputs from one time to the next, at
+        which legs are cut; the machine's own values hold before and after
 
     Raises `InputError` for arguments without a meaning, such as a launch at which the contact would not open.
     """
-    impacts, inputs = Impacts(machine), Schedule(machine.values, schedule)
+    impacts, inputs = Impacts(machine), _Schedule(machine.values, schedule)
     inject, cap = finite_number("inject", inject), whole_number("cap", cap, "impacts")
     hops = None if hops is None else whole_number("hops", hops, "lift-offs")
     if not (isinstance(time, Real) and time > 0):
@@ -188,17 +169,39 @@ def simulate(
     if hops is None and time == np.inf:
         raise InputError("a simulation needs hops or a time at which to end")
     if inject != 0 and not impacts.model.one_speed:
-        raise InputError(
-            f"inject = {inject:g}: a launch of a {impacts.model.name} is more than the speed that it adds to"
-        )
+        name = impacts.model.name
+        raise InputError(f"inject = {inject:g}: a launch of a {name} is more than the speed that it adds to")
     x, launch_speed, order = _initial_state(impacts, inputs(0.0)[0], alpha, state)
     with interrupts.deferred():
         return _Run(impacts, inject, hops, float(time), cap, inputs).simulate(x, order, launch_speed)
 
 
+class _Schedule:
+    """Parameters as piecewise constant functions of time, as in `simulate`, with the machine's own `values` outside."""
+
+    def __init__(self, values: Mapping[str, float], schedule: tuple[ArrayLike, Mapping[str, ArrayLike]] | None) -> None:
+        times, changes = ((), {}) if schedule is None else schedule
+        self.times = np.asarray(times, dtype=float)
+        if unknown := [name for name in changes if name not in values]:
+            raise InputError(f"schedule: the machine has no parameter '{unknown[0]}'; it has {', '.join(values)}")
+        if schedule is not None and not (np.isfinite(self.times).all() and (np.diff(self.times) > 0).all()):
+            raise InputError("schedule: its times are finite and rise")
+        count, rows = max(len(self.times) - 1, 0), []
+        for name, own in values.items():
+            given = np.asarray(changes.get(name, np.full(count, own)), dtype=float)
+            if given.shape != (count,) or not np.isfinite(given).all():
+                raise InputError(f"schedule: '{name}' has {given.size} values between {len(self.times)} times")
+            rows.append([own, *given, own] if len(self.times) else [own])
+        self.columns = np.array(rows, dtype=float).T  # (k + 2, np)
+
+    def __call__(self, now: float) -> tuple[np.ndarray, float]:
+        """The parameters (np,) that hold from a time on, and the time until which they hold."""
+        index = int(np.searchsorted(self.times, now + SIMULTANEOUS * (1.0 + now), side="right"))
+        return self.columns[index], float(self.times[index]) if index < len(self.times) else np.inf
+
+
 def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None]:
-    """The first flight state at parameters `p`, the launch speed if it is a launch, and the order of the gap's zero
-    there, None where the machine starts in contact."""
+    """The first flight state, the launch speed if it is a launch, and the order of the gap's zero, None in contact."""
     if (alpha is None) == (state is None):
         raise InputError("a simulation starts from a launch speed alpha or from a state: give one of them")
     if alpha is not None:
@@ -241,34 +244,29 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
 class _Run:
     """The state of a simulation while it runs."""
 
-    def __init__(self, impacts: Impacts, inject: float, hops: int | None, time: float, cap: int, inputs: Schedule):
-        self.impacts, self.inject, self.hops, self.time, self.cap = impacts, inject, hops, time, cap
-        self.inputs = inputs
+    def __init__(self, impacts: Impacts, inject: float, hops: int | None, time: float, cap: int, inputs: _Schedule):
+        self.impacts, self.inject, self.hops = impacts, inject, hops
+        self.time, self.cap, self.inputs = time, cap, inputs
         self.legs: list[Leg] = []
         self.events: list[ContactEvent] = []
         self.launches: list[float] = []
         self.now, self.impact_count, self.liftoff_count, self.reason = 0.0, 0, 0, ""
 
     def simulate(self, x, order: int | None, alpha: float | None) -> Simulation:
-        """Alternate flights and contacts until one of them gives the status of the end."""
-        if alpha is not None:
-            self.launches.append(alpha)
+        """Alternate flights, from a zero of the gap of this order, and contacts, order None, up to the end's status."""
+        self.launches += [] if alpha is None else [alpha]
         status: str | None = None
-        if order is None:
-            status, x = self.contact(x)
-            order = LIFTOFF_ORDER
         while status is None:
-            status, x, held = self.flight(x, order)
-            order = self.impacts.bounce_order
-            if status is None and held:
-                status, x = self.contact(x)
-                order = LIFTOFF_ORDER
+            if order is None:
+                (status, x), order = self.contact(x), LIFTOFF_ORDER
+            else:
+                status, x, held = self.flight(x, order)
+                order = None if held else self.impacts.bounce_order
         launches, machine = np.array(self.launches), self.impacts.machine
         return Simulation(tuple(self.legs), tuple(self.events), status, launches, self.now, machine, self.reason)
 
     def flight(self, x, order: int) -> tuple[str | None, np.ndarray, bool]:
-        """Fly until the gap closes: the status if the simulation ends, the state after the impact, whether sustained
-        contact follows."""
+        """Fly until the gap closes: the status at an end, the state after the impact, whether contact follows."""
         until, closed = self.update_parameters(), False
         last = self.now + float(self.impacts.longest_flight(x))
         if order == LIFTOFF_ORDER and not self.impacts.opens(x[None])[0]:
@@ -312,11 +310,10 @@ class _Run:
         return self.liftoff(y, x)
 
     def liftoff(self, y, x) -> tuple[str | None, np.ndarray]:
-        """Lift off from a contact state: the status if the simulation ends, and the flight state; that is the state `x`
-        at landing where an injection takes all the speed."""
+        """Lift off from a contact state: the status at an end, and the flight state, `x` if an injection stops it."""
         impacts, driven = self.impacts, len(self.inputs.times) > 0
-        before = after = impacts.model.embed @ y
         (speed,), (is_launch,) = impacts.liftoff(y[None])
+        before = after = impacts.model.embed @ y
         # A driven machine lifts off where it is; without inputs its state is moved onto the launch set.
         if is_launch and not (driven and self.inject == 0):
             speed = float(speed) + self.inject
@@ -333,13 +330,11 @@ class _Run:
         """Take the parameters that the schedule sets now; returns the time until which they hold."""
         p, until = self.inputs(self.now)
         if (p != self.impacts.p).any():
-            values = dict(zip(self.impacts.values, p.tolist(), strict=True))
-            self.impacts = Impacts(self.impacts.machine, values)
+            self.impacts = Impacts(self.impacts.machine, dict(zip(self.impacts.values, p.tolist(), strict=True)))
         return until
 
     def add_leg(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
-        """Keep a leg, which ends at the time `until` if that is given; returns "done" if the time is up, else
-        `status`."""
+        """Keep a leg, which ends at `until` if that is given; returns "done" if the time is up, else `status`."""
         self.legs.append(Leg(phase, self.now, path))
         lasted = float(path.times[-1])
         over = until is None and (lasted >= self.time - self.now or self.now + lasted >= self.time)

@@ -6,7 +6,7 @@ from conftest import grazing_flights
 from matplotlib.figure import Figure
 
 from orbits import InputError, NoOrbit, ReturnMap, find, simulate
-from orbits.hybrid.basins import within
+from orbits.hybrid.fixed_points import within
 from orbits.hybrid.impacts import Impacts
 from orbits.numerics.roots import enclosed_sign_changes
 from orbits.plot import plot_map
