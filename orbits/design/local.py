@@ -22,8 +22,8 @@ from ..symbolic import interrupts
 from ..symbolic.ipopt import Minimum
 from .nlp import DEMAND_MARGIN, DesignPoint, Ties, Weights, design_point
 from .optimality import LocalOptimum, optimum_at
-from .problem import DesignProblem, Outputs, formula_units
-from .statement import base_statement
+from .problem import DesignProblem, Outputs
+from .quantities import base_statement
 
 # The cost of a nonlinear program is the objective, with the constraints held; or the violations and a little of the
 # objective, until the constraints are met; or the violations alone, to see whether they can be met at all.
@@ -129,9 +129,9 @@ class LocalSearch:
     def solve(self) -> Minimum:
         """The nonlinear program solved on the mesh of the current orbit."""
         problem, theta = self.problem, self.point.theta
-        limits = [np.array([getattr(c, side) for c in problem.constraints]) / self.sizes for side in ("low", "high")]
+        low, high = (np.array([getattr(c, side) for c in problem.constraints]) / self.sizes for side in ("low", "high"))
         bounds, units = problem.within(theta, self.reach), problem.units(theta)
-        return self.point.minimise(bounds, units, self.reach, limits, self.scales(), self.weights)
+        return self.point.minimise(bounds, units, self.reach, (low, high), self.scales(), self.weights)
 
     def violations(self) -> np.ndarray:
         """The violation of each constraint, as a share of its size."""
@@ -270,7 +270,7 @@ def _point_at(
 ) -> DesignPoint:
     """The objective, the constraints and the demands at an orbit."""
     formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
-    return design_point(machine, orbit, Outputs(formulas, problem.names, demands), formula_units(machine), ties)
+    return design_point(machine, orbit, Outputs(formulas, problem.names, demands), ties)
 
 
 def _demands(orbit: Orbit, demands: tuple[str, ...]) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError, finite_number
 from ..model.machine import Machine, check_parameters
-from ..model.model import Model, Units
+from ..model.model import Model
 from ..symbolic.formula import Formula, parse, suggest
 from .quantities import quantity_names
 
@@ -175,26 +175,19 @@ def parse_constraint(text: str, known: Collection[str]) -> Constraint:
     for side, number in zip(sides, numbers, strict=True):
         if number is not None and not np.isfinite(number):
             raise InputError(f"in the constraint '{text}', '{side}' is not a finite number")
-    if len(relations) == 2:
-        formula, low, high = _two_relations(text, formulas, numbers, relations)
-    else:
-        formula, low, high = _one_relation(text, formulas, numbers, relations[0])
+    formula, low, high = _bounded(text, formulas, numbers, relations)
     if low > high:
         raise InputError(f"the constraint '{text}' can never hold: {low:g} lies above {high:g}")
     return Constraint(text, formula, low, high)
 
 
-def _two_relations(text: str, formulas: list[Formula], numbers: list, relations: list) -> tuple[Formula, float, float]:
-    """The formula between two numbers, and these in ascending order."""
-    first, _, last = numbers
-    if first is None or last is None or relations not in (["<=", "<="], [">=", ">="]):
-        raise InputError(f"the constraint '{text}' has two relations: it is of the form '0.1 <= stroke <= 0.25'")
-    return (formulas[1], first, last) if relations[0] == "<=" else (formulas[1], last, first)
-
-
-def _one_relation(text: str, formulas: list[Formula], numbers: list, relation: str) -> tuple[Formula, float, float]:
-    """The formula on one side of a number, or the difference of the sides, and its bounds."""
-    left, right = numbers
+def _bounded(text, formulas, numbers, relations):
+    """The formula that a constraint bounds, a side of it or the difference of its sides, and the bounds."""
+    relation, (left, *_, right) = relations[0], numbers
+    if len(relations) == 2:
+        if left is None or right is None or relations not in (["<=", "<="], [">=", ">="]):
+            raise InputError(f"the constraint '{text}' has two relations: it is of the form '0.1 <= stroke <= 0.25'")
+        return (formulas[1], left, right) if relation == "<=" else (formulas[1], right, left)
     if left is not None and right is not None:
         raise InputError(f"the constraint '{text}' says nothing of the orbit or the machine")
     if right is not None:
@@ -253,8 +246,3 @@ def _check_conflicts(constraints: Sequence[Constraint]) -> None:
                 raise InputError(
                     f"the constraints '{other.text}' and '{constraint.text}' are in conflict: no value meets both"
                 )
-
-
-def formula_units(machine: Machine) -> Units:
-    """What a formula's numbers are in: SI where the machine was stated so, else the machine's own units."""
-    return machine.units or Units(1.0, 1.0, 1.0)
