@@ -10,8 +10,8 @@ from .control.guess import Guess
 from .control.motion import Control
 from .control.stage import Input, Stage
 from .control.steer import steer
-from .design.optimality import Active
-from .design.optimize import Design, optimize
+from .design.optimality import Active, Design
+from .design.optimize import optimize
 from .design.pareto import Front, pareto
 from .design.sensitivities import quantities, sensitivities
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange

@@ -65,7 +65,7 @@ class Weights(NamedTuple):
 class DesignProgram:
     """The nonlinear program of some outputs over parameters, built once for all values.
 
-    unknowns : names of the unknowns of the design statement
+    quantities, unknowns : names of the quantities in use, and of the unknowns of the design statement
     scales : symbol of the scales of the formulas, the landing jerk and the demands
     reported, tied : where the quantities, and the differences between two places of an extreme, are among the results
     equations : number of equations that vanish on an orbit
@@ -75,8 +75,8 @@ class DesignProgram:
         self, model: Model, names: tuple[str, ...], outputs: Outputs, places: tuple[Place, ...], counts: tuple[int, ...]
     ):
         self.outputs = outputs
-        quantities = outputs.quantities(model, dict.fromkeys(names, 1.0))
-        statement = design_statement(model, any(name in VARIATIONAL for name in quantities), places)
+        self.quantities = outputs.quantities(model, dict.fromkeys(names, 1.0))
+        statement = design_statement(model, any(name in VARIATIONAL for name in self.quantities), places)
         self.unknowns = statement.unknowns
         over, m = outputs.over, len(outputs.formulas) - 1
         theta, fixed = ca.MX.sym("theta", len(over)), ca.MX.sym("fixed", len(names))
@@ -154,7 +154,6 @@ class DesignPoint:
     trajectory : of that statement
     units : what the formulas' numbers are in
     demands : those of the outputs that the orbit has
-    names : of the quantities in use
     """
 
     program: DesignProgram
@@ -164,7 +163,6 @@ class DesignPoint:
     trajectory: MeshTrajectory
     units: Units
     demands: tuple[str, ...]
-    names: tuple[str, ...]
 
     @property
     def theta(self) -> np.ndarray:
@@ -201,7 +199,7 @@ class DesignPoint:
     @property
     def quantities(self) -> dict[str, float]:
         """The quantities in use, by name."""
-        return dict(zip(self.names, self.values[self.program.reported].tolist(), strict=True))
+        return dict(zip(self.program.quantities, self.values[self.program.reported].tolist(), strict=True))
 
     @cached_property
     def slopes(self) -> np.ndarray:
@@ -276,4 +274,4 @@ def design_point(machine: Machine, orbit: Orbit, outputs: Outputs, ties: Ties | 
     u = {name: known[name] for name in statement.unknowns}
     trajectory = trajectory_on_mesh(statement, u, p)
     program = design_program(model, tuple(p), outputs, places, trajectory.counts)
-    return DesignPoint(program, places, p, np.array(list(u.values())), trajectory, units, demands, tuple(names))
+    return DesignPoint(program, places, p, np.array(list(u.values())), trajectory, units, demands)

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -132,13 +131,11 @@ def design_problem(
 
 def formula_names(machine: Machine) -> list[str]:
     """What a formula of a design may name: quantities of the orbit and parameters of the machine."""
-    model, p = machine.model, machine.values
-    if set(model.launch_unknowns) - {"liftoff", "alpha"}:
-        raise InputError(
-            f"a {model.name} cannot be designed: its launch has more unknowns than the lift-off extension and the speed"
-        )
-    quantities = quantity_names(model, p)
-    parameters = [name for name in p if name != model.homotopy]
+    if set(machine.model.launch_unknowns) - {"liftoff", "alpha"}:
+        launch = "its launch has more unknowns than the lift-off extension and the speed"
+        raise InputError(f"a {machine.model.name} cannot be designed: {launch}")
+    quantities = quantity_names(machine.model, machine.values)
+    parameters = [name for name in machine.values if name != machine.model.homotopy]
     if ambiguous := [name for name in parameters if name in quantities]:
         raise InputError(f"'{ambiguous[0]}' is a quantity of the orbit: call the formula's parameter something else")
     return quantities + parameters
@@ -172,13 +169,12 @@ def parse_constraint(text: str, known: Collection[str]) -> Constraint:
         raise InputError(f"the constraint '{text}' is not of the form 'stroke <= 0.25': one of <=, >=, ==, or two <=")
     formulas = [smooth_formula(side, known, f"in the constraint '{text}',") for side in sides]
     numbers = [None if formula.names else float(formula()) for formula in formulas]
-    for side, number in zip(sides, numbers, strict=True):
-        if number is not None and not np.isfinite(number):
-            raise InputError(f"in the constraint '{text}', '{side}' is not a finite number")
-    formula, low, high = _bounded(text, formulas, numbers, relations)
-    if low > high:
-        raise InputError(f"the constraint '{text}' can never hold: {low:g} lies above {high:g}")
-    return Constraint(text, formula, low, high)
+    if endless := [i for i, number in enumerate(numbers) if number is not None and not np.isfinite(number)]:
+        raise InputError(f"in the constraint '{text}', '{sides[endless[0]]}' is not a finite number")
+    constraint = Constraint(text, *_bounded(text, formulas, numbers, relations))
+    if constraint.low > constraint.high:
+        raise InputError(f"the constraint '{text}' can never hold: {constraint.low:g} lies above {constraint.high:g}")
+    return constraint
 
 
 def _bounded(text, formulas, numbers, relations):
@@ -199,7 +195,7 @@ def _bounded(text, formulas, numbers, relations):
     return formula, -np.inf if relation == "<=" else bound, np.inf if relation == ">=" else bound
 
 
-def _parameter_bounds(machine: Machine, over: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _parameter_bounds(machine, over):
     """The lower and the upper bounds of the parameters."""
     if not isinstance(over, Mapping) or not over:
         raise InputError("over names the parameters to design with their bounds: over={'beta': (0, 1)}")
@@ -209,12 +205,11 @@ def _parameter_bounds(machine: Machine, over: Any) -> tuple[tuple[float, ...], t
     return lows, highs
 
 
-def _bounds_of(machine: Machine, name: str, bounds: Any) -> tuple[float, float]:
+def _bounds_of(machine, name, bounds):
     """The checked bounds of one parameter."""
     if name not in machine.values or name == machine.model.homotopy:
-        raise InputError(
-            f"the machine has no parameter '{name}' to design{suggest(str(name), free_parameters(machine))}"
-        )
+        known = suggest(str(name), free_parameters(machine))
+        raise InputError(f"the machine has no parameter '{name}' to design{known}")
     try:
         low, high = bounds
     except (TypeError, ValueError):
@@ -241,8 +236,7 @@ def _check_conflicts(constraints: Sequence[Constraint]) -> None:
     """Raise `InputError` where two constraints on the same formula leave it no value."""
     for i, constraint in enumerate(constraints):
         for other in constraints[:i]:
-            same = constraint.formula.tree == other.formula.tree
-            if same and max(constraint.low, other.low) > min(constraint.high, other.high):
-                raise InputError(
-                    f"the constraints '{other.text}' and '{constraint.text}' are in conflict: no value meets both"
-                )
+            apart = max(constraint.low, other.low) > min(constraint.high, other.high)
+            if apart and constraint.formula.tree == other.formula.tree:
+                both = f"'{other.text}' and '{constraint.text}'"
+                raise InputError(f"the constraints {both} are in conflict: no value meets both")
