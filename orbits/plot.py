@@ -215,14 +215,12 @@ def plot_map(
     step : a `ReturnMap`
     start : launch speed from which a cobweb of so many `hops` is drawn, None for no cobweb
     """
-    axes = axes or new_axes(5.2, 5.0)
-    alpha = np.linspace(low, high, samples)
+    axes, alpha = axes or new_axes(5.2, 5.0), np.linspace(low, high, samples)
     found = step(alpha)
     broken = step.jumps(found) + 1
+    x, y = (np.insert(values, broken, np.nan) for values in (alpha, found.next))
     axes.plot([low, high], [low, high], color="0.6", lw=0.8, label="identity")
-    axes.plot(
-        *(np.insert(values, broken, np.nan) for values in (alpha, found.next)), color=COLOURS[0], lw=1.6, label="map"
-    )
+    axes.plot(x, y, color=COLOURS[0], lw=1.6, label="map")
     if start is not None:
         web, here = [(start, start)], float(start)
         for _ in range(hops):
@@ -241,13 +239,12 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
 
     In metres and seconds for a machine that is stated in SI.
     """
-    axes, machine = axes or new_axes(), run.machine
+    axes, machine, t = axes or new_axes(), run.machine, np.linspace(0, run.end, 4001)
     length, time, metres, seconds = scales(machine.units)
-    t, heights = np.linspace(0, run.end, 4001), machine.model.heights(machine.values)
-    states = run(t)
+    heights, states = machine.model.heights(machine.values), run(t)
     for (name, height), colour in zip(heights.items(), COLOURS, strict=False):
-        lw = 1 if name == "centre of mass" else 1.8
-        axes.plot(time * t, length * height(states), color=colour, lw=lw, label=name)
+        width = 1 if name == "centre of mass" else 1.8
+        axes.plot(time * t, length * height(states), color=colour, lw=width, label=name)
     _shade_contacts(run, axes, time)
     impacts = [event for event in run.events if event.kind == "impact"]
     _, struck, *_ = heights.values()  # the gap is counted from the lower mass
@@ -281,8 +278,8 @@ def title(orbit: Any) -> str:
     speed = f"alpha = {orbit.alpha:.6g}"
     if orbit.units:
         speed += f" ({orbit.alpha * orbit.units.length / orbit.units.time:.4g} m/s)"
-    first = f"{orbit.machine['machine']}, family {orbit.family}, {speed}"
-    return first + ("" if orbit.admissible else " (inadmissible)") + "\n" + laws
+    kind = "" if orbit.admissible else " (inadmissible)"
+    return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{laws}"
 
 
 def _vertical(rest_length: float | None) -> str:

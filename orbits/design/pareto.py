@@ -120,8 +120,13 @@ def pareto(
                 refused.append((level, f"none found from {len(known) + len(starting)} starts: {error}"))
             report((i + 3) / points)
         designs += ends[1:] if levels or points == 2 else []
-        front = [d for d in designs if not any(_dominates(_objectives(other), _objectives(d)) for other in designs)]
-        return Front(texts, tuple(sorted(front, key=_objectives)), tuple(refused), time.perf_counter() - began)
+        return Front(texts, _undominated(designs), tuple(refused), time.perf_counter() - began)
+
+
+def _undominated(designs):
+    """The designs that no other one dominates, in ascending order of the first objective."""
+    best = [d for d in designs if not any(_dominates(_objectives(other), _objectives(d)) for other in designs)]
+    return tuple(sorted(best, key=_objectives))
 
 
 def _corner(end: Design, other: DesignProblem, index: int, family: int, texts: tuple[str, str]) -> Design:

@@ -20,7 +20,7 @@ def quantities(machine: Machine, orbit: Orbit, names: Sequence[str] | None = Non
     names = _requested(machine, orbit, names)
     if not names:
         return {}
-    return dict(zip(names, _point(machine, orbit, names, ()).values.tolist(), strict=False))
+    return dict(zip(names, _formulas_at(machine, orbit, names, ()).values.tolist(), strict=False))
 
 
 def sensitivities(
@@ -53,12 +53,12 @@ def sensitivities(
     if not quantities or not names:
         return {quantity: {} for quantity in quantities}
     with interrupts.deferred():
-        slopes = _point(machine, orbit, quantities, names).slopes
+        slopes = _formulas_at(machine, orbit, quantities, names).slopes
     rows = zip(quantities, slopes.tolist(), strict=False)
     return {quantity: dict(zip(names, row, strict=True)) for quantity, row in rows}
 
 
-def _point(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Sequence[str]) -> DesignPoint:
+def _formulas_at(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Sequence[str]) -> DesignPoint:
     """Formulas at an orbit, over some of the machine's parameters."""
     known = formula_names(machine)
     formulas = tuple(known_formula(text, known, "the quantity") for text in texts)
