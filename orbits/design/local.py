@@ -317,11 +317,8 @@ def _infeasible(search: LocalSearch, violations: np.ndarray) -> Infeasible:
     """The error that names the violated constraints."""
     problem = search.problem
     stated = zip(problem.constraints, search.point.values[1:].tolist(), violations, strict=False)
-    missed = [
-        f"'{constraint.text}' is missed by {constraint.violation(value):.4g}, at {value:.6g}"
-        for constraint, value, violation in stated
-        if violation > MET
-    ]
+    far = [(constraint, value) for constraint, value, violation in stated if violation > MET]
+    missed = [f"'{c.text}' is missed by {c.violation(value):.4g}, at {value:.6g}" for c, value in far]
     ranges = zip(problem.low, problem.names, problem.high, strict=True)
     bounds = ", ".join(f"{low:g} <= {name} <= {high:g}" for low, name, high in ranges)
     error = Infeasible(

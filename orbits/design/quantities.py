@@ -206,12 +206,8 @@ def design_statement(model: Model, variational: bool, places: tuple[Place, ...])
         )
     base = base_statement(model)
     (arc,) = base.arcs
-    contact = Arc(
-        model.contact,
-        start=lambda u, before, p: model.touchdown(u, p),
-        duration=lambda u, p: u["contact"],
-        conditions=lambda u, x, p: [affine(model.contact_speed, x)],
-    )
+    middle = lambda u, x, p: [affine(model.contact_speed, x)]  # noqa: E731
+    contact = Arc(model.contact, lambda u, before, p: model.touchdown(u, p), lambda u, p: u["contact"], middle)
     inside = {f"at {i}": place for i, place in enumerate(places) if place.kind == "inside"}
     arcs = [_variational(model, arc) if variational else arc, contact]
     arcs += [_to_place(model, place, time) for time, place in inside.items()]
