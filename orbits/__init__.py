@@ -8,9 +8,9 @@ from .continuation.follow import follow, orbit_at, trace
 from .continuation.step_control import StepControl
 from .control.rollout import Control
 from .control.stage import Input, Stage
-from .control.steer import Guess, steer
-from .design.optimality import Active
-from .design.optimize import Design, optimize
+from .control.steer import steer
+from .design.optimality import Active, Design
+from .design.optimize import optimize
 from .design.pareto import Front, pareto
 from .design.sensitivities import quantities, sensitivities
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange

@@ -3,7 +3,7 @@
 Results draw themselves by these functions, so this module stands below them and knows them by their attributes only.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import cycle, pairwise
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -23,6 +23,7 @@ ANIMATIONS = (".gif",)
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
+BELOW = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14), "ncols": 4}  # for a legend of curves that fill the axes
 MARKERS = {
     "fold": "o",
     "branch point": "s",
@@ -69,44 +70,44 @@ def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
     In metres and seconds for a machine that is stated in SI.
     """
     length, time, metres, seconds = scales(orbit.units)
-    axes = axes or new_axes()
-    end = orbit.flight_time if orbit.contact_time is None else orbit.period
-    t = np.linspace(0, end, 2001)
-    states = orbit(t)
+    axes, (t, states) = axes or new_axes(), _cycle(orbit, 2001)
     for (name, height), colour in zip(orbit.shape.heights.items(), COLOURS, strict=False):
-        style = (
-            {"color": colour, "lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"color": colour, "lw": 2}
-        )
-        axes.plot(time * t, length * height(states), label=name, **style)
+        style = {"lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"lw": 2}
+        axes.plot(time * t, length * height(states), color=colour, label=name, **style)
     if orbit.contact_time is not None:
-        axes.axvspan(time * orbit.flight_time, time * end, fc=SHADE, ec="0.7", lw=0.5, label="contact", zorder=0)
+        axes.axvspan(time * orbit.flight_time, time * t[-1], fc=SHADE, ec="0.7", lw=0.5, label="contact", zorder=0)
     axes.axhline(0, color="0.4", lw=0.8)
-    axes.set_xlim(0, time * end)
-    axes.set_xlabel("time" + seconds)
-    axes.set_ylabel(_vertical(orbit) + metres)
     axes.set_title(title(orbit), fontsize="medium", wrap=True)
-    # The legend stands below the axes, since the curves fill these.
-    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4)
+    vertical = _vertical(orbit.machine["rest_length"]) + metres
+    return _finished(axes, BELOW, xlim=(0, time * t[-1]), xlabel="time" + seconds, ylabel=vertical)
+
+
+def _cycle(orbit, count: int):
+    """Times over a cycle, or over the flight where the contact does not end, and the states then."""
+    t = np.linspace(0, orbit.flight_time if orbit.contact_time is None else orbit.period, count)
+    return t, orbit(t)
+
+
+def _finished(axes: Axes, legend: Mapping | None = None, **labels) -> Axes:
+    """The axes with limits and labels, open above and on the right; with a legend if its place is given."""
+    axes.set(**labels)
     axes.spines[["top", "right"]].set_visible(False)
+    if legend is not None:
+        axes.legend(frameon=False, fontsize="small", **legend)
     return axes
 
 
 def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
     """Plot speed against height of every mass over a cycle; return the axes."""
     length, time, metres, _ = scales(orbit.units)
-    axes = axes or new_axes(4.5, 4.0)
-    end = orbit.flight_time if orbit.contact_time is None else orbit.period
-    states = orbit(np.linspace(0, end, 2001))
+    axes, (_, states) = axes or new_axes(4.5, 4.0), _cycle(orbit, 2001)
     speeds = states[:, [name.endswith("'") for name in orbit.flight.names]]
     for i, name in enumerate(list(orbit.shape.heights)[: speeds.shape[1]]):
         height, speed = length * orbit.shape.heights[name](states), length / time * speeds[:, i]
         axes.plot(height, speed, color=COLOURS[i], lw=1.6, label=name)
-    axes.set_xlabel(_vertical(orbit) + metres)
-    axes.set_ylabel("speed" + (" (m/s)" if metres else ""))
     axes.set_title(title(orbit), fontsize="small", wrap=True)
-    axes.legend(frameon=False, fontsize="small")
-    axes.spines[["top", "right"]].set_visible(False)
-    return axes
+    vertical = _vertical(orbit.machine["rest_length"]) + metres
+    return _finished(axes, {}, xlabel=vertical, ylabel="speed" + (" (m/s)" if metres else ""))
 
 
 def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", label: str | None = None) -> Axes:
@@ -126,21 +127,14 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
     axes.plot(x, np.where(~motion | joint, y, np.nan), lw=1.4, ls=(0, (4, 2)), color=line.get_color(), zorder=1)
     known = axes.get_legend_handles_labels()[1]
     for event in family.events:
-        if event.kind == "asked":
-            continue
-        marker = MARKERS.get(event.kind, "P")
-        name = None if event.kind in known else event.kind
-        value = family.quantity(event.point, quantity)
-        axes.plot(event.point.value, value, marker, color="0.15", ms=6, mfc="white", mew=1.4, label=name, zorder=4)
-        known.append(event.kind)
-    axes.set_xlabel(family.name)
-    axes.set_ylabel(quantity.replace("_", " "))
-    axes.spines[["top", "right"]].set_visible(False)
-    if known or label:
-        axes.legend(frameon=False, fontsize="small")
+        if event.kind != "asked":
+            look = {"marker": MARKERS.get(event.kind, "P"), "ls": "", "ms": 6, "mfc": "white", "mew": 1.4, "zorder": 4}
+            name = None if event.kind in known else event.kind
+            axes.plot(event.point.value, family.quantity(event.point, quantity), color="0.15", label=name, **look)
+            known.append(event.kind)
     machine = family.machine
     axes.set_title(f"{machine['machine']}, spring {machine['spring']}, gravity {machine['gravity']}", fontsize="small")
-    return axes
+    return _finished(axes, {} if known or label else None, xlabel=family.name, ylabel=quantity.replace("_", " "))
 
 
 def spread(family: Any, count: int) -> list:
@@ -153,24 +147,19 @@ def spread(family: Any, count: int) -> list:
 
 
 def thumbnails(axes: Axes, family: Any, orbits: Iterable[tuple[Any, Any]], quantity: str = "alpha") -> Axes:
-    """Draw small orbits of a family in a row above its axes, each joined to its place on the curve; return the axes.
-
-    orbits : (point of the family, its `Orbit`) of each
-    """
+    """Draw small orbits, each given as (point of the family, its `Orbit`), in a row above a family's axes, joined to
+    their places on the curve; return the axes."""
     from matplotlib.patches import ConnectionPatch
 
     orbits = sorted(orbits, key=lambda pair: pair[0].value)
     width = 1.0 / max(len(orbits), 1)
     for i, (point, orbit) in enumerate(orbits):
-        small = axes.inset_axes((i * width, 1.12, 0.88 * width, 0.24))
-        end = orbit.flight_time if orbit.contact_time is None else orbit.period
-        t = np.linspace(0, end, 401)
-        states = orbit(t)
+        small, (t, states) = axes.inset_axes((i * width, 1.12, 0.88 * width, 0.24)), _cycle(orbit, 401)
         for (name, height), colour in zip(orbit.shape.heights.items(), COLOURS, strict=False):
             if name != "centre of mass":
                 small.plot(t, height(states) - height(states).min(), color=colour, lw=1)
         if orbit.contact_time is not None:
-            small.axvspan(orbit.flight_time, end, fc=SHADE, zorder=0)
+            small.axvspan(orbit.flight_time, t[-1], fc=SHADE, zorder=0)
         small.set(xticks=[], yticks=[])
         small.spines[:].set_color("0.7")
         place = point.value, family.quantity(point, quantity)
@@ -192,23 +181,15 @@ def plot_existence(diagram: Any, axes: Axes | None = None) -> Axes:
             axes.broken_barh(bars, (low, high - low), fc=colour, lw=0, zorder=1 + admissible)
         if diagram.unknown(row):
             axes.axhspan(low, high, fc="none", ec="0.8", hatch="///", lw=0, zorder=0)
-    folds = [
-        (event.point.value, value)
-        for value, row in zip(values, diagram.rows, strict=True)
-        for family in row
-        for event in family.events
-        if event.kind == "fold"
-    ]
-    if folds:
+    rows = zip(values, diagram.rows, strict=True)
+    events = [(value, event) for value, row in rows for family in row for event in family.events]
+    if folds := [(event.point.value, value) for value, event in events if event.kind == "fold"]:
         axes.plot(*zip(*folds, strict=True), "o", color="0.15", mfc="white", ms=3.5, label="fold", zorder=4)
     for label, colour in (("motions", COLOURS[0]), ("no motions", PALE)):
         axes.fill_between([], [], color=colour, label=label)
     if any(map(diagram.unknown, range(len(values)))):
         axes.fill_between([], [], fc="none", ec="0.8", hatch="///", lw=0, label="not known")
-    axes.set(xlabel=diagram.along, ylabel=diagram.across)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4)
-    return axes
+    return _finished(axes, BELOW, xlabel=diagram.along, ylabel=diagram.across)
 
 
 def plot_front(front: Any, axes: Axes | None = None) -> Axes:
@@ -217,9 +198,7 @@ def plot_front(front: Any, axes: Axes | None = None) -> Axes:
     signs = [-1 if text.lstrip().startswith("-") else 1 for text in front.texts]
     axes.plot(*(front.values * signs).T, "o-", color=COLOURS[0], ms=4)
     labels = [text.lstrip().lstrip("-").strip().replace("_", " ") for text in front.texts]
-    axes.set(xlabel=labels[0], ylabel=labels[1])
-    axes.spines[["top", "right"]].set_visible(False)
-    return axes
+    return _finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 
 def plot_map(
@@ -236,8 +215,7 @@ def plot_map(
     step : a `ReturnMap`
     start : launch speed from which a cobweb of so many `hops` is drawn, None for no cobweb
     """
-    axes = axes or new_axes(5.2, 5.0)
-    alpha = np.linspace(low, high, samples)
+    axes, alpha = axes or new_axes(5.2, 5.0), np.linspace(low, high, samples)
     found = step(alpha)
     broken = step.jumps(found) + 1
     x, y = (np.insert(values, broken, np.nan) for values in (alpha, found.next))
@@ -252,10 +230,8 @@ def plot_map(
             web += [(here, there), (there, there)]
             here = there
         axes.plot(*np.transpose(web), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
-    axes.set(xlim=(low, high), ylim=(0, high), xlabel="launch speed", ylabel="next launch speed")
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, fontsize="small", loc="upper left")
-    return axes
+    labels = {"xlabel": "launch speed", "ylabel": "next launch speed"}
+    return _finished(axes, {"loc": "upper left"}, xlim=(low, high), ylim=(0, high), **labels)
 
 
 def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
@@ -263,26 +239,20 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
 
     In metres and seconds for a machine that is stated in SI.
     """
-    axes, machine = axes or new_axes(), run.machine
+    axes, machine, t = axes or new_axes(), run.machine, np.linspace(0, run.end, 4001)
     length, time, metres, seconds = scales(machine.units)
-    t = np.linspace(0, run.end, 4001)
-    states = run(t)
-    for (name, height), colour in zip(machine.model.heights(machine.values).items(), COLOURS, strict=False):
-        lw = 1 if name == "centre of mass" else 1.8
-        axes.plot(time * t, length * height(states), color=colour, lw=lw, label=name)
+    heights, states = machine.model.heights(machine.values), run(t)
+    for (name, height), colour in zip(heights.items(), COLOURS, strict=False):
+        width = 1 if name == "centre of mass" else 1.8
+        axes.plot(time * t, length * height(states), color=colour, lw=width, label=name)
     _shade_contacts(run, axes, time)
     impacts = [event for event in run.events if event.kind == "impact"]
-    _, struck, *_ = machine.model.heights(machine.values).values()  # the gap is counted from the lower mass
-    places = [length * float(struck(event.after)) for event in impacts]
-    axes.plot(
-        [time * event.time for event in impacts], places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4
-    )
+    _, struck, *_ = heights.values()  # the gap is counted from the lower mass
+    times, places = [time * event.time for event in impacts], [length * float(struck(event.after)) for event in impacts]
+    axes.plot(times, places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
     axes.axhline(0, color="0.4", lw=0.8)
-    axes.set(xlim=(0, time * run.end), xlabel="time" + seconds)
-    axes.set_ylabel(("height" if machine.rest_length is not None else "displacement") + metres)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4)
-    return axes
+    vertical = _vertical(machine.rest_length) + metres
+    return _finished(axes, BELOW, xlim=(0, time * run.end), xlabel="time" + seconds, ylabel=vertical)
 
 
 def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Axes:
@@ -292,9 +262,7 @@ def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Ax
     t = np.linspace(0, run.end, 4001)
     axes.plot(time * t, length * machine.model.gap(machine.values)(run(t)), color=COLOURS[1], lw=2, label=label)
     _shade_contacts(run, axes, time)
-    axes.set(xlim=(0, time * run.end), xlabel="time" + seconds, ylabel="gap" + metres)
-    axes.spines[["top", "right"]].set_visible(False)
-    return axes
+    return _finished(axes, xlim=(0, time * run.end), xlabel="time" + seconds, ylabel="gap" + metres)
 
 
 def _shade_contacts(run, axes, time: float):
@@ -305,19 +273,18 @@ def _shade_contacts(run, axes, time: float):
 
 def title(orbit: Any) -> str:
     """The title of an orbit's plot: machine, family and speed in one line, the laws in another."""
-    laws = [f"spring {orbit.machine['spring']}"]
-    if orbit.machine["gravity"] != "1":
-        laws.append(f"gravity {orbit.machine['gravity']}")
+    gravity = orbit.machine["gravity"]
+    laws = f"spring {orbit.machine['spring']}" + ("" if gravity == "1" else f", gravity {gravity}")
     speed = f"alpha = {orbit.alpha:.6g}"
     if orbit.units:
         speed += f" ({orbit.alpha * orbit.units.length / orbit.units.time:.4g} m/s)"
-    first = f"{orbit.machine['machine']}, family {orbit.family}, {speed}"
-    return first + ("" if orbit.admissible else " (inadmissible)") + "\n" + ", ".join(laws)
+    kind = "" if orbit.admissible else " (inadmissible)"
+    return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{laws}"
 
 
-def _vertical(orbit) -> str:
+def _vertical(rest_length: float | None) -> str:
     """The name of the vertical axis; without a rest length the upper mass has a displacement and no height."""
-    return "height" if orbit.machine["rest_length"] is not None else "displacement"
+    return "height" if rest_length is not None else "displacement"
 
 
 def save_figure(axes: Axes, path: str | Path) -> Path:
@@ -335,18 +302,16 @@ def animate_orbit(orbit: Any, path: str | Path, frames: int = 80) -> Path:
     closed = orbit.contact_time is not None
     t = np.linspace(0, orbit.period if closed else orbit.flight_time, _frames(frames), endpoint=not closed)
     words = np.where(t <= orbit.flight_time, "flight", "contact")
-    length = scales(orbit.units)[0]
-    heights = {name: length * height(orbit(t)) for name, height in orbit.shape.heights.items()}
-    return _animate(path, words, heights, orbit.shape.springs, orbit.machine["rest_length"] is None, orbit.units)
+    shape, floating = orbit.shape, orbit.machine["rest_length"] is None
+    return _animate(path, words, orbit(t), shape.heights, shape.springs, floating, orbit.units)
 
 
 def animate_simulation(run: Any, path: str | Path, frames: int = 200) -> Path:
     """Write a simulated motion as an animated GIF of masses, spring and ground; returns the path."""
     t, machine = np.linspace(0, run.end, _frames(frames)), run.machine
     words = np.where(run.in_contact(t), "contact", "flight")
-    states, length = run(t), scales(machine.units)[0]
-    heights = {name: length * height(states) for name, height in machine.model.heights(machine.values).items()}
-    return _animate(path, words, heights, machine.model.springs, machine.rest_length is None, machine.units)
+    heights, floating = machine.model.heights(machine.values), machine.rest_length is None
+    return _animate(path, words, run(t), heights, machine.model.springs, floating, machine.units)
 
 
 def _frames(frames) -> int:
@@ -355,27 +320,26 @@ def _frames(frames) -> int:
     return int(frames)
 
 
-def _animate(path, words, heights, springs, floating: bool, units: Units | None) -> Path:
-    """Animate masses at heights (frames,), given by name, with a title from `words` for every frame.
+def _animate(path, words, states, functions: Mapping, springs, floating: bool, units: Units | None) -> Path:
+    """Animate masses, whose heights are functions of the states (frames, n), with a title from `words` for each frame.
 
     With `floating` no rest length says how far the masses are apart, and they are drawn with room between them.
     """
     from matplotlib.animation import FuncAnimation, PillowWriter
 
-    path = check_path(path, ANIMATIONS)
-    names = [name for name in heights if name != "centre of mass"]
-    heights = {name: heights[name] for name in names} | {None: np.zeros(len(words))}
+    path, (length, _, metres, _) = check_path(path, ANIMATIONS), scales(units)
+    names = [name for name in functions if name != "centre of mass"]
+    heights = {name: length * functions[name](states) for name in names} | {None: np.zeros(len(words))}
     if floating:  # room for springs that are long enough, from the lowest mass up
-        room = 1.2 * max(np.ptp(height) for height in heights.values())
+        room = 1.2 * max(map(np.ptp, heights.values()))
         lifts = {None: 0, springs[-1][0]: 0}
         for below, above in reversed(springs):
             lifts[above] = lifts[below] + 1
         heights = {name: height + room * lifts.get(name, 1) for name, height in heights.items()}
-
     axes = new_axes(3.2, 5.2)
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
     margin = 0.08 * (high - low)
-    axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height" + scales(units)[2])
+    axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height" + metres)
     if floating:
         axes.set_yticks([])
     axes.spines[["top", "right", "bottom"]].set_visible(False)
@@ -383,14 +347,11 @@ def _animate(path, words, heights, springs, floating: bool, units: Units | None)
     axes.axhline(0, color="0.3", lw=1.5)
     coils = [axes.plot([], [], color="0.35", lw=1.4, zorder=2)[0] for _ in springs]
     look = [{"marker": "o", "ms": 18}] * (len(names) - 1) + [{"marker": "_", "ms": 34, "mew": 6}]
-    masses = [
-        axes.plot([], [], ls="", color=colour, label=name, zorder=3, **kind)[0]
-        for name, colour, kind in zip(names, cycle(COLOURS), look, strict=False)
-    ]
+    looks = zip(names, cycle(COLOURS), look, strict=False)
+    masses = [axes.plot([], [], ls="", color=colour, label=name, zorder=3, **how)[0] for name, colour, how in looks]
     label = axes.set_title("contact", fontsize="small")
     zigzag = np.concatenate([[0, 0], np.tile([0.12, -0.12], 7), [0, 0]])
     axes.legend(frameon=False, fontsize="small", loc="upper right", markerscale=0.4)
-
     axes.figure.canvas.draw()
     axes.figure.set_layout_engine("none")  # the layout is made once, not again for every frame
 

@@ -7,7 +7,6 @@ a round leads nowhere else and the optimality conditions hold.
 """
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,50 +19,35 @@ from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
 from ..symbolic.ipopt import Minimum
 from .nlp import DEMAND_MARGIN, DesignPoint, Ties, Weights, design_point
-from .optimality import LocalOptimum, optimum_at
-from .problem import DesignProblem, Outputs, formula_units
-from .statement import base_statement
+from .optimality import Design, optimum_at
+from .problem import DesignProblem, Outputs
+from .quantities import base_statement
 
 # The cost of a nonlinear program is the objective, with the constraints held; or the violations and a little of the
 # objective, until the constraints are met; or the violations alone, to see whether they can be met at all.
 OBJECTIVE, PENALISED, FEASIBILITY = Weights(1.0, 0.0), Weights(1e-3, 1.0), Weights(0.0, 1.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class LocalSearchOptions:
-    """Settings of the search from one start.
-
-    rounds : nonlinear programs solved, at most
-    least_reach : smallest trust region, as a share of the parameters' range
-    most_collapses : rounds that lead into a contact without end, before the objective counts as unbounded
-    escape_ratio, rest : an orbit so many times as fast or long as the first escapes, if the parameters change by no
-        more than the share `rest` of their values and of their distances to the bounds
-    loss_ratio : where the search cannot go on, an orbit so many times as fast or long as the first was escaping
-    agreement, swing : the mesh is fine enough if the correction changes the unknowns by less than the share `agreement`
-        plus `swing` times the share by which a parameter was rounded or put on its bound
-    largest_correction : a correction by a larger share of the unknowns leads to another orbit
-    on_bound : a parameter nearer to its bound than this share of its unit is put on it, since Ipopt stays inside
-    stationary : largest slope of the Lagrangian, as a share of the objective over a parameter's range
-    met : the constraints are met if the sum of their violations, as shares of their sizes, is no larger
-    still : largest change of the parameters, as a share of their units, at which a penalised search has come to rest
-    """
-
-    rounds: int = 25
-    least_reach: float = 1e-4
-    most_collapses: int = 6
-    escape_ratio: float = 10.0
-    rest: float = 1e-2
-    loss_ratio: float = 2.0
-    agreement: float = 1e-11
-    swing: float = 10.0
-    largest_correction: float = 1e-3
-    on_bound: float = 1e-8
-    stationary: float = 1e-6
-    met: float = 1e-8
-    still: float = 1e-3
-
-
-SEARCH = LocalSearchOptions()
+# Nonlinear programs solved from one start, at most.
+MOST_ROUNDS = 25
+# Smallest trust region, as a share of the parameters' range.
+LEAST_REACH = 1e-4
+# Rounds that lead into a contact without end, before the objective counts as unbounded.
+MOST_COLLAPSES = 6
+# An orbit so many times as fast or long as the first escapes, if the parameters change by no more than the share REST
+# of their values and of their distances to the bounds. Where the search cannot go on, a smaller ratio is enough.
+ESCAPE_RATIO, LOSS_RATIO, REST = 10.0, 2.0, 1e-2
+# The mesh is fine enough if the correction changes the unknowns by less than the share AGREEMENT plus SWING times the
+# share by which a parameter was rounded or put on its bound. A correction by a larger share leads to another orbit.
+AGREEMENT, SWING, LARGEST_CORRECTION = 1e-11, 10.0, 1e-3
+# A parameter nearer to its bound than this share of its unit is put on it, since Ipopt stays inside.
+ON_BOUND = 1e-8
+# Largest slope of the Lagrangian, as a share of the objective over a parameter's range.
+LARGEST_SLOPE = 1e-6
+# The constraints are met if the sum of their violations, as shares of their sizes, is no larger.
+MET = 1e-8
+# Largest change of the parameters, as a share of their units, at which a penalised search has come to rest.
+STILL = 1e-3
 
 
 class Unbounded(NoOrbit):
@@ -75,9 +59,7 @@ class Unbounded(NoOrbit):
 class Infeasible(NoOrbit):
     """The constraints cannot be met; `size` is the sum of their violations, scaled."""
 
-    def __init__(self, message: str, size: float):
-        super().__init__(message)
-        self.size = size
+    size = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,17 +102,17 @@ class LocalSearch:
 
     def scales(self) -> np.ndarray:
         """Scales of the objective (with its sign), the constraints, the landing jerk and the demands."""
-        values, m = self.point.scaled_values, len(self.problem.constraints)
+        values, m = self.point.scaled_values, len(self.sizes)
         _check_values(self.problem, self.machine, values)
         objective = self.problem.sign * (abs(values[0]) or 1.0)
-        return np.concatenate([[objective], self.sizes, [abs(values[1 + m])], np.ones(len(values) - m - 2)])
+        return np.array([objective, *self.sizes, abs(values[1 + m]), *np.ones(len(values) - m - 2)])
 
     def solve(self) -> Minimum:
         """The nonlinear program solved on the mesh of the current orbit."""
         problem, theta = self.problem, self.point.theta
-        limits = [np.array([getattr(c, side) for c in problem.constraints]) / self.sizes for side in ("low", "high")]
+        low, high = (np.array([getattr(c, side) for c in problem.constraints]) / self.sizes for side in ("low", "high"))
         bounds, units = problem.within(theta, self.reach), problem.units(theta)
-        return self.point.minimise(bounds, units, self.reach, limits, self.scales(), self.weights)
+        return self.point.minimise(bounds, units, self.reach, (low, high), self.scales(), self.weights)
 
     def violations(self) -> np.ndarray:
         """The violation of each constraint, as a share of its size."""
@@ -138,17 +120,17 @@ class LocalSearch:
         return np.array([constraint.violation(float(value)) / size for constraint, value, size in stated])
 
 
-def local_optimum(machine: Machine, orbit: Orbit, problem: DesignProblem) -> LocalOptimum:
+def local_optimum(machine: Machine, orbit: Orbit, problem: DesignProblem) -> Design:
     """The local optimum that an orbit leads to; raises `NoOrbit` with the reason when it leads to none."""
     search = _initial_search(machine, orbit, problem)
-    for _ in range(SEARCH.rounds):
+    for _ in range(MOST_ROUNDS):
         interrupts.check()
         result = _next(search)
-        if isinstance(result, LocalOptimum):
+        if isinstance(result, Design):
             return result
         search = result
     reason = search.reason and f": {search.reason}"
-    raise NoOrbit(f"no optimum within {SEARCH.rounds} nonlinear programs, at {problem.where(search.machine)}{reason}")
+    raise NoOrbit(f"no optimum within {MOST_ROUNDS} nonlinear programs, at {problem.where(search.machine)}{reason}")
 
 
 def _initial_search(machine: Machine, orbit: Orbit, problem: DesignProblem) -> LocalSearch:
@@ -159,10 +141,10 @@ def _initial_search(machine: Machine, orbit: Orbit, problem: DesignProblem) -> L
     _check_values(problem, machine, point.values[:stated])
     sizes, flat = _constraint_sizes(machine, problem, point), np.logical_not(point.slopes[:stated].any(axis=0))
     search = LocalSearch(problem, orbit, sizes, flat, machine, orbit, point, demands)
-    return search if search.violations().sum() <= SEARCH.met else replace(search, weights=PENALISED)
+    return search if search.violations().sum() <= MET else replace(search, weights=PENALISED)
 
 
-def _next(search: LocalSearch) -> LocalSearch | LocalOptimum:
+def _next(search: LocalSearch) -> LocalSearch | Design:
     """The search after one more round, or the optimum."""
     minimum = search.solve()
     if minimum.reason and not search.weights.violation:
@@ -175,21 +157,19 @@ def _next(search: LocalSearch) -> LocalSearch | LocalOptimum:
         return _rejected(replace(search, collapses=search.collapses + collapsed), str(error))
     stopped = _at_trust_region(search, minimum.x)
     if stopped and _resting(search.problem, search.machine, machine):
-        _check_escape(search, machine, orbit, SEARCH.escape_ratio)
+        _check_escape(search, machine, orbit, ESCAPE_RATIO)
     return _accepted(search, search.at(machine, orbit, search.ties), minimum, stopped, agrees and not stopped)
 
 
-def _accepted(
-    search: LocalSearch, moved: LocalSearch, minimum: Minimum, stopped: bool, converged: bool
-) -> LocalSearch | LocalOptimum:
+def _accepted(search: LocalSearch, moved: LocalSearch, minimum: Minimum, stopped: bool, converged: bool):
     """The search after a round that led to another orbit, or the optimum if it led nowhere else."""
     same = (moved.point.places, moved.point.demands) == (search.point.places, search.point.demands)
     settled = converged and same and moved.orbit.admissible
     if search.weights.violation:
-        moved = _toward_feasibility(moved, settled, search.machine)
+        moved = _toward_feasibility(moved, settled, search.point)
     elif settled and not minimum.reason:
         optimum = optimum_at(moved.machine, moved.orbit, moved.problem, moved.point, search.scales(), search.flat)
-        if optimum.kkt <= SEARCH.stationary:
+        if optimum.kkt <= LARGEST_SLOPE:
             return optimum
         return _rejected(moved, f"the optimality conditions are off by {optimum.kkt:.1e}")
     if not same:
@@ -201,12 +181,12 @@ def _accepted(
 def _rejected(search: LocalSearch, reason: str) -> LocalSearch:
     """The search with a smaller trust region; raises the reason when it has become too small."""
     search = replace(search, reach=search.reach / 4, reason=reason)
-    if search.reach >= SEARCH.least_reach and search.collapses <= SEARCH.most_collapses:
+    if search.reach >= LEAST_REACH and search.collapses <= MOST_COLLAPSES:
         return search
     where, collapse = search.problem.where(search.machine), search.machine.model.violations["end"]
     if search.collapses:
         raise Unbounded(f"the design runs into a collapse just beyond {where}: {collapse}") from None
-    _check_escape(search, search.machine, search.orbit, SEARCH.loss_ratio)
+    _check_escape(search, search.machine, search.orbit, LOSS_RATIO)
     raise NoOrbit(f"the design cannot be carried on from {where}: {reason}") from None
 
 
@@ -216,21 +196,20 @@ def _correct(search: LocalSearch, x: np.ndarray) -> tuple[Machine, Orbit, bool]:
     Raises `NoOrbit` where there is none of the same family.
     """
     problem, low, high = search.problem, np.array(search.problem.low), np.array(search.problem.high)
-    k = len(problem.names)
-    theta = np.clip(x[:k], low, high)
+    k, theta = len(problem.names), np.clip(x[: len(low)], low, high)
     units = problem.units(theta)
-    near = np.minimum(theta - low, high - theta) < SEARCH.on_bound * units
+    near = np.minimum(theta - low, high - theta) < ON_BOUND * units
     theta = np.where(near, np.where(theta - low < 0.5 * (high - low), low, high), theta)
     machine = search.machine.with_values(**dict(zip(problem.names, theta.tolist(), strict=True)))
     guess = x[k : k + len(base_statement(machine.model).unknowns)]
     orbit, u = corrected_orbit(machine, guess)
     change = np.max(np.abs(u - guess) / np.maximum(np.abs(u), 1e-3))
-    if change > SEARCH.largest_correction or orbit.family != search.first.family:
+    if change > LARGEST_CORRECTION or orbit.family != search.first.family:
         raise NoOrbit("the nonlinear program leads to another orbit")
     if orbit.contact_time is None:
         raise NoOrbit("; ".join(orbit.violations))
     rounding = np.max(np.abs(theta - x[:k]) / units)
-    return machine, orbit, bool(change < SEARCH.agreement + SEARCH.swing * rounding)
+    return machine, orbit, bool(change < AGREEMENT + SWING * rounding)
 
 
 def corrected_orbit(machine: Machine, u: np.ndarray) -> tuple[Orbit, np.ndarray]:
@@ -242,16 +221,15 @@ def corrected_orbit(machine: Machine, u: np.ndarray) -> tuple[Orbit, np.ndarray]
     return certified_orbit(machine, method, u, evaluation, began=began), u
 
 
-def _toward_feasibility(moved: LocalSearch, settled: bool, before: Machine) -> LocalSearch:
+def _toward_feasibility(moved: LocalSearch, settled: bool, before: DesignPoint) -> LocalSearch:
     """The search with the weights of its next round, as long as violations are penalised."""
     violations = moved.violations()
-    if violations.sum() <= SEARCH.met:
+    if violations.sum() <= MET:
         return replace(moved, weights=OBJECTIVE)
     if settled and not moved.weights.objective:
         raise _infeasible(moved, violations)
-    if settled and _change(moved.problem, before, moved.machine) <= SEARCH.still:
-        return replace(moved, weights=FEASIBILITY)
-    return moved
+    change = np.abs(moved.point.theta - before.theta) / moved.problem.units(before.theta)
+    return replace(moved, weights=FEASIBILITY) if settled and change.max() <= STILL else moved
 
 
 def _with_ties(search: LocalSearch, moved: LocalSearch, converged: bool) -> LocalSearch:
@@ -264,24 +242,17 @@ def _with_ties(search: LocalSearch, moved: LocalSearch, converged: bool) -> Loca
     return replace(moved, visited=(*search.visited, search.point.places))
 
 
-def _point_at(
-    machine: Machine, orbit: Orbit, problem: DesignProblem, demands: tuple[str, ...], ties: Ties
-) -> DesignPoint:
+def _point_at(machine, orbit, problem: DesignProblem, demands: tuple[str, ...], ties: Ties) -> DesignPoint:
     """The objective, the constraints and the demands at an orbit."""
     formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
-    return design_point(machine, orbit, Outputs(formulas, problem.names, demands), formula_units(machine), ties)
+    return design_point(machine, orbit, Outputs(formulas, problem.names, demands), ties)
 
 
 def _demands(orbit: Orbit, demands: tuple[str, ...]) -> tuple[str, ...]:
     """The demands, and what the orbit has too little of to be a motion."""
-    certificate = orbit.certificate
-    margins = {
-        "clearance": certificate.clearance,
-        "smallest_separation": certificate.smallest_separation,
-        "smallest_contact_force": certificate.smallest_contact_force,
-    }
-    small = [name for name, value in margins.items() if value is not None and value < 2 * DEMAND_MARGIN]
-    return (*demands, *(name for name in small if name not in demands))
+    names = ("clearance", "smallest_separation", "smallest_contact_force")
+    margins = {name: getattr(orbit.certificate, name) for name in names if name not in demands}
+    return (*demands, *(name for name, x in margins.items() if x is not None and x < 2 * DEMAND_MARGIN))
 
 
 def _constraint_sizes(machine: Machine, problem: DesignProblem, point: DesignPoint) -> np.ndarray:
@@ -290,10 +261,8 @@ def _constraint_sizes(machine: Machine, problem: DesignProblem, point: DesignPoi
 
     The sizes are those at the start in all rounds, since sizes that shrank with a violation would never show it met.
     """
-    known: Mapping[str, float] = machine.values | point.quantities
-    theta = point.theta
+    known, theta, sizes = machine.values | point.quantities, point.theta, []
     ranges = np.where(theta, np.abs(theta), np.subtract(problem.high, problem.low))
-    sizes = []
     for constraint, value, slope in zip(problem.constraints, point.values[1:], point.slopes[1:], strict=False):
         terms = constraint.formula.terms
         magnitudes = [abs(bound) for bound in (constraint.low, constraint.high) if np.isfinite(bound)]
@@ -313,27 +282,22 @@ def _check_escape(search: LocalSearch, machine: Machine, orbit: Orbit, ratio: fl
     """Raise `Unbounded` where an orbit has become `ratio` times as fast or long as the first, or as slow or short."""
     problem = search.problem
     for name in ("alpha", "contact_time"):
-        growth = getattr(orbit, name) / getattr(search.first, name)
+        value = getattr(orbit, name)
+        growth = value / getattr(search.first, name)
         if not 1 / ratio < growth < ratio:
             end, relation = ("escapes", "<=") if growth > 1 else ("shrinks to nothing", ">=")
             raise Unbounded(
                 f"the objective has no {'least' if problem.sign > 0 else 'largest'} value: '{problem.text}' gets "
-                f"better as the orbit {end}, {name} = {getattr(orbit, name):.4g} at {problem.where(machine)} and still "
-                f"going; bound it, as subject_to=['{name} {relation} ...']"
+                f"better as the orbit {end}, {name} = {value:.4g} at {problem.where(machine)} and still going; bound "
+                f"it, as subject_to=['{name} {relation} ...']"
             ) from None
-
-
-def _change(problem: DesignProblem, before: Machine, after: Machine) -> float:
-    """The largest change of a parameter, in its units."""
-    theta = problem.theta(before)
-    return float(np.max(np.abs(problem.theta(after) - theta) / problem.units(theta)))
 
 
 def _resting(problem: DesignProblem, before: Machine, after: Machine) -> bool:
     """Whether the parameters hardly change any more while they lie inside their bounds."""
     old, new = problem.theta(before), problem.theta(after)
     ahead = np.where(new < old, new - problem.low, problem.high - new)
-    return bool((np.abs(new - old) <= SEARCH.rest * np.minimum(np.abs(new), ahead)).all())
+    return bool((np.abs(new - old) <= REST * np.minimum(np.abs(new), ahead)).all())
 
 
 def _at_trust_region(search: LocalSearch, x: np.ndarray) -> bool:
@@ -351,15 +315,14 @@ def _at_trust_region(search: LocalSearch, x: np.ndarray) -> bool:
 def _infeasible(search: LocalSearch, violations: np.ndarray) -> Infeasible:
     """The error that names the violated constraints."""
     problem = search.problem
-    missed = [
-        f"'{c.text}' is missed by {c.violation(float(value)):.4g}, at {float(value):.6g}"
-        for c, value, violation in zip(problem.constraints, search.point.values[1:], violations, strict=False)
-        if violation > SEARCH.met
-    ]
-    stated = zip(problem.low, problem.names, problem.high, strict=True)
-    bounds = ", ".join(f"{low:g} <= {name} <= {high:g}" for low, name, high in stated)
-    return Infeasible(
+    stated = zip(problem.constraints, search.point.values[1:].tolist(), violations, strict=False)
+    far = [(constraint, value) for constraint, value, violation in stated if violation > MET]
+    missed = [f"'{c.text}' is missed by {c.violation(value):.4g}, at {value:.6g}" for c, value in far]
+    ranges = zip(problem.low, problem.names, problem.high, strict=True)
+    bounds = ", ".join(f"{low:g} <= {name} <= {high:g}" for low, name, high in ranges)
+    error = Infeasible(
         f"no motion was found with {bounds} that meets the constraints: at best {' and '.join(missed)}, with "
-        f"{problem.where(search.machine)}; relax it, or widen the bounds",
-        float(violations.sum()),
+        f"{problem.where(search.machine)}; relax it, or widen the bounds"
     )
+    error.size = float(violations.sum())
+    return error

@@ -8,7 +8,7 @@ stay sparse, and small changes do not grow along the trajectory.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -16,15 +16,22 @@ import numpy as np
 from ..errors import NoOrbit
 from ..model.machine import Machine
 from ..model.model import Model, Units
-from ..model.phase import Statement
 from ..numerics.roots import solve
 from ..periodic.multiple_shooting import MeshTrajectory, ShootingMesh, trajectory_on_mesh
 from ..periodic.orbit import Orbit
 from ..symbolic.ipopt import Minimiser, Minimum
-from .extremes import Place, extreme_values, locate, no_extreme
 from .problem import Outputs
-from .quantities import VARIATIONAL, expressions, extremes_of, unit_of
-from .statement import design_statement
+from .quantities import (
+    ABSENT,
+    DIMENSIONS,
+    VARIATIONAL,
+    Place,
+    design_statement,
+    expressions,
+    extreme_values,
+    extremes_of,
+    locate,
+)
 
 # What is demanded of a motion stays this far above zero, in the machine's units: a motion that just touches is refused.
 DEMAND_MARGIN = 1e-9
@@ -43,7 +50,9 @@ DESIGN_OPTIONS = {
     "ipopt.bound_frac": 1e-4,
 }
 # Several places of one extreme with their times, by the name of the extreme.
-Ties = Mapping[str, tuple[tuple[Place, float], ...]]
+Ties: TypeAlias = Mapping[str, tuple[tuple[Place, float], ...]]
+# Lower and upper bounds.
+Range: TypeAlias = tuple[np.ndarray, np.ndarray]
 
 
 class Weights(NamedTuple):
@@ -56,7 +65,7 @@ class Weights(NamedTuple):
 class DesignProgram:
     """The nonlinear program of some outputs over parameters, built once for all values.
 
-    unknowns : names of the unknowns of the design statement
+    quantities, unknowns : names of the quantities in use, and of the unknowns of the design statement
     scales : symbol of the scales of the formulas, the landing jerk and the demands
     reported, tied : where the quantities, and the differences between two places of an extreme, are among the results
     equations : number of equations that vanish on an orbit
@@ -66,8 +75,8 @@ class DesignProgram:
         self, model: Model, names: tuple[str, ...], outputs: Outputs, places: tuple[Place, ...], counts: tuple[int, ...]
     ):
         self.outputs = outputs
-        quantities = outputs.quantities(model, dict.fromkeys(names, 1.0))
-        statement = design_statement(model, any(name in VARIATIONAL for name in quantities), places)
+        self.quantities = outputs.quantities(model, dict.fromkeys(names, 1.0))
+        statement = design_statement(model, any(name in VARIATIONAL for name in self.quantities), places)
         self.unknowns = statement.unknowns
         over, m = outputs.over, len(outputs.formulas) - 1
         theta, fixed = ca.MX.sym("theta", len(over)), ca.MX.sym("fixed", len(names))
@@ -87,32 +96,26 @@ class DesignProgram:
         cost = weights[0] * scaled[0] + weights[1] * (ca.sum1(excess) + ca.sum1(shortfall))
         constraints = scaled[1 : 1 + m] - excess + shortfall
         held = ca.vertcat(mesh.equations, ties, constraints, scaled[1 + m :])
-        self.solver = _scaled_minimiser(ca.vertcat(state, excess, shortfall), parameters, cost, held)
+        unknowns = ca.vertcat(state, excess, shortfall)
+        program = ca.Function("program", [unknowns, parameters], [cost, held])
+        # The solver's unknowns are these divided by a scale, which is a further parameter.
+        z, scale = ca.MX.sym("z", unknowns.numel()), ca.MX.sym("scale", unknowns.numel())
+        cost, held = program.call([z * scale, parameters], True)
+        self.solver = Minimiser(z, ca.vertcat(parameters, scale), cost, held, DESIGN_OPTIONS)
         self._graph = state, parameters, mesh.equations, ca.vertcat(*results)
 
     @cached_property
-    def _derivatives(self) -> ca.Function:
-        """Built on first use, since most nonlinear programs are solved more often than differentiated."""
+    def derivatives(self) -> ca.Function:
+        """(state, parameters) -> equations, results, Jacobians of both by the state (theta, u, shooting nodes).
+
+        Built on first use, since most nonlinear programs are solved more often than differentiated.
+        """
         state, parameters, equations, results = self._graph
         jacobians = ca.jacobian(equations, state), ca.jacobian(results, state)
         return ca.Function("derivatives", [state, parameters], [equations, results, *jacobians])
 
-    def derivatives(self, state: np.ndarray, parameters: np.ndarray) -> list[np.ndarray]:
-        """Equations, results, and the Jacobians of both by the state (theta, u, shooting nodes)."""
-        return [value.full() for value in self._derivatives(state, parameters)]
 
-
-def _scaled_minimiser(unknowns: ca.MX, parameters: ca.MX, cost: ca.MX, constraints: ca.MX) -> Minimiser:
-    """A solver in unknowns divided by a scale, which is a further parameter."""
-    z, scale = ca.MX.sym("z", unknowns.numel()), ca.MX.sym("scale", unknowns.numel())
-    program = ca.Function("program", [unknowns, parameters], [cost, constraints])
-    cost, constraints = program.call([z * scale, parameters], True)
-    return Minimiser(z, ca.vertcat(parameters, scale), cost, constraints, DESIGN_OPTIONS)
-
-
-def _results(
-    model: Model, statement: Statement, names: tuple[str, ...], outputs: Outputs, places: tuple[Place, ...]
-) -> ca.Function:
+def _results(model, statement, names, outputs, places):
     """(u, p, units, end of each arc ...) -> the formulas; minus the landing jerk and the demands, in the machine's
     units; the quantities in use; and the differences between two places of an extreme."""
     u, p, units = ca.SX.sym("u", len(statement.unknowns)), ca.SX.sym("p", len(names)), ca.SX.sym("units", 3)
@@ -120,13 +123,13 @@ def _results(
     unknowns = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
     values = dict(zip(names, ca.vertsplit(p), strict=True))
     states = [ca.vertsplit(end) for end in ends]
-    quantities = outputs.quantities(model, values)
-    found = expressions(model, [*quantities, "landing_jerk"], places, unknowns, states, values)
+    quantities, extremes = outputs.quantities(model, values), extreme_values(model, places, unknowns, states, values)
+    found = expressions(model, [*quantities, "landing_jerk"], extremes, unknowns, states, values)
     length, time, force = ca.vertsplit(units)
-    stated = {name: found[name] * unit_of(name, length, time, force) for name in quantities} | values
+    powers = {name: DIMENSIONS.get(name, (1, 0, 0)) for name in quantities}  # a rise is a length
+    stated = values | {name: found[name] * (length**a * time**b * force**c) for name, (a, b, c) in powers.items()}
     if "rest_length" in values:
         stated["rest_length"] = values["rest_length"] * length
-    extremes = extreme_values(model, places, unknowns, states, values)
     results = (
         [formula(**{name: stated[name] for name in formula.names}) for formula in outputs.formulas],
         [-found["landing_jerk"], *(found[name] for name in outputs.demands)],
@@ -137,12 +140,8 @@ def _results(
     return ca.Function("results", [u, p, units, *ends], columns)
 
 
-@lru_cache(maxsize=64)
-def design_program(
-    model: Model, names: tuple[str, ...], outputs: Outputs, places: tuple[Place, ...], counts: tuple[int, ...]
-) -> DesignProgram:
-    """The nonlinear program, kept for the next call with the same arguments."""
-    return DesignProgram(model, names, outputs, places, counts)
+# The nonlinear program, kept for the next call with the same arguments.
+design_program = lru_cache(maxsize=64)(DesignProgram)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +154,6 @@ class DesignPoint:
     trajectory : of that statement
     units : what the formulas' numbers are in
     demands : those of the outputs that the orbit has
-    names : of the quantities in use
     """
 
     program: DesignProgram
@@ -165,7 +163,6 @@ class DesignPoint:
     trajectory: MeshTrajectory
     units: Units
     demands: tuple[str, ...]
-    names: tuple[str, ...]
 
     @property
     def theta(self) -> np.ndarray:
@@ -186,8 +183,8 @@ class DesignPoint:
     @cached_property
     def _derivatives(self) -> list[np.ndarray]:
         state = np.concatenate([self.theta, self.u, self.trajectory.nodes])
-        scales = np.ones(self.program.scales.numel())
-        return self.program.derivatives(state, self._parameters(Weights(1.0, 0.0), scales))
+        parameters = self._parameters(Weights(1.0, 0.0), np.ones(self.program.scales.numel()))
+        return [value.full() for value in self.program.derivatives(state, parameters)]
 
     @property
     def values(self) -> np.ndarray:
@@ -202,7 +199,7 @@ class DesignPoint:
     @property
     def quantities(self) -> dict[str, float]:
         """The quantities in use, by name."""
-        return dict(zip(self.names, self.values[self.program.reported].tolist(), strict=True))
+        return dict(zip(self.program.quantities, self.values[self.program.reported].tolist(), strict=True))
 
     @cached_property
     def slopes(self) -> np.ndarray:
@@ -213,13 +210,7 @@ class DesignPoint:
         return results_by[:, :k] + results_by[:, k:] @ by_theta
 
     def minimise(
-        self,
-        bounds: tuple[np.ndarray, np.ndarray],
-        units: np.ndarray,
-        reach: float,
-        limits: list[np.ndarray],
-        scales: np.ndarray,
-        weights: Weights,
+        self, bounds: Range, units: np.ndarray, reach: float, limits: Range, scales: np.ndarray, weights: Weights
     ) -> Minimum:
         """The nonlinear program solved from here.
 
@@ -258,10 +249,8 @@ class DesignPoint:
         return replace(minimum, x=minimum.x * scale)
 
 
-def design_point(
-    machine: Machine, orbit: Orbit, outputs: Outputs, units: Units, ties: Ties | None = None
-) -> DesignPoint:
-    """The outputs at an orbit of a machine.
+def design_point(machine: Machine, orbit: Orbit, outputs: Outputs, ties: Ties | None = None) -> DesignPoint:
+    """The outputs at an orbit of a machine; the formulas' numbers are in SI where the machine was stated so.
 
     ties : extremes, by name, that are taken at further places too, where they are to be equal
     Raises `NoOrbit` for a contact that does not end, or an extreme that the orbit does not have.
@@ -271,12 +260,12 @@ def design_point(
         raise NoOrbit("; ".join(orbit.violations))
     demands = tuple(name for name in outputs.demands if locate(model, orbit, p, extremes_of(name)[0]))
     outputs = replace(outputs, demands=demands)
-    names = outputs.quantities(model, p)
+    names, units = outputs.quantities(model, p), machine.units or Units(1.0, 1.0, 1.0)
     times: dict[Place, float] = {}
     for extreme in dict.fromkeys(extreme for name in names for extreme in extremes_of(name)):
         located = locate(model, orbit, p, extreme)
         if located is None:
-            raise no_extreme(extreme)
+            raise NoOrbit(f"the orbit has no {ABSENT[extreme]}")
         times |= {located[0]: located[1]} | dict((ties or {}).get(extreme, ()))
     places = tuple(times)
     statement = design_statement(model, any(name in VARIATIONAL for name in names), places)
@@ -285,4 +274,4 @@ def design_point(
     u = {name: known[name] for name in statement.unknowns}
     trajectory = trajectory_on_mesh(statement, u, p)
     program = design_program(model, tuple(p), outputs, places, trajectory.counts)
-    return DesignPoint(program, places, p, np.array(list(u.values())), trajectory, units, demands, tuple(names))
+    return DesignPoint(program, places, p, np.array(list(u.values())), trajectory, units, demands)

@@ -1,4 +1,4 @@
-"""Optimality conditions at a certified orbit: the active constraints, their multipliers, and the residual.
+"""A design and its optimality conditions: the active constraints, their multipliers, and the residual.
 
 The conditions are those of Karush, Kuhn and Tucker in the parameters alone; the orbit is a function of these by the
 implicit function theorem.
@@ -6,11 +6,13 @@ implicit function theorem.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
+from ..io import write_json
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit
 from .nlp import DesignPoint
@@ -33,29 +35,85 @@ class Active:
     multiplier: float
 
 
-@dataclass(frozen=True, eq=False)
-class LocalOptimum:
-    """The optimum that a start leads to.
+@dataclass(frozen=True)
+class Start:
+    """A start: its parameters, and the objective that it led to, or None and the reason why it led to no optimum."""
 
-    objective : value of the objective, with the opposite sign where it is maximised
-    active, idle, kkt : as in `optimize.Design`
+    parameters: Mapping[str, float]
+    objective: float | None
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """The best design found; numbers in the machine's units, in SI for a machine stated so.
+
+    machine : with the best parameters
+    orbit : its certified lossless orbit
+    parameters : their values
+    verb, text, objective : "minimise" or "maximise", what, and its value
+    quantities : values of the quantities that the problem names
+    active : constraints, bounds and demands that keep the optimum from being better
+    idle : parameters that neither objective nor constraints depend on; they keep their values at the start
+    kkt : largest violation of the optimality conditions: the slope of the Lagrangian as a share of the objective over
+        each parameter's range, by the implicit function theorem at the certified orbit, and the constraints' violations
+    starts : all that were tried
+    seconds : wall time
+    pair : both objectives, of a design on a Pareto front
     """
 
     machine: Machine
     orbit: Orbit
+    parameters: Mapping[str, float]
+    verb: str
+    text: str
     objective: float
     quantities: Mapping[str, float]
     active: tuple[Active, ...]
     idle: tuple[str, ...]
     kkt: float
+    starts: tuple[Start, ...] = ()
+    seconds: float = 0.0
+    pair: tuple[float, float] | None = None
+
+    def document(self) -> dict[str, Any]:
+        """The design as the JSON document of the command line."""
+        return {
+            "verb": self.verb,
+            "objective": {"formula": self.text, "value": self.objective},
+            "parameters": dict(self.parameters),
+            "quantities": dict(self.quantities),
+            "active": [{"text": active.text, "multiplier": active.multiplier} for active in self.active],
+            "idle": list(self.idle),
+            "kkt": self.kkt,
+            "starts": [
+                {"parameters": dict(s.parameters), "objective": s.objective, "reason": s.reason} for s in self.starts
+            ],
+            "units": "SI" if self.orbit.units else "units of the machine",
+            "seconds": self.seconds,
+            "orbit": self.orbit.document(),
+        }
+
+    def __str__(self) -> str:
+        lines = [f"{self.verb} {self.text}: {self.objective:.12g}" + (" (SI)" if self.orbit.units else "")]
+        lines += [f"  {name:<24}{value:.12g}" for name, value in self.parameters.items()]
+        lines += [f"  {name:<24}{value:.12g}" for name, value in self.quantities.items() if name not in self.parameters]
+        lines += [f"  {'held by':<24}{a.text}   (gains {a.multiplier:.4g} per unit)" for a in self.active]
+        lines += [f"  {'without effect':<24}{name}" for name in self.idle]
+        successes = sum(start.objective is not None for start in self.starts)
+        lines.append(f"  {'optimality':<24}{self.kkt:.1e}")
+        lines.append(f"  {'starts':<24}{successes} of {len(self.starts)} led to an optimum, {self.seconds:.2f} s")
+        lines += [f"  {'a start led to none':<24}{s.reason}" for s in self.starts if s.objective is None]
+        return "\n".join([*lines, "", str(self.orbit)])
+
+    def save(self, path: str | Path) -> Path:
+        """Write the document to a JSON file; returns the path."""
+        return write_json(self.document(), path, "design")
 
 
 class _ActiveRow(NamedTuple):
-    """An active constraint: its gradient (k,), pointing outwards, in scaled units.
-
-    unit : what one scaled unit of the constraint is
-    equation : whether its multiplier may be negative
-    """
+    """An active constraint: its gradient (k,), pointing outwards, in scaled units; what one scaled unit of it is; and
+    whether it is an equation, so that its multiplier may be negative."""
 
     text: str
     gradient: np.ndarray
@@ -65,7 +123,7 @@ class _ActiveRow(NamedTuple):
 
 def optimum_at(
     machine: Machine, orbit: Orbit, problem: DesignProblem, point: DesignPoint, scales: np.ndarray, flat: np.ndarray
-) -> LocalOptimum:
+) -> Design:
     """The local optimum with its optimality conditions, all recomputed at the certified orbit.
 
     point : the objective, the constraints and the demands at that orbit
@@ -75,20 +133,21 @@ def optimum_at(
     units, size = problem.units(point.theta), abs(scales[0])
     rows, violation = _active_constraints(problem, point, scales)
     # Where two places have the same extreme, each may be the one that is the larger.
-    ties = [
-        _ActiveRow("an extreme at two places", row * units / size, size, True)
-        for row in point.slopes[point.program.tied]
-    ]
+    tied = point.slopes[point.program.tied] * units / size
+    ties = [_ActiveRow("an extreme at two places", row, size, True) for row in tied]
     rows = [*_active_bounds(problem, point.theta), *rows, *ties]
     multipliers, rest = _multipliers(problem.sign * point.slopes[0] * units / size, rows)
-    return LocalOptimum(
+    return Design(
         machine,
         orbit,
-        float(problem.sign * point.values[0]),
-        point.quantities,
-        tuple(Active(row.text, float(x * size / row.unit)) for row, x in zip(rows, multipliers, strict=True) if x),
-        _idle(problem, flat & ~point.slopes[: len(scales)].any(0)),
-        max(float(np.abs(rest).max()), violation),
+        parameters={name: machine.values[name] for name in problem.names},
+        verb=problem.verb,
+        text=problem.text,
+        objective=float(point.values[0]),
+        quantities=point.quantities,
+        active=tuple(Active(r.text, float(x * size / r.unit)) for r, x in zip(rows, multipliers, strict=True) if x),
+        idle=_idle(problem, flat & ~point.slopes[: len(scales)].any(0)),
+        kkt=max(float(np.abs(rest).max()), violation),
     )
 
 
@@ -102,9 +161,7 @@ def _active_bounds(problem: DesignProblem, theta: np.ndarray) -> list[_ActiveRow
     return rows
 
 
-def _active_constraints(
-    problem: DesignProblem, point: DesignPoint, scales: np.ndarray
-) -> tuple[list[_ActiveRow], float]:
+def _active_constraints(problem: DesignProblem, point: DesignPoint, scales: np.ndarray):
     """The active constraints and demands, and the largest violation, scaled."""
     rows, violation, units = [], 0.0, problem.units(point.theta)
     stated = [(c.text, c.low, c.high) for c in problem.constraints]

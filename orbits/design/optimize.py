@@ -5,22 +5,21 @@ Objectives and constraints are formulas of the quantities in an orbit's JSON doc
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, whole_number
-from ..io import write_json
 from ..model.machine import Machine
 from ..periodic.find import find
-from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
 from .local import Infeasible, Unbounded, local_optimum
-from .optimality import Active, LocalOptimum
+from .optimality import Design, Start
 from .problem import DesignProblem, design_problem
 
+# Called with the share of the starts, or of a front, that is done.
+Progress: TypeAlias = Callable[[float], None] | None
 # Further starts that are tried when no number is asked for and the first start leads to no optimum.
 FURTHER_STARTS = 3
 
@@ -28,81 +27,7 @@ FURTHER_STARTS = 3
 class NoOptimum(NoOrbit):
     """No start leads to an optimum."""
 
-
-@dataclass(frozen=True)
-class Start:
-    """A start: its parameters, and the objective that it led to, or None and the reason why it led to no optimum."""
-
-    parameters: Mapping[str, float]
-    objective: float | None
-    reason: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Design:
-    """The best design found; numbers in the machine's units, in SI for a machine stated so.
-
-    machine : with the best parameters
-    orbit : its certified lossless orbit
-    parameters : their values
-    verb, text, objective : "minimise" or "maximise", what, and its value
-    quantities : values of the quantities that the problem names
-    active : constraints, bounds and demands that keep the optimum from being better
-    idle : parameters that neither objective nor constraints depend on; they keep their values at the start
-    kkt : largest violation of the optimality conditions: the slope of the Lagrangian as a share of the objective over
-        each parameter's range, by the implicit function theorem at the certified orbit, and the constraints' violations
-    starts : all that were tried
-    seconds : wall time
-    pair : both objectives, of a design on a Pareto front
-    """
-
-    machine: Machine
-    orbit: Orbit
-    parameters: Mapping[str, float]
-    verb: str
-    text: str
-    objective: float
-    quantities: Mapping[str, float]
-    active: tuple[Active, ...]
-    idle: tuple[str, ...]
-    kkt: float
-    starts: tuple[Start, ...]
-    seconds: float
-    pair: tuple[float, float] | None = None
-
-    def document(self) -> dict[str, Any]:
-        """The design as the JSON document of the command line."""
-        return {
-            "verb": self.verb,
-            "objective": {"formula": self.text, "value": self.objective},
-            "parameters": dict(self.parameters),
-            "quantities": dict(self.quantities),
-            "active": [{"text": active.text, "multiplier": active.multiplier} for active in self.active],
-            "idle": list(self.idle),
-            "kkt": self.kkt,
-            "starts": [
-                {"parameters": dict(s.parameters), "objective": s.objective, "reason": s.reason} for s in self.starts
-            ],
-            "units": "SI" if self.orbit.units else "units of the machine",
-            "seconds": self.seconds,
-            "orbit": self.orbit.document(),
-        }
-
-    def __str__(self) -> str:
-        lines = [f"{self.verb} {self.text}: {self.objective:.12g}" + (" (SI)" if self.orbit.units else "")]
-        lines += [f"  {name:<24}{value:.12g}" for name, value in self.parameters.items()]
-        lines += [f"  {name:<24}{value:.12g}" for name, value in self.quantities.items() if name not in self.parameters]
-        lines += [f"  {'held by':<24}{a.text}   (gains {a.multiplier:.4g} per unit)" for a in self.active]
-        lines += [f"  {'without effect':<24}{name}" for name in self.idle]
-        successes = sum(start.objective is not None for start in self.starts)
-        lines.append(f"  {'optimality':<24}{self.kkt:.1e}")
-        lines.append(f"  {'starts':<24}{successes} of {len(self.starts)} led to an optimum, {self.seconds:.2f} s")
-        lines += [f"  {'a start led to none':<24}{s.reason}" for s in self.starts if s.objective is None]
-        return "\n".join([*lines, "", str(self.orbit)])
-
-    def save(self, path: str | Path) -> Path:
-        """Write the document to a JSON file; returns the path."""
-        return write_json(self.document(), path, "design")
+    size = 0.0
 
 
 def optimize(
@@ -115,7 +40,7 @@ def optimize(
     family: int = 1,
     starts: int | None = None,
     seed: int = 0,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
 ) -> Design:
     """The parameters of a machine whose lossless orbit is best.
 
@@ -139,12 +64,7 @@ def optimize(
 
 
 def multistart(
-    machine: Machine,
-    problem: DesignProblem,
-    family: int,
-    starts: int | None,
-    seed: int,
-    progress: Callable[[float], None] | None = None,
+    machine: Machine, problem: DesignProblem, family: int, starts: int | None, seed: int, progress: Progress = None
 ) -> Design:
     """The best design from a number of starts; for None from the first, or from further ones where that fails."""
     points = starting_points(machine, problem, 1 if starts is None else starts, seed)
@@ -165,29 +85,23 @@ def multistart(
 
 
 def best_design(
-    machine: Machine,
-    problem: DesignProblem,
-    family: int,
-    points: Sequence[Mapping[str, Any]],
-    progress: Callable[[float], None] | None = None,
+    machine: Machine, problem: DesignProblem, family: int, points: Sequence[Mapping], progress: Progress = None
 ) -> Design:
     """The best design from some starts, each the parameters by name, with an "orbit" where one is known.
 
     An objective without bound is concluded from one path of the search, whereas an optimum is certified: so it is only
     raised when no start leads to an optimum.
     """
-    began = time.perf_counter()
-    optima: list[LocalOptimum] = []
+    began, tried = time.perf_counter(), []
+    optima: list[Design] = []
     errors: list[OrbitsError] = []
-    tried = []
     for i, point in enumerate(points):
         interrupts.check()
         values = {name: point[name] for name in problem.names}
         try:
             varied = machine.with_values(**values)
-            optimum = local_optimum(varied, point.get("orbit") or find(varied, family), problem)
-            optima.append(optimum)
-            tried.append(Start(values, optimum.objective * problem.sign))
+            optima.append(local_optimum(varied, point.get("orbit") or find(varied, family), problem))
+            tried.append(Start(values, optima[-1].objective))
         except InputError:
             raise
         except OrbitsError as error:
@@ -197,21 +111,8 @@ def best_design(
             progress((i + 1) / len(points))
     if not optima:
         raise _most_telling(errors)
-    best = min(optima, key=lambda optimum: optimum.objective)
-    return Design(
-        machine=best.machine,
-        orbit=best.orbit,
-        parameters={name: best.machine.values[name] for name in problem.names},
-        verb=problem.verb,
-        text=problem.text,
-        objective=best.objective * problem.sign,
-        quantities=best.quantities,
-        active=best.active,
-        idle=best.idle,
-        kkt=best.kkt,
-        starts=tuple(tried),
-        seconds=time.perf_counter() - began,
-    )
+    best = min(optima, key=lambda optimum: optimum.objective * problem.sign)
+    return replace(best, starts=tuple(tried), seconds=time.perf_counter() - began)
 
 
 def starting_points(machine: Machine, problem: DesignProblem, count: int, seed: int) -> list[dict[str, float]]:
@@ -236,8 +137,7 @@ def starting_points(machine: Machine, problem: DesignProblem, count: int, seed: 
 
 def _most_telling(errors: Sequence[OrbitsError]) -> OrbitsError:
     """The error to raise when no start leads to an optimum: an objective without bound, else the least violation."""
-    for kind in (Unbounded, Infeasible):
+    for kind in (Unbounded, Infeasible, NoOptimum):
         if alike := [error for error in errors if isinstance(error, kind)]:
             return min(alike, key=lambda error: error.size)
-    general = [error for error in errors if isinstance(error, NoOptimum)]
-    return general[0] if general else NoOptimum(f"no start within the bounds leads to an optimum: {errors[0]}")
+    return NoOptimum(f"no start within the bounds leads to an optimum: {errors[0]}")

@@ -1,7 +1,7 @@
 """Pareto fronts: the designs of which none is better than another in both of two objectives."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,8 @@ from ..io import write_json
 from ..model.machine import Machine
 from ..periodic.find import find
 from ..symbolic import interrupts
-from .optimize import Design, best_design, multistart, starting_points
+from .optimality import Design
+from .optimize import Progress, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
 from .sensitivities import quantities, sensitivities
 
@@ -67,8 +68,8 @@ class Front:
     def __str__(self) -> str:
         names = list(self.designs[0].parameters)
         lines = ["".join(f"{name:>24}" for name in (*self.texts, *names))]
-        for design in self.designs:
-            lines.append("".join(f"{value:24.12g}" for value in (*_objectives(design), *design.parameters.values())))
+        rows = [(*_objectives(design), *design.parameters.values()) for design in self.designs]
+        lines += ["".join(f"{value:24.12g}" for value in row) for row in rows]
         lines += [f"{self.texts[1]} <= {level:.6g}: {reason}" for level, reason in self.refused]
         return "\n".join([*lines, f"{len(self.designs)} certified designs, {self.seconds:.2f} s"])
 
@@ -83,7 +84,7 @@ def pareto(
     family: int = 1,
     starts: int | None = None,
     seed: int = 0,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
 ) -> Front:
     """The Pareto front of two objectives.
 
@@ -107,7 +108,9 @@ def pareto(
             report((i + 1) / points)
         designs, refused = [ends[0]], []
         starting = starting_points(machine, problems[0], starts, seed) if starts else []
-        levels = _levels(ends, points)
+        # Where one design is best in both objectives there are no levels between the ends.
+        (_, high), (_, low) = map(_objectives, ends)
+        levels = np.linspace(high, low, points)[1:-1].tolist() if _dominates([low], [high]) else []
         for i, level in enumerate(levels):
             problem = _with_bound(problems[0], texts[1], level, machine)
             known = [{**d.parameters, "orbit": d.orbit} for d in dict.fromkeys((designs[-1], *ends))]
@@ -120,13 +123,7 @@ def pareto(
         return Front(texts, _undominated(designs), tuple(refused), time.perf_counter() - began)
 
 
-def _levels(ends: Sequence[Design], points: int) -> list[float]:
-    """Levels of the second objective between the ends; none where one design is best in both objectives."""
-    (_, high), (_, low) = map(_objectives, ends)
-    return np.linspace(high, low, points)[1:-1].tolist() if _dominates([low], [high]) else []
-
-
-def _undominated(designs: Sequence[Design]) -> tuple[Design, ...]:
+def _undominated(designs):
     """The designs that no other one dominates, in ascending order of the first objective."""
     best = [d for d in designs if not any(_dominates(_objectives(other), _objectives(d)) for other in designs)]
     return tuple(sorted(best, key=_objectives))

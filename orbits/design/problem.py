@@ -3,13 +3,12 @@
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, finite_number
 from ..model.machine import Machine, check_parameters
-from ..model.model import Model, Units
+from ..model.model import Model
 from ..symbolic.formula import Formula, parse, suggest
 from .quantities import quantity_names
 
@@ -132,13 +131,11 @@ def design_problem(
 
 def formula_names(machine: Machine) -> list[str]:
     """What a formula of a design may name: quantities of the orbit and parameters of the machine."""
-    model, p = machine.model, machine.values
-    if set(model.launch_unknowns) - {"liftoff", "alpha"}:
-        raise InputError(
-            f"a {model.name} cannot be designed: its launch has more unknowns than the lift-off extension and the speed"
-        )
-    quantities = quantity_names(model, p)
-    parameters = [name for name in p if name != model.homotopy]
+    if set(machine.model.launch_unknowns) - {"liftoff", "alpha"}:
+        launch = "its launch has more unknowns than the lift-off extension and the speed"
+        raise InputError(f"a {machine.model.name} cannot be designed: {launch}")
+    quantities = quantity_names(machine.model, machine.values)
+    parameters = [name for name in machine.values if name != machine.model.homotopy]
     if ambiguous := [name for name in parameters if name in quantities]:
         raise InputError(f"'{ambiguous[0]}' is a quantity of the orbit: call the formula's parameter something else")
     return quantities + parameters
@@ -172,29 +169,21 @@ def parse_constraint(text: str, known: Collection[str]) -> Constraint:
         raise InputError(f"the constraint '{text}' is not of the form 'stroke <= 0.25': one of <=, >=, ==, or two <=")
     formulas = [smooth_formula(side, known, f"in the constraint '{text}',") for side in sides]
     numbers = [None if formula.names else float(formula()) for formula in formulas]
-    for side, number in zip(sides, numbers, strict=True):
-        if number is not None and not np.isfinite(number):
-            raise InputError(f"in the constraint '{text}', '{side}' is not a finite number")
+    if endless := [i for i, number in enumerate(numbers) if number is not None and not np.isfinite(number)]:
+        raise InputError(f"in the constraint '{text}', '{sides[endless[0]]}' is not a finite number")
+    constraint = Constraint(text, *_bounded(text, formulas, numbers, relations))
+    if constraint.low > constraint.high:
+        raise InputError(f"the constraint '{text}' can never hold: {constraint.low:g} lies above {constraint.high:g}")
+    return constraint
+
+
+def _bounded(text, formulas, numbers, relations):
+    """The formula that a constraint bounds, a side of it or the difference of its sides, and the bounds."""
+    relation, (left, *_, right) = relations[0], numbers
     if len(relations) == 2:
-        formula, low, high = _two_relations(text, formulas, numbers, relations)
-    else:
-        formula, low, high = _one_relation(text, formulas, numbers, relations[0])
-    if low > high:
-        raise InputError(f"the constraint '{text}' can never hold: {low:g} lies above {high:g}")
-    return Constraint(text, formula, low, high)
-
-
-def _two_relations(text: str, formulas: list[Formula], numbers: list, relations: list) -> tuple[Formula, float, float]:
-    """The formula between two numbers, and these in ascending order."""
-    first, _, last = numbers
-    if first is None or last is None or relations not in (["<=", "<="], [">=", ">="]):
-        raise InputError(f"the constraint '{text}' has two relations: it is of the form '0.1 <= stroke <= 0.25'")
-    return (formulas[1], first, last) if relations[0] == "<=" else (formulas[1], last, first)
-
-
-def _one_relation(text: str, formulas: list[Formula], numbers: list, relation: str) -> tuple[Formula, float, float]:
-    """The formula on one side of a number, or the difference of the sides, and its bounds."""
-    left, right = numbers
+        if left is None or right is None or relations not in (["<=", "<="], [">=", ">="]):
+            raise InputError(f"the constraint '{text}' has two relations: it is of the form '0.1 <= stroke <= 0.25'")
+        return (formulas[1], left, right) if relation == "<=" else (formulas[1], right, left)
     if left is not None and right is not None:
         raise InputError(f"the constraint '{text}' says nothing of the orbit or the machine")
     if right is not None:
@@ -206,7 +195,7 @@ def _one_relation(text: str, formulas: list[Formula], numbers: list, relation: s
     return formula, -np.inf if relation == "<=" else bound, np.inf if relation == ">=" else bound
 
 
-def _parameter_bounds(machine: Machine, over: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _parameter_bounds(machine, over):
     """The lower and the upper bounds of the parameters."""
     if not isinstance(over, Mapping) or not over:
         raise InputError("over names the parameters to design with their bounds: over={'beta': (0, 1)}")
@@ -216,12 +205,11 @@ def _parameter_bounds(machine: Machine, over: Any) -> tuple[tuple[float, ...], t
     return lows, highs
 
 
-def _bounds_of(machine: Machine, name: str, bounds: Any) -> tuple[float, float]:
+def _bounds_of(machine, name, bounds):
     """The checked bounds of one parameter."""
     if name not in machine.values or name == machine.model.homotopy:
-        raise InputError(
-            f"the machine has no parameter '{name}' to design{suggest(str(name), free_parameters(machine))}"
-        )
+        known = suggest(str(name), free_parameters(machine))
+        raise InputError(f"the machine has no parameter '{name}' to design{known}")
     try:
         low, high = bounds
     except (TypeError, ValueError):
@@ -248,13 +236,7 @@ def _check_conflicts(constraints: Sequence[Constraint]) -> None:
     """Raise `InputError` where two constraints on the same formula leave it no value."""
     for i, constraint in enumerate(constraints):
         for other in constraints[:i]:
-            same = constraint.formula.tree == other.formula.tree
-            if same and max(constraint.low, other.low) > min(constraint.high, other.high):
-                raise InputError(
-                    f"the constraints '{other.text}' and '{constraint.text}' are in conflict: no value meets both"
-                )
-
-
-def formula_units(machine: Machine) -> Units:
-    """What a formula's numbers are in: SI where the machine was stated so, else the machine's own units."""
-    return machine.units or Units(1.0, 1.0, 1.0)
+            apart = max(constraint.low, other.low) > min(constraint.high, other.high)
+            if apart and constraint.formula.tree == other.formula.tree:
+                both = f"'{other.text}' and '{constraint.text}'"
+                raise InputError(f"the constraints {both} are in conflict: no value meets both")

@@ -1,32 +1,33 @@
-"""The quantities of an orbit that a design may ask for, as expressions of what the design statement solves for.
+"""The quantities of an orbit that a design may ask for, and the boundary value statement that gives them.
 
-Their names are those of an orbit's JSON document. A quantity at one place of the motion (its middle, its start) is read
-there; one that is made of extremes is read at the ends of the arcs that lead to them.
+Names are those of an orbit's JSON document. A quantity is read at one place of the motion, or is made of extremes.
+These are located on an orbit by samples; the design statement then has an arc that ends where an extreme is stationary,
+so that its value is exact and has derivatives.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
+from ..errors import InputError, NoOrbit
 from ..model.model import Model
-from .extremes import Place, affine, extreme_values, height_that_rises, rise_name
-from .statement import base_statement, landing_jerk, landing_sensitivity, loss
+from ..model.phase import Affine, Arc, Phase, Statement
+from ..numerics.roots import bracketed_root
+from ..periodic.formulations import half_orbit
+from ..periodic.local_law import by_launch_speed, launch_power, loss_coefficient
+from ..periodic.orbit import Orbit
 
 # Quantities of every orbit and the powers of length, time and force in their units. The loss coefficient is a loss of
 # speed per speed to the power 4/3.
 DIMENSIONS = {
     "alpha": (1, -1, 0),
-    "flight_time": (0, 1, 0),
-    "contact_time": (0, 1, 0),
-    "period": (0, 1, 0),
-    "liftoff_extension": (1, 0, 0),
-    "stroke": (1, 0, 0),
-    "clearance": (1, 0, 0),
-    "smallest_separation": (1, 0, 0),
-    "smallest_contact_force": (0, 0, 1),
-    "largest_contact_force": (0, 0, 1),
-    "largest_spring_force": (0, 0, 1),
+    **dict.fromkeys(("flight_time", "contact_time", "period"), (0, 1, 0)),
+    **dict.fromkeys(("liftoff_extension", "stroke", "clearance", "smallest_separation"), (1, 0, 0)),
+    **dict.fromkeys(("smallest_contact_force", "largest_contact_force", "largest_spring_force"), (0, 0, 1)),
     "landing_jerk": (1, -3, 0),
     "landing_sensitivity": (0, 1, 0),
     "loss_coefficient": (-1 / 3, 1 / 3, 0),
@@ -42,19 +43,48 @@ COMPOSITION = {
     "largest_contact_force": {"peak": 1},
     "largest_spring_force": {"tension": 1},
 }
+# Extremes of which only local maxima after the start count, and what the error says of an orbit without one.
+ABSENT = {
+    "gap": "clearance: the gap has no lowest point inside the flight",
+    "force": "smallest_contact_force: the force has no lowest value inside the contact",
+}
+# Samples per step of a trajectory among which an extreme is looked for; it is then found exactly.
+SAMPLES_PER_STEP = 24
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an extreme is taken.
+
+    extreme : its name
+    index : which of its functions has the largest value
+    kind : "start", "middle" or "inside" of half the phase
+    """
+
+    extreme: str
+    index: int
+    kind: str
+
+    def function(self, model: Model) -> tuple[str, Callable]:
+        """The phase, "flight" or "contact", and the function (x, p) -> value whose maximum the extreme is."""
+        return extreme_of(model, self.extreme)[self.index]
+
+
+def affine(function: Affine, x: Iterable) -> Any:
+    """The value of an affine function on a list of numbers or expressions."""
+    return sum((w * value for w, value in zip(function.weights, x, strict=False)), function.offset)
+
+
+def rises(model: Model, p: Mapping) -> dict[str, Affine]:
+    """The heights, by the name of the quantity that says how far each rises above its value at lift-off."""
+    return {f"{name.replace(' ', '_')}_rise": height for name, height in model.heights(p).items()}
 
 
 def quantity_names(model: Model, p: Mapping) -> list[str]:
     """The quantities of a model's orbits."""
     missing = [] if model.tension else ["largest_spring_force"]
     missing += [] if model.separation(p) is not None else ["smallest_separation"]
-    return [name for name in DIMENSIONS if name not in missing] + [rise_name(height) for height in model.heights(p)]
-
-
-def unit_of(name: str, length: ca.SX, time: ca.SX, force: ca.SX) -> ca.SX:
-    """The unit of a quantity, from those of length, time and force."""
-    a, b, c = DIMENSIONS.get(name, (1, 0, 0))
-    return length**a * time**b * force**c
+    return [name for name in DIMENSIONS if name not in missing] + list(rises(model, p))
 
 
 def extremes_of(name: str) -> tuple[str, ...]:
@@ -62,33 +92,220 @@ def extremes_of(name: str) -> tuple[str, ...]:
     return (name,) if name.endswith("_rise") else tuple(COMPOSITION.get(name, ()))
 
 
+@lru_cache(maxsize=256)
+def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
+    """The functions of the state whose largest value over the cycle an extreme is, each (x, p) -> value with its phase;
+    the extreme is one of those in `COMPOSITION`, or a rise."""
+
+    def over_cycle(function: Callable) -> tuple:
+        """A function of the flight state, over flight and contact."""
+        embedded = lambda x: [sum((w * v for w, v in zip(row, x, strict=False) if w), 0.0) for row in model.embed]  # noqa: E731
+        return ("flight", function), ("contact", lambda x, p: function(embedded(x), p))
+
+    force, tension = model.contact.watch["contact force"], model.tension or (lambda x, p, q: 0.0)
+    functions = {
+        "longest": over_cycle(lambda x, p: affine(model.extension, x)),
+        "shortest": over_cycle(lambda x, p: -affine(model.extension, x)),
+        "gap": (("flight", lambda x, p: -affine(model.gap(p), x)),),
+        "separation": over_cycle(lambda x, p: -affine(model.separation(p), x)),
+        "force": (("contact", lambda x, p: -force(x, p, [])),),
+        "peak": (("contact", lambda x, p: force(x, p, [])),),
+        "tension": over_cycle(lambda x, p: tension(x, p, [])) + over_cycle(lambda x, p: -tension(x, p, [])),
+    }
+    return functions.get(name) or (("flight", lambda x, p: affine(rises(model, p)[name], x)),)
+
+
+def _value_and_rate(phase, function, x, p):
+    """A function of the state and its rate of change along a phase, for a list `x` of scalar symbols."""
+    value = ca.SX(function(x, p))
+    return value, ca.jacobian(value, ca.vertcat(*x)) @ ca.vertcat(*phase.field(x, p, []))
+
+
+@lru_cache(maxsize=256)
+def _compiled(model, names, extreme, index):
+    """(x, p) -> value of a function of an extreme, and its rate of change along the motion."""
+    name, function = extreme_of(model, extreme)[index]
+    phase = getattr(model, name)
+    x, p = ca.SX.sym("x", len(phase.states)), ca.SX.sym("p", len(names))
+    value, rate = _value_and_rate(phase, function, ca.vertsplit(x), dict(zip(names, ca.vertsplit(p), strict=True)))
+    return ca.Function("extreme", [x, p], [ca.densify(value), rate])
+
+
+def locate(model: Model, orbit: Orbit, p: Mapping, name: str) -> tuple[Place, float] | None:
+    """The place of an extreme on an orbit and its time from the start of the phase, or None if there is none.
+
+    Raises `NoOrbit` for a contact that does not end.
+    """
+    best, largest, data = None, -np.inf, list(p.values())
+    for index, (phase, _) in enumerate(extreme_of(model, name)):
+        if (path := getattr(orbit, phase)) is None:
+            raise NoOrbit("; ".join(orbit.violations))
+        count = SAMPLES_PER_STEP * len(path.steps)
+        t = np.interp(np.arange(count + 1) / SAMPLES_PER_STEP, np.arange(len(path.times)), path.times)
+        function = _compiled(model, tuple(p), name, index)
+        values = function(path(t)[:, : function.size1_in(0)].T, data)[0].full().ravel()
+        candidates = np.arange(len(t))
+        if name in ABSENT:
+            after = np.append(values[1:], -np.inf)
+            candidates = 1 + np.flatnonzero((values[1:] > values[:-1]) & (values[1:] >= after[1:]))
+        if not len(candidates):
+            continue
+        i = int(candidates[np.argmax(values[candidates])])
+        if best is None or values[i] > largest:
+            # In the middle everything is stationary that depends on positions alone.
+            kind = "start" if i == 0 else "middle" if i >= count - 1 else "inside"
+            time = _stationary_time(function, data, path, *t[[i - 1, i + 1]].tolist()) if kind == "inside" else t[i]
+            best, largest = (Place(name, index, kind), float(time)), values[i]
+    return best
+
+
+def _stationary_time(function, data, path, low, high):
+    """The time between two others at which a function made by `_compiled` is stationary."""
+    rate = lambda t: float(function(path(t)[: function.size1_in(0)], data)[1])  # noqa: E731
+    return bracketed_root(rate, low, high, rate(low), rate(high))
+
+
+def extreme_values(model: Model, places: Sequence[Place], u: Mapping, ends: Sequence, p: Mapping) -> dict[str, list]:
+    """The values of the extremes at their places, by name; the arguments are those of `expressions`."""
+    inside, values = iter(ends[2:]), dict[str, list]()
+    for place in places:
+        phase, function = place.function(model)
+        if place.kind == "inside":
+            x = next(inside)
+        elif place.kind == "start":
+            x = model.launch(u, p) if phase == "flight" else model.touchdown(u, p)
+        elif phase == "contact":
+            x = ends[1]
+        else:
+            x = ends[-1] if model.reduction else ends[0][: len(model.flight.states)]
+        values.setdefault(place.extreme, []).append(function(x, p))
+    return values
+
+
+def base_statement(model: Model) -> Statement:
+    """The simplest statement of a model's orbits."""
+    return model.reduction.statement if model.reduction else half_orbit(model)
+
+
+@lru_cache(maxsize=128)
+def design_statement(model: Model, variational: bool, places: tuple[Place, ...]) -> Statement:
+    """The statement of an orbit together with its extremes at these places.
+
+    variational : whether the first arc carries its variation with respect to alpha, and the adjoint that takes it back
+        over the mirrored half, for the loss coefficient
+
+    Its arcs: half the flight by the simplest statement; half the contact; one to each extreme inside. Its unknowns:
+    those of the simplest statement; "contact", half the contact time; "at 0", ..., the times of the places inside.
+    Raises `InputError` for a model whose motions are not their own mirror images, or have breakpoints.
+    """
+    if not model.reversor:
+        raise InputError("a design needs a machine whose motion is its own mirror image in time: leave out the damping")
+    if model.flight.pieces or model.contact.pieces:
+        raise InputError(
+            "a law in pieces cannot be designed: it has no second derivatives everywhere; write it as one formula"
+        )
+    base = base_statement(model)
+    (arc,) = base.arcs
+    middle = lambda u, x, p: [affine(model.contact_speed, x)]  # noqa: E731
+    contact = Arc(model.contact, lambda u, before, p: model.touchdown(u, p), lambda u, p: u["contact"], middle)
+    inside = {f"at {i}": place for i, place in enumerate(places) if place.kind == "inside"}
+    arcs = [_variational(model, arc) if variational else arc, contact]
+    arcs += [_to_place(model, place, time) for time, place in inside.items()]
+    if model.reduction and any(place.kind == "middle" and place.function(model)[0] == "flight" for place in places):
+        # The reduced state does not tell the flight state in the middle, so the flight itself is integrated to there.
+        arcs.append(Arc(model.flight, lambda u, before, p: model.launch(u, p), arc.duration, lambda u, x, p: []))
+    return Statement("design", (*base.unknowns, "contact", *inside), tuple(arcs), (*base.durations, "contact", *inside))
+
+
+def _to_place(model, place, time):
+    """An arc of this duration that ends where an extreme is stationary."""
+    name, function = place.function(model)
+    phase, start = getattr(model, name), model.launch if name == "flight" else model.touchdown
+    stationary = lambda u, x, p: [_value_and_rate(phase, function, x, p)[1]]  # noqa: E731
+    return Arc(phase, lambda u, before, p: start(u, p), lambda u, p: u[time], stationary)
+
+
+def _variational(model, arc):
+    """An arc whose states are those of `arc`, their derivatives by alpha, and the adjoint of the gap at landing."""
+    phase, n = arc.phase, len(arc.phase.states)
+
+    def field(x, p, q):
+        rates = ca.vertcat(*phase.field(x[:n], p, q))
+        jacobian = ca.jacobian(rates, ca.vertcat(*x[:n]))
+        variation, adjoint = jacobian @ ca.vertcat(*x[n : 2 * n]), -jacobian.T @ ca.vertcat(*x[2 * n :])
+        return [*ca.vertsplit(rates), *ca.vertsplit(ca.densify(variation)), *ca.vertsplit(ca.densify(adjoint))]
+
+    def start(u, before, p):
+        variation = by_launch_speed(lambda u: arc.start(u, before, p), u)
+        adjoint = [sign * w for sign, w in zip(_reversor(model), _gap_weights(model, n, p), strict=True)]
+        return [*arc.start(u, before, p), *variation, *adjoint]
+
+    states = (*phase.states, *(f"d{name}" for name in phase.states), *(f"gap by {name}" for name in phase.states))
+    return Arc(
+        Phase(phase.name, states, field),
+        start,
+        arc.duration,
+        lambda u, x, p: arc.conditions(u, x[:n], p),
+        lambda u, x, p, q: arc.guard(u, x[:n], p, q),
+    )
+
+
+def _reversor(model):
+    """The sign of each state of the simplest statement under time reversal."""
+    return model.reduction.reversor if model.reduction else model.reversor or ()
+
+
+def _gap_weights(model, n, p):
+    """Derivatives of the gap at landing by the state of the simplest statement there."""
+    if not model.reduction:
+        return list(model.gap(p).weights)
+    slope, zero = model.reduction.gap_slope, [0.0] * n
+    return [slope(0.0, [float(i == j) for j in range(n)], p) - slope(0.0, zero, p) for i in range(n)]
+
+
+def _landing_jerk(model, u, p):
+    """Third derivative of the gap at landing, which is minus that at lift-off."""
+    x = ca.SX.sym("x", len(model.flight.states))
+    rates = ca.vertcat(*model.flight.field(ca.vertsplit(x), p, []))
+    value = ca.SX(affine(model.gap(p), ca.vertsplit(x)))
+    for _ in range(3):
+        value = ca.jacobian(value, x) @ rates
+    return -ca.substitute(value, x, ca.vertcat(*model.launch(u, p)))
+
+
+def _landing_sensitivity(model, half, end, p):
+    """Derivative of the gap at the time of landing by alpha, from half the flight time and the end of the first arc."""
+    n = len(end) // 3
+    variation, adjoint = end[n : 2 * n], end[2 * n :]
+    carried = sum(a * sign * d for a, sign, d in zip(adjoint, _reversor(model), variation, strict=True))
+    return carried + (model.reduction.gap_slope(2 * half, [0.0] * n, p) if model.reduction else 0.0)
+
+
+def _loss(model, jerk, slope, u, p):
+    """C of the map alpha + d -> alpha + d - C d**(4/3), from the landing jerk and the landing sensitivity."""
+    gradient = model.flight_gradient(model.launch(u, p), p, [])
+    power = launch_power(gradient, by_launch_speed(lambda u: model.launch(u, p), u))
+    return loss_coefficient(model.impact_mass(p), -jerk, ca.fabs(slope), power)
+
+
 def expressions(
-    model: Model, names: Iterable[str], places: Sequence[Place], u: Mapping, ends: Sequence[Sequence], p: Mapping
+    model: Model, names: Sequence[str], extremes: Mapping[str, list], u: Mapping, ends: Sequence[Sequence], p: Mapping
 ) -> dict[str, Any]:
     """The quantities of these names as expressions.
 
-    places : of the extremes that they are made of
+    extremes : values of those that they are made of, by name, the first at each of their places
     u, p : the unknowns of the design statement and the parameters, scalar symbols by name
     ends : the states at the ends of the design statement's arcs, lists of scalar symbols
     """
-    names = tuple(names)
-    extremes = {name: values[0] for name, values in extreme_values(model, places, u, ends, p).items()}
-    half, contact = base_statement(model).arcs[0].duration(u, p), u["contact"]
-    jerk = landing_jerk(model, u, p)
-    values = {
-        "alpha": u["alpha"],
-        "flight_time": 2 * half,
-        "contact_time": 2 * contact,
-        "period": 2 * (half + contact),
-        "liftoff_extension": u["liftoff"],
-        "landing_jerk": jerk,
-    }
+    half, contact, jerk = base_statement(model).arcs[0].duration(u, p), u["contact"], _landing_jerk(model, u, p)
+    values = {"alpha": u["alpha"], "liftoff_extension": u["liftoff"], "landing_jerk": jerk}
+    values |= {"flight_time": 2 * half, "contact_time": 2 * contact, "period": 2 * (half + contact)}
     if any(name in VARIATIONAL for name in names):
-        slope = landing_sensitivity(model, half, ends[0], p)
-        values |= {"landing_sensitivity": slope, "loss_coefficient": loss(model, jerk, slope, u, p)}
+        slope = _landing_sensitivity(model, half, ends[0], p)
+        values |= {"landing_sensitivity": slope, "loss_coefficient": _loss(model, jerk, slope, u, p)}
     for name in names:
         if name in COMPOSITION:
-            values[name] = sum(sign * extremes[extreme] for extreme, sign in COMPOSITION[name].items())
+            values[name] = sum(sign * extremes[extreme][0] for extreme, sign in COMPOSITION[name].items())
         elif name not in values:
-            values[name] = extremes[name] - affine(height_that_rises(model, name, p), model.launch(u, p))
+            values[name] = extremes[name][0] - affine(rises(model, p)[name], model.launch(u, p))
     return {name: values[name] for name in names}

@@ -7,10 +7,9 @@ from ..model.machine import Machine, check_parameters
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
-from .extremes import locate
-from .nlp import design_point
-from .problem import Outputs, formula_names, formula_units, free_parameters, known_formula
-from .quantities import extremes_of, quantity_names
+from .nlp import DesignPoint, design_point
+from .problem import Outputs, formula_names, free_parameters, known_formula
+from .quantities import extremes_of, locate, quantity_names
 
 
 def quantities(machine: Machine, orbit: Orbit, names: Sequence[str] | None = None) -> dict[str, float]:
@@ -21,9 +20,7 @@ def quantities(machine: Machine, orbit: Orbit, names: Sequence[str] | None = Non
     names = _requested(machine, orbit, names)
     if not names:
         return {}
-    outputs = _outputs(machine, names, ())
-    values = design_point(machine, orbit, outputs, formula_units(machine)).values
-    return dict(zip(names, values.tolist(), strict=False))
+    return dict(zip(names, _formulas_at(machine, orbit, names, ()).values.tolist(), strict=False))
 
 
 def sensitivities(
@@ -55,17 +52,17 @@ def sensitivities(
     quantities = _requested(machine, orbit, quantities)
     if not quantities or not names:
         return {quantity: {} for quantity in quantities}
-    outputs = _outputs(machine, quantities, names)
     with interrupts.deferred():
-        slopes = design_point(machine, orbit, outputs, formula_units(machine)).slopes
+        slopes = _formulas_at(machine, orbit, quantities, names).slopes
     rows = zip(quantities, slopes.tolist(), strict=False)
     return {quantity: dict(zip(names, row, strict=True)) for quantity, row in rows}
 
 
-def _outputs(machine: Machine, texts: Sequence[str], over: Sequence[str]) -> Outputs:
-    """Formulas of a machine, as outputs over some of its parameters."""
+def _formulas_at(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Sequence[str]) -> DesignPoint:
+    """Formulas at an orbit, over some of the machine's parameters."""
     known = formula_names(machine)
-    return Outputs(tuple(known_formula(text, known, "the quantity") for text in texts), tuple(over))
+    formulas = tuple(known_formula(text, known, "the quantity") for text in texts)
+    return design_point(machine, orbit, Outputs(formulas, tuple(over)))
 
 
 def _requested(machine: Machine, orbit: Orbit, names: Sequence[str] | None) -> Sequence[str]:

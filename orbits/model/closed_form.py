@@ -50,8 +50,7 @@ class Oscillator:
         k = np.arange(order + 2)
         factors = (-self.square) ** (k // 2) / np.cumprod(np.maximum(k, 1.0))
         c = np.where(k % 2, states[1][:, None], states[0][:, None] - self.centre) * factors
-        v = c[:, 1:] * k[1:]
-        x = c[:, :-1]
+        x, v = c[:, :-1], c[:, 1:] * k[1:]
         x[:, 0] = states[0]
         rows = [x, v]
         for slope, value in self.watch.values():
@@ -64,10 +63,8 @@ class Oscillator:
 class ThrownOscillator:
     """The flow of an oscillator (x, v) beside a coordinate w that is thrown up under unit gravity, w'' = -1.
 
-    The states of the phase are mix @ (x, v, w, w').
-
-    mix : (4, 4)
-    apart : the inverse of `mix`, stated since a numerical inverse would carry rounding errors
+    The states of the phase are mix @ (x, v, w, w'), with `mix` (4, 4); `apart` is its inverse, stated since a numerical
+    inverse would carry rounding errors.
     """
 
     oscillator: Oscillator
@@ -97,8 +94,7 @@ class ThrownOscillator:
         """Taylor coefficients (N, order + 1) of weights . state on the motions through `states` (4, N)."""
         x, v, w, rate = np.tensordot(self.apart, states, 1)
         at_x, at_v, at_w, at_rate = np.asarray(weights) @ self.mix
-        form = self.oscillator
-        c = form.along((at_x, at_v), np.array([x, v]), order)
+        c = self.oscillator.along((at_x, at_v), np.array([x, v]), order)
         c[:, 0] += at_w * w + at_rate * rate
         c[:, 1] += at_w * rate - at_rate
         c[:, 2] -= 0.5 * at_w

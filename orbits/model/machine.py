@@ -10,35 +10,28 @@ from .model import Model, Units
 class Machine(Protocol):
     """A machine of a certain kind with certain numbers, as `problems.Hopper` makes them.
 
-    Nothing of it changes once it is made. `find`, `find_all` and `sensitivities` need all of the parts below but
-    `with_values`; `follow`, `existence`, `optimize` and `pareto` need that too, since they change parameters;
-    `ReturnMap`, `simulate` and `multiplier` need a `restitution` besides (`ImpactingMachine`). `steer` takes no machine
-    but the phases of one.
+    Nothing of it changes once it is made. `find` and `find_all` need all of the parts below but `with_values`; those
+    that vary parameters (`follow`, `existence`, `sensitivities`, `optimize`, `pareto`) need that too; `ReturnMap`,
+    `simulate` and `multiplier` need an `ImpactingMachine`. `steer` takes no machine but the phases of one.
     """
 
     @property
     def model(self) -> Model:
-        """The kind of machine. Machines that differ only in numbers share the same object, so that what is built from
-        its expressions serves them all."""
-        ...
+        """The kind of machine, one object for all that differ only in numbers: what is built from it serves them."""
 
     @property
     def values(self) -> dict[str, float]:
         """Every parameter of the model by name, in a fixed order."""
-        ...
 
     @property
     def units(self) -> Units | None:
         """What the dimensionless numbers stand for in SI; None for a machine that was stated without units."""
-        ...
 
     def with_values(self, **values: float) -> Self:
         """The same machine with other values of some parameters; raises `InputError` for what it cannot have."""
-        ...
 
     def describe(self) -> dict[str, Any]:
-        """The machine in words and numbers for JSON, with the keys of `orbits.periodic.orbit.MACHINE_FIELDS`."""
-        ...
+        """The machine in words and numbers for JSON, with the keys of `orbits.periodic.orbit_file.MACHINE_FIELDS`."""
 
 
 @runtime_checkable
@@ -48,12 +41,10 @@ class ImpactingMachine(Machine, Protocol):
     @property
     def restitution(self) -> float:
         """The coefficient of restitution."""
-        ...
 
     @property
     def rest_length(self) -> float | None:
         """The rest length of the spring; None where heights are counted from an unloaded spring of any length."""
-        ...
 
 
 def check_machine(machine: Any, *also: str) -> None:
@@ -64,8 +55,7 @@ def check_machine(machine: Any, *also: str) -> None:
 
 
 def check_parameters(machine: Machine, *names: str) -> None:
-    """Raise `InputError` where something is no machine whose parameters can be changed, or one of the names is none of
-    its parameters."""
+    """Raise `InputError` where something is no machine whose parameters can be changed, or lacks one of these names."""
     check_machine(machine, "with_values")
     free = [name for name in machine.values if name != machine.model.homotopy]
     for name in names:

@@ -1,7 +1,4 @@
-"""What a kind of machine is to the engine: its phases, and what makes a motion of them a lossless orbit.
-
-Nothing here knows a hopper.
-"""
+"""What a kind of machine is to the engine: its phases, and what makes a motion of them a lossless orbit."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -24,13 +21,11 @@ class Units:
 class Reduction:
     """A smaller statement of the same orbit, in coordinates in which fewer states are integrated.
 
-    statement : its unknowns are "liftoff" and "alpha", which are also its two states at lift-off; its one arc is the
-        flight from lift-off to the middle
+    statement : of unknowns "liftoff" and "alpha", also its two states at lift-off, with one arc, the first half flight
     reversor : sign of each of its states under time reversal
     complete : (times (N,), coefficients (N, n, K + 1), u, p) -> Taylor coefficients of all flight states; `u` and `p`
         hold one value for each of the N steps
-    gap_slope : (times (m,), dz (n, m), p) -> derivatives (m,) of the gap with respect to alpha, from the derivatives dz
-        of the reduced states
+    gap_slope : (times (m,), dz (n, m), p) -> derivatives (m,) of the gap by alpha, from those of the reduced states, dz
     exact : (family, p) -> (u, error of alpha) where the solution is known in closed form, else None
     """
 
@@ -45,16 +40,14 @@ class Reduction:
 class Model:
     """A kind of machine whose plastic contact can cost nothing; its numbers come in the mapping `p` of parameters.
 
-    A lossless cycle is a flight from the launch set to its image under the reversor, followed by a contact back to the
-    launch set. Energy is conserved in each phase. Only the gradient of the energy is asked for, so that no potential is
-    needed in closed form. Unknowns come as a mapping `u` too: "liftoff" is the extension at lift-off, "alpha" the
-    launch speed, and whatever else a launch needs has the names of the flight states. What is asked of m orbits at once
-    (launch, touchdown, gap, separation, impact_mass) is called with arrays (m,) in `u` and `p`, so it is plain
-    arithmetic that does not branch on them.
+    A lossless cycle is a flight from the launch set to its image under the reversor, then a contact back to the launch
+    set. Energy is conserved in each phase; only its gradient is asked for, so that no potential is needed in closed
+    form. Unknowns come as a mapping `u` too: "liftoff" is the extension at lift-off, "alpha" the launch speed, and what
+    else a launch needs has the names of flight states. What is asked of m orbits at once (launch, touchdown, gap,
+    separation, impact_mass) is called with arrays (m,) in `u` and `p`: plain arithmetic that does not branch on them.
 
     flight, contact : the two phases; the contact watches a quantity named "contact force"
-    launch_unknowns : names of the unknowns of a launch
-    launch : (u, p) -> flight state at lift-off
+    launch_unknowns, launch : names of the unknowns of a launch; (u, p) -> flight state at lift-off
     liftoff : (u, p, q) -> expression that vanishes where sustained contact ends
     landing : (u, x, p) -> three expressions that vanish at a lossless landing
     reversor : sign of each flight state under time reversal; None where the model has no reversor

@@ -1,8 +1,7 @@
 """Phases with their vector fields, and boundary value statements on sequences of phases.
 
-Expressions are built by plain functions of CasADi scalars. A vector field is called as ``field(x, p, q)`` with a list
-`x` of states, a mapping `p` of parameters by name and a list `q` with the data of the smooth piece that the state is
-on. It returns a list of expressions.
+Plain functions of CasADi scalars build expressions. A vector field is called as ``field(x, p, q)`` with a list `x` of
+states, a mapping `p` of parameters by name and a list `q`, the data of the smooth piece that the state is on.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,10 +16,8 @@ from .closed_form import Oscillator, ThrownOscillator
 
 @dataclass(frozen=True)
 class Affine:
-    """The function weights . x + offset of a state x (n,), with one weight for each state.
-
-    For m trajectories at once a weight or the offset may be an array (m,), as `Trajectories.series` takes them.
-    """
+    """The function weights . x + offset of a state x (n,), with one weight for each state; for m trajectories at once a
+    weight or the offset may be an array (m,), as `Trajectories.series` takes them."""
 
     weights: tuple[Any, ...]
     offset: Any = 0.0
@@ -42,8 +39,7 @@ class Pieces:
 
     coordinate : weights w (n,) of the coordinate w . x
     size : number of data values that a piece has, the `q` of the vector field
-    table : parameters -> (breakpoints (m + 1,), data (m, size)); a motion may not leave the interval between the first
-        and the last breakpoint
+    table : parameters -> (breakpoints (m + 1,), data (m, size)); a motion may not leave the interval that they span
     label : what a message calls the coordinate
     """
 
@@ -58,7 +54,7 @@ class Phase:
     """A way of moving with one vector field, which is smooth or smooth in pieces.
 
     states : names of the n states
-    field : (x, p, q) -> x', as the module describes it
+    field : (x, p, q) -> x', a list of expressions
     watch : quantities to be carried along as Taylor series, by name, each (x, p, q) -> expression
     pieces : where the vector field is smooth; None where it is smooth everywhere
     closed_form : parameters -> the exact flow of the phase, which is then used instead of integration
