@@ -1,20 +1,18 @@
 """Branch points: the other curve of orbits that goes through one."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
-from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
-from .arguments import Options, checked_options, machine_at
+from .checkpoint import collect_family
 from .corrector import correct
-from .curve import Curve, CurvePoint
+from .curve import Curve, CurvePoint, Watch, machine_at
 from .family import Family, Point
-from .follow import collect_family
-from .step_control import StepControl
+from .step_control import Options, StepControl, checked_options
 from .tracer import Tracer
 
 # The first point of the other curve may lie this many times as far away as the step across, since the two curves need
@@ -43,7 +41,7 @@ def follow_branch(
     *,
     upper: bool = True,
     at: Sequence[float] = Options.at,
-    watch: Mapping[str, Callable[[Orbit], float]] | None = None,
+    watch: Watch | None = None,
     longest: float = Options.longest,
     most: int = Options.most,
     step_control: StepControl = Options.step_control,

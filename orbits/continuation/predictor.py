@@ -33,8 +33,7 @@ def hermite(size: int, behind: int, ahead: int) -> ca.Function:
     # Differences from the first point keep every component exact that does not change along the curve.
     point = xs[:, 0]
     for i in range(count):
-        weight: ca.SX | float = 1.0
-        inverses: ca.SX | float = 0.0
+        weight, inverses = ca.SX(1.0), ca.SX(0.0)
         for j in (j for j in range(count) if j != i):
             inverse = 1 / (places[i] - places[j])
             weight *= ca.if_else(used[j], (level - places[j]) * inverse, 1.0) ** 2
@@ -46,8 +45,8 @@ def hermite(size: int, behind: int, ahead: int) -> ca.Function:
 
 
 @lru_cache(maxsize=32)
-def _mapped(size: int, behind: int, ahead: int) -> MappedFunction:
-    return MappedFunction(hermite(size, behind, ahead))
+def _mapped(*sizes: int) -> MappedFunction:
+    return MappedFunction(hermite(*sizes))
 
 
 def around(
