@@ -48,7 +48,7 @@ def collect_family(
                     file.write(json_line(line) + "\n")
                     file.flush()
             if progress and isinstance(item, CurvePoint):
-                progress(tracer.share(item.value))
+                progress((item.value - tracer.start) / (tracer.stop - tracer.start))
             interrupts.check()
     return replace(family, points=tuple(points), events=tuple(events), end=end)
 

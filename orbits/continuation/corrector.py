@@ -18,8 +18,7 @@ from .predictor import around
 
 # Motions of more Taylor steps are evaluated one by one: to build a function of so many takes longer than it saves.
 MOST_STEPS = 512
-# Neighbouring motions may take this many Taylor steps more. Where that is not enough, the number grows once by this
-# factor before motions are evaluated one by one.
+# Neighbours may take this many Taylor steps more. Where that is not enough, the number grows once by this factor.
 SPARE_STEPS, MORE = 1, 1.5
 # Points of the curve that the predictor uses for a step.
 MEMORY = 4
@@ -30,11 +29,9 @@ Counts = tuple[int, ...] | None
 Array = np.ndarray
 
 
-def newton_steps(
-    curve: Curve, xs: Array, rows: Array, targets: Array, counts: Counts = None
-) -> tuple[Array, Array, Evaluation, Counts]:
-    """Newton steps and directions as `Shooting.newton_steps`, with numbers of Taylor steps to try at the next points;
-    those of `counts` are tried at all points in one call, None evaluates motions one by one."""
+def newton_steps(curve: Curve, xs: Array, rows: Array, targets: Array, counts: Counts = None) -> tuple:
+    """Newton steps, directions and evaluation as `Shooting.newton_steps`, and numbers of Taylor steps to try at the
+    next points; those of `counts` are tried at all points in one call, None evaluates motions one by one."""
     ps, left, retry = curve.parameters_at(xs), np.arange(len(xs)), True
     found: tuple = ()
     while len(left):
@@ -75,10 +72,16 @@ def correct(curve: Curve, guess: Array, row: Array, level: float, before: Array,
 
 
 def correct_all(
-    curve: Curve, guesses: Array, rows: Array, levels: Array, before: Array, counts: Counts = None, lengths=None
+    curve: Curve,
+    guesses: Array,
+    rows: Array,
+    levels: Array,
+    before: Array,
+    counts: Counts = None,
+    gaps: Sequence = (),
 ) -> list[CurvePoint]:
     """`correct` of several guesses (m, n + 1), at levels (m,) of rows (m, n + 1), with tangents `before` (m, n + 1) and
-    lengths (m,) of the curve from the point before."""
+    `gaps` (m,), lengths of the curve from the point before."""
     xs, sizes, whole = guesses.copy(), curve.size(guesses), None
     left, last, tangents = np.arange(len(xs)), np.full(len(xs), np.inf), np.empty_like(xs)
     for _ in range(MOST_NEWTON_STEPS):
@@ -98,10 +101,10 @@ def correct_all(
     # Where the level is a value of the parameter, the point has exactly that value.
     at_value = (rows[:, -1] == 1.0) & ~rows[:, :-1].any(axis=1)
     xs[at_value, -1] = levels[at_value]
-    return _points(curve, xs, tangents, whole, before, counts, lengths)
+    return _points(curve, xs, tangents, whole, before, counts, gaps)
 
 
-def _points(curve: Curve, xs, tangents, evaluation: Evaluation, before, counts: Counts, lengths=None):
+def _points(curve: Curve, xs, tangents, evaluation: Evaluation, before, counts: Counts, lengths=()):
     """Solved points (m, n + 1) with the directions of the curve there, turned to point onward from those `before`."""
     scaled = tangents / (sizes := curve.size(xs))
     sides = np.sign(np.einsum("mi,mi->m", scaled / sizes, before))

@@ -226,9 +226,8 @@ class Curve:
 
 def interpolated(points: Sequence[CurvePoint], row: np.ndarray, levels: np.ndarray) -> np.ndarray:
     """Places (m, n + 1) at levels (m,) of the polynomial through points of a curve with their tangents."""
-    xs, tangents = np.array([point.x for point in points]), np.array([point.tangent for point in points])
-    places, rows = np.full(len(levels), len(points)), np.tile(row, (len(levels), 1))
-    return around(xs, tangents, places, len(points), 0, rows, levels)[0]
+    xs, tangents, count = np.array([p.x for p in points]), np.array([p.tangent for p in points]), len(points)
+    return around(xs, tangents, np.full(len(levels), count), count, 0, np.tile(row, (len(levels), 1)), levels)[0]
 
 
 def check_followed(machine: Machine, *names: str) -> None:

@@ -19,8 +19,7 @@ from .curve import TEST_FUNCTIONS, Curve, CurvePoint, Watch, interpolated
 
 # An event is located to this share of the chord between two points, where rounding begins to show.
 WIDTH = 1e-13
-# The equations are singular at a branch point. It is interpolated from points at this share of the chord and at twice
-# that share on either side.
+# A branch point, where the equations are singular, is interpolated from points at once and twice this share beside it.
 BRANCH_OFFSET = 0.01
 # A value of the parameter is approached from within the segment by at least this share of the chord.
 INSIDE = 1e-9
@@ -82,10 +81,9 @@ class Segment:
             guess = near.x + near.tangent * (value - near.value) / near.tangent[-1]
             near = self._correct(guess, np.eye(len(a.x))[-1], value)
         except NoOrbit:
-            # Beside a fold the value does not fix the orbit, but its place on the curve does.
             if (at_value := self.zero(lambda point: point.value - value)) is None:
                 raise
-            near = self(at_value)
+            near = self(at_value)  # beside a fold the value does not fix the orbit, but its place on the curve does
         return self.curve.certify_at(near, value)
 
     def events(self, asked: tuple[float, ...], watch: Watch) -> list[tuple[str, CurvePoint]]:

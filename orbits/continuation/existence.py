@@ -111,9 +111,8 @@ def existence(
     if not low < own < high:
         raise InputError(f"between = ({low:g}, {high:g}): the machine's own {along} = {own:g} must lie between")
     options = checked_options(longest=longest, most=most, step_control=step_control)
-    ways = [[value for value in values if (value - first) * side >= 0] for side in (-1, 1)]
-    ways = [way for way in ways if set(way) - {first}]
-    if not ways:
+    sides = [[value for value in values if (value - first) * side >= 0] for side in (-1, 1)]
+    if not (ways := [way for way in sides if set(way) - {first}]):
         raise InputError(f"values = {values}: rows differ from the machine's own {across} = {first:g}")
     follow_across = partial(
         follow, machine, across, family=family, longest=longest, most=most, step_control=step_control, method=method

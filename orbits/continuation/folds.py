@@ -47,9 +47,8 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Ar
     n, phase = len(arc.phase.states), arc.phase
 
     def field(x, p, q):
-        motion, variation = x[:n], x[n : 2 * n]
-        rates = phase.field(motion, {**p, along: x[-1]}, q)
-        return [*_with_variation(rates, motion, variation), 0 * x[-1]]
+        rates = phase.field(x[:n], {**p, along: x[-1]}, q)
+        return [*_with_variation(rates, x[:n], x[n : 2 * n]), 0 * x[-1]]
 
     def split(u, p):
         """The statement's own unknowns by name, as a list, their direction, and the parameters with the varied one."""
@@ -76,11 +75,9 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Ar
         values = arc.guard(named, x[:n], p, q)
         return _with_variation(values, [*own, *x[:n]], [*direction, *x[n : 2 * n]])
 
-    def duration(u, p):
-        return arc.duration(u, {**p, along: u[along]})
-
     states = (*phase.states, *(f"d{name}" for name in phase.states), along)
-    return Arc(Phase(phase.name, states, field), start, duration, conditions, guard)
+    doubled = Phase(phase.name, states, field)
+    return Arc(doubled, start, lambda u, p: arc.duration(u, {**p, along: u[along]}), conditions, guard)
 
 
 def _with_variation(expressions: Sequence, symbols: Sequence, direction: Sequence) -> list:
@@ -148,11 +145,10 @@ def follow_fold(
 ) -> Family:
     """Follow the fold of a family in `along` as a second parameter goes on to `stop`: a curve in two parameters.
 
-    machine : as the family was followed with
+    machine, method : as the family was followed with; method None for the simplest
     fold : the point of a "fold" event of that family
     along, across : names of the parameter that folds, and of the second one
     at, longest, most, step_control, output : as in `follow`
-    method : that of the family, "relative" or "half orbit"; None for the simplest
 
     Returns a `Family` along `across`, whose points have the value of `along` too (`column`); its "fold"s are cusps.
     """

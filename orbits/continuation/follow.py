@@ -47,7 +47,8 @@ def follow(
     machine : as in `find`
     along : name of the parameter: "mass_ratio", "rest_length", or one of the spring's or gravity's
     stop : its last value; of a pair the second, and the first is another bound, behind the start
-    start : its first value, by default the machine's own; the curve also ends here, unless there is another bound
+    start : its first value, by default the machine's own; where the curve comes back to it, it ends, unless there is
+        another bound
     orbit : the first one, or one near it, instead of the lowest of `family`
     at : values to hit exactly, each time the curve passes them
     watch : functions of the orbit whose zeros are events, by name
@@ -107,9 +108,8 @@ def bounds_of(along: str, start: float, stop: Any, at: Sequence[float] = ()) -> 
         raise InputError(f"{along} goes from {start:g} to {ahead:g}: there is no way between")
     if (behind - start) * (ahead - start) > 0:
         raise InputError(f"stop = ({behind:g}, {ahead:g}): {along} starts at {start:g}, which does not lie between")
-    for value in at:
-        if not min(behind, ahead) <= value <= max(behind, ahead):
-            raise InputError(f"at = {value:g} is not reached: {along} lies between {behind:g} and {ahead:g}")
+    if outside := [value for value in at if not min(behind, ahead) <= value <= max(behind, ahead)]:
+        raise InputError(f"at = {outside[0]:g} is not reached: {along} lies between {behind:g} and {ahead:g}")
     return behind, ahead
 
 
@@ -155,8 +155,8 @@ def _resumed(machine: Machine, along: str, behind: float, stop: float, resume: F
     _check_resumable(machine, along, behind, stop, resume)
     last, curve = resume.points[-1], Curve(machine, along, resume.settings["method"], abs(stop - behind))
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
+    row = tangent / curve.size(x) ** 2
     with interrupts.deferred():
-        row = tangent / curve.size(x) ** 2
         first = curve.certify_at(correct(curve, x, row, row @ x, tangent), last.value)
     return Tracer(curve, first, behind, stop, options, resume.points[:-1])
 

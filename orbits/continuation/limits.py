@@ -25,13 +25,11 @@ History = Sequence[tuple[float, float]]
 
 
 def limit(history: History, bounds: tuple[float, float], power: int) -> tuple[float, float] | None:
-    """The value that the parameter tends to as alpha grows (power -1) or vanishes (1), and its error; None where
-    that is not clear or lies behind or beyond a bound.
+    """The value that the parameter tends to as alpha grows (power -1) or vanishes (1), and its error; None where that
+    is not clear or lies behind or beyond a bound. `history` are alpha and value of the points of a curve, in order.
 
-    history : (alpha, value) of the points of a curve, in order
-
-    The value is extrapolated by powers of alpha from well spaced points. No number says whether the curve has a first
-    power, so the series whose last term matters less is taken.
+    The value is extrapolated by powers of alpha from well spaced points, with or without the first power: by the series
+    whose last term matters less.
     """
     alpha, value = np.array(history).T
     scale = (alpha / alpha[-1]) ** power
@@ -48,8 +46,8 @@ def limit(history: History, bounds: tuple[float, float], power: int) -> tuple[fl
 
 
 def _extrapolated(scale, value, powers: list[int], widest: float) -> tuple[float, float] | None:
-    """The error and the limit of `value` as `scale` vanishes, the error from what the last of the powers changes; None
-    where too few points lie between the last and the one at scale `widest`."""
+    """The error, from what the last power changes, and the limit of `value` as `scale` vanishes; None where too few
+    points lie between the last and the one at scale `widest`."""
     limits = []
     for count in (len(powers), len(powers) - 1):
         chosen = [int(np.abs(np.log(scale / ratio)).argmin()) for ratio in np.geomspace(1.0, widest, count)]
@@ -107,8 +105,7 @@ class Endings:
         return curve.certify_at(point, self.start) if same and onward else None
 
     def far(self, last: CurvePoint, history: History) -> End | None:
-        """The end of a curve that goes to infinity or to nothing before the parameter gets to a bound; `history` are
-        alpha and value of the points up to the last."""
+        """The end of a curve that goes to infinity or to nothing before the parameter gets to a bound."""
         orbit, first, ratio = last.point, self.origin, self.control.escape_ratio
         name, value = self.curve.along, last.value
         if last.amplification > self.control.largest_amplification:

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..symbolic.calls import MappedFunction
 
-# A point lies beyond a bend where its tangent advances along the row by less than this share of what the tangent of the
-# nearest point advances by. The interpolant must not use it.
+# A point is not used, since it lies beyond a bend, where its tangent advances along the row by less than this share of
+# what the tangent of the nearest point advances by.
 BEND = 0.3
 
 
@@ -52,9 +52,8 @@ def _mapped(*sizes: int) -> MappedFunction:
 def around(
     xs: np.ndarray, tangents: np.ndarray, i: np.ndarray, behind: int, ahead: int, rows: np.ndarray, levels: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points (q, n) at levels (q,) of rows (q, n) on the interpolants of a chain of points (c, n) with their tangents,
-    each of up to `behind` points before a place i (q,) of the chain and `ahead` from there on; and how many (q,) each
-    uses."""
+    """Points (q, n) at levels (q,) of rows (q, n) on interpolants of a chain of points (c, n) with tangents, each of up
+    to `behind` points before a place i (q,) of the chain and `ahead` from there on; and how many (q,) each uses."""
     if not len(i):
         return np.empty((0, xs.shape[1])), np.empty(0)
     indices = i[:, None] + np.arange(-behind, ahead)

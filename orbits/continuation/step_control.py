@@ -22,16 +22,17 @@ def _between(low: float, high: float, default: float) -> Any:
 class StepControl:
     """How a curve of orbits is stepped along: step sizes, acceptance of steps, and when a run gives up.
 
-    Lengths are measured along the curve in units of its own size: the parameter in shares of its whole way, each
-    unknown in shares of its value. `InputError` names a value that is out of its bounds.
+    Lengths are measured along the curve, the parameter in shares of its whole way, each unknown in shares of its value.
+    `InputError` names a value that is out of its bounds.
 
     first_step : length of the first step, and of a step that Ipopt has rescued
     shortest_step : a run ends as "stuck" when a step of this length is still rejected
     longest_step : largest length of a step, unless `longest` of `follow` is larger; the points between are interpolated
     largest_shortening, largest_lengthening : bounds on the ratio of the next step to this one
     safety : factor by which the next step stays below the estimate of the step-size control
-    target_correction : correction that step-size control aims at, divided by the root of the orbit's amplification
-    largest_correction : distance from prediction to point, as a share of the step; a larger one may be another curve's
+    target_correction : correction that step-size control aims at, divided by the root of the orbit's amplification;
+        the second Newton step is then mostly the last
+    largest_correction : distance from prediction to point, in shares of the step; a larger one may lead elsewhere
     largest_turn : angle between two neighbouring tangents, in radians
     steepest_rate : share of the parameter in the tangent above which Ipopt may solve at a fixed value of the parameter
     largest_batch : points in one batch; it is reduced to one after a rejection

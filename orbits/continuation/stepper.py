@@ -143,35 +143,30 @@ class Stepper:
         starts, parts = np.einsum("gi,gi->g", rows, xs[first:-1]), np.array([end.parts for end in chain[first + 1 :]])
         steps = np.repeat(np.arange(len(parts)), parts - 1)
         shares = np.concatenate([np.arange(1, count) / count for count in parts])
-        passed, values = np.zeros(0, int), np.zeros(0)
-        if asked and len(self.asked):
-            passed, values = self._passed(xs[first:, -1], tangents[first:, -1])
-        if len(passed):
-            along_parameter = np.tile(np.eye(n)[-1], (len(passed), 1))
-            at_values, _ = around(xs, tangents, places[passed], side, side, along_parameter, values)
-            taken = np.einsum("qi,qi->q", rows[passed], at_values) - starts[passed]
-            crowded = np.abs(shares[:, None] - taken) * parts[steps][:, None] <= self.control.separation
-            free = ~(crowded & (steps[:, None] == passed)).any(1)
-            steps, shares = steps[free], shares[free]
+        passed, values = self._passed(xs[first:, -1], tangents[first:, -1], self.asked if asked else self.asked[:0])
+        along_parameter = np.tile(np.eye(n)[-1], (len(passed), 1))
+        at_values, _ = around(xs, tangents, places[passed], side, side, along_parameter, values)
+        taken = np.einsum("qi,qi->q", rows[passed], at_values) - starts[passed]
+        crowded = np.abs(shares[:, None] - taken) * parts[steps][:, None] <= self.control.separation
+        free = ~(crowded & (steps[:, None] == passed)).any(1)
+        steps, shares = steps[free], shares[free]
         levels = starts[steps] + shares
         guesses, _ = around(xs, tangents, places[steps], side, side, rows[steps], levels)
-        regular = steps, guesses, rows[steps], levels
-        if not len(passed):
-            return regular
         order = np.lexsort((np.append(shares, taken), np.append(steps, passed)))
-        pairs = zip(regular, (passed, at_values, along_parameter, values), strict=True)
+        pairs = (steps, passed), (guesses, at_values), (rows[steps], along_parameter), (levels, values)
         return tuple(np.concatenate(pair)[order] for pair in pairs)
 
-    def _passed(self, values: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    @staticmethod
+    def _passed(values: np.ndarray, rates: np.ndarray, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The steps (h,) on which the parameter, with these values and rates at their ends, passes a value asked for
         without turning round; and that value (h,)."""
         low, high = np.minimum(values[:-1], values[1:])[:, None], np.maximum(values[:-1], values[1:])[:, None]
-        between = (low < self.asked) & (self.asked < high) & (rates[:-1] * rates[1:] > 0)[:, None]
-        steps, which = np.nonzero(between)
-        return steps, self.asked[which]
+        steps, which = np.nonzero((low < asked) & (asked < high) & (rates[:-1] * rates[1:] > 0)[:, None])
+        return steps, asked[which]
 
     def _similar(self, later: Counts, counts: Counts) -> Counts:
-        """Numbers of Taylor steps: those of the step after this one where they suffice here and are not many more."""
+        """Numbers of Taylor steps: those of the step after this one where they suffice here and are not many more, so
+        that both are solved in one call."""
         if not later or not counts or not all(map(ge, later, counts)):
             return counts
         return later if sum(later) <= self.control.similar_counts * sum(counts) else counts

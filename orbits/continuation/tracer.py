@@ -26,7 +26,7 @@ class TracerState(NamedTuple):
     """What is known of a run before its next batch."""
 
     last: CurvePoint
-    ends: Sequence[CurvePoint]  # of the last steps
+    ends: Sequence[CurvePoint]  # of the last steps, the last of them `last`
     length: float  # of the next step
     batch_size: int  # number of points to solve and certify at a time
     before: int = 0  # number of points before `last`
@@ -69,10 +69,6 @@ class Tracer:
             self._state = self._state._replace(last=first, ends=(first,))
         self.first = first
         self.endings = Endings(curve, earlier[0] if earlier else first.point, self.start, bounds, options)
-
-    def share(self, value: float) -> float:
-        """How much of the parameter's way lies before a value."""
-        return (value - self.start) / (self.stop - self.start)
 
     def __iter__(self) -> Iterator[CurvePoint | Event | End]:
         """The points of the curve, first to last, each event before the point that follows it, and the end."""
