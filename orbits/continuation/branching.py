@@ -1,24 +1,21 @@
 """Branch points: the other curve of orbits that goes through one."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
-from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
-from .arguments import Options, checked_options, machine_at
+from .checkpoint import collect_family
 from .corrector import correct
-from .curve import Curve, CurvePoint
+from .curve import Curve, CurvePoint, Watch, machine_at
 from .family import Family, Point
-from .follow import collect_family
-from .step_control import StepControl
+from .step_control import Options, StepControl, checked_options
 from .tracer import Tracer
 
-# The first point of the other curve may lie this many times as far away as the step across, since the two curves need
-# not meet at a right angle.
+# The first point of the other curve may lie this many steps away, since the curves need not meet at a right angle.
 LONGEST_FIRST_STEP = 10.0
 
 
@@ -43,7 +40,7 @@ def follow_branch(
     *,
     upper: bool = True,
     at: Sequence[float] = Options.at,
-    watch: Mapping[str, Callable[[Orbit], float]] | None = None,
+    watch: Watch | None = None,
     longest: float = Options.longest,
     most: int = Options.most,
     step_control: StepControl = Options.step_control,
@@ -52,12 +49,11 @@ def follow_branch(
 ) -> Family:
     """Follow the other curve through a branch point of a family, from a first step on.
 
-    machine, along : as the family was followed with
+    machine, along, method : as the family was followed with; method None for the simplest
     branch : the point of a "branch point" event
     stop : value of the parameter to go on to; the curve also ends where it comes back to the branch point's
     upper : whether to set out towards higher launch speeds or towards lower ones
     at, watch, longest, most, step_control, output : as in `follow`
-    method : that of the family, "relative" or "half orbit"; None for the simplest
 
     The direction is the one across the curve in which the equations do not change to first order (Keller 1977). Raises
     `NoOrbit` when no other curve goes through the point, and `InputError` when it goes away from `stop`.
@@ -77,9 +73,7 @@ def follow_branch(
         across *= np.copysign(1.0 / np.linalg.norm(across), side if upper else -side)
         step = _first_point(curve, x, across * size, across / size, step_control.first_step)
         if (step.value - branch.value) * (stop - branch.value) < 0:
-            raise InputError(
-                f"towards {'higher' if upper else 'lower'} launch speeds {along} goes to {step.value:.6g}, away from "
-                f"stop = {stop:g}: give upper = {not upper} or a stop on the other side"
-            )
+            way = f"towards {'higher' if upper else 'lower'} launch speeds {along} goes to {step.value:.6g}, away from"
+            raise InputError(f"{way} stop = {stop:g}: give upper = {not upper} or a stop on the other side")
         tracer = Tracer(curve, curve.certify(step), branch.value, stop, options)
     return collect_family(tracer, output=output)

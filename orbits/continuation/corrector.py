@@ -17,8 +17,7 @@ from .predictor import around
 
 # Motions of more Taylor steps are evaluated one by one: to build a function of so many takes longer than it saves.
 MOST_STEPS = 512
-# Neighbouring motions may take this many Taylor steps more. Where that is not enough, the number grows once by this
-# factor before motions are evaluated one by one.
+# Neighbours may take this many Taylor steps more. Where that is not enough, the number grows once by this factor.
 SPARE_STEPS, MORE = 1, 1.5
 # Points of the curve that the predictor uses for a step.
 MEMORY = 4
@@ -26,15 +25,12 @@ MEMORY = 4
 MOST_NEWTON_STEPS = 8
 
 Counts = tuple[int, ...] | None
+Array = np.ndarray
 
 
-def newton_steps(
-    curve: Curve, xs: np.ndarray, rows: np.ndarray, targets: np.ndarray, counts: Counts = None
-) -> tuple[np.ndarray, np.ndarray, Evaluation, Counts]:
-    """Newton steps and directions as `Shooting.newton_steps`, with numbers of Taylor steps to try at the next points.
-
-    counts : numbers of Taylor steps for each arc, tried at all points in one call; None evaluates motions one by one
-    """
+def newton_steps(curve: Curve, xs: Array, rows: Array, targets: Array, counts: Counts = None) -> tuple:
+    """Newton steps, directions and evaluation as `Shooting.newton_steps`, and numbers of Taylor steps to try at the
+    next points; those of `counts` are tried at all points in one call, None evaluates motions one by one."""
     ps, left, retry = curve.parameters_at(xs), np.arange(len(xs)), True
     found: tuple = ()
     while len(left):
@@ -46,7 +42,7 @@ def newton_steps(
         else:
             evaluation, enough = curve.evaluate(xs[left]), np.ones(len(left), bool)
             results = [*curve.equations.newton_steps(curve.along, evaluation, *points)]
-            counts = _room(curve, _enough(evaluation.trajectories))
+            counts = _room(curve, [motions.counts.max() + SPARE_STEPS for motions in evaluation.trajectories])
         if found and len(left) < len(xs):
             steps, directions, evaluation = found
             steps[left], directions[left] = results[:2]
@@ -55,11 +51,6 @@ def newton_steps(
             found = tuple(results)
         left = left[~enough]
     return *found, counts
-
-
-def _enough(trajectories) -> list[int]:
-    """Numbers of Taylor steps for each arc that suffice at neighbours of these motions too."""
-    return [motions.counts.max() + SPARE_STEPS for motions in trajectories]
 
 
 def _room(curve: Curve, counts) -> Counts:
@@ -73,9 +64,7 @@ def larger_counts(a: Counts, b: Counts) -> Counts:
     return tuple(map(max, a, b)) if a and b else None
 
 
-def correct(
-    curve: Curve, guess: np.ndarray, row: np.ndarray, level: float, before: np.ndarray, counts: Counts = None
-) -> CurvePoint:
+def correct(curve: Curve, guess: Array, row: Array, level: float, before: Array, counts: Counts = None) -> CurvePoint:
     """The point of the curve where row . X = level, by Newton's method from `guess`; its tangent points onward from the
     tangent `before`. Raises `NoOrbit` where Newton's method does not converge at once."""
     return correct_all(curve, guess[None], row[None], np.array([level]), before[None], counts)[0]
@@ -83,15 +72,15 @@ def correct(
 
 def correct_all(
     curve: Curve,
-    guesses: np.ndarray,
-    rows: np.ndarray,
-    levels: np.ndarray,
-    before: np.ndarray,
+    guesses: Array,
+    rows: Array,
+    levels: Array,
+    before: Array,
     counts: Counts = None,
-    lengths: Sequence[float] | None = None,
+    gaps: Sequence = (),
 ) -> list[CurvePoint]:
     """`correct` of several guesses (m, n + 1), at levels (m,) of rows (m, n + 1), with tangents `before` (m, n + 1) and
-    lengths (m,) of the curve from the point before."""
+    `gaps` (m,), lengths of the curve from the point before."""
     xs, sizes, whole = guesses.copy(), curve.size(guesses), None
     left, last, tangents = np.arange(len(xs)), np.full(len(xs), np.inf), np.empty_like(xs)
     for _ in range(MOST_NEWTON_STEPS):
@@ -111,33 +100,27 @@ def correct_all(
     # Where the level is a value of the parameter, the point has exactly that value.
     at_value = (rows[:, -1] == 1.0) & ~rows[:, :-1].any(axis=1)
     xs[at_value, -1] = levels[at_value]
-    return _points(curve, xs, tangents, whole, before, counts, lengths)
+    return _points(curve, xs, tangents, whole, before, counts, gaps)
 
 
-def _points(curve: Curve, xs, tangents, evaluation: Evaluation, before, counts: Counts, lengths=None):
+def _points(curve: Curve, xs, tangents, evaluation: Evaluation, before, counts: Counts, lengths=()):
     """Solved points (m, n + 1) with the directions of the curve there, turned to point onward from those `before`."""
-    sizes = curve.size(xs)
-    scaled = tangents / sizes
+    scaled = tangents / (sizes := curve.size(xs))
     sides = np.sign(np.einsum("mi,mi->m", scaled / sizes, before))
     tangents = tangents / (sides * np.linalg.norm(scaled, axis=1))[:, None]
     if not np.isfinite(tangents).all():
         raise NoOrbit("the curve has no direction here")
     bordered = np.concatenate([evaluation.jacobian * sizes[:, None], (tangents / sizes)[:, None]], axis=1)
-    each = zip(xs, tangents, np.linalg.det(bordered).tolist(), lengths or [0.0] * len(xs), strict=True)
-    return [
-        CurvePoint(x, tangent, test, evaluation, index, counts, length)
-        for index, (x, tangent, test, length) in enumerate(each)
-    ]
+    tests, indices = np.linalg.det(bordered).tolist(), range(len(xs))
+    each = zip(xs, tangents, tests, indices, lengths or [0.0] * len(xs), strict=True)
+    return [CurvePoint(x, tangent, test, evaluation, i, counts, length) for x, tangent, test, i, length in each]
 
 
 def predict_and_correct(
     curve: Curve, ends: Sequence[CurvePoint], length: float, value: float | None = None
-) -> tuple[CurvePoint, np.ndarray, int]:
-    """A step of given length from the last of some points, or of about that length to a given value of the parameter.
-
-    Returns the end of the step, its prediction (n + 1,), and how many of the points that is interpolated from. Raises
-    `NoOrbit` as `correct`.
-    """
+) -> tuple[CurvePoint, Array, int]:
+    """A step of given length from the last of some points, or of about that length to a given value of the parameter:
+    its end, its prediction (n + 1,), and how many of the points that is interpolated from. Raises `NoOrbit`."""
     last, missing = ends[-1], MEMORY - len(ends)
     size = curve.size(last.x)
     row = last.tangent / size**2
@@ -147,8 +130,7 @@ def predict_and_correct(
     xs, tangents = np.array([point.x for point in padded]), np.array([point.tangent for point in padded])
     counts = last.counts
     if enough := counts and _room(curve, [count + SPARE_STEPS for count in counts]):
-        points = xs, tangents, np.arange(MEMORY) >= missing, row, level
-        p = curve.parameters_at(xs[-1:])
+        points, p = (xs, tangents, np.arange(MEMORY) >= missing, row, level), curve.parameters_at(xs[-1:])
         if curve.batch and (found := curve.batch.step(enough, *points, closing, target, size, p)):
             guess, x, tangent, evaluation, used, (rests, before, moved) = found
             counts = _room(curve, [count[0] for count in used])

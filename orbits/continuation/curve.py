@@ -1,20 +1,19 @@
 """The curve of a machine's orbits along a parameter: its equations, its points, and their certificates.
 
 The curve is F(u, value) = 0, the equations that `find` solves, with their exact derivatives. A point of it is
-X = (u, value), measured in units of its own size. Many points are certified in one call, since a call for each would
-take most of the time.
+X = (u, value), measured in units of its own size. Many points are certified in one call, which is faster.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 
 import numpy as np
 
-from ..errors import NoOrbit, OrbitsError
-from ..model.machine import Machine
+from ..errors import InputError, NoOrbit, OrbitsError
+from ..model.machine import Machine, check_parameters
 from ..periodic.certificate import certify
 from ..periodic.error_bound import error_bounds
 from ..periodic.find import certified_orbit
@@ -22,28 +21,27 @@ from ..periodic.formulations import equations_of, interpret, or_none
 from ..periodic.newton import Evaluation, joined
 from ..periodic.orbit import Orbit
 from ..periodic.single_shooting import Shooting
-from .family import Point
+from .family import RESERVED_NAMES, Point
 from .newton_batch import NewtonBatch, newton_batch
 from .predictor import around
 
-# The tangent of a fold has a smaller share along the parameter. The parameter's value does not fix the orbit there, so
-# errors are measured across the curve.
+# The tangent of a fold has a smaller share along the parameter, whose value does not fix the orbit there: errors are
+# measured across the curve.
 AT_A_FOLD = 1e-3
-
+# Functions of an orbit whose zeros are events, by name.
+Watch = Mapping[str, Callable[[Orbit], float]]
 # Test functions of a certified orbit, which change their sign at the event. They give None where they are not defined.
 TEST_FUNCTIONS: dict[str, Callable[[Point], float | None]] = {
-    "grazing": lambda point: _or(1.0, point.certificate.clearance),
+    "grazing": lambda point: 1.0 if (least := point.certificate.clearance) is None else least,
     "masses touch": lambda point: point.certificate.smallest_separation,
-    "contact pulls": lambda point: (
-        None if point.contact_time is None else _or(1.0, point.certificate.smallest_contact_force)
-    ),
+    "contact pulls": lambda point: None if point.contact_time is None else _smallest_force(point),
     "landing jerk": lambda point: -point.certificate.landing_jerk,
     "collapse": lambda point: -1.0 if point.contact_time is None else 1.0,
 }
 
 
-def _or(default: float, value: float | None) -> float:
-    return default if value is None else value
+def _smallest_force(point: Point) -> float:
+    return 1.0 if (least := point.certificate.smallest_contact_force) is None else least
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +52,7 @@ class CurvePoint:
     tangent : (n + 1,), of length 1 in units of the curve's size
     branch_test : determinant of the Jacobian bordered by the tangent, which changes its sign at a branch point
     evaluation, index : the equations at several points, to first order from the last Newton step, and this one's place
-    counts : numbers of Taylor steps that suffice for each arc, as in `NewtonBatch`; None where motions are evaluated
-        one by one
+    counts : Taylor steps that suffice for each arc, as in `NewtonBatch`; None where motions are evaluated one by one
     length : length of the curve from the point before
     parts : number of points that the step ending here is divided into; 0 at a point that does not end a step
     certified : the orbit without its motion, None before it is certified
@@ -92,8 +89,7 @@ class CurvePoint:
     def signs(self) -> tuple:
         """The signs of all test functions at a certified point."""
         point = self.point
-        tests = (test(point) for test in TEST_FUNCTIONS.values())
-        sides = [test is not None and test >= 0 for test in tests]
+        sides = [(value := test(point)) is not None and value >= 0 for test in TEST_FUNCTIONS.values()]
         return self.tangent[-1] >= 0, self.branch_test >= 0, point.certificate.family, *sides
 
     def with_orbit(self, orbit: Point) -> "CurvePoint":
@@ -103,21 +99,16 @@ class CurvePoint:
 
 
 class Curve:
-    """The curve F(u, value) = 0 of a machine's orbits along one of its parameters.
-
-    span : the parameter's whole way, which is its unit
-    """
+    """The curve F(u, value) = 0 of a machine's orbits along a parameter, whose whole way `span` is its unit."""
 
     equations: Shooting
     orbits: Shooting
 
     def __init__(self, machine: Machine, along: str, method: str, span: float):
-        self.machine, self.along, self.method = machine, along, method
-        self.names = tuple(machine.values)
+        self.machine, self.along, self.method, self.span = machine, along, method, span
+        self.names, self.parameters = tuple(machine.values), np.array(list(machine.values.values()))
         self.equations = self.orbits = equations_of(machine.model, method, self.names)
         self.place = self.names.index(along)
-        self.parameters = np.array(list(machine.values.values()))
-        self.span = span
 
     def size(self, x: np.ndarray) -> np.ndarray:
         """What counts as one unit of each component at points (..., n + 1)."""
@@ -198,13 +189,12 @@ class Curve:
     def _certificates(self, points: Sequence[CurvePoint], us, ps, evaluation: Evaluation, errors) -> list[Point]:
         """The orbits at `solutions`, certified; raises `NoOrbit` about the first that cannot be."""
         model = self.machine.model
-        cases = interpret(model, self.method, self.orbits, us, ps, evaluation, errors)
-        certificates = certify(model, cases)
+        cases = with_contacts(model, interpret(model, self.method, self.orbits, us, ps, evaluation, errors))
         also = {name: cases.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
         figures = cases.u["alpha"].tolist(), cases.u["liftoff"].tolist(), cases.flight_times.tolist()
-        orbits = []
-        for point, *row in zip(points, *figures, or_none(cases.contact_times), certificates, others, strict=True):
+        columns, orbits = (*figures, or_none(cases.contact_times), certify(model, cases), others), []
+        for point, *row in zip(points, *columns, strict=True):
             *u, value = point.x.tolist()
             orbits.append(Point(value, tuple(u), tuple(point.tangent.tolist()), *row))
         return orbits
@@ -235,6 +225,25 @@ class Curve:
 
 def interpolated(points: Sequence[CurvePoint], row: np.ndarray, levels: np.ndarray) -> np.ndarray:
     """Places (m, n + 1) at levels (m,) of the polynomial through points of a curve with their tangents."""
-    xs, tangents = np.array([point.x for point in points]), np.array([point.tangent for point in points])
-    places, rows = np.full(len(levels), len(points)), np.tile(row, (len(levels), 1))
-    return around(xs, tangents, places, len(points), 0, rows, levels)[0]
+    xs, tangents, count = np.array([p.x for p in points]), np.array([p.tangent for p in points]), len(points)
+    return around(xs, tangents, np.full(len(levels), count), count, 0, np.tile(row, (len(levels), 1)), levels)[0]
+
+
+def check_followed(machine: Machine, *names: str) -> None:
+    """Raise `InputError` for a name that is none of the machine's parameters, or that a table of orbits has already."""
+    check_parameters(machine, *names)
+    for name in names:
+        if name in RESERVED_NAMES:
+            raise InputError(f"a parameter called '{name}' cannot be told from the orbit's own; give it another name")
+
+
+def machine_at(machine: Machine, point: Point, along: str, method: str | None) -> tuple[Machine, str]:
+    """The machine at a point of its family along a parameter, and the method: the simplest when None is given."""
+    check_followed(machine, along)
+    if not isinstance(point, Point):
+        raise InputError("where to begin is the `point` of a family's event")
+    machine = machine.with_values(**{along: point.value})
+    method = method or ("relative" if machine.model.reduction else "half orbit")
+    if len(point.u) != equations_of(machine.model, method, tuple(machine.values)).size:
+        raise InputError("this point was found by another method; give that method")
+    return machine, method

@@ -4,7 +4,7 @@ A test function changes its sign at an event: those of orbits (`curve.TEST_FUNCT
 parameter's share of the tangent at a fold, and the determinant of the bordered Jacobian at a branch point.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -15,12 +15,11 @@ from ..errors import InputError, NoOrbit, OrbitsError, finite_number
 from ..numerics.roots import bracketed_root
 from ..periodic.orbit import Orbit
 from .corrector import correct, larger_counts
-from .curve import TEST_FUNCTIONS, Curve, CurvePoint, interpolated
+from .curve import TEST_FUNCTIONS, Curve, CurvePoint, Watch, interpolated
 
 # An event is located to this share of the chord between two points, where rounding begins to show.
 WIDTH = 1e-13
-# The equations are singular at a branch point. It is interpolated from points at this share of the chord and at twice
-# that share on either side.
+# A branch point, where the equations are singular, is interpolated from points at once and twice this share beside it.
 BRANCH_OFFSET = 0.01
 # A value of the parameter is approached from within the segment by at least this share of the chord.
 INSIDE = 1e-9
@@ -39,33 +38,21 @@ class Segment:
         chord = (self.b.x - self.a.x) / size
         return chord / (chord @ chord) / size
 
-    @property
-    def start(self) -> float:
-        """The level of the row at the first point."""
-        return float(self.row @ self.a.x)
-
     def __call__(self, share: float) -> CurvePoint:
         """The curve at a share of the chord, not certified between the ends."""
         if share in (0.0, 1.0):
             return (self.a, self.b)[int(share)]
-        level = self.start + share
+        level = float(self.row @ self.a.x) + share
         (guess,) = interpolated((self.a, self.b), self.row, np.array([level]))
         return self._correct(guess, self.row, level)
 
     def _correct(self, guess: np.ndarray, row: np.ndarray, level: float) -> CurvePoint:
-        counts = larger_counts(self.a.counts, self.b.counts)
-        return correct(self.curve, guess, row, level, self.a.tangent, counts)
+        return correct(self.curve, guess, row, level, self.a.tangent, larger_counts(self.a.counts, self.b.counts))
 
     def sheets(self) -> list["Segment"]:
-        """The segment up to its fold and the one from there on; itself where it has none."""
-        if self.fold is None:
-            return [self]
-        fold = self(self.fold)
-        return [Segment(self.curve, self.a, fold), Segment(self.curve, fold, self.b)]
-
-    def reaches(self, value: float) -> bool:
-        """Whether the parameter has a value somewhere from end to end."""
-        return min(self.a.value, self.b.value) <= value <= max(self.a.value, self.b.value)
+        """The segments between the ends and a fold between them."""
+        points = [self.a, *([] if self.fold is None else [self(self.fold)]), self.b]
+        return [Segment(self.curve, a, b) for a, b in pairwise(points)]
 
     @cached_property
     def fold(self) -> float | None:
@@ -94,52 +81,46 @@ class Segment:
             guess = near.x + near.tangent * (value - near.value) / near.tangent[-1]
             near = self._correct(guess, np.eye(len(a.x))[-1], value)
         except NoOrbit:
-            # Beside a fold the value does not fix the orbit, but its place on the curve does.
             if (at_value := self.zero(lambda point: point.value - value)) is None:
                 raise
-            near = self(at_value)
+            near = self(at_value)  # beside a fold the value does not fix the orbit, but its place on the curve does
         return self.curve.certify_at(near, value)
 
-    def events(
-        self, asked: tuple[float, ...], watch: Mapping[str, Callable[[Orbit], float]]
-    ) -> list[tuple[str, CurvePoint]]:
+    def events(self, asked: tuple[float, ...], watch: Watch) -> list[tuple[str, CurvePoint]]:
         """The events by kind and point, in order along the curve; `asked` are values of the parameter to stop at."""
         if not watch and self.a.signs == self.b.signs and not self._passed(asked):
             return []
-        located: list[tuple[str, float, CurvePoint]] = []
-        for kind, share, point in self._sign_changes(watch):
-            located.append((kind, share, point if point.certified else self.curve.certify(point)))
+        located = [(kind, share, self._certified(point)) for kind, share, point in self._sign_changes(watch)]
         turns = [0.0, *([] if self.fold is None else [self.fold]), 1.0]
-        for low, high in pairwise(turns):
-            part = Segment(self.curve, self(low), self(high)) if len(turns) > 2 else self
-            first, last = part.a.value, part.b.value
+        for (low, high), part in zip(pairwise(turns), self.sheets(), strict=True):
             for value in part._passed(asked):
-                share = low + (high - low) * (value - first) / (last - first)
+                share = low + (high - low) * (value - part.a.value) / (part.b.value - part.a.value)
                 located.append(("asked", share, part.point_at(value)))
         return [(kind, point) for kind, _, point in sorted(located, key=lambda event: event[1])]
 
-    def _sign_changes(self, watch: Mapping[str, Callable[[Orbit], float]]) -> Iterator[tuple[str, float, CurvePoint]]:
+    def _certified(self, point: CurvePoint) -> CurvePoint:
+        return point if point.certified else self.curve.certify(point)
+
+    def _sign_changes(self, watch: Watch) -> Iterator[tuple[str, float, CurvePoint]]:
         """The kinds of events whose test functions change their sign, with share and point."""
         if self.fold is not None:
             yield "fold", self.fold, self(self.fold)
         if branch := self._branch_point():
             yield "branch point", *branch
         for kind in ("family", *TEST_FUNCTIONS, *watch):
-            share = self.zero(partial(self._test, kind, watch))
-            if share is not None:
+            if (share := self.zero(partial(self._test, kind, watch))) is not None:
                 yield kind, share, self(share)
 
     def _branch_point(self) -> tuple[float, CurvePoint] | None:
-        """The share and point of a branch point, None without one. Its error is measured without the direction in which
-        the Jacobian is singular."""
-        share = self.zero(lambda point: point.branch_test, BRANCH_OFFSET)
-        if share is None:
+        """The share and point of a branch point; its error is measured without the Jacobian's singular direction."""
+        if (share := self.zero(lambda point: point.branch_test, BRANCH_OFFSET)) is None:
             return None
         beside = [self(share + side * BRANCH_OFFSET) for side in (-2, -1, 1, 2)]
-        shares = np.array([self.row @ point.x - self.start for point in beside])
+        start = float(self.row @ self.a.x)
+        shares = np.array([self.row @ point.x - start for point in beside])
         tests = np.vander([point.branch_test for point in beside], increasing=True)
         share = float(np.linalg.solve(tests, shares)[0])
-        (x,) = interpolated(beside, self.row, np.array([self.start + share]))
+        (x,) = interpolated(beside, self.row, np.array([start + share]))
         evaluation, size = self.curve.evaluate(x[None]), self.curve.size(x)
         u, s, v = np.linalg.svd(evaluation.jacobian[0] * size)
         s[-1] = s[0]
@@ -152,9 +133,9 @@ class Segment:
         low, high = sorted((self.a.value, self.b.value))
         return [value for value in asked if low < value < high]
 
-    def _test(self, kind: str, watch: Mapping[str, Callable[[Orbit], float]], point: CurvePoint) -> float | None:
+    def _test(self, kind: str, watch: Watch, point: CurvePoint) -> float | None:
         """The test function of an event, at a point that is certified for it."""
-        point = point if point.certified else self.curve.certify(point)
+        point = self._certified(point)
         if kind == "family":
             return 1.0 if point.point.family == self.a.point.family else -1.0
         if kind in TEST_FUNCTIONS:
@@ -169,12 +150,10 @@ def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: 
         value = function(orbit)
     except (OrbitsError, ZeroDivisionError):
         return None
-    if value is None:
-        return None
     if isinstance(value, bool | np.bool_):
         return 1.0 if value else -1.0
     try:
-        return finite_number(name, value)
+        return None if value is None else finite_number(name, value)
     except InputError:
         reason = f"watch '{name}' gives {value!r} at alpha = {orbit.alpha:.6g}: it must give a finite number"
         raise InputError(reason) from None

@@ -9,11 +9,13 @@ import numpy as np
 
 from ..errors import InputError, finite_number
 from ..model.machine import Machine
-from .arguments import Options, check_followed, checked_options, machine_at
-from .curve import Curve
+from .checkpoint import collect_family
+from .curve import Curve, check_followed, machine_at
 from .family import Family
-from .follow import collect_family, follow, start_tracer
-from .step_control import StepControl
+from .follow import follow, start_tracer
+from .step_control import Options, StepControl, checked_options
+
+Stretch = tuple[float, float, bool]
 
 
 @dataclass(frozen=True)
@@ -32,15 +34,13 @@ class Existence:
     rows: tuple[tuple[Family, ...], ...]
     spine: tuple[Family, ...]
 
-    def stretches(self, row: int) -> Iterator[tuple[float, float, bool]]:
+    def stretches(self, row: int) -> Iterator[Stretch]:
         """Where a row has orbits: (from, to, whether they are motions), to rounding; sheets may overlap."""
-        for family in self.rows[row]:
-            yield from stretches(family)
+        return (stretch for family in self.rows[row] for stretch in stretches(family))
 
     def unknown(self, row: int) -> bool:
         """Whether a row may be incomplete: one of its families was cut short or lost, or the spine did not reach it."""
-        families = self.rows[row] or self.spine
-        return any(family.end.kind in ("stopped", "stuck") for family in families)
+        return any(family.end.kind in ("stopped", "stuck") for family in self.rows[row] or self.spine)
 
     def motions(self, row: int) -> list[tuple[float, float]]:
         """The intervals on which a row has an orbit that is a motion, ascending and apart."""
@@ -58,7 +58,7 @@ class Existence:
         return plot_existence(self, axes)
 
 
-def stretches(family: Family) -> Iterator[tuple[float, float, bool]]:
+def stretches(family: Family) -> Iterator[Stretch]:
     """The stretches of a family's parameter on which it has orbits, each with whether they are motions.
 
     A stretch ends at a fold, or at an event from which on the orbits become motions or cease to be.
@@ -111,9 +111,8 @@ def existence(
     if not low < own < high:
         raise InputError(f"between = ({low:g}, {high:g}): the machine's own {along} = {own:g} must lie between")
     options = checked_options(longest=longest, most=most, step_control=step_control)
-    ways = [[value for value in values if (value - first) * side >= 0] for side in (-1, 1)]
-    ways = [way for way in ways if set(way) - {first}]
-    if not ways:
+    sides = [[value for value in values if (value - first) * side >= 0] for side in (-1, 1)]
+    if not (ways := [way for way in sides if set(way) - {first}]):
         raise InputError(f"values = {values}: rows differ from the machine's own {across} = {first:g}")
     follow_across = partial(
         follow, machine, across, family=family, longest=longest, most=most, step_control=step_control, method=method
@@ -132,10 +131,9 @@ def _row(machine, spine, value, across, along, bounds: tuple[float, float], opti
         if any(other.alpha == point.alpha for family in families for other in family.at(own)):
             continue
         there, method = machine_at(machine, point, across, method)
-        for behind, stop in (bounds[::-1], bounds):
+        for way in (bounds[::-1], bounds):
             curve = Curve(there, along, method, bounds[1] - bounds[0])
-            tracer = start_tracer(curve, np.array([*point.u, own]), own, behind, stop, options)
-            families.append(collect_family(tracer))
+            families.append(collect_family(start_tracer(curve, np.array([*point.u, own]), own, *way, options)))
             if families[-1].end.kind == "closed":  # the other way round would give the same
                 break
     return tuple(families)

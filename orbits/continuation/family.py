@@ -17,25 +17,12 @@ FAMILY_FORMAT = "persistent-orbits family 1"
 # Endings of the files that a family is saved to; the first two are lines of JSON.
 ENDINGS = (".jsonl", ".json", ".csv", ".nc")
 # Columns of a table of points, after the parameter's own.
-COLUMNS = (
-    "alpha",
-    "liftoff_extension",
-    "flight_time",
-    "contact_time",
-    "admissible",
-    "error",
-    "residual",
-    "energy_drift",
-    "family",
-    "clearance",
-    "smallest_separation",
-    "smallest_contact_force",
-    "largest_contact_force",
-    "landing_jerk",
-    "loss_coefficient",
-    "stable_side",
-)
-
+MOTION_COLUMNS = ("alpha", "liftoff_extension", "flight_time", "contact_time", "admissible")
+CHECK_COLUMNS = ("error", "residual", "energy_drift", "family", "clearance", "smallest_separation")
+CONTACT_COLUMNS = ("smallest_contact_force", "largest_contact_force", "landing_jerk", "loss_coefficient")
+COLUMNS = (*MOTION_COLUMNS, *CHECK_COLUMNS, *CONTACT_COLUMNS, "stable_side")
+# The columns that are numbers.
+NUMBERS = COLUMNS[:-1]
 # Names that no parameter can have, since it stands beside these in a table or a document.
 RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point")
 
@@ -74,7 +61,7 @@ class Point:
     def row(self) -> dict[str, Any]:
         """The columns of a table at this point, ready for JSON."""
         figures = {name: getattr(self, name) for name in COLUMNS}
-        return {**self.also, **figures, "violations": list(self.certificate.violations)}
+        return {**self.also, **figures, "violations": list(self.violations)}
 
 
 @dataclass(frozen=True)
@@ -138,13 +125,11 @@ class Family:
         return np.array([self.quantity(point, name) for point in self.points])
 
     def quantity(self, point: Point, name: str) -> float:
-        """A quantity at one of the points, NaN where the orbit does not have it; raises `InputError` for an unknown
-        name."""
-        numbers = [self.name, *point.also, *(column for column in COLUMNS if column != "stable_side")]
+        """A quantity at a point, NaN where the orbit does not have it; raises `InputError` for an unknown name."""
+        numbers = [self.name, *point.also, *NUMBERS]
         if name not in (*numbers, "value"):
             raise InputError(f"a family's orbits have no quantity '{name}'; they have {', '.join(numbers)}")
-        name = "value" if name == self.name else name
-        value = point.also[name] if name in point.also else getattr(point, name)
+        value = point.also[name] if name in point.also else getattr(point, "value" if name == self.name else name)
         return np.nan if value is None else float(value)
 
     def at(self, value: float) -> list[Point]:
@@ -155,39 +140,27 @@ class Family:
     def document(self) -> dict[str, Any]:
         """The family as the JSON document of the command line."""
         points = [{self.name: point.value, **point.row()} for point in self.points]
-        events = [
-            {"kind": event.kind, "after": event.after, self.name: event.point.value, **event.point.row()}
-            for event in self.events
-        ]
+        located = [{self.name: event.point.value, **event.point.row()} for event in self.events]
+        events = [{"kind": e.kind, "after": e.after, **row} for e, row in zip(self.events, located, strict=True)]
         end = {key: value for key, value in asdict(self.end).items() if value is not None}
-        return {
-            "machine": self.machine,
-            "along": self.name,
-            "points": points,
-            "events": events,
-            "end": end,
-            "settings": self.settings,
-            "versions": self.versions,
-        }
+        whole = {"machine": self.machine, "along": self.name, "points": points, "events": events, "end": end}
+        return {**whole, "settings": self.settings, "versions": self.versions}
 
     def __str__(self) -> str:
         if not self.points:
             return f"a family along {self.name} without orbits: {self.end.kind}, {self.end.reason}"
-        m, c = self.machine, self.column("alpha")
-        lines = [
-            f"family {self.points[0].family} of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}, "
-            f"along {self.name}: {len(self)} orbits",
-            f"  {self.name:<12} {self.points[0].value:.12g} to {self.points[-1].value:.12g}, alpha {c[0]:.10g} to "
-            f"{c[-1]:.10g}",
-            f"  largest error {max(point.error for point in self.points):.1e}, "
-            f"admissible {sum(point.admissible for point in self.points)} of {len(self)}",
-        ]
+        m, c, first = self.machine, self.column("alpha"), self.points[0]
+        head = f"family {first.family} of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}"
+        way = f"{first.value:.12g} to {self.points[-1].value:.12g}, alpha {c[0]:.10g} to {c[-1]:.10g}"
+        error, admissible = max(point.error for point in self), sum(point.admissible for point in self)
+        lines = [f"{head}, along {self.name}: {len(self)} orbits", f"  {self.name:<12} {way}"]
+        lines.append(f"  largest error {error:.1e}, admissible {admissible} of {len(self)}")
         for event in self.events:
             lines.append(f"  {event.kind:<14}{self.name} = {event.point.value:.15g}, alpha = {event.point.alpha:.15g}")
-        limit = ""
+        end = f"  end: {self.end.kind}, {self.end.reason}"
         if self.end.limit is not None:
-            limit = f", {self.name} tends to {self.end.limit:.8g} (about {self.end.limit_error:.0e} off)"
-        return "\n".join([*lines, f"  end: {self.end.kind}, {self.end.reason}{limit}"])
+            end += f", {self.name} tends to {self.end.limit:.8g} (about {self.end.limit_error:.0e} off)"
+        return "\n".join([*lines, end])
 
     def plot(self, axes: Any = None, quantity: str = "alpha", label: str | None = None) -> Any:
         """Plot a quantity against the parameter; returns the axes. See `orbits.plot.plot_family`."""
@@ -225,8 +198,7 @@ class Family:
     def load(cls, path: str | Path) -> "Family":
         """Read a family that `save` or an interrupted `follow` wrote; a last line that was cut short is left out."""
         try:
-            # The file may have been cut within a character.
-            lines = Path(path).read_bytes().decode(errors="replace").splitlines()
+            lines = Path(path).read_bytes().decode(errors="replace").splitlines()  # it may be cut within a character
             head = json.loads(lines[0])
             if head["format"] != FAMILY_FORMAT:
                 raise ValueError(f"format {head['format']!r}, expected {FAMILY_FORMAT!r}")
@@ -246,8 +218,8 @@ class Family:
                     events.append(Event(event["kind"], event["after"], _point(event["point"])))
                 else:
                     end = End(**item["end"])
-            names = {"machine": head["machine"], "settings": head["settings"], "versions": head["versions"]}
-            return cls(head["along"], points=tuple(points), events=tuple(events), end=end, **names)
+            found, about = (tuple(points), tuple(events), end), (head["settings"], head["versions"])
+            return cls(head["along"], head["machine"], *found, *about)
         except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
             raise InputError(f"{path} is not a saved family: {error}") from None
 
@@ -264,16 +236,10 @@ class Family:
             import xarray
         except ImportError:
             raise InputError("NetCDF needs xarray: install persistent-orbits[data], or save as .json or .csv") from None
-        numbers = [name for name in COLUMNS if name != "stable_side"]
         also = self.points[0].also if self.points else ()
-        data = {name: ("point", self.column(name)) for name in (*also, *numbers)}
-        attributes = {
-            "machine": to_json(self.machine),
-            "settings": to_json(self.settings),
-            "versions": to_json(self.versions),
-            "events": to_json([asdict(event) for event in self.events]),
-            "end": to_json(asdict(self.end)),
-        }
+        data = {name: ("point", self.column(name)) for name in (*also, *NUMBERS)}
+        attributes = {name: to_json(getattr(self, name)) for name in ("machine", "settings", "versions")}
+        attributes |= {"events": to_json([asdict(event) for event in self.events]), "end": to_json(asdict(self.end))}
         return xarray.Dataset(data, {self.name: ("point", self.column("value"))}, attributes)
 
 
@@ -283,8 +249,6 @@ def json_line(item: Point | Event | End) -> str:
 
 
 def _point(data: dict) -> Point:
-    certificate = data.pop("certificate")
-    certificate["violations"] = tuple(certificate["violations"])
-    return Point(
-        **{**data, "u": tuple(data["u"]), "tangent": tuple(data["tangent"])}, certificate=Certificate(**certificate)
-    )
+    certificate = data["certificate"]
+    certificate = Certificate(**{**certificate, "violations": tuple(certificate["violations"])})
+    return Point(**{**data, "u": tuple(data["u"]), "tangent": tuple(data["tangent"]), "certificate": certificate})

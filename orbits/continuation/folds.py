@@ -18,11 +18,11 @@ from ..model.phase import Arc, Phase, Statement
 from ..periodic.formulations import columns
 from ..periodic.newton import Evaluation
 from ..periodic.single_shooting import shooting_equations
-from .arguments import Options, check_followed, checked_options, machine_at
-from .curve import Curve, CurvePoint
+from .checkpoint import collect_family
+from .curve import Curve, CurvePoint, check_followed, machine_at
 from .family import Family, Point
-from .follow import collect_family, start_tracer
-from .step_control import StepControl
+from .follow import bounds_of, start_tracer
+from .step_control import Options, StepControl, checked_options
 
 
 @lru_cache(maxsize=64)
@@ -35,24 +35,20 @@ def fold_statement(statement: Statement, along: str) -> Statement:
     """
     if any(arc.phase.pieces for arc in statement.arcs):
         raise InputError("a fold of a piecewise law cannot be followed: it has no second derivatives everywhere")
-    directions = tuple(f"d{name}" for name in statement.unknowns if name != "alpha")
-    arcs, before = [], 0
-    for arc in statement.arcs:
-        arcs.append(_doubled(arc, statement.unknowns, along, before))
-        before = len(arc.phase.states)
+    directions = (f"d{name}" for name in statement.unknowns if name != "alpha")
+    before = (0, *(len(arc.phase.states) for arc in statement.arcs))
+    arcs = tuple(_doubled(arc, statement.unknowns, along, n) for arc, n in zip(statement.arcs, before, strict=False))
     unknowns = (*statement.unknowns, *directions, along)
-    return Statement(f"fold of the {statement.name}", unknowns, tuple(arcs), statement.durations)
+    return Statement(f"fold of the {statement.name}", unknowns, arcs, statement.durations)
 
 
 def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Arc:
-    """An arc whose states are the motion, its variation, and the parameter, which is constant; on the arc before it the
-    motion has `before` states."""
+    """An arc whose states are motion, variation and parameter; the motion on the arc before it has `before` states."""
     n, phase = len(arc.phase.states), arc.phase
 
     def field(x, p, q):
-        motion, variation = x[:n], x[n : 2 * n]
-        rates = phase.field(motion, {**p, along: x[-1]}, q)
-        return [*_with_variation(rates, motion, variation), 0 * x[-1]]
+        rates = phase.field(x[:n], {**p, along: x[-1]}, q)
+        return [*_with_variation(rates, x[:n], x[n : 2 * n]), 0 * x[-1]]
 
     def split(u, p):
         """The statement's own unknowns by name, as a list, their direction, and the parameters with the varied one."""
@@ -79,17 +75,14 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Ar
         values = arc.guard(named, x[:n], p, q)
         return _with_variation(values, [*own, *x[:n]], [*direction, *x[n : 2 * n]])
 
-    def duration(u, p):
-        return arc.duration(u, {**p, along: u[along]})
-
     states = (*phase.states, *(f"d{name}" for name in phase.states), along)
-    return Arc(Phase(phase.name, states, field), start, duration, conditions, guard)
+    doubled = Phase(phase.name, states, field)
+    return Arc(doubled, start, lambda u, p: arc.duration(u, {**p, along: u[along]}), conditions, guard)
 
 
 def _with_variation(expressions: Sequence, symbols: Sequence, direction: Sequence) -> list:
     """Expressions, and after them their derivatives in a direction of the symbols that they are made of."""
-    values = ca.vertcat(*expressions)
-    if values.numel() == 0:
+    if (values := ca.vertcat(*expressions)).numel() == 0:
         return []
     derivatives = ca.densify(ca.jacobian(values, ca.vertcat(*symbols)) @ ca.vertcat(*direction))
     return [*ca.vertsplit(values), *ca.vertsplit(derivatives)]
@@ -115,10 +108,9 @@ class _FoldCurve(Curve):
         return values
 
     def size(self, x: np.ndarray) -> np.ndarray:
-        """The unknowns as on any curve, their directions in units for a change of alpha by its size, and the parameter
-        that folds by itself, since it has units of its own."""
-        n = len(self.orbits.statement.unknowns)
-        index = self.orbits.statement.unknowns.index("alpha")
+        """The unknowns as on any curve, their directions for a change of alpha by its size, the folding parameter."""
+        unknowns = self.orbits.statement.unknowns
+        n, index = len(unknowns), unknowns.index("alpha")
         size = super().size(np.concatenate([x[..., :n], x[..., -1:]], axis=-1))
         directions = np.delete(size[..., :-1], index, axis=-1) / size[..., [index]]
         folded = np.maximum(np.abs(x[..., -2:-1]), self.least)
@@ -153,11 +145,10 @@ def follow_fold(
 ) -> Family:
     """Follow the fold of a family in `along` as a second parameter goes on to `stop`: a curve in two parameters.
 
-    machine : as the family was followed with
+    machine, method : as the family was followed with; method None for the simplest
     fold : the point of a "fold" event of that family
     along, across : names of the parameter that folds, and of the second one
     at, longest, most, step_control, output : as in `follow`
-    method : that of the family, "relative" or "half orbit"; None for the simplest
 
     Returns a `Family` along `across`, whose points have the value of `along` too (`column`); its "fold"s are cusps.
     """
@@ -166,8 +157,7 @@ def follow_fold(
         raise InputError(f"the fold in '{along}' is followed along another parameter")
     machine, method = machine_at(machine, fold, along, method)
     start, stop = machine.values[across], finite_number("stop", stop)
-    if stop == start:
-        raise InputError(f"{across} goes from {start:g} to {stop:g}: there is no way between")
+    bounds_of(across, start, stop)
     curve = _FoldCurve(machine, along, across, method, abs(stop - start))
     names, tangent = curve.orbits.statement.unknowns, np.array(fold.tangent[:-1])
     alpha = tangent[names.index("alpha")]

@@ -1,6 +1,6 @@
 """Follow a family of lossless orbits along a parameter, past folds, to its end, and keep it as it grows."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -12,26 +12,27 @@ from ..model.machine import Machine
 from ..periodic.find import another_family, solve_family, solve_near
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
-from .arguments import Options, bounds_of, check_followed, checked_options, machine_at
-from .checkpoint import Checkpoint
+from .checkpoint import collect_family
 from .corrector import correct
-from .curve import Curve, CurvePoint
+from .curve import Curve, CurvePoint, Watch, check_followed, machine_at
 from .events import watched
 from .family import End, Event, Family, Point
-from .step_control import StepControl
+from .step_control import Options, StepControl, checked_options
 from .tracer import Tracer
+
+Stop = float | tuple[float, float]
 
 
 def follow(
     machine: Machine,
     along: str,
-    stop: float | tuple[float, float],
+    stop: Stop,
     start: float | None = None,
     family: int = 1,
     *,
     orbit: Orbit | None = None,
     at: Sequence[float] = Options.at,
-    watch: Mapping[str, Callable[[Orbit], float]] | None = None,
+    watch: Watch | None = None,
     longest: float = Options.longest,
     most: int = Options.most,
     stop_inadmissible: bool = Options.stop_inadmissible,
@@ -46,8 +47,8 @@ def follow(
     machine : as in `find`
     along : name of the parameter: "mass_ratio", "rest_length", or one of the spring's or gravity's
     stop : its last value; of a pair the second, and the first is another bound, behind the start
-    start : its first value, by default the machine's own; where a fold brings the curve back here it ends too, unless
-        there is another bound
+    start : its first value, by default the machine's own; where the curve comes back to it, it ends, unless there is
+        another bound
     orbit : the first one, or one near it, instead of the lowest of `family`
     at : values to hit exactly, each time the curve passes them
     watch : functions of the orbit whose zeros are events, by name
@@ -68,29 +69,8 @@ def follow(
     return collect_family(tracer, resume, output, progress)
 
 
-def collect_family(
-    tracer: Tracer,
-    resume: Family | None = None,
-    output: str | Path | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Family:
-    """The family that a run finds; the others as in `follow`."""
-    with Checkpoint(tracer, resume, output) as checkpoint, interrupts.deferred():
-        for item in tracer:
-            checkpoint.add(item)
-            if progress and isinstance(item, CurvePoint):
-                progress(tracer.share(item.value))
-            interrupts.check()
-        return checkpoint.whole()
-
-
 def trace(
-    machine: Machine,
-    along: str,
-    stop: float | tuple[float, float],
-    start: float | None = None,
-    family: int = 1,
-    **options: Any,
+    machine: Machine, along: str, stop: Stop, start: float | None = None, family: int = 1, **options: Any
 ) -> Iterator[Orbit | Event | End]:
     """The orbits of a family one by one, as `follow` finds them: `Orbit`s, each `Event` before the orbit that comes
     after it, and the `End` last. The options are those of `follow`, from `orbit` to `method`."""
@@ -99,30 +79,38 @@ def trace(
     if unknown := options.keys() - set(known):
         raise InputError(f"trace has no option '{min(unknown)}'; it knows orbit, {', '.join(known)} and method")
     tracer = _begin(machine, along, start, stop, family, orbit, method, checked_options(**options), None)
-    items = _interruptible(tracer)
-    return (tracer.curve.orbit(item) if isinstance(item, CurvePoint) else item for item in items)
+    return (tracer.curve.orbit(item) if isinstance(item, CurvePoint) else item for item in _interruptible(tracer))
 
 
 def _interruptible(tracer: Tracer) -> Iterator[CurvePoint | Event | End]:
     """The items of a run; an interrupt is raised between two of them."""
-    items = iter(tracer)
-    while True:
+    items, item = iter(tracer), None
+    while not isinstance(item, End):
         with interrupts.deferred():
-            item = next(items, None)
-        if item is None:
-            return
+            item = next(items)
         yield item
 
 
 def orbit_at(machine: Machine, point: Point, along: str, method: str | None = None) -> Orbit:
-    """The whole orbit at a point of a family, with its motion.
-
-    machine, along : as the family was followed with; `method` that of the family, None for the simplest
-    """
+    """The whole orbit at a point of a family, with its motion; machine, parameter and method are those that the family
+    was followed with, the simplest method where None is given."""
     machine, method = machine_at(machine, point, along, method)
     curve, x, row = Curve(machine, along, method, 1.0), np.array([*point.u, point.value]), np.array(point.tangent)
     with interrupts.deferred():
         return curve.orbit(curve.certify_at(correct(curve, x, row, row @ x, row), point.value))
+
+
+def bounds_of(along: str, start: float, stop: Any, at: Sequence[float] = ()) -> tuple[float, float]:
+    """The bounds behind the start and ahead of it, of which `stop` states one or both; the values `at` lie between."""
+    behind, ahead = stop if isinstance(stop, tuple | list) and len(stop) == 2 else (start, stop)
+    behind, ahead = finite_number("stop", behind), finite_number("stop", ahead)
+    if start == ahead:
+        raise InputError(f"{along} goes from {start:g} to {ahead:g}: there is no way between")
+    if (behind - start) * (ahead - start) > 0:
+        raise InputError(f"stop = ({behind:g}, {ahead:g}): {along} starts at {start:g}, which does not lie between")
+    if outside := [value for value in at if not min(behind, ahead) <= value <= max(behind, ahead)]:
+        raise InputError(f"at = {outside[0]:g} is not reached: {along} lies between {behind:g} and {ahead:g}")
+    return behind, ahead
 
 
 def _begin(machine, along, start, stop, family, orbit, method, options: Options, resume: Family | None) -> Tracer:
@@ -137,10 +125,8 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
     machine = machine.with_values(**{along: start})
     if resume is not None:
         if (family, method or resume.settings["method"]) != (resume.settings["family"], resume.settings["method"]):
-            raise InputError(
-                f"the family to resume is number {resume.settings['family']}, by the method "
-                f"'{resume.settings['method']}': ask for the same"
-            )
+            which = f"number {resume.settings['family']}, by the method '{resume.settings['method']}'"
+            raise InputError(f"the family to resume is {which}: ask for the same")
         return _resumed(machine, along, behind, stop, resume, options)
     with interrupts.deferred():
         family = 1 if family is None else family
@@ -167,11 +153,10 @@ def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop:
 def _resumed(machine: Machine, along: str, behind: float, stop: float, resume: Family, options: Options) -> Tracer:
     """A run from the last point of a family, in the direction that it was going."""
     _check_resumable(machine, along, behind, stop, resume)
-    last = resume.points[-1]
-    curve = Curve(machine, along, resume.settings["method"], abs(stop - behind))
+    last, curve = resume.points[-1], Curve(machine, along, resume.settings["method"], abs(stop - behind))
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
+    row = tangent / curve.size(x) ** 2
     with interrupts.deferred():
-        row = tangent / curve.size(x) ** 2
         first = curve.certify_at(correct(curve, x, row, row @ x, tangent), last.value)
     return Tracer(curve, first, behind, stop, options, resume.points[:-1])
 
@@ -183,17 +168,15 @@ def _check_resumable(machine: Machine, along: str, behind: float, stop: float, r
         mine.pop(name, None), theirs.pop(name, None)
     others = {k: v for k, v in resume.machine["parameters"].items() if k != along}
     if along != resume.name or mine != theirs or any(machine.values[name] != value for name, value in others.items()):
-        raise InputError(
-            f"the family to resume is of another machine or parameter: {resume.machine} along {resume.name}"
-        )
+        whose = f"{resume.machine} along {resume.name}"
+        raise InputError(f"the family to resume is of another machine or parameter: {whose}")
     if not resume.points:
         raise InputError("the family to resume has no points: start it anew")
     if resume.end.kind == "closed":
         raise InputError("the family to resume has closed: there is nothing to go on to")
     last = resume.points[-1]
     if not min(behind, stop) <= last.value <= max(behind, stop):
-        raise InputError(
-            f"the family to resume has got to {along} = {last.value:g}, not between {behind:g} and {stop:g}"
-        )
+        place = f"{along} = {last.value:g}, not between {behind:g} and {stop:g}"
+        raise InputError(f"the family to resume has got to {place}")
     if (last.value - stop) * (stop - behind) >= 0 and last.tangent[-1] * (stop - behind) > 0:
         raise InputError(f"the family to resume has reached {along} = {stop:g} already")

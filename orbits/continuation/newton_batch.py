@@ -29,24 +29,14 @@ EVALUATED = "duration", "transition", "start", "longer", "holds", "c", "dc", "le
 SOLVED = "end", "transition", "start", "longer", "holds", "c", "nodes", "lengths"
 
 
-@lru_cache(maxsize=64)
-def newton_batch(equations: Shooting, vary: str) -> "NewtonBatch":
-    """The equations at many points, kept for the next call with the same equations."""
-    return NewtonBatch(equations, vary)
-
-
 class NewtonBatch:
-    """The equations F(X) = 0 of the unknowns and a varied parameter, X = (u, value), for statements with smooth arcs.
-
-    `counts` are numbers of Taylor steps, one for each arc; `ps` and `p` are the parameters, of which the varied one is
-    replaced by the last entry of X.
-    """
+    """The equations F(X) = 0 of the unknowns and a varied parameter, X = (u, value), for statements with smooth arcs:
+    `counts` are numbers of Taylor steps for each, `ps` and `p` parameters, the varied one taken from X instead."""
 
     def __init__(self, equations: Shooting, vary: str):
-        self.equations, self.vary = equations, vary
-        self.index = equations.parameters.index(vary)
-        # By numbers of Taylor steps and by which flows are compiled: the evaluation, and its calls by the number of
-        # points that a step is predicted from, which is 0 for Newton steps alone.
+        self.equations, self.vary, self.index = equations, vary, equations.parameters.index(vary)
+        # By numbers of Taylor steps and compiled flows: the evaluation, and its calls by the number of points that a
+        # step is predicted from, which is 0 for Newton steps alone.
         self._built: dict[tuple, tuple[ca.Function, dict[int, MappedFunction]]] = {}
 
     def newton_steps(self, counts, xs, ps, rows, targets) -> tuple:
@@ -75,7 +65,6 @@ class NewtonBatch:
 
     def _call(self, memory: int, counts: tuple[int, ...], *arguments) -> list[np.ndarray]:
         """The results of `_newton_function`, or of `_step_function` where `memory` points are predicted from."""
-        # Smooth arcs have Taylor steppers.
         steppers: tuple[Any, ...] = tuple(flow.stepper(flow.size + 1, (self.index,)) for flow in self.equations.flows)
         for stepper, count in zip(steppers, counts, strict=True):
             stepper.count_steps(count * len(arguments[0]))
@@ -93,8 +82,7 @@ class NewtonBatch:
     def _unpacked(self, counts, results) -> tuple:
         """The results of `newton_steps` from those of `_newton_function`."""
         vectors, enough, residual, jacobian, *rest = results
-        arcs, used, size = [], [], len(vectors)
-        enough = (enough[:, 0, 0] > 0) & np.isfinite(vectors).all((1, 2))
+        arcs, used, size, enough = [], [], len(vectors), (enough[:, 0, 0] > 0) & np.isfinite(vectors).all((1, 2))
         for flow, count, arc in zip(self.equations.flows, counts, _arcs(rest, SOLVED), strict=True):
             n, lengths = flow.size, arc["lengths"][:, 0]
             taken = lengths > 0
@@ -117,16 +105,15 @@ class NewtonBatch:
 
     def _evaluation_function(self, counts: tuple[int, ...], steppers: tuple) -> ca.Function:
         """The equations and their derivatives by so many Taylor steps, (x (n + 1,), p) -> residual (n,), jacobian
-        (n, n + 1), whether the steps suffice, and for each arc the outputs that `EVALUATED` names."""
+        (n, n + 1), whether the steps suffice, and for each arc `EVALUATED`."""
         equations, n = self.equations, self.equations.size
         du, dp, own, seeds = (ca.DM(x) if isinstance(x, np.ndarray) else x for x in equations.seeds((self.vary,)))
         x, p = ca.MX.sym("x", n + 1), ca.MX.sym("p", len(equations.parameters))
         u, q = x[:-1], self._parameters(p, x[-1])
         last, dlast = ca.MX(0, 1), ca.MX(0, n + 1)
         residuals, jacobians, enough, results = [], [], [], []
-        for flow, count, stepper, (depart, arrive), (dx, dq) in zip(
-            equations.flows, counts, steppers, equations.ends, seeds, strict=True
-        ):
+        arcs = zip(equations.flows, counts, steppers, equations.ends, seeds, strict=True)
+        for flow, count, stepper, (depart, arrive), (dx, dq) in arcs:
             size, (value, slope) = flow.size, depart.function(u, last, q)
             dvalue = slope @ ca.vertcat(du, dlast, dp)
             start, duration, dstart, longer = value[:-1], value[-1], ca.vertcat(dvalue[:-1, :], own), dvalue[-1, :]
@@ -139,16 +126,14 @@ class NewtonBatch:
             residuals.append(holds)
             jacobians.append(slope @ ca.vertcat(du, dstart[:size, :], dend, dp))
             enough += [duration > 0, left == 0]
-            at_end = slope[:, n + size : n + 2 * size]
-            results += [duration, transition, dstart, longer, at_end, c, dc, made[0, :]]
+            results += [duration, transition, dstart, longer, slope[:, n + size : n + 2 * size], c, dc, made[0, :]]
             last, dlast = end, dend
         results = [ca.vertcat(*residuals), ca.vertcat(*jacobians), ca.mmin(ca.vertcat(*enough)), *results]
         return dense("evaluation", [x, p], results)
 
     def _newton_function(self, counts: tuple[int, ...], evaluation: ca.Function) -> ca.Function:
-        """A Newton step, (x (n + 1,), row (n + 1,), target, p) -> the step and the direction of the curve (n + 1, 2),
-        whether the Taylor steps suffice, the residual (n,) where the step leads, jacobian (n, n + 1), and for each arc
-        the outputs that `SOLVED` names."""
+        """A Newton step, (x (n + 1,), row (n + 1,), target, p) -> step and direction of the curve (n + 1, 2), whether
+        the Taylor steps suffice, residual (n,) where the step leads, jacobian (n, n + 1), and for each arc `SOLVED`."""
         equations, n = self.equations, self.equations.size + 1
         x, p = ca.MX.sym("x", n), ca.MX.sym("p", evaluation.size1_in(1))
         row, target = ca.MX.sym("row", n), ca.MX.sym("target")
@@ -171,9 +156,8 @@ class NewtonBatch:
 
     @staticmethod
     def _step_function(memory: int, evaluation: ca.Function, newton: ca.Function) -> ca.Function:
-        """`step` from `memory` points, its arguments in their order -> the prediction and where the Newton steps lead
-        (n + 1, 2); the number of points that the prediction is interpolated from, the lengths of both Newton steps, and
-        whether the Taylor steps suffice for the first (4,); and the results of `_newton_function`."""
+        """`step` from `memory` points -> the prediction and where the Newton steps lead (n + 1, 2); (4,): how many
+        points are used, both steps' lengths, whether the Taylor steps suffice for the first; results of the second."""
         n, p = evaluation.size1_in(0), ca.MX.sym("p", evaluation.size1_in(1))
         xs, tangents, known = ca.MX.sym("x", n, memory), ca.MX.sym("d", n, memory), ca.MX.sym("k", memory)
         row, level, closing, target = ca.MX.sym("r", n), ca.MX.sym("l"), ca.MX.sym("c", n), ca.MX.sym("t")
@@ -188,6 +172,10 @@ class NewtonBatch:
         places, numbers = ca.horzcat(guess, guess + first + second), ca.vertcat(rests, *lengths, enough)
         arguments = [xs, tangents, known, row, level, closing, target, size, p]
         return dense("step", arguments, [places, numbers, step_and_direction, *results])
+
+
+# The equations at many points, kept for the next call with the same equations.
+newton_batch = lru_cache(maxsize=64)(NewtonBatch)
 
 
 def _arcs(results: Sequence, names: tuple[str, ...]) -> list[dict]:

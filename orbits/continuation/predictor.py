@@ -10,8 +10,8 @@ import numpy as np
 
 from ..symbolic.calls import MappedFunction
 
-# A point lies beyond a bend where its tangent advances along the row by less than this share of what the tangent of the
-# nearest point advances by. The interpolant must not use it.
+# A point is not used, since it lies beyond a bend, where its tangent advances along the row by less than this share of
+# what the tangent of the nearest point advances by.
 BEND = 0.3
 
 
@@ -33,8 +33,7 @@ def hermite(size: int, behind: int, ahead: int) -> ca.Function:
     # Differences from the first point keep every component exact that does not change along the curve.
     point = xs[:, 0]
     for i in range(count):
-        weight: ca.SX | float = 1.0
-        inverses: ca.SX | float = 0.0
+        weight, inverses = ca.SX(1.0), ca.SX(0.0)
         for j in (j for j in range(count) if j != i):
             inverse = 1 / (places[i] - places[j])
             weight *= ca.if_else(used[j], (level - places[j]) * inverse, 1.0) ** 2
@@ -46,16 +45,15 @@ def hermite(size: int, behind: int, ahead: int) -> ca.Function:
 
 
 @lru_cache(maxsize=32)
-def _mapped(size: int, behind: int, ahead: int) -> MappedFunction:
-    return MappedFunction(hermite(size, behind, ahead))
+def _mapped(*sizes: int) -> MappedFunction:
+    return MappedFunction(hermite(*sizes))
 
 
 def around(
     xs: np.ndarray, tangents: np.ndarray, i: np.ndarray, behind: int, ahead: int, rows: np.ndarray, levels: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points (q, n) at levels (q,) of rows (q, n) on the interpolants of a chain of points (c, n) with their tangents,
-    each of up to `behind` points before a place i (q,) of the chain and `ahead` from there on; and how many (q,) each
-    uses."""
+    """Points (q, n) at levels (q,) of rows (q, n) on interpolants of a chain of points (c, n) with tangents, each of up
+    to `behind` points before a place i (q,) of the chain and `ahead` from there on; and how many (q,) each uses."""
     if not len(i):
         return np.empty((0, xs.shape[1])), np.empty(0)
     indices = i[:, None] + np.arange(-behind, ahead)

@@ -1,9 +1,16 @@
-"""The constants of step-size control and of the tests that accept or reject what a run finds."""
+"""What a run is asked for, and the constants of step-size control and of the tests that accept or reject points."""
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from ..errors import InputError, finite_number, whole_number
+from .curve import TEST_FUNCTIONS, Watch
+
+# Events that are no test function's, whose names the functions of a user cannot have.
+OTHER_EVENTS = ("fold", "branch point", "family", "asked")
+# The largest step is at least this many times as long as the shortest, so that step-size control has some play.
+LEAST_PLAY = 10
 
 
 def _between(low: float, high: float, default: float) -> Any:
@@ -15,33 +22,24 @@ def _between(low: float, high: float, default: float) -> Any:
 class StepControl:
     """How a curve of orbits is stepped along: step sizes, acceptance of steps, and when a run gives up.
 
-    Lengths are measured along the curve in units of its own size: the parameter in shares of its whole way, each
-    unknown in shares of its value. The defaults serve every curve in the tests. `InputError` names a value that is out
-    of its bounds.
+    Lengths are measured along the curve, the parameter in shares of its whole way, each unknown in shares of its value.
+    `InputError` names a value that is out of its bounds.
 
-    Step size
     first_step : length of the first step, and of a step that Ipopt has rescued
     shortest_step : a run ends as "stuck" when a step of this length is still rejected
     longest_step : largest length of a step, unless `longest` of `follow` is larger; the points between are interpolated
     largest_shortening, largest_lengthening : bounds on the ratio of the next step to this one
     safety : factor by which the next step stays below the estimate of the step-size control
-    target_correction : correction that the step-size control aims at, divided by the root of the orbit's amplification;
+    target_correction : correction that step-size control aims at, divided by the root of the orbit's amplification;
         the second Newton step is then mostly the last
-
-    Acceptance of a step
-    largest_correction : distance from the prediction to the point, as a share of the step; a larger one may have led to
-        another curve
+    largest_correction : distance from prediction to point, in shares of the step; a larger one may lead elsewhere
     largest_turn : angle between two neighbouring tangents, in radians
     steepest_rate : share of the parameter in the tangent above which Ipopt may solve at a fixed value of the parameter
-
-    Points solved and certified at a time
     largest_batch : points in one batch; it is reduced to one after a rejection
     batch_growth : factor by which a batch grows after each one without a rejection
     similar_counts : points are solved in one call when that needs at most this many times their own Taylor steps
     neighbours : ends of steps on either side that the points between two of them are interpolated from
     separation : least distance of a regular point from a value asked for, as a share of the points' distance
-
-    End of a run
     most_rejections : a run ends after so many rejections, each of which is offset by `recovery` accepted points
     recovery : accepted points that offset one rejection
     largest_amplification : growth of a small change over the motion beyond which rounding decides about the orbit
@@ -82,10 +80,42 @@ class StepControl:
             if not low <= finite_number(name, value) <= high:
                 raise InputError(f"{name} = {value:g}: it lies between {low:g} and {high:g}")
         if not self.shortest_step < self.first_step <= self.longest_step:
-            raise InputError(
-                f"step_control.first_step = {self.first_step:g}: it lies between shortest_step = "
-                f"{self.shortest_step:g} and longest_step = {self.longest_step:g}"
-            )
+            bounds = f"shortest_step = {self.shortest_step:g} and longest_step = {self.longest_step:g}"
+            raise InputError(f"step_control.first_step = {self.first_step:g}: it lies between {bounds}")
 
 
 DEFAULT_CONTROL = StepControl()
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a run is asked for, as in `follow`."""
+
+    at: tuple[float, ...] = ()
+    watch: Watch = field(default_factory=dict)
+    longest: float = 0.02
+    most: int = 10_000
+    stop_inadmissible: bool = False
+    step_control: StepControl = DEFAULT_CONTROL
+
+
+def checked_options(*args: Any, **options: Any) -> Options:
+    """The `Options` of these values, where `watch` may be None; raises `InputError` for what cannot be meant."""
+    asked = Options(*args, **options)
+    at, watch, longest = asked.at, {} if asked.watch is None else asked.watch, asked.longest
+    if not isinstance(at, Iterable) or isinstance(at, str):
+        raise InputError(f"at = {at!r}; it is a list of values")
+    if not isinstance(watch, Mapping):
+        raise InputError(f"watch = {watch!r}; it is a mapping of names to functions of the orbit")
+    if not isinstance(asked.step_control, StepControl):
+        raise InputError(f"step_control = {asked.step_control!r}; it is a StepControl")
+    at = tuple(sorted({finite_number("at", value) for value in at}))
+    shortest = LEAST_PLAY * asked.step_control.shortest_step
+    if not shortest <= finite_number("longest", longest) <= 1:
+        raise InputError(f"longest = {longest:g}; a step is a share of the way, from {shortest:g} to 1")
+    most = whole_number("most", asked.most, "points")
+    for name, function in watch.items():
+        if not callable(function) or name in (*TEST_FUNCTIONS, *OTHER_EVENTS):
+            raise InputError(f"watch '{name}' is a function of the orbit, under a name of its own")
+    stops = bool(asked.stop_inadmissible)
+    return replace(asked, at=at, watch=dict(watch), longest=float(longest), most=most, stop_inadmissible=stops)
