@@ -8,7 +8,7 @@ from .continuation.follow import follow, orbit_at, trace
 from .continuation.step_control import StepControl
 from .control.rollout import Control
 from .control.stage import Input, Stage
-from .control.steer import steer
+from .control.steer import Guess, steer
 from .design.optimality import Active, Design
 from .design.optimize import optimize
 from .design.pareto import Front, pareto
@@ -31,8 +31,7 @@ __all__ = [
     "METHODS", "Active", "Affine", "Arc", "Certificate", "Control", "Design", "End", "Event", "Existence", "Family",
     "FixedPoint", "FlowError", "Front", "Guess", "Hops", "Input", "InputError", "Machine", "Model", "NoOrbit",
     "Orbit", "OrbitsError", "Oscillator", "OutOfRange", "Phase", "Pieces", "Point", "Reduction", "ReturnMap",
-    "Simulation", "Stage", "Statement", "StepControl", "Units", "__version__",
-    "existence", "find", "find_all", "fold_statement",
-    "follow", "follow_branch", "follow_fold", "multiplier", "optimize", "orbit_at", "pareto", "quantities",
-    "sensitivities", "simulate", "steer", "trace",
+    "Simulation", "Stage", "Statement", "StepControl", "Units", "__version__", "existence", "find", "find_all",
+    "fold_statement", "follow", "follow_branch", "follow_fold", "multiplier", "optimize", "orbit_at", "pareto",
+    "quantities", "sensitivities", "simulate", "steer", "trace",
 ]  # fmt: skip

@@ -153,6 +153,28 @@ def test_a_top_level_name_means_one_thing():
 SAME_IN_EACH = {"__all__", "__getattr__", "Event", "NAMED", "formula", "function", "linear", "STATES"}
 
 
+def public_functions(tree: ast.Module):
+    """The public functions of a module, and the public methods of its public classes."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            yield node
+        elif isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            for member in node.body:
+                if isinstance(member, ast.FunctionDef) and (
+                    not member.name.startswith("_") or member.name == "__call__"
+                ):
+                    yield member
+
+
+@pytest.mark.parametrize("path", ENGINE, ids=name_of)
+def test_public_functions_are_typed(path):
+    for function in public_functions(ast.parse(path.read_text(encoding="utf-8"))):
+        arguments = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
+        bare = [a.arg for a in arguments if a.annotation is None and a.arg not in ("self", "cls")]
+        assert not bare, f"{function.name}: {', '.join(bare)}"
+        assert function.returns is not None, function.name
+
+
 @pytest.mark.parametrize("path", ENGINE, ids=name_of)
 def test_the_engine_knows_no_machine(path):
     words = path.read_text(encoding="utf-8").lower()

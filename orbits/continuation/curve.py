@@ -189,7 +189,7 @@ class Curve:
     def _certificates(self, points: Sequence[CurvePoint], us, ps, evaluation: Evaluation, errors) -> list[Point]:
         """The orbits at `solutions`, certified; raises `NoOrbit` about the first that cannot be."""
         model = self.machine.model
-        cases = with_contacts(model, interpret(model, self.method, self.orbits, us, ps, evaluation, errors))
+        cases = interpret(model, self.method, self.orbits, us, ps, evaluation, errors)
         also = {name: cases.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
         figures = cases.u["alpha"].tolist(), cases.u["liftoff"].tolist(), cases.flight_times.tolist()
