@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import NoOrbit
+from ..numerics.roots import Array
 from ..periodic.newton import STALLED_RATIO, Evaluation, settles
 from ..symbolic.calls import room_for
 from .curve import Curve, CurvePoint
@@ -25,7 +26,6 @@ MEMORY = 4
 MOST_NEWTON_STEPS = 8
 
 Counts = tuple[int, ...] | None
-Array = np.ndarray
 
 
 def newton_steps(curve: Curve, xs: Array, rows: Array, targets: Array, counts: Counts = None) -> tuple:

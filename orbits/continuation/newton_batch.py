@@ -13,6 +13,7 @@ import numpy as np
 
 from ..flow.taylor import LONGEST_STEP
 from ..flow.trajectory import Trajectories
+from ..numerics.roots import Array
 from ..periodic.newton import Evaluation
 from ..periodic.single_shooting import Shooting, dense
 from ..symbolic.calls import MappedFunction
@@ -39,7 +40,7 @@ class NewtonBatch:
         # step is predicted from, which is 0 for Newton steps alone.
         self._built: dict[tuple, tuple[ca.Function, dict[int, MappedFunction]]] = {}
 
-    def newton_steps(self, counts, xs, ps, rows, targets) -> tuple:
+    def newton_steps(self, counts: tuple[int, ...], xs: Array, ps: Array, rows: Array, targets: Array) -> tuple:
         """As `Shooting.newton_steps`; for which points (m,) the Taylor steps suffice; and for each arc how many (m,) it
         takes, those included that are tried in vain."""
         return self._unpacked(counts, self._call(0, counts, xs, rows, targets[:, None], ps))

@@ -121,7 +121,7 @@ def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:
         whole_number(f"{where}: degree of input '{name}'", given.degree, "powers", 0)
 
 
-def check_range(what: str, bounds) -> tuple[float, float]:
+def check_range(what: str, bounds: Any) -> tuple[float, float]:
     """The two bounds, in order; raises `InputError`."""
     if not isinstance(bounds, tuple | list) or len(bounds) != 2 or not all(isinstance(one, Real) for one in bounds):
         raise InputError(f"{what}: bounds are a lowest and a highest number, not {bounds!r}")

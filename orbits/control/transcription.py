@@ -178,7 +178,7 @@ class Transcription:
         """The cost of unknowns, with `p` as in `minimise`."""
         return float(self._minimiser.conditions(x, p, 0.0)[0])
 
-    def minimise(self, x: np.ndarray, p: np.ndarray, bounds, multipliers: Multipliers | None) -> Minimum:
+    def minimise(self, x: np.ndarray, p: np.ndarray, bounds: tuple, multipliers: Multipliers | None) -> Minimum:
         """The minimum near `x`; `p` holds the given parameters, the shares of the exchange points, and the cost's unit,
         and the iteration starts from the `multipliers` of a minimum nearby, or cold."""
         least, most = np.array(self._limits).T

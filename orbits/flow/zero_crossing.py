@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import FlowError
+from ..model.closed_form import Oscillator, ThrownOscillator
 from ..model.phase import Affine
 from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate
 from ..symbolic import interrupts
@@ -109,7 +110,7 @@ class ZeroSearch:
         self.times, self.rows = np.full(count, np.nan), np.full((count, len(self.dynamics.names)), np.nan)
         self.failed: dict[int, FlowError] = {}
 
-    def in_closed_form(self, form) -> None:
+    def in_closed_form(self, form: Oscillator | ThrownOscillator) -> None:
         """Search motions in closed form."""
         length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), 0.0
         while len(remaining):

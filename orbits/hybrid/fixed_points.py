@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from itertools import count
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import FlowError, NoOrbit, whole_number
 from ..flow.flow import flow_of
@@ -163,8 +164,8 @@ def _all_orbits(impacts: Impacts, reduction: Reduction, low: float, high: float)
             continue
 
 
-def within(values: np.ndarray, edges) -> np.ndarray:
+def within(values: np.ndarray, edges: ArrayLike) -> np.ndarray:
     """Whether values (m,) lie in one of several intervals that ascend and do not overlap."""
-    edges = np.reshape(edges, (-1, 2))
-    i = np.searchsorted(edges[:, 0], values, side="right") - 1
-    return (i >= 0) & (values <= edges[i, 1]) if len(edges) else np.zeros(len(values), bool)
+    pairs = np.reshape(edges, (-1, 2))
+    i = np.searchsorted(pairs[:, 0], values, side="right") - 1
+    return (i >= 0) & (values <= pairs[i, 1]) if len(pairs) else np.zeros(len(values), bool)
