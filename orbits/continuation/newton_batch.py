@@ -45,9 +45,10 @@ class NewtonBatch:
         takes, those included that are tried in vain."""
         return self._unpacked(counts, self._call(0, counts, xs, rows, targets[:, None], ps))
 
-    def step(self, counts, xs, tangents, known, row, level, closing, target, size, p):
+    def step(self, counts: tuple[int, ...], *arguments: Any) -> tuple | None:
         """A step along the curve: a prediction from points (c, n + 1) of it, and two Newton steps.
 
+        arguments : xs, tangents, known, row, level, closing, target, size, p
         xs, tangents, known, row, level : the arguments of `hermite`, with all points behind
         closing, target : the row (n + 1,) and level that close the equations
         size : (n + 1,), the units of the lengths of the Newton steps
@@ -56,8 +57,7 @@ class NewtonBatch:
         Taylor steps there as from `newton_steps`; and the number of points that the prediction is interpolated from,
         with the lengths of both Newton steps. None where the motion takes more Taylor steps.
         """
-        arguments = xs, tangents, known, row, level, closing, target, size, p
-        places, numbers, *results = self._call(len(xs), counts, *(np.reshape(a, (1, -1)) for a in arguments))
+        places, numbers, *results = self._call(len(arguments[0]), counts, *(np.reshape(a, (1, -1)) for a in arguments))
         _, directions, evaluation, enough, used = self._unpacked(counts, results)
         rests, before, last, also_enough = numbers[0, :, 0].tolist()
         if not (enough[0] and also_enough):
