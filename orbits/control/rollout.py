@@ -140,7 +140,7 @@ class StageRollout:
         return float((np.abs(self.nodes - nodes) / (1.0 + np.abs(nodes).max(1, keepdims=True))).max())
 
     @cached_property
-    def _minima(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def minima(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Of each path expression the minimum (N,) on each interval, and the share (N,) of it at which that lies."""
         counts, h, found = np.bincount(self.interval), self.path.times[-1] / self.stage.intervals, {}
         first = np.cumsum(counts) - counts
@@ -152,16 +152,12 @@ class StageRollout:
     @property
     def violation(self) -> float:
         """The most by which a path expression falls below zero, or an input leaves its bounds."""
-        return max([self.overstepped, 0.0, *(-float(values.min()) for values, _ in self._minima.values())])
-
-    def low(self, tolerance: float) -> list[str]:
-        """Names of the path expressions that fall below zero by more than the tolerance."""
-        return [name for name, (values, _) in self._minima.items() if values.min() < -tolerance]
+        return max([self.overstepped, 0.0, *(-float(values.min()) for values, _ in self.minima.values())])
 
     def dips(self, tolerance: float) -> list[tuple[int, float]]:
         """Intervals, and shares of them, where a path expression falls below zero by more than the tolerance."""
-        minima = self._minima.values()
-        return sorted({(int(i), float(t[i])) for values, t in minima for i in np.flatnonzero(values < -tolerance)})
+        below = ((t, np.flatnonzero(values < -tolerance)) for values, t in self.minima.values())
+        return sorted({(int(i), float(t[i])) for t, where in below for i in where})
 
 
 @dataclass(frozen=True)

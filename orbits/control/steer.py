@@ -30,22 +30,14 @@ RUNAWAY_DURATION = 1e3
 
 @dataclass(frozen=True, kw_only=True)
 class SteerOptions:
-    """The limits of the search for a controlled motion.
+    """The limits of the search for a controlled motion."""
 
-    rounds : solves after which it is given up, each after an exchange, a halving of steps, or a new unit of the cost
-    substeps : most steps in an interval
-    halvings : halvings of all intervals after which the cost has to settle
-    finest_tolerance : least tolerance of a solution; below it rounding decides whether it is met
-    smallest_scaled_cost : the cost is solved for in a unit in which it lies between this and one over this
-    negligible_cost : a cost below this is zero, and has no unit
-    """
-
-    rounds: int = 30
-    substeps: int = 64
-    halvings: int = 8
-    finest_tolerance: float = 1e-13
-    smallest_scaled_cost: float = 0.1
-    negligible_cost: float = 1e-20
+    rounds: int = 30  # solves, each after an exchange, a halving of steps, or a new unit of the cost
+    substeps: int = 64  # most steps in an interval
+    halvings: int = 8  # halvings of all intervals after which the cost has to settle
+    finest_tolerance: float = 1e-13  # below this rounding decides whether a tolerance is met
+    smallest_scaled_cost: float = 0.1  # in its unit the cost lies between this and one over this
+    negligible_cost: float = 1e-20  # a cost below this is zero, and has no unit
 
     def needs_unit(self, cost: float, unit: float = 1.0) -> bool:
         """Whether a cost has a size that is not of order one in a unit."""
@@ -162,7 +154,8 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) 
         current = finer
     if motion is None:
         raise NoOrbit("the cost does not settle to an order of magnitude; bound the inputs, or round the cost")
-    names = [name for of in motion.stages for name in of.low(tolerance)][:1]
+    minima = [item for of in motion.stages for item in of.minima.items()]
+    names = [name for name, (values, _) in minima if values.min() < -tolerance][:1]
     low = "".join(f": {name} still falls below zero between interval ends" for name in names)
     raise NoOrbit(
         f"the motion does not settle to {tolerance:.0e}, it is off by {max(motion.error, motion.violation):.1e} after "

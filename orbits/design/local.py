@@ -26,8 +26,6 @@ from .quantities import base_statement
 # The cost of a nonlinear program is the objective, with the constraints held; or the violations and a little of the
 # objective, until the constraints are met; or the violations alone, to see whether they can be met at all.
 OBJECTIVE, PENALISED, FEASIBILITY = Weights(1.0, 0.0), Weights(1e-3, 1.0), Weights(0.0, 1.0)
-
-
 # Nonlinear programs solved from one start, at most.
 MOST_ROUNDS = 25
 # Smallest trust region, as a share of the parameters' range.
@@ -52,8 +50,6 @@ STILL = 1e-3
 
 class Unbounded(NoOrbit):
     """The objective gets better without bound."""
-
-    size = 0.0
 
 
 class Infeasible(NoOrbit):

@@ -21,17 +21,7 @@ from ..periodic.multiple_shooting import MeshTrajectory, ShootingMesh, trajector
 from ..periodic.orbit import Orbit
 from ..symbolic.ipopt import Minimiser, Minimum
 from .problem import Outputs
-from .quantities import (
-    ABSENT,
-    DIMENSIONS,
-    VARIATIONAL,
-    Place,
-    design_statement,
-    expressions,
-    extreme_values,
-    extremes_of,
-    locate,
-)
+from .quantities import ABSENT, DIMENSIONS, Place, expressions, extreme_values, extremes_of, locate
 
 # What is demanded of a motion stays this far above zero, in the machine's units: a motion that just touches is refused.
 DEMAND_MARGIN = 1e-9
@@ -74,9 +64,9 @@ class DesignProgram:
     def __init__(
         self, model: Model, names: tuple[str, ...], outputs: Outputs, places: tuple[Place, ...], counts: tuple[int, ...]
     ):
-        self.outputs = outputs
-        self.quantities = outputs.quantities(model, dict.fromkeys(names, 1.0))
-        statement = design_statement(model, any(name in VARIATIONAL for name in self.quantities), places)
+        ones = dict.fromkeys(names, 1.0)
+        self.outputs, self.quantities = outputs, outputs.quantities(model, ones)
+        statement = outputs.statement(model, ones, places)
         self.unknowns = statement.unknowns
         over, m = outputs.over, len(outputs.formulas) - 1
         theta, fixed = ca.MX.sym("theta", len(over)), ca.MX.sym("fixed", len(names))
@@ -268,7 +258,7 @@ def design_point(machine: Machine, orbit: Orbit, outputs: Outputs, ties: Ties | 
             raise NoOrbit(f"the orbit has no {ABSENT[extreme]}")
         times |= {located[0]: located[1]} | dict((ties or {}).get(extreme, ()))
     places = tuple(times)
-    statement = design_statement(model, any(name in VARIATIONAL for name in names), places)
+    statement = outputs.statement(model, p, places)
     known = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
     known |= {"contact": orbit.contact_time / 2} | {f"at {i}": time for i, time in enumerate(times.values())}
     u = {name: known[name] for name in statement.unknowns}

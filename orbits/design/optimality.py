@@ -83,12 +83,10 @@ class Design:
             "objective": {"formula": self.text, "value": self.objective},
             "parameters": dict(self.parameters),
             "quantities": dict(self.quantities),
-            "active": [{"text": active.text, "multiplier": active.multiplier} for active in self.active],
+            "active": [dict(vars(active)) for active in self.active],
             "idle": list(self.idle),
             "kkt": self.kkt,
-            "starts": [
-                {"parameters": dict(s.parameters), "objective": s.objective, "reason": s.reason} for s in self.starts
-            ],
+            "starts": [{**vars(start), "parameters": dict(start.parameters)} for start in self.starts],
             "units": "SI" if self.orbit.units else "units of the machine",
             "seconds": self.seconds,
             "orbit": self.orbit.document(),
@@ -137,18 +135,11 @@ def optimum_at(
     ties = [_ActiveRow("an extreme at two places", row, size, True) for row in tied]
     rows = [*_active_bounds(problem, point.theta), *rows, *ties]
     multipliers, rest = _multipliers(problem.sign * point.slopes[0] * units / size, rows)
-    return Design(
-        machine,
-        orbit,
-        parameters={name: machine.values[name] for name in problem.names},
-        verb=problem.verb,
-        text=problem.text,
-        objective=float(point.values[0]),
-        quantities=point.quantities,
-        active=tuple(Active(r.text, float(x * size / r.unit)) for r, x in zip(rows, multipliers, strict=True) if x),
-        idle=_idle(problem, flat & ~point.slopes[: len(scales)].any(0)),
-        kkt=max(float(np.abs(rest).max()), violation),
-    )
+    parameters = {name: machine.values[name] for name in problem.names}
+    active = tuple(Active(r.text, float(x * size / r.unit)) for r, x in zip(rows, multipliers, strict=True) if x)
+    idle = _idle(problem, flat & ~point.slopes[: len(scales)].any(0))
+    found, kkt = (float(point.values[0]), point.quantities), max(float(np.abs(rest).max()), violation)
+    return Design(machine, orbit, parameters, problem.verb, problem.text, *found, active, idle, kkt)
 
 
 def _active_bounds(problem: DesignProblem, theta: np.ndarray) -> list[_ActiveRow]:

@@ -27,8 +27,6 @@ FURTHER_STARTS = 3
 class NoOptimum(NoOrbit):
     """No start leads to an optimum."""
 
-    size = 0.0
-
 
 def optimize(
     machine: Machine,
@@ -70,10 +68,8 @@ def multistart(
     points = starting_points(machine, problem, 1 if starts is None else starts, seed)
     try:
         return best_design(machine, problem, family, points, progress)
-    except Unbounded:
-        raise
     except NoOrbit as error:
-        if starts is not None:
+        if starts is not None or isinstance(error, Unbounded):
             raise
         first = error
     further = starting_points(machine, problem, 1 + FURTHER_STARTS, seed)[1:]
@@ -92,9 +88,7 @@ def best_design(
     An objective without bound is concluded from one path of the search, whereas an optimum is certified: so it is only
     raised when no start leads to an optimum.
     """
-    began, tried = time.perf_counter(), []
-    optima: list[Design] = []
-    errors: list[OrbitsError] = []
+    began, tried, optima, errors = time.perf_counter(), list[Start](), list[Design](), list[OrbitsError]()
     for i, point in enumerate(points):
         interrupts.check()
         values = {name: point[name] for name in problem.names}
@@ -121,17 +115,15 @@ def starting_points(machine: Machine, problem: DesignProblem, count: int, seed: 
     Bounds that span decades are sampled by their logarithm.
     """
     count, seed = whole_number("starts", count, "starts"), whole_number("seed", seed, least=0)
-    low, high = np.array(problem.low), np.array(problem.high)
-    own = problem.theta(machine)
+    low, high, own = np.array(problem.low), np.array(problem.high), problem.theta(machine)
     points = [own if ((low <= own) & (own <= high)).all() else 0.5 * (low + high)]
     if count > 1:
         from scipy.stats import qmc  # it takes longer to import than most designs to solve
 
         drawn = qmc.Sobol(len(low), seed=seed).random(1 << (count - 2).bit_length() if count > 2 else 1)
-        wide = problem.wide
         positive = np.where(low > 0, low, 1.0)
-        ratio = np.where(wide, high / positive, 1.0)
-        points += list(np.where(wide, positive * ratio**drawn, low + drawn * (high - low))[: count - 1])
+        ratio = np.where(problem.wide, high / positive, 1.0)
+        points += list(np.where(problem.wide, positive * ratio**drawn, low + drawn * (high - low))[: count - 1])
     return [dict(zip(problem.names, point.tolist(), strict=True)) for point in points]
 
 
@@ -139,5 +131,5 @@ def _most_telling(errors: Sequence[OrbitsError]) -> OrbitsError:
     """The error to raise when no start leads to an optimum: an objective without bound, else the least violation."""
     for kind in (Unbounded, Infeasible, NoOptimum):
         if alike := [error for error in errors if isinstance(error, kind)]:
-            return min(alike, key=lambda error: error.size)
+            return min(alike, key=lambda error: getattr(error, "size", 0.0))
     return NoOptimum(f"no start within the bounds leads to an optimum: {errors[0]}")

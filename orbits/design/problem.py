@@ -9,8 +9,9 @@ import numpy as np
 from ..errors import InputError, finite_number
 from ..model.machine import Machine, check_parameters
 from ..model.model import Model
+from ..model.phase import Statement
 from ..symbolic.formula import Formula, parse, suggest
-from .quantities import quantity_names
+from .quantities import VARIATIONAL, Place, design_statement, quantity_names
 
 # Bounds nearer together than this share of their size are refused: rounding of the parameter changes an orbit as much.
 NARROWEST = 1e-9
@@ -100,6 +101,10 @@ class Outputs:
         used = set(self.demands).union(*(formula.names for formula in self.formulas)) - p.keys()
         return [name for name in quantity_names(model, p) if name in used]
 
+    def statement(self, model: Model, p: Mapping, places: tuple[Place, ...]) -> Statement:
+        """The boundary value problem of an orbit that gives them, with the extremes at these places."""
+        return design_statement(model, any(name in VARIATIONAL for name in self.quantities(model, p)), places)
+
 
 def design_problem(
     machine: Machine, minimise: str | None, maximise: str | None, over: Mapping, subject_to: Sequence[str]
@@ -117,7 +122,7 @@ def design_problem(
         raise InputError(f"the objective '{text}' says nothing of the orbit or the machine")
     if isinstance(subject_to, str) or not isinstance(subject_to, Sequence):
         raise InputError(f"subject_to = {subject_to!r}; it is a list of constraints such as 'stroke <= 0.25'")
-    low, high = _parameter_bounds(machine, over)
+    low, high = _checked_bounds(machine, over)
     constraints = tuple(parse_constraint(text, known) for text in subject_to)
     _check_conflicts(constraints)
     equations = [constraint.text for constraint in constraints if constraint.low == constraint.high]
@@ -195,35 +200,29 @@ def _bounded(text, formulas, numbers, relations):
     return formula, -np.inf if relation == "<=" else bound, np.inf if relation == ">=" else bound
 
 
-def _parameter_bounds(machine, over):
+def _checked_bounds(machine, over):
     """The lower and the upper bounds of the parameters."""
     if not isinstance(over, Mapping) or not over:
         raise InputError("over names the parameters to design with their bounds: over={'beta': (0, 1)}")
-    lows, highs = zip(*(_bounds_of(machine, name, bounds) for name, bounds in over.items()), strict=True)
+    lows, highs = {}, {}
+    for name, bounds in over.items():
+        if name not in machine.values or name == machine.model.homotopy:
+            known = suggest(str(name), free_parameters(machine))
+            raise InputError(f"the machine has no parameter '{name}' to design{known}")
+        try:
+            low, high = bounds
+        except (TypeError, ValueError):
+            raise InputError(f"over {name} = {bounds!r}; give its bounds, (low, high)") from None
+        low, high = (finite_number(f"a bound of {name}", bound) for bound in (low, high))
+        wrong = f"the bounds of {name}"
+        if not low < high:
+            raise InputError(f"{wrong} are in conflict: its lower bound {low:g} is not below the upper, {high:g}")
+        if high - low <= NARROWEST * max(abs(low), abs(high)):
+            raise InputError(f"{wrong}, {low!r} and {high!r}, leave no room: state {name} in the machine instead")
+        lows[name], highs[name] = low, high
     for values in (lows, highs):
-        machine.with_values(**dict(zip(over, values, strict=True)))  # raises the machine's own error
-    return lows, highs
-
-
-def _bounds_of(machine, name, bounds):
-    """The checked bounds of one parameter."""
-    if name not in machine.values or name == machine.model.homotopy:
-        known = suggest(str(name), free_parameters(machine))
-        raise InputError(f"the machine has no parameter '{name}' to design{known}")
-    try:
-        low, high = bounds
-    except (TypeError, ValueError):
-        raise InputError(f"over {name} = {bounds!r}; give its bounds, (low, high)") from None
-    low, high = (finite_number(f"a bound of {name}", bound) for bound in (low, high))
-    if not low < high:
-        raise InputError(
-            f"the bounds of {name} are in conflict: its lower bound {low:g} is not below the upper, {high:g}"
-        )
-    if high - low <= NARROWEST * max(abs(low), abs(high)):
-        raise InputError(
-            f"the bounds of {name}, {low!r} and {high!r}, leave no room: state {name} in the machine instead"
-        )
-    return low, high
+        machine.with_values(**values)  # raises the machine's own error
+    return tuple(lows.values()), tuple(highs.values())
 
 
 def free_parameters(machine: Machine) -> list[str]:

@@ -241,13 +241,8 @@ def _variational(model, arc):
         return [*arc.start(u, before, p), *variation, *adjoint]
 
     states = (*phase.states, *(f"d{name}" for name in phase.states), *(f"gap by {name}" for name in phase.states))
-    return Arc(
-        Phase(phase.name, states, field),
-        start,
-        arc.duration,
-        lambda u, x, p: arc.conditions(u, x[:n], p),
-        lambda u, x, p, q: arc.guard(u, x[:n], p, q),
-    )
+    conditions, guard = lambda u, x, p: arc.conditions(u, x[:n], p), lambda u, x, p, q: arc.guard(u, x[:n], p, q)
+    return Arc(Phase(phase.name, states, field), start, arc.duration, conditions, guard)
 
 
 def _reversor(model):

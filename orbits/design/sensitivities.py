@@ -1,6 +1,7 @@
 """Quantities of a given orbit, and their exact derivatives by the parameters of its machine."""
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 from ..errors import InputError
 from ..model.machine import Machine, check_parameters
@@ -11,8 +12,11 @@ from .nlp import DesignPoint, design_point
 from .problem import Outputs, formula_names, free_parameters, known_formula
 from .quantities import extremes_of, locate, quantity_names
 
+# Names that are asked for, None for all.
+Names: TypeAlias = Sequence[str] | None
 
-def quantities(machine: Machine, orbit: Orbit, names: Sequence[str] | None = None) -> dict[str, float]:
+
+def quantities(machine: Machine, orbit: Orbit, names: Names = None) -> dict[str, float]:
     """Quantities of a machine's orbit, or formulas of them, by their text; None for all that the orbit has.
 
     In the machine's units, or in SI for a machine stated so. Raises `InputError` for an unknown name.
@@ -24,10 +28,7 @@ def quantities(machine: Machine, orbit: Orbit, names: Sequence[str] | None = Non
 
 
 def sensitivities(
-    machine: Machine,
-    orbit: Orbit | int = 1,
-    names: Sequence[str] | None = None,
-    quantities: Sequence[str] | None = None,
+    machine: Machine, orbit: Orbit | int = 1, names: Names = None, quantities: Names = None
 ) -> dict[str, dict[str, float]]:
     """Exact derivatives d(quantity)/d(parameter), as the parameter changes and the orbit stays lossless.
 
@@ -65,7 +66,7 @@ def _formulas_at(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Seq
     return design_point(machine, orbit, Outputs(formulas, tuple(over)))
 
 
-def _requested(machine: Machine, orbit: Orbit, names: Sequence[str] | None) -> Sequence[str]:
+def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
     """The requested names, or all quantities that the orbit has; raises `InputError` for another machine's orbit."""
     if dict(orbit.machine) != machine.describe():
         raise InputError(f"the orbit is another machine's: {dict(orbit.machine)}")

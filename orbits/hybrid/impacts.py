@@ -50,40 +50,19 @@ STILL_RATE = 1e-12
 
 @dataclass(frozen=True, kw_only=True)
 class ImpactOptions:
-    """The tolerances of impacts and contacts. Times are relative to the size of the state that a phase starts from.
+    """The tolerances of impacts and contacts. Times are relative to the size of the state that a phase starts from."""
 
-    longest_flight : a flight that lasts longer than this many of its ballistic times does not end
-    longest_contact : a contact that lasts longer does not end; it grows with the square root of the mass ratio
-    batch_contact : contacts are followed as a batch up to this time, and what has not ended then one by one
-    summed_change : bounces are summed as a geometric series once the pressing acceleration changes by less than this
-        share while they last; their effect on the rest of the motion is of third order in that time
-    slowest_bounce : a bounce slower than this, relative to the state, is rounding, and would never end without a force
-    launch_distance : a contact that ends within this relative distance of a launch state is taken to end there, so that
-        lossless hops stay lossless to the last bit; two lift-offs that close would be one fold of the spring's force
-    energy_panels : straight panels between the origin and a state along which its energy is integrated
-    """
-
-    longest_flight: float = 1e4
-    longest_contact: float = 1e6
-    batch_contact: float = 1e3
+    longest_flight: float = 1e4  # a flight that lasts longer, in its ballistic times, does not end
+    longest_contact: float = 1e6  # a contact that lasts longer, which grows as sqrt(mass ratio), does not end
+    batch_contact: float = 1e3  # contacts are followed as a batch up to this time, what has not ended then one by one
+    # Bounces are summed as a geometric series once the pressing acceleration changes by less than this share while they
+    # last. Their effect on the rest of the motion is of third order in that time.
     summed_change: float = 1e-8
-    slowest_bounce: float = 1e-15
+    slowest_bounce: float = 1e-15  # a slower one, relative to the state, is rounding and without a force never ends
+    # A contact that ends within this relative distance of a launch state is taken to end there, so that lossless hops
+    # stay lossless to the last bit. Two lift-offs that close would be one fold of the spring's force.
     launch_distance: float = 1e-7
-    energy_panels: int = 32
-
-
-@dataclass(frozen=True)
-class Landing:
-    """The effect of impacts on flight states, (m, ...) each.
-
-    held : whether sustained contact follows, at once or after infinitely many bounces, which take the time `wait`
-    state, loss : the state after the impact, which moves away where the machine bounces, and the loss of energy
-    """
-
-    held: np.ndarray
-    state: np.ndarray
-    loss: np.ndarray
-    wait: np.ndarray
+    energy_panels: int = 32  # straight panels between the origin and a state along which its energy is integrated
 
 
 class ContactEnd:
@@ -145,8 +124,10 @@ class Impacts:
         self.force_index = len(self.contact_force.weights) - 1 - self.contact.size
         self.direction, self.onto_contact = model.impact(self.values), np.linalg.pinv(model.embed)
 
-    def landing(self, x: np.ndarray) -> Landing:
-        """The effect of impacts at flight states (m, n) with closed gap."""
+    def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows, at
+        once or after infinitely many bounces; the states (m, n) after the impact, which move away where the machine
+        bounces; the loss of energy (m,); and the time (m,) that infinitely many bounces take."""
         e, speed = self.restitution, x @ self.gap_speed
         stuck = x - speed[:, None] * self.direction
         force, closing = self.pressing(stuck)
@@ -162,7 +143,7 @@ class Impacts:
             wait = np.where(held & summed, wait, 0.0)
         loss = 0.5 * self.model.impact_mass(self.values) * speed**2 * np.where(held, 1.0, 1 - e**2)
         state = stuck - np.where(held, 0.0, e * speed)[:, None] * self.direction
-        return Landing(held, state, loss, wait)
+        return held, state, loss, wait
 
     def launch(self, alpha: ArrayLike) -> np.ndarray:
         """Flight states (m, n) at lift-off with launch speeds (m,)."""

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
 from ..model.machine import ImpactingMachine
 from ..periodic.local_law import loss_coefficient
@@ -35,24 +36,28 @@ def multiplier(machine: ImpactingMachine, alpha: float) -> float:
         raise NoOrbit(f"alpha = {alpha:g} is no launch: the damper is too strong for the contact to open")
     for _ in range(CAP):
         x, change = _through_flight(impacts, alpha, x, change, order)
-        landing = impacts.landing(x[None])
-        factor = 1.0 if landing.held[0] else 1.0 + impacts.restitution
+        (held,), (x,), *_ = impacts.landing(x[None])
+        factor, order = 1.0 if held else 1.0 + impacts.restitution, impacts.bounce_order
         change = change - factor * impacts.direction * (impacts.gap_speed @ change)
-        x, order = landing.state[0], impacts.bounce_order
-        if landing.held[0]:
+        if held:
             return _through_contact(impacts, impacts.onto_contact @ x, impacts.onto_contact @ change)
     raise NoOrbit(f"after {CAP} impacts the machine has not come to rest on the ground")
 
 
+def _follow(flow: Flow, p, x, change, limit: float, stop) -> tuple[np.ndarray, np.ndarray]:
+    """State and change where a phase stops."""
+    try:
+        path, variations = flow.run(x, p, limit, seeds=change[:, None], stop=stop)
+    except FlowError as error:
+        raise NoOrbit(f"the {flow.phase.name} does not end: {error}") from None
+    assert variations is not None  # there are seeds
+    return path.end[: flow.size], variations[:, 0]
+
+
 def _through_flight(impacts: Impacts, alpha: float, x, change, order: int) -> tuple[np.ndarray, np.ndarray]:
     """State and change where the gap closes next."""
-    try:
-        limit, closes = float(impacts.longest_flight(x)), first_zero(impacts.gap, order)
-        path, variations = impacts.flight.run(x, impacts.p, limit, seeds=change[:, None], stop=closes)
-    except FlowError as error:
-        raise NoOrbit(f"the flight does not end: {error}") from None
-    assert variations is not None  # there are seeds
-    x, change = path.end[: len(x)], variations[:, 0]
+    limit, closes = float(impacts.longest_flight(x)), first_zero(impacts.gap, order)
+    x, change = _follow(impacts.flight, impacts.p, x, change, limit, closes)
     speed = float(impacts.gap_speed @ x)
     if order == LIFTOFF_ORDER and abs(speed) < TANGENTIAL * alpha:  # later bounces may be arbitrarily slow
         law = _one_sided(impacts, alpha, x, change)
@@ -75,14 +80,9 @@ def _one_sided(impacts: Impacts, alpha: float, x, change) -> str:
 def _through_contact(impacts: Impacts, y, change) -> float:
     """The change of the speed at which the contact ends."""
     contact, end = impacts.contact, ContactEnd(impacts.contact, impacts.model.contact_speed)
-    try:
-        path, variations = contact.run(y, impacts.p, impacts.longest_contact(y), seeds=change[:, None], stop=end)
-    except FlowError as error:
-        raise NoOrbit(f"the contact does not end: {error}") from None
+    y, change = _follow(contact, impacts.p, y, change, impacts.longest_contact(y), end)
     if end.outcome != "lifts_off":
         raise NoOrbit("the machine rests: it does not lift off again")
-    assert variations is not None  # there are seeds
-    y, change = path.end[: contact.size], variations[:, 0]
     if not impacts.liftoff(y[None])[1][0]:
         raise NoOrbit("the contact ends where no launch does: the map has no next launch speed")
     data, graph = contact.data(y[None], impacts.p)[0], contact.vector_field

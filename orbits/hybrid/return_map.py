@@ -156,13 +156,13 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int):
         flying = flying[~gone]
         if not len(flying):
             break
-        landing = impacts.landing(rows[~gone, : impacts.flight.size])
+        held, after, lost, _ = impacts.landing(rows[~gone, : impacts.flight.size])
         counts[flying] += 1
-        loss[flying] += 2 * landing.loss / impacts.launch_inertia
-        held = flying[landing.held]
-        standing[held], status[held] = landing.state[landing.held] @ impacts.onto_contact.T, "lifts_off"
-        state[flying] = landing.state
-        flying = flying[~landing.held]
+        loss[flying] += 2 * lost / impacts.launch_inertia
+        landed = flying[held]
+        standing[landed], status[landed] = after[held] @ impacts.onto_contact.T, "lifts_off"
+        state[flying] = after
+        flying = flying[~held]
         if not len(flying):
             break
     return loss, counts, status, standing

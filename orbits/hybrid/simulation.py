@@ -285,10 +285,9 @@ class _Run:
             x = path.end[: len(x)]
             closed |= bool(self.impacts.gap(x) <= 0)
             until, order = self.update_parameters(), 0
-        landing = self.impacts.landing(x[None])
-        (after,), (held,) = landing.state, landing.held
+        (held,), (after,), (loss,), (wait,) = self.impacts.landing(x[None])
         self.impact_count += 1
-        self.add_event("landing" if held else "impact", x, after, float(landing.loss[0]), float(landing.wait[0]))
+        self.add_event("landing" if held else "impact", x, after, float(loss), float(wait))
         return ("cap" if not held and self.impact_count >= self.cap else None), after, bool(held)
 
     def contact(self, x) -> tuple[str | None, np.ndarray]:
