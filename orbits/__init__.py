@@ -14,9 +14,8 @@ from .design.optimize import optimize
 from .design.pareto import Front, pareto
 from .design.sensitivities import quantities, sensitivities
 from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
-from .hybrid.fixed_points import FixedPoint
 from .hybrid.multiplier import multiplier
-from .hybrid.return_map import Hops, ReturnMap
+from .hybrid.return_map import FixedPoint, Hops, ReturnMap
 from .hybrid.simulation import Simulation, simulate
 from .io import __version__
 from .model.closed_form import Oscillator

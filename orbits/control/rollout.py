@@ -39,17 +39,13 @@ class ControlledLeg(Leg):
 
 @dataclass(frozen=True)
 class WarmStart:
-    """The point from which the next solve starts: a problem with its unknowns and multipliers.
-
-    shares : the share of its interval at which each exchange point of the problem lies
-    unit : unit of the cost, which brings it to order one, since Ipopt's tolerances are absolute
-    """
+    """The point from which the next solve starts: a problem with its unknowns and multipliers."""
 
     problem: Transcription
     x: np.ndarray
     multipliers: Multipliers | None
-    shares: np.ndarray
-    unit: float = 1.0
+    shares: np.ndarray  # of its interval at which each exchange point of the problem lies
+    unit: float = 1.0  # of the cost, which it brings to order one, since Ipopt's tolerances are absolute
 
 
 @dataclass(frozen=True)
@@ -114,24 +110,16 @@ class Control:
 
 @dataclass(frozen=True, eq=False)
 class StageRollout:
-    """A stage integrated accurately from its first state through all its intervals.
-
-    unknowns : those of the stage in the nonlinear program
-    path : the motion, states and then path expressions
-    nodes : states (n, N + 1) at the ends of the intervals
-    cost : the running cost
-    interval, began : of each step (steps,) of the motion the interval, and the share of it at which the step begins
-    overstepped : the most by which an input leaves its bounds
-    """
+    """A stage integrated accurately from its first state through all its intervals."""
 
     stage: Stage
-    unknowns: StageUnknowns
-    path: Trajectory
-    nodes: np.ndarray
-    cost: float
-    interval: np.ndarray
-    began: np.ndarray
-    overstepped: float
+    unknowns: StageUnknowns  # those of the stage in the nonlinear program
+    path: Trajectory  # the motion, states and then path expressions
+    nodes: np.ndarray  # states (n, N + 1) at the ends of the intervals
+    cost: float  # the running cost
+    interval: np.ndarray  # that of each step (steps,) of the motion
+    began: np.ndarray  # the share of its interval at which each step begins
+    overstepped: float  # the most by which an input leaves its bounds
 
     @property
     def distance(self) -> float:
@@ -196,20 +184,19 @@ def _roll_out_stage(stage: Stage, names: tuple[str, ...], values, unknowns: Stag
     """Integrate a stage of a solution accurately, with parameters `names` of the given values."""
     flow, (duration, nodes, coefficients) = stage_flow(stage, names), unknowns
     size, h, x, cost = len(stage.phase.states), duration / stage.intervals, nodes[:, 0], 0.0
-    blocks, lengths, began, ends = [], [], [], [x]
+    paths, ends = [], [x]
     keep = [*range(size), *range(size + 2, len(flow.names))]  # all rows but those of the clock and the cost
     for i in range(stage.intervals):
         path, _ = flow.run([*x, 0.0, 0.0], np.concatenate([values, [h], coefficients[:, i]]), 1.0)
         x, cost = path.end[:size], cost + path.end[size + 1]
         ends.append(x)
-        blocks.append(path.coefficients[:, keep] / powers(h, path.coefficients.shape[2]))
-        lengths.append(path.steps * h)
-        began.append(path.times[:-1])
-    times = np.concatenate([[0.0], np.cumsum(np.concatenate(lengths))])
-    times[-1], interval = duration, np.repeat(np.arange(stage.intervals), [len(steps) for steps in lengths])
+        paths.append(path)
+    blocks = [path.coefficients[:, keep] / powers(h, path.coefficients.shape[2]) for path in paths]
+    times = np.append(0.0, np.cumsum(np.concatenate([path.steps * h for path in paths])))
+    times[-1], interval = duration, np.repeat(np.arange(stage.intervals), [len(path.steps) for path in paths])
     dense = Trajectory(times, np.concatenate(blocks), tuple(flow.names[i] for i in keep))
     overstepped = _overstepped(stage, dict(zip(names, values, strict=True)), coefficients)
-    states, shares = np.array(ends).T, np.concatenate(began)
+    states, shares = np.array(ends).T, np.concatenate([path.times[:-1] for path in paths])
     return StageRollout(stage, unknowns, dense, states, cost, interval, shares, overstepped)
 
 

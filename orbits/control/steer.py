@@ -20,12 +20,10 @@ from .rollout import Control, ControlledLeg, MotionRollout, WarmStart, roll_out
 from .stage import Stage, check_range, check_stage
 from .transcription import StageUnknowns, Transcription, transcription
 
-# Inputs of a guess are sampled this share of an interval away from its ends, since it may jump there.
-INSET = 1e-9
+INSET = 1e-9  # inputs of a guess are sampled this share of an interval away from its ends, since it may jump there
 # A value this close to a bound, relative to it or to one, is at it: an iteration that fails ends no closer.
 AT_BOUND = 1e-4
-# A duration without an upper bound that grows by this factor has no minimum.
-RUNAWAY_DURATION = 1e3
+RUNAWAY_DURATION = 1e3  # a duration without an upper bound that grows by this factor has no minimum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,23 +216,21 @@ def _unknowns_of_guess(problem: Transcription, guess, free: Mapping, bounds) -> 
     return x
 
 
-def _sampled(stage: Stage, given: Guess | ControlledLeg) -> StageUnknowns:
+def _sampled(stage, given):
     """The unknowns of a stage that a guess of it means."""
     where, size, n = f"the guess of the {stage.phase.name}", len(stage.phase.states), stage.intervals
     if isinstance(given, ControlledLeg):
         inputs = {name: given.input_of(name) for name in stage.inputs if name in given.inputs.names}
-        guess = Guess(given.duration, lambda t: given.path(t)[:size], inputs)
-    else:
-        guess = given
-    duration = finite_number(f"{where}: duration", guess.duration)
-    if strange := guess.inputs.keys() - stage.inputs.keys():
+        given = Guess(given.duration, lambda t, path=given.path: path(t)[:size], inputs)
+    duration = finite_number(f"{where}: duration", given.duration)
+    if strange := given.inputs.keys() - stage.inputs.keys():
         raise InputError(f"{where} is of an input '{min(strange)}': it has none such")
-    nodes = np.array([np.asarray(guess.states(t), dtype=float) for t in np.linspace(0, duration, n + 1)])
+    nodes = np.array([np.asarray(given.states(t), dtype=float) for t in np.linspace(0, duration, n + 1)])
     if nodes.shape != (n + 1, size):
         raise InputError(f"{where} is not {size} numbers, {', '.join(stage.phase.states)}")
     rows = []
     for name, control in stage.inputs.items():
-        value = guess.inputs.get(name, 0.0)
+        value = given.inputs.get(name, 0.0)
         for share in np.linspace(INSET, 1 - INSET, control.degree + 1) if control.degree else (0.5,):
             times = (np.arange(n) + share) * duration / n
             rows.append([float(value(t)) if callable(value) else float(value) for t in times])

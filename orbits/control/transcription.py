@@ -94,10 +94,8 @@ class Transcription:
         self.stages, self.fixed, self.free, self.names = stages, fixed, free, (*fixed, *free)
         self.substeps, self.exchange_points = substeps, exchange_points
         self.shapes = [(len(s.phase.states), s.intervals, len(s.coefficient_names)) for s in stages]
-        self.labels: list[str] = []
-        self.inner_paths: list[int] = []
-        self._limits: list[tuple[float, float]] = []
-        self._constraints: list[ca.MX] = []
+        self.labels, self.inner_paths = list[str](), list[int]()
+        self._limits, self._constraints = list[tuple[float, float]](), list[ca.MX]()
         self._minimiser = self._build()
 
     def _build(self) -> Minimiser:

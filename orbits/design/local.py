@@ -26,24 +26,18 @@ from .quantities import base_statement
 # The cost of a nonlinear program is the objective, with the constraints held; or the violations and a little of the
 # objective, until the constraints are met; or the violations alone, to see whether they can be met at all.
 OBJECTIVE, PENALISED, FEASIBILITY = Weights(1.0, 0.0), Weights(1e-3, 1.0), Weights(0.0, 1.0)
-# Nonlinear programs solved from one start, at most.
-MOST_ROUNDS = 25
-# Smallest trust region, as a share of the parameters' range.
-LEAST_REACH = 1e-4
-# Rounds that lead into a contact without end, before the objective counts as unbounded.
-MOST_COLLAPSES = 6
+MOST_ROUNDS = 25  # nonlinear programs solved from one start, at most
+LEAST_REACH = 1e-4  # smallest trust region, as a share of the parameters' range
+MOST_COLLAPSES = 6  # rounds that lead into a contact without end, before the objective counts as unbounded
 # An orbit so many times as fast or long as the first escapes, if the parameters change by no more than the share REST
 # of their values and of their distances to the bounds. Where the search cannot go on, a smaller ratio is enough.
 ESCAPE_RATIO, LOSS_RATIO, REST = 10.0, 2.0, 1e-2
 # The mesh is fine enough if the correction changes the unknowns by less than the share AGREEMENT plus SWING times the
 # share by which a parameter was rounded or put on its bound. A correction by a larger share leads to another orbit.
 AGREEMENT, SWING, LARGEST_CORRECTION = 1e-11, 10.0, 1e-3
-# A parameter nearer to its bound than this share of its unit is put on it, since Ipopt stays inside.
-ON_BOUND = 1e-8
-# Largest slope of the Lagrangian, as a share of the objective over a parameter's range.
-LARGEST_SLOPE = 1e-6
-# The constraints are met if the sum of their violations, as shares of their sizes, is no larger.
-MET = 1e-8
+ON_BOUND = 1e-8  # a parameter nearer to its bound than this share of its unit is put on it, since Ipopt stays inside
+LARGEST_SLOPE = 1e-6  # largest slope of the Lagrangian, as a share of the objective over a parameter's range
+MET = 1e-8  # the constraints are met if the sum of their violations, as shares of their sizes, is no larger
 # Largest change of the parameters, as a share of their units, at which a penalised search has come to rest.
 STILL = 1e-3
 
@@ -60,35 +54,22 @@ class Infeasible(NoOrbit):
 
 @dataclass(frozen=True, eq=False)
 class LocalSearch:
-    """The state of a search from one start.
-
-    first : the orbit at the start
-    sizes : what counts as one unit of each constraint, see `_constraint_sizes`
-    flat : which parameters (k,) nothing depended on at the start
-    machine, orbit, point : the current orbit, and the objective and the constraints there
-    demands : quantities that are kept positive
-    ties : extremes that are held equal at several places
-    visited : the places of the extremes at earlier orbits
-    reach : the trust region, as a share of the parameters' range
-    weights : of the cost in the next round
-    collapses : number of rounds that led into a contact without end
-    reason : why the last rejected round was rejected
-    """
+    """The state of a search from one start."""
 
     problem: DesignProblem
-    first: Orbit
-    sizes: np.ndarray
-    flat: np.ndarray
-    machine: Machine
+    first: Orbit  # the orbit at the start
+    sizes: np.ndarray  # what counts as one unit of each constraint, see `_constraint_sizes`
+    flat: np.ndarray  # which parameters (k,) nothing depended on at the start
+    machine: Machine  # the current one, as the next two
     orbit: Orbit
-    point: DesignPoint
-    demands: tuple[str, ...]
-    ties: Ties = field(default_factory=dict)
-    visited: tuple[tuple, ...] = ()
-    reach: float = 1.0
-    weights: Weights = OBJECTIVE
-    collapses: int = 0
-    reason: str = ""
+    point: DesignPoint  # the objective and the constraints at the current orbit
+    demands: tuple[str, ...]  # quantities that are kept positive
+    ties: Ties = field(default_factory=dict)  # extremes that are held equal at several places
+    visited: tuple[tuple, ...] = ()  # the places of the extremes at earlier orbits
+    reach: float = 1.0  # the trust region, as a share of the parameters' range
+    weights: Weights = OBJECTIVE  # of the cost in the next round
+    collapses: int = 0  # number of rounds that led into a contact without end
+    reason: str = ""  # why the last rejected round was rejected
 
     def at(self, machine: Machine, orbit: Orbit, ties: Ties) -> "LocalSearch":
         """The search at another orbit, with the demands that this orbit adds."""
@@ -204,8 +185,7 @@ def _correct(search: LocalSearch, x: np.ndarray) -> tuple[Machine, Orbit, bool]:
         raise NoOrbit("the nonlinear program leads to another orbit")
     if orbit.contact_time is None:
         raise NoOrbit("; ".join(orbit.violations))
-    rounding = np.max(np.abs(theta - x[:k]) / units)
-    return machine, orbit, bool(change < AGREEMENT + SWING * rounding)
+    return machine, orbit, bool(change < AGREEMENT + SWING * np.max(np.abs(theta - x[:k]) / units))
 
 
 def corrected_orbit(machine: Machine, u: np.ndarray) -> tuple[Orbit, np.ndarray]:
@@ -253,10 +233,7 @@ def _demands(orbit: Orbit, demands: tuple[str, ...]) -> tuple[str, ...]:
 
 def _constraint_sizes(machine: Machine, problem: DesignProblem, point: DesignPoint) -> np.ndarray:
     """What counts as one unit of each constraint: the largest of its bounds and of the terms that it compares; where
-    that is zero, its value, or what the parameters change it by.
-
-    The sizes are those at the start in all rounds, since sizes that shrank with a violation would never show it met.
-    """
+    that is zero, its value, or what the parameters change it by. These are kept: shrinking sizes never show it met."""
     known, theta, sizes = machine.values | point.quantities, point.theta, []
     ranges = np.where(theta, np.abs(theta), np.subtract(problem.high, problem.low))
     for constraint, value, slope in zip(problem.constraints, point.values[1:], point.slopes[1:], strict=False):

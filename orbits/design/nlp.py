@@ -136,23 +136,15 @@ design_program = lru_cache(maxsize=64)(DesignProgram)
 
 @dataclass(frozen=True, eq=False)
 class DesignPoint:
-    """The outputs at one orbit: the nonlinear program with everything that it needs to be solved from there.
-
-    places : where the extremes are taken
-    p : the parameters by name
-    u : the unknowns of the design statement
-    trajectory : of that statement
-    units : what the formulas' numbers are in
-    demands : those of the outputs that the orbit has
-    """
+    """The outputs at one orbit: the nonlinear program with everything that it needs to be solved from there."""
 
     program: DesignProgram
-    places: tuple[Place, ...]
-    p: dict[str, float]
-    u: np.ndarray
-    trajectory: MeshTrajectory
-    units: Units
-    demands: tuple[str, ...]
+    places: tuple[Place, ...]  # where the extremes are taken
+    p: dict[str, float]  # the parameters by name
+    u: np.ndarray  # the unknowns of the design statement
+    trajectory: MeshTrajectory  # of that statement
+    units: Units  # what the formulas' numbers are in
+    demands: tuple[str, ...]  # those of the outputs that the orbit has
 
     @property
     def theta(self) -> np.ndarray:
@@ -204,12 +196,10 @@ class DesignPoint:
     ) -> Minimum:
         """The nonlinear program solved from here.
 
-        bounds : (low, high) of the parameters, already within the trust region
-        units : of the parameters
+        bounds, units : (low, high) of the parameters, already within the trust region; what counts as one unit of each
         reach : the trust region; by this share may the times and the launch speed change, at most by a factor of 2
         limits : (low, high) of the constraints, in scaled units
-        scales : of the formulas, the landing jerk and the demands
-        weights : of the cost
+        scales, weights : of the formulas, the landing jerk and the demands; of the cost
 
         Raises `NoOrbit` where a formula has no value on the way.
         """

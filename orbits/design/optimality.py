@@ -177,10 +177,8 @@ def _idle(problem: DesignProblem, flat: np.ndarray) -> tuple[str, ...]:
 
 
 def _multipliers(slope: np.ndarray, rows: Sequence[_ActiveRow]) -> tuple[np.ndarray, np.ndarray]:
-    """Multipliers, not negative for inequalities, that make slope + sum(multiplier * gradient) smallest; and that sum.
-
-    Inequalities are dropped one after another, the most negative multiplier first.
-    """
+    """Multipliers, not negative for inequalities, that make slope + sum(multiplier * gradient) least; and that sum."""
+    # Inequalities are dropped one after another, the most negative multiplier first.
     multipliers, used = np.zeros(len(rows)), list(range(len(rows)))
     while used:
         found = np.linalg.lstsq(np.array([rows[i].gradient for i in used]).T, -slope, rcond=None)[0]

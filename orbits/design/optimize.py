@@ -20,8 +20,7 @@ from .problem import DesignProblem, design_problem
 
 # Called with the share of the starts, or of a front, that is done.
 Progress: TypeAlias = Callable[[float], None] | None
-# Further starts that are tried when no number is asked for and the first start leads to no optimum.
-FURTHER_STARTS = 3
+FURTHER_STARTS = 3  # further starts that are tried when no number is asked for and the first start leads to no optimum
 
 
 class NoOptimum(NoOrbit):

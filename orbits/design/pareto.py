@@ -20,10 +20,8 @@ from .sensitivities import quantities, sensitivities
 
 # Objectives that differ by a smaller share are the same, since an active constraint is met to about this.
 SAME_OBJECTIVE = 1e-9
-# An end of the front is moved if the other objective gains this share while its own stays the same.
-WORTH = 1e-4
-# How far an end of a front is probed for that, as a share of the parameters' range.
-PROBE = 1e-3
+WORTH = 1e-4  # an end of the front is moved if the other objective gains this share while its own stays the same
+PROBE = 1e-3  # how far an end of a front is probed for that, as a share of the parameters' range
 # Over the probe an objective with a slope changes by PROBE, one that is only curved by PROBE**2. It counts as flat if
 # it changes by less than this share of the latter.
 FLAT_CHANGE = 0.1
@@ -98,8 +96,7 @@ def pareto(
     points = whole_number("points", points, "designs", 2)
     report = progress or (lambda share: None)
     with interrupts.deferred():
-        began = time.perf_counter()
-        texts = (minimise[0], minimise[1])
+        began, texts = time.perf_counter(), (minimise[0], minimise[1])
         problems = [design_problem(machine, text, None, over, subject_to) for text in texts]
         ends = []
         for i, problem in enumerate(problems):
@@ -120,18 +117,12 @@ def pareto(
                 refused.append((level, f"none found from {len(known) + len(starting)} starts: {error}"))
             report((i + 3) / points)
         designs += ends[1:] if levels or points == 2 else []
-        return Front(texts, _undominated(designs), tuple(refused), time.perf_counter() - began)
-
-
-def _undominated(designs):
-    """The designs that no other one dominates, in ascending order of the first objective."""
-    best = [d for d in designs if not any(_dominates(_objectives(other), _objectives(d)) for other in designs)]
-    return tuple(sorted(best, key=_objectives))
+        front = [d for d in designs if not any(_dominates(_objectives(other), _objectives(d)) for other in designs)]
+        return Front(texts, tuple(sorted(front, key=_objectives)), tuple(refused), time.perf_counter() - began)
 
 
 def _corner(end: Design, other: DesignProblem, index: int, family: int, texts: tuple[str, str]) -> Design:
-    """An end of the front, where the objective of this index is least; of designs with the same value of it, that in
-    which the other objective is least too."""
+    """An end of the front, where the objective of this index is least, and for the same value of it the other one."""
     if not _flat(end, other, index, texts):
         return end
     own, rival = _objectives(end)[index], _objectives(end)[1 - index]

@@ -15,8 +15,7 @@ from .quantities import VARIATIONAL, Place, design_statement, quantity_names
 
 # Bounds nearer together than this share of their size are refused: rounding of the parameter changes an orbit as much.
 NARROWEST = 1e-9
-# Bounds whose ratio is at least this span decades, and the parameter is scaled by its value.
-WIDE = 100.0
+WIDE = 100.0  # bounds whose ratio is at least this span decades, and the parameter is scaled by its value
 _RELATION = re.compile(r"<=|>=|==")
 _MIRRORED = {"<=": ">=", ">=": "<=", "==": "=="}
 
@@ -37,17 +36,12 @@ class Constraint:
 
 @dataclass(frozen=True)
 class DesignProblem:
-    """A checked design problem.
+    """A checked design problem."""
 
-    text, formula : of the objective
-    sign : 1 to minimise it, -1 to maximise it
-    names, low, high : the parameters and their bounds
-    """
-
-    text: str
-    formula: Formula
-    sign: int
-    names: tuple[str, ...]
+    text: str  # of the objective
+    formula: Formula  # of the objective
+    sign: int  # 1 to minimise it, -1 to maximise it
+    names: tuple[str, ...]  # of the parameters, with the bounds that follow
     low: tuple[float, ...]
     high: tuple[float, ...]
     constraints: tuple[Constraint, ...]
@@ -85,15 +79,11 @@ class DesignProblem:
 
 @dataclass(frozen=True)
 class Outputs:
-    """What is to be expressed of an orbit.
+    """What is to be expressed of an orbit."""
 
-    formulas : of quantities and parameters, the objective first
-    over : names of the parameters that vary
-    demands : quantities that must be positive on a motion, beside the landing jerk, which must be negative
-    """
-
-    formulas: tuple[Formula, ...]
-    over: tuple[str, ...]
+    formulas: tuple[Formula, ...]  # of quantities and parameters, the objective first
+    over: tuple[str, ...]  # names of the parameters that vary
+    # Quantities that must be positive on a motion, beside the landing jerk, which must be negative.
     demands: tuple[str, ...] = ()
 
     def quantities(self, model: Model, p: Mapping) -> list[str]:

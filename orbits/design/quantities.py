@@ -48,22 +48,16 @@ ABSENT = {
     "gap": "clearance: the gap has no lowest point inside the flight",
     "force": "smallest_contact_force: the force has no lowest value inside the contact",
 }
-# Samples per step of a trajectory among which an extreme is looked for; it is then found exactly.
-SAMPLES_PER_STEP = 24
+SAMPLES_PER_STEP = 24  # samples per step of a trajectory among which an extreme is looked for; it is then found exactly
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where an extreme is taken.
+    """Where an extreme is taken."""
 
-    extreme : its name
-    index : which of its functions has the largest value
-    kind : "start", "middle" or "inside" of half the phase
-    """
-
-    extreme: str
-    index: int
-    kind: str
+    extreme: str  # its name
+    index: int  # which of its functions has the largest value
+    kind: str  # "start", "middle" or "inside" of half the phase
 
     def function(self, model: Model) -> tuple[str, Callable]:
         """The phase, "flight" or "contact", and the function (x, p) -> value whose maximum the extreme is."""

@@ -36,14 +36,10 @@ STATUSES = {
     "lost": "the motion could not be followed, as when it takes too many steps",
     "cap": "there are too many impacts in one hop",
 }
-# The type of arrays of statuses.
-STATUS = f"<U{max(map(len, STATUSES))}"
-# A hop is given up after this many impacts.
-CAP = 10_000
-# Order of the gap's zero at a lift-off.
-LIFTOFF_ORDER = 3
-# After this many zeros of its speed a contact never ends, see `ContactEnd`.
-TURNS = 3
+STATUS = f"<U{max(map(len, STATUSES))}"  # the type of arrays of statuses
+CAP = 10_000  # a hop is given up after this many impacts
+LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
+TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
 # A contact whose rates are all below this is at rest. An overdamped contact gets there without turning.
 STILL_RATE = 1e-12
 

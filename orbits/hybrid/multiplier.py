@@ -16,8 +16,7 @@ from ..model.machine import ImpactingMachine
 from ..periodic.local_law import loss_coefficient
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts
 
-# An impact slower than this, relative to the launch speed, is tangential.
-TANGENTIAL = 1e-7
+TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, is tangential
 
 
 def multiplier(machine: ImpactingMachine, alpha: float) -> float:

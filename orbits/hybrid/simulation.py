@@ -247,9 +247,7 @@ class _Run:
     def __init__(self, impacts: Impacts, inject: float, hops: int | None, time: float, cap: int, inputs: _Schedule):
         self.impacts, self.inject, self.hops = impacts, inject, hops
         self.time, self.cap, self.inputs = time, cap, inputs
-        self.legs: list[Leg] = []
-        self.events: list[ContactEvent] = []
-        self.launches: list[float] = []
+        self.legs, self.events, self.launches = list[Leg](), list[ContactEvent](), list[float]()
         self.now, self.impact_count, self.liftoff_count, self.reason = 0.0, 0, 0, ""
 
     def simulate(self, x, order: int | None, alpha: float | None) -> Simulation:

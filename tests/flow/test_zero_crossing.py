@@ -6,8 +6,8 @@ from conftest import grazing_flights
 from matplotlib.figure import Figure
 
 from orbits import InputError, NoOrbit, ReturnMap, find, simulate
-from orbits.hybrid.fixed_points import within
 from orbits.hybrid.impacts import Impacts
+from orbits.hybrid.return_map import within
 from orbits.numerics.roots import enclosed_sign_changes
 from orbits.plot import plot_map
 from problems import Hopper, Juggler
