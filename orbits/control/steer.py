@@ -21,8 +21,7 @@ from .stage import Stage, check_range, check_stage
 from .transcription import StageUnknowns, Transcription, transcription
 
 INSET = 1e-9  # inputs of a guess are sampled this share of an interval away from its ends, since it may jump there
-# A value this close to a bound, relative to it or to one, is at it: an iteration that fails ends no closer.
-AT_BOUND = 1e-4
+AT_BOUND = 1e-4  # a value this close to a bound, relative to it or to one, is at it: a failed iteration ends no closer
 RUNAWAY_DURATION = 1e3  # a duration without an upper bound that grows by this factor has no minimum
 
 

@@ -38,8 +38,7 @@ AGREEMENT, SWING, LARGEST_CORRECTION = 1e-11, 10.0, 1e-3
 ON_BOUND = 1e-8  # a parameter nearer to its bound than this share of its unit is put on it, since Ipopt stays inside
 LARGEST_SLOPE = 1e-6  # largest slope of the Lagrangian, as a share of the objective over a parameter's range
 MET = 1e-8  # the constraints are met if the sum of their violations, as shares of their sizes, is no larger
-# Largest change of the parameters, as a share of their units, at which a penalised search has come to rest.
-STILL = 1e-3
+STILL = 1e-3  # largest change of the parameters, as a share of their units, where a penalised search has come to rest
 
 
 class Unbounded(NoOrbit):

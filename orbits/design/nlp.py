@@ -25,10 +25,8 @@ from .quantities import ABSENT, DIMENSIONS, Place, expressions, extreme_values, 
 
 # What is demanded of a motion stays this far above zero, in the machine's units: a motion that just touches is refused.
 DEMAND_MARGIN = 1e-9
-# The landing jerk keeps this share of its value at the guess: where it vanishes there is no lossless landing.
-LEAST_JERK = 1e-6
-# The shooting nodes stay this near to their guess, in their sizes: far from an orbit the states would run off.
-NODE_RANGE = 4.0
+LEAST_JERK = 1e-6  # the landing jerk keeps this share of its value at the guess: without it no landing is lossless
+NODE_RANGE = 4.0  # the shooting nodes stay this near to their guess, in their sizes: far from an orbit states run off
 # The guess is already an orbit, so the barrier starts small; and so small a program can be solved to rounding.
 DESIGN_OPTIONS = {
     "calc_lam_p": False,  # not in use, and CasADi would complain of it where a formula has no value

@@ -18,8 +18,7 @@ from ..periodic.orbit import Orbit
 from .nlp import DesignPoint
 from .problem import DesignProblem
 
-# A bound or a constraint is active within this share of its size; the nonlinear program is solved more exactly.
-ACTIVE = 1e-7
+ACTIVE = 1e-7  # a bound or a constraint is active within this share of its size; solutions are more exact than that
 
 
 @dataclass(frozen=True)

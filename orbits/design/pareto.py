@@ -18,8 +18,7 @@ from .optimize import Progress, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
 from .sensitivities import quantities, sensitivities
 
-# Objectives that differ by a smaller share are the same, since an active constraint is met to about this.
-SAME_OBJECTIVE = 1e-9
+SAME_OBJECTIVE = 1e-9  # objectives that differ by a smaller share are the same: constraints are met to about this
 WORTH = 1e-4  # an end of the front is moved if the other objective gains this share while its own stays the same
 PROBE = 1e-3  # how far an end of a front is probed for that, as a share of the parameters' range
 # Over the probe an objective with a slope changes by PROBE, one that is only curved by PROBE**2. It counts as flat if

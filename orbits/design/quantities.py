@@ -32,8 +32,7 @@ DIMENSIONS = {
     "landing_sensitivity": (0, 1, 0),
     "loss_coefficient": (-1 / 3, 1 / 3, 0),
 }
-# Quantities that need the variation of the flight with respect to alpha.
-VARIATIONAL = ("landing_sensitivity", "loss_coefficient")
+VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
 # The extremes that a quantity is the sum of, each with its sign; a rise has one of its own name.
 COMPOSITION = {
     "stroke": {"longest": 1, "shortest": 1},

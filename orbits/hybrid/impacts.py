@@ -106,9 +106,7 @@ class Impacts:
     Raises `InputError` for what is no machine with a restitution.
     """
 
-    def __init__(
-        self, machine: ImpactingMachine, values: Mapping[str, float] | None = None, options: ImpactOptions | None = None
-    ):
+    def __init__(self, machine: ImpactingMachine, values: Mapping | None = None, options: ImpactOptions | None = None):
         check_machine(machine, "restitution")
         self.machine, self.options = machine, options or ImpactOptions()
         model, self.restitution = machine.model, float(machine.restitution)

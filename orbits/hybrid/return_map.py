@@ -28,10 +28,8 @@ BATCH_SIZE = 1000  # launch speeds in one batch: few enough to stay in a process
 SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
 JUMP = 1e-6  # where the map changes by less than this share between neighbouring numbers, it is continuous there
 FURTHER = 3  # the search for lossless orbits ends after this many families in a row without one in the range
-# Launches in the grid on which lossless orbits are searched: per half oscillation, and at most.
-PER_TURN, MOST_SAMPLES = 8, 2000
-# A basin, which may have infinitely many intervals, is complete when a hop adds less than this share of the range.
-SETTLED = 1e-5
+PER_TURN, MOST_SAMPLES = 8, 2000  # launches in the grid searched for lossless orbits: per half oscillation, and at most
+SETTLED = 1e-5  # a basin, maybe of infinitely many intervals, is complete when a hop adds a smaller share of the range
 # (lowest, highest) of each interval, ascending.
 Intervals = list[tuple[float, float]]
 

@@ -21,8 +21,7 @@ from ..numerics.bernstein import lowest
 from ..symbolic import interrupts
 from .impacts import CAP, LIFTOFF_ORDER, Impacts, status_of_failure
 
-# A gap, a gap speed or a contact force below this, relative to the state, is zero: a caller's rounding is smaller.
-TOUCHING = 1e-9
+TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
 # An event this close to a change of the schedule, relative to the time, is at it: event times are no more accurate.
 SIMULTANEOUS = 1e-9
 
