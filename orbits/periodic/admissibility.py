@@ -1,7 +1,4 @@
-"""What makes a root of the equations a motion: the gap, the contact force and the separation, over the whole cycle.
-
-Nothing here reuses the equations that were solved, only the motions.
-"""
+"""What makes a root of the equations a motion: gap, contact force and separation over the cycle, from motions alone."""
 
 import numpy as np
 
@@ -29,10 +26,10 @@ def admissibility(model: Model, cycles: Cycles) -> tuple:
     jerk, clearance, collisions = _gaps(model, cycles)
     separation, meetings = _separations(model, cycles)
     smallest_force, largest_force, pulls = _contact_forces(model, cycles)
-    violations: list[list[str]] = [[] for _ in range(len(cycles))]
+    violations: list[tuple[str, ...]] = [()] * len(cycles)
     for i, reason in (*collisions, *pulls, *meetings):
-        violations[i].append(reason)
-    return jerk, clearance, smallest_force, largest_force, separation, [tuple(reasons) for reasons in violations]
+        violations[i] += (reason,)
+    return jerk, clearance, smallest_force, largest_force, separation, violations
 
 
 def count_families(model: Model, halves: Trajectories, per_flight: int) -> list[int]:
@@ -51,18 +48,15 @@ def _gaps(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Vi
     jerk = (6 * gaps[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
     clearance, when = _least_of_halves(cycles, *_lowest_minima(halves, gaps))
     opens, meets = "the gap opens the wrong way at landing (landing jerk", model.violations["gap"]
-    wrong, low = np.flatnonzero(jerk <= 0).tolist(), np.flatnonzero(clearance <= 0).tolist()
-    violations = [(i, f"{opens} {-jerk[i]:.3g}, must be negative)") for i in wrong]
-    violations += [(i, f"{meets} at t = {when[i]:.6g} of the flight (height {clearance[i]:.3g})") for i in low]
+    violations = [(i, f"{opens} {-jerk[i]:.3g}, must be negative)") for i in np.flatnonzero(jerk <= 0).tolist()]
+    for i in np.flatnonzero(clearance <= 0).tolist():
+        violations.append((i, f"{meets} at t = {when[i]:.6g} of the flight (height {clearance[i]:.3g})"))
     return jerk, clearance, violations
 
 
 def _lowest_minima(halves: Trajectories, gaps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The lowest minimum (h,) of the gap on each half of a flight, `NONE` without one, and its time (h,).
-
-    Each half starts from a zero of order three of the gap, so its rate from one of order two, which is divided out
-    exactly.
-    """
+    """The lowest minimum (h,) of the gap on each half of a flight, `NONE` without one, and its time (h,)."""
+    # Each half starts from a zero of order three of the gap: its rate from one of order two, divided out exactly.
     owner, piece, t = halves.pile(derivative(gaps)).roots(start=2, rising=True)
     times = halves.time(owner, piece, t)
     inside = times < halves.ends[owner] * (1 - MIDDLE)
@@ -70,8 +64,7 @@ def _lowest_minima(halves: Trajectories, gaps: np.ndarray) -> tuple[np.ndarray, 
     # The end of a half, mid-flight, may be a minimum too.
     last, h = gaps[halves.last], halves.steps[halves.last]
     middle, rate, bend = (evaluate(c, h) for c in (last, derivative(last), derivative(derivative(last))))
-    at_end = (bend > 0) & (np.abs(rate) * halves.ends < STATIONARY * halves.largest(gaps[:, :1]))
-    ends = np.flatnonzero(at_end)
+    ends = np.flatnonzero((bend > 0) & (np.abs(rate) * halves.ends < STATIONARY * halves.largest(gaps[:, :1])))
     owner, times = np.append(owner[inside], ends), np.append(times[inside], halves.ends[ends])
     heights = np.append(heights[inside], middle[ends])
     lowest, when = np.full(len(halves), NONE), np.zeros(len(halves))
@@ -90,10 +83,7 @@ def _least_of_halves(cycles: Cycles, values: np.ndarray, times: np.ndarray) -> t
 
 def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
     """The lowest interior minima (m,) of the contact forces, and their peaks (m,), `NONE` where there are none; and the
-    contacts that do not end or that have to pull.
-
-    The force starts from a simple zero, which is divided out exactly; a whole contact ends on another one.
-    """
+    contacts that do not end or that have to pull."""
     (least, peaks), violations = np.full((2, len(cycles)), NONE), [*cycles.without_contact.items()]
     if not cycles.contacts:
         return least, peaks, violations
@@ -108,6 +98,7 @@ def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarra
         rising = evaluate(derivative(derivative(last)), h) > 0
         low = np.where(rising, np.minimum(low, evaluate(last, h)), low)
     least[cycles.with_contact], peaks[cycles.with_contact] = low, -contacts.pile(-force).lowest()[0]
+    # The force starts from a simple zero, which is divided out exactly; a whole contact ends on another one.
     owner, piece, t = contacts.pile(force).roots(start=1)
     times = contacts.time(owner, piece, t)
     inside = np.full(len(times), True) if model.reversor else times < contacts.ends[owner] * (1 - MIDDLE)
@@ -129,16 +120,15 @@ def _separations(model: Model, cycles: Cycles) -> tuple[np.ndarray, list[Violati
         return found, []
     low, piece, t = halves.pile(halves.series(distance)).lowest()
     least, when = _least_of_halves(cycles, low, halves.time(np.arange(len(halves)), piece, t))
-    in_contact = np.zeros(len(cycles), bool)
+    where = np.full(len(cycles), "flight", dtype=object)
     if contacts:
         low, piece, t = contacts.pile(contacts.series(model.separation(cycles.p_of_contacts), model.embed)).lowest()
         lower = low < least[cycles.with_contact]
         these = cycles.with_contact[lower]
-        least[these], in_contact[these] = low[lower], True
+        least[these], where[these] = low[lower], "contact"
         when[these] = contacts.time(np.flatnonzero(lower), piece[lower], t[lower])
     found[cycles.with_contact] = least[cycles.with_contact]
-    violations = []
+    meets, violations = model.violations["separation"], list[Violation]()
     for i in np.flatnonzero(~(least > 0)).tolist():
-        where = f"t = {when[i]:.6g} of the {'contact' if in_contact[i] else 'flight'}"
-        violations.append((i, f"{model.violations['separation']} at {where} (separation {least[i]:.3g})"))
+        violations.append((i, f"{meets} at t = {when[i]:.6g} of the {where[i]} (separation {least[i]:.3g})"))
     return found, violations

@@ -15,7 +15,7 @@ from ..model.phase import Phase
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import ElementwiseFunction
 from .admissibility import admissibility, count_families
-from .error_bound import DOUBTFUL_RATIO, EPS, NARROW
+from .error_bound import DOUBTFUL_RATIO, EPS, NARROW, ends_of_steps
 from .formulations import NONE, Cycles, columns, or_none
 from .local_law import by_launch_speed, launch_power, loss_coefficient
 
@@ -75,8 +75,7 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
         drift = changes.max(1) / launch
         loss = _losses(model, cycles, jerk, power)
     finite = np.all(np.isfinite([cycles.error, cycles.residual, drift, jerk]), axis=0)
-    for values in (loss, separation, smallest_force):
-        finite &= np.isfinite(values) | (values == NONE)
+    finite &= np.all([np.isfinite(each) | (each == NONE) for each in (loss, separation, smallest_force)], axis=0)
     leaps = (changes > np.maximum(WORST_DRIFT * launch[:, None], DOUBTFUL_RATIO * floors)).any(1)
     for i in np.flatnonzero(~finite | leaps).tolist():
         overflow = "its numbers overflow; state the machine in units nearer to 1"
@@ -84,17 +83,10 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
         raise NoOrbit(f"the orbit cannot be certified: {reason}").about(i)
     sides = np.where(cycles.gap_slope > 0, "above", "below").astype(object)
     sides[(loss == NONE) | (loss == 0)] = None
-    rows = zip(
-        count_families(model, cycles.halves, cycles.halves_per_flight),
-        *(values.tolist() for values in (cycles.residual, cycles.error, drift)),
-        *(or_none(values) for values in (clearance, separation, smallest_force, largest_force)),
-        (-jerk).tolist(),
-        or_none(loss),
-        sides.tolist(),
-        violations,
-        cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles),
-        strict=True,
-    )
+    families = count_families(model, cycles.halves, cycles.halves_per_flight)
+    figures = (cycles.residual, cycles.error, drift, clearance, separation, smallest_force, largest_force, -jerk, loss)
+    unfolding = cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles)
+    rows = zip(families, *map(or_none, figures), sides.tolist(), violations, unfolding, strict=True)
     return [Certificate(*row) for row in rows]
 
 
@@ -130,16 +122,12 @@ def _energy_changes(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarra
 
 
 def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[np.ndarray, ...]:
-    """The largest change of energy (m,) of each motion, that of rounding (m,), and the gradient at its start (m, n).
-
-    The change is the work of the gradient on the straight lines between the ends of the steps.
-    """
+    """The largest work (m,) of the gradient along each motion, on the straight lines between the ends of its steps; how
+    much of that is rounding (m,); and the gradient at its start (m, n)."""
     flow, call = flow_of(phase, tuple(p)), gradients(phase, gradient, tuple(p))
     n, data = flow.size, flow.data_of(motions, columns(p.values()))
     states = motions.coefficients[:, :n, 0]
-    moves = np.roll(states, -1, axis=0)
-    moves[motions.last] = motions.finals[:, :n]
-    moves -= states
+    moves = ends_of_steps(motions, n) - states
     points = states[:, None] + GAUSS_PLACES[:, None] * moves[:, None]
     rates = call(points.reshape(-1, n), np.repeat(data, GAUSS, axis=0))[0].reshape(-1, GAUSS, n)
     changes = np.cumsum(((GAUSS_WEIGHTS @ rates) * moves).sum(1))

@@ -72,16 +72,14 @@ def find(
     began = time.perf_counter()
     with interrupts.deferred():
         if start is None:
-            wanted = 1 if family is None else family
-            method, root = solve_family(machine, wanted, method, progress)
-            orbit = certified_orbit(machine, method, *root, began=began)
-            if orbit.family != wanted:
-                raise NoOrbit(another_family(wanted, orbit.family))
+            family = 1 if family is None else family
+            method, root = solve_family(machine, family, method, progress)
         else:
             method, root = solve_near(machine, start, method)
-            orbit = certified_orbit(machine, method, *root, began=began)
-            if family is not None and orbit.family != _family_number(family):
-                raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
+        orbit = certified_orbit(machine, method, *root, began=began)
+        if family is not None and orbit.family != _family_number(family):
+            reason = f"the start leads to an orbit of family {orbit.family}, not {family}"
+            raise NoOrbit(reason if start is not None else another_family(family, orbit.family))
         return orbit
 
 
@@ -94,8 +92,7 @@ def find_all(
     """
     if isinstance(starts, Mapping | Orbit):
         raise InputError("starts is a list of starts: for one of them there is find(machine, start=...)")
-    found: list[Orbit] = []
-    reason = None
+    found, reason = list[Orbit](), None
     for start in starts:
         try:
             orbit = find(machine, start=start, method=method)
@@ -112,36 +109,36 @@ def solve_family(
     machine: Machine, family: int, method: str | None, progress: Callable[[float], None] | None = None
 ) -> tuple[str, Root]:
     """The method, and the solution that it finds for a family, as in `find`; not certified to be of that family."""
-    model, p = machine.model, dict(machine.values)
-    family, method = _family_number(family), _possible_method(model, method)
-    equations = equations_of(model, method, tuple(p))
+    family, model, p = _family_number(family), machine.model, dict(machine.values)
+    method, equations, correct = _opening(machine, method)
     if method == "closed form" and model.reduction and model.reduction.exact:
         unknowns, error = model.reduction.exact(family, p)
         u = vector(unknowns)
         return method, Root(u, equations.evaluate_all(u[None], vector(p)[None]), error)
     if method == "relative":
         start = model.guess(family, p)
-        return method, Root(*equations.newton([start["liftoff"], start["alpha"]], vector(p)))
-    correct = equations.multiple_shooting if method == "shooting" else equations.newton
+        return method, Root(*correct([start["liftoff"], start["alpha"]], vector(p)))
     return method, Root(*_solve_by_homotopy(model, equations, correct, family, p, progress))
 
 
 def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> tuple[str, Root]:
     """The method, and the solution that it finds from a start, as in `find`."""
-    model, p = machine.model, machine.values
-    method = _possible_method(model, method)
-    method = "relative" if method == "closed form" else method
-    equations = equations_of(model, method, tuple(p))
-    stated = _stated_unknowns(model, start)
-    names = equations.statement.unknowns
+    method, equations, correct = _opening(machine, method, closed_form="relative")
+    stated, names = _stated_unknowns(machine.model, start), equations.statement.unknowns
     if missing := [name for name in names if name not in stated]:
         raise InputError(f"start has no '{missing[0]}'; the unknowns are {', '.join(names)}")
-    u = np.array([stated[name] for name in names])
-    correct = equations.multiple_shooting if method == "shooting" else equations.newton
     try:
-        return method, Root(*correct(u, vector(p)))
+        return method, Root(*correct(np.array([stated[name] for name in names]), vector(machine.values)))
     except FlowError as error:
         raise NoOrbit(f"the start cannot be followed: {error}") from None
+
+
+def _opening(machine: Machine, method: str | None, closed_form: str = "closed form") -> tuple[str, Shooting, Callable]:
+    """The method to take, with another name for the closed form, its equations, and what solves them."""
+    method = _possible_method(machine.model, method)
+    method = closed_form if method == "closed form" else method
+    equations = equations_of(machine.model, method, tuple(machine.values))
+    return method, equations, equations.multiple_shooting if method == "shooting" else equations.newton
 
 
 def certified_orbit(
@@ -154,8 +151,7 @@ def certified_orbit(
     """
     model, p = machine.model, machine.values
     equations = equations_of(model, method, tuple(p))
-    us, ps = np.reshape(u, (1, -1)), vector(p)[None]
-    errors = np.array([error])
+    us, ps, errors = np.reshape(u, (1, -1)), vector(p)[None], np.array([error])
     if error is None:
         errors, refused = error_bounds(equations, us, ps, evaluation)
         if refused:
@@ -195,7 +191,11 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
     if isinstance(start, Orbit):
         if start.flight.names[: len(model.flight.states)] != model.flight.states:
             raise InputError(f"start is an orbit of another machine, with the states {', '.join(start.flight.names)}")
-        return _unknowns_of(start)
+        unknowns = dict(zip(start.flight.names, start.flight.coefficients[0, :, 0].tolist(), strict=False))
+        unknowns |= {"liftoff": start.liftoff_extension, "alpha": start.alpha}
+        unknowns["duration"] = start.flight_time / (2 if start.shape.reversor else 1)
+        unknowns["unfolding"] = start.certificate.unfolding or 0.0
+        return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})
     if not isinstance(start, Mapping):
         raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")
     if unknown := [name for name in start if name not in {*model.half_unknowns, *OPTIONAL_UNKNOWNS}]:
@@ -205,15 +205,6 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
         if not 0 < stated.get(name, 1.0) < LONGEST_START:
             raise InputError(f"start '{name}' = {stated[name]:g}; it lies between 0 and {LONGEST_START:g}")
     return stated
-
-
-def _unknowns_of(orbit: Orbit) -> dict[str, float]:
-    """The unknowns, by name, of every statement that an orbit solves."""
-    unknowns = dict(zip(orbit.flight.names, orbit.flight.coefficients[0, :, 0].tolist(), strict=False))
-    unknowns |= {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha}
-    unknowns["duration"] = orbit.flight_time / (2 if orbit.shape.reversor else 1)
-    unknowns["unfolding"] = orbit.certificate.unfolding or 0.0
-    return unknowns | ({} if orbit.contact_time is None else {"contact_duration": orbit.contact_time / 2})
 
 
 def _family_number(family: int) -> int:
@@ -241,10 +232,8 @@ def _possible_method(model: Model, method: str | None) -> str:
 
 
 def _solve_by_homotopy(model: Model, equations: Shooting, correct, family: int, p, progress):
-    """Solve a model's equations from its guess, with the homotopy parameter led from 0 to 1 by step-size control.
-
-    `correct`, (u, parameters) -> the solution near u and the equations there, is the corrector.
-    """
+    """Solve a model's equations from its guess, with the homotopy parameter led from 0 to 1 by step-size control;
+    `correct`, (u, parameters) -> the solution near u and the equations there, is the corrector."""
     unknowns, homotopy = equations.statement.unknowns, model.homotopy
     start = {**model.guess(family, {**p, homotopy: 0.0} if homotopy else p), "unfolding": 0.0}
     start["duration"] *= 2 if "unfolding" in unknowns else 1
@@ -259,9 +248,9 @@ def _solve_by_homotopy(model: Model, equations: Shooting, correct, family: int, 
         step = min(step, 1 - reached)
         while True:
             value = 1.0 if step == 1 - reached else reached + step
-            predicted, p_ahead = u + step * tangent, {**p, homotopy: value}
             try:
-                u, evaluation = _corrected(model, equations, correct, predicted, family, p_ahead)
+                p_ahead = {**p, homotopy: value}
+                u, evaluation = _corrected(model, equations, correct, u + step * tangent, family, p_ahead)
                 break
             except NoOrbit as error:
                 step /= 2
@@ -285,8 +274,8 @@ def _corrected(model: Model, equations: Shooting, correct, predicted, family, p)
     new, evaluation = correct(predicted, vector(p))
     if np.max(np.abs(new - predicted)[positive] / np.abs(new[positive])) > MAX_CORRECTION:
         raise NoOrbit("the corrector ends far from the predicted orbit")
-    halves = evaluation.trajectories[0].only(model.flight.states)
-    halves = halved(halves) if "unfolding" in unknowns else halves
+    flights = evaluation.trajectories[0].only(model.flight.states)
+    halves = halved(flights) if "unfolding" in unknowns else flights
     if count_families(model, halves, len(halves)) != [family]:
         raise NoOrbit("the family changes")
     return new, evaluation

@@ -1,7 +1,5 @@
 """How hops beside a lossless one come back: alpha + d -> alpha + d - C d**(4/3) on the stable side, 10 C on the other.
-
-The formulas are arithmetic for NumPy arrays as well as for CasADi expressions.
-"""
+The formulas are arithmetic for NumPy arrays as well as for CasADi expressions."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
