@@ -14,8 +14,7 @@ from ..numerics.bernstein import powers
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction
-from .newton import Evaluation
-from .single_shooting import Shooting
+from .single_shooting import Evaluation, Shooting
 
 # Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are equal
 # at a number of steps whose square root is this.

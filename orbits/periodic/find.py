@@ -11,13 +11,11 @@ from ..model.machine import Machine, check_machine
 from ..model.model import Model
 from ..numerics.roots import solve
 from ..symbolic import interrupts
-from .admissibility import count_families
-from .certificate import certify
+from .certificate import certify, count_families
 from .error_bound import error_bounds
 from .formulations import contact_reversor, equations_of, halved, interpret, or_none, vector
-from .newton import Evaluation
 from .orbit import Orbit, Shape
-from .single_shooting import Shooting
+from .single_shooting import Evaluation, Shooting
 
 METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 10_000
@@ -283,19 +281,16 @@ def _corrected(model: Model, equations: Shooting, correct, predicted, family, p)
 
 def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:
     """What the method did without, in words."""
-    mirrored = "flight: half of it, by time reversal"
-    skipped = [mirrored] if method == "half orbit" or (method == "shooting" and model.reversor) else []
-    if method == "closed form":
-        skipped = ["flight: closed form, nothing integrated", "search: one scalar equation, no solver"]
-    if method == "relative":
-        skipped = ["flight: the extension alone is integrated, 2 states of 4", mirrored]
-    if method in ("relative", "half orbit"):
-        skipped.append("search: Newton on a few unknowns from a measured guess, no Ipopt")
-    share = "only its first half" if model.reversor else "once"
+    few, share = method in ("relative", "half orbit"), "only its first half" if model.reversor else "once"
     integrated = f"{share}, for its duration and the checks, not for the search"
-    skipped.append(f"contact: {'closed form' if model.contact.closed_form else integrated}")
-    if model.separation(p) is None:
-        skipped.append("separation of the masses: no rest length given")
-    if not compiled:
-        skipped.append("compilation: nothing that repays it, or no compiler")
-    return tuple(skipped)
+    skipped = {
+        "flight: closed form, nothing integrated": method == "closed form",
+        "search: one scalar equation, no solver": method == "closed form",
+        "flight: the extension alone is integrated, 2 states of 4": method == "relative",
+        "flight: half of it, by time reversal": few or (method == "shooting" and bool(model.reversor)),
+        "search: Newton on a few unknowns from a measured guess, no Ipopt": few,
+        f"contact: {'closed form' if model.contact.closed_form else integrated}": True,
+        "separation of the masses: no rest length given": model.separation(p) is None,
+        "compilation: nothing that repays it, or no compiler": not compiled,
+    }
+    return tuple(words for words, applies in skipped.items() if applies)

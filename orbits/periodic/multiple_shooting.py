@@ -69,8 +69,7 @@ class MultipleShooting:
     def __init__(self, equations: Any, u: np.ndarray, p: np.ndarray):
         statement = equations.statement
         lower = np.full(equations.size, -np.inf)
-        times = [statement.unknowns.index(name) for name in statement.durations]
-        lower[times] = SHORTEST_DURATION * u[times]
+        lower[equations.durations] = SHORTEST_DURATION * u[equations.durations]
         self._parts: list[tuple] = []
         self._equations: list[ca.MX] = []
         symbol = self._add_unknowns("u", u, lower, np.maximum(np.abs(u), 1.0))

@@ -45,18 +45,10 @@ class Shape:
     heights: Mapping[str, Affine]
     springs: tuple[tuple[str | None, str], ...]
 
-    def in_flight(self, flight: Trajectory, flight_time: float, t: np.ndarray) -> np.ndarray:
-        """Flight states (..., n) at times `t` (...) after lift-off."""
-        return _mirrored(flight, np.minimum(t, flight_time), flight_time, self.reversor)
-
-    def in_contact(self, contact: Trajectory, contact_time: float, t: np.ndarray) -> np.ndarray:
-        """Flight states (..., n) at times `t` (...) after landing."""
-        states = _mirrored(contact, np.clip(t, 0, contact_time), contact_time, self.contact_reversor)
-        return states[..., : self.embed.shape[1]] @ self.embed.T
-
 
 def _mirrored(path: Trajectory, t: np.ndarray, duration: float, signs: tuple[int, ...] | None) -> np.ndarray:
-    """Rows at times `t` of a motion whose first half is `path` and whose second is its image under `signs`, if any."""
+    """States at times `t` of a motion whose first half is `path` and whose second its image under `signs`, if any."""
+    t = np.clip(t, 0, duration)
     if signs is None:
         return path(t)
     later = t > path.times[-1]
@@ -143,14 +135,16 @@ class Orbit:
             times = np.array(np.nan)
         if not np.isfinite(times).all():
             raise InputError("times must be finite numbers")
+        shape = self.shape
         if self.contact is None or self.contact_time is None:
             # The end of the flight may be asked for through a time that is rounded.
             if times.size and not (times.min() >= 0 and times.max() <= self.flight_time * (1 + 1e-12)):
                 raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}")
-            return self.shape.in_flight(self.flight, self.flight_time, times)
+            return _mirrored(self.flight, times, self.flight_time, shape.reversor)
         times = np.mod(times, self.period)
-        flying = self.shape.in_flight(self.flight, self.flight_time, times)
-        standing = self.shape.in_contact(self.contact, self.contact_time, times - self.flight_time)
+        flying = _mirrored(self.flight, times, self.flight_time, shape.reversor)
+        standing = _mirrored(self.contact, times - self.flight_time, self.contact_time, shape.contact_reversor)
+        standing = standing[..., : shape.embed.shape[1]] @ shape.embed.T
         return np.where((times <= self.flight_time)[..., None], flying, standing)
 
     def document(self) -> dict[str, Any]:
