@@ -115,7 +115,11 @@ def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Traject
     """The end of a motion by order-8 Runge-Kutta steps where Taylor steps found it, else by scipy's DOP853."""
     data = flow.mesh_data(path, p)
     if flow.method != "Runge-Kutta":
-        counts = _substeps(path.coefficients[:, : flow.size], path.steps)
+        # So many that the error, for k of them k**-8 times the ninth Taylor term, is below rounding; at least
+        # 8, since a feature of the law between fewer samples could be missed.
+        c = np.abs(path.coefficients[:, : flow.size])
+        ninth = c[:, :, 9].max(1) * path.steps**9 / np.maximum(c[:, :, 0].max(1), 1e-300)
+        counts = 8 * np.clip(np.ceil((ninth / (NINTH_TERM * EPS)) ** (1 / 8) / 8), 1, 250).astype(int)
         count = int(np.ceil(counts.sum() / STEPS_PER_CALL)) * STEPS_PER_CALL
         idle = count - counts.sum()  # the number of steps is rounded up by steps of length 0
         lengths = np.append(np.repeat(path.steps / counts, counts), np.zeros(idle))
@@ -128,14 +132,6 @@ def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Traject
         rates = lambda t, y, d=data[:, i]: flow.rates(y, d)  # noqa: E731
         x = solve_ivp(rates, (0, h), x, method="DOP853", rtol=1e-13, atol=1e-15 * (1 + np.abs(x).max())).y[:, -1]
     return x
-
-
-def _substeps(coefficients: ndarray, steps: ndarray) -> ndarray:
-    """Numbers (N,) of order-8 steps that bring the error over each step of a motion below rounding."""
-    # The error of k such steps is k**-8 times the ninth Taylor term of the whole.
-    ninth = np.abs(coefficients[:, :, 9]).max(1) * steps**9 / np.maximum(np.abs(coefficients[:, :, 0]).max(1), 1e-300)
-    # At least 8 of them, since a feature of the law between fewer samples could be missed.
-    return 8 * np.clip(np.ceil((ninth / (NINTH_TERM * EPS)) ** (1 / 8) / 8), 1, 250).astype(int)
 
 
 @lru_cache(maxsize=64)

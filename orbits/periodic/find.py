@@ -23,8 +23,6 @@ LARGEST_FAMILY = 10_000
 SAME_ORBIT = 1e-9
 # A start with a longer time than this describes no machine in its own units, and would take long to integrate.
 LONGEST_START = 1e4
-# A start may state these unknowns although not every statement asks for them.
-OPTIONAL_UNKNOWNS = ("contact_duration", "unfolding")
 # With a step size below this share of the homotopy, the family has folded back or ended.
 MIN_STEP = 1e-4
 # A corrector that changes the launch speed or the time by a larger share may have jumped to another orbit.
@@ -57,14 +55,12 @@ def find(
         mid-flight
     start : an orbit nearby, or the unknowns of a half orbit by name, to start from instead of the model's guess; an
         orbit of any family is then returned, unless `family` is given too
-    method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is the general one, multiple
-        shooting by Ipopt
+    method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is multiple shooting by Ipopt
     progress : called with the share of the homotopy that is done, where there is one
 
     Where a family has several orbits, this is the one of least launch speed under constant gravity, or what that
-    becomes as gravity's variation is brought in. It may be inadmissible: see its `violations`. Raises `NoOrbit` with
-    the reason when there is none or a solve ends on another family, and `InputError` for a family or a method that
-    cannot be.
+    becomes as gravity's variation is brought in. It may be inadmissible: see its `violations`. Raises `NoOrbit` when
+    there is none or a solve ends on another family, and `InputError` for a family or a method that cannot be.
     """
     check_machine(machine)
     began = time.perf_counter()
@@ -113,9 +109,6 @@ def solve_family(
         unknowns, error = model.reduction.exact(family, p)
         u = vector(unknowns)
         return method, Root(u, equations.evaluate_all(u[None], vector(p)[None]), error)
-    if method == "relative":
-        start = model.guess(family, p)
-        return method, Root(*correct([start["liftoff"], start["alpha"]], vector(p)))
     return method, Root(*_solve_by_homotopy(model, equations, correct, family, p, progress))
 
 
@@ -168,7 +161,7 @@ def certified_orbit(
         shape=Shape(model.reversor, reversor, model.embed, model.heights(p), model.springs),
         certificate=certificate,
         method=method,
-        skipped=_skipped(model, p, method, equations.compiled),
+        skipped=_skipped(model, p, method, any(flow.compiled for flow in equations.flows)),
         seconds=time.perf_counter() - began,
         units=machine.units,
     )
@@ -196,7 +189,8 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
         return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})
     if not isinstance(start, Mapping):
         raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")
-    if unknown := [name for name in start if name not in {*model.half_unknowns, *OPTIONAL_UNKNOWNS}]:
+    # Two unknowns may be stated although not every statement asks for them.
+    if unknown := [name for name in start if name not in {*model.half_unknowns, "contact_duration", "unfolding"}]:
         raise InputError(f"start has '{unknown[0]}'; the unknowns are {', '.join(model.half_unknowns)}")
     stated = {"unfolding": 0.0, **{name: finite_number(f"start '{name}'", value) for name, value in start.items()}}
     for name in ("duration", "contact_duration"):

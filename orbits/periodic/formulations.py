@@ -15,7 +15,6 @@ from ..flow.zero_crossing import first_zero
 from ..model.model import Model, Reduction
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..numerics.roots import solve
-from .local_law import landing_gap_slope
 from .single_shooting import Evaluation, Shooting, shooting_equations
 
 # Marks a minimum, a peak or a time that does not exist.
@@ -192,6 +191,11 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
         raise NoOrbit(f"the landing conditions hold only {reason}").about(i)
     landing = (evaluation.transitions[0] @ evaluation.starts[0])[:, :, 1]
     return flight, halved(flight), landing_gap_slope(model, landing.T, p)
+
+
+def landing_gap_slope(model: Model, change: Iterable, p: Mapping) -> Any:
+    """Derivative by alpha of the gap at the orbit's landing time, from that of the flight state there, by component."""
+    return sum(weight * d for weight, d in zip(model.gap(p).weights, change, strict=False))
 
 
 def halved(flights: Trajectories) -> Trajectories:

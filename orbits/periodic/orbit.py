@@ -15,7 +15,8 @@ from ..io import to_json
 from ..model.model import Units
 from ..model.phase import Affine
 from ..numerics.bernstein import lowest
-from .certificate import CERTIFICATE_FIELDS, Certificate
+from ..plot import animate_orbit, plot_orbit, plot_phase_portrait
+from .certificate import Certificate
 
 ORBIT_FORMAT = "persistent-orbits orbit 1"
 # What describes a machine in a document.
@@ -214,20 +215,14 @@ class Orbit:
 
     def plot(self, axes: Any = None) -> Any:
         """Plot heights against time as in Fig. 3 of the paper; returns the axes. See `orbits.plot.plot_orbit`."""
-        from ..plot import plot_orbit
-
         return plot_orbit(self, axes)
 
     def plot_phase_portrait(self, axes: Any = None) -> Any:
         """Plot speed against height over a cycle; returns the axes."""
-        from ..plot import plot_phase_portrait
-
         return plot_phase_portrait(self, axes)
 
     def animate(self, path: str | Path, frames: int = 80) -> Path:
         """Write an animation of one cycle (GIF); returns its path. See `orbits.plot.animate_orbit`."""
-        from ..plot import animate_orbit
-
         return animate_orbit(self, path, frames)
 
     def save(self, path: str | Path) -> Path:
@@ -255,7 +250,7 @@ class Orbit:
             if data["format"] != ORBIT_FORMAT:
                 raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
             motion = data["motion"]
-            checked = {name: data[name] for name in CERTIFICATE_FIELDS if name != "violations"}
+            checked = {name: data[name] for name in Certificate.__dataclass_fields__ if name != "violations"}
             return cls(
                 machine={name: data[name] for name in MACHINE_FIELDS},
                 **{name: _float_of(data[name]) for name in ("alpha", "liftoff_extension", "flight_time")},

@@ -96,10 +96,8 @@ def _combined(evaluations: Sequence[Evaluation], combine_arrays: Callable, combi
 
 
 def settles(size: Any, last: Any, growth: Any) -> Any:
-    """Whether a relative Newton step of this size is the last one worth taking; numbers, or (m,) of several steps.
-
-    `last` is the size of the step before, `growth` that of a small change of the state over the motion.
-    """
+    """Whether a relative Newton step of this size, or each of (m,), is the last one worth taking, where `last` is the
+    size of the step before, and `growth` that of a small change of the state over the motion."""
     return (size * np.maximum(growth, 1.0) < LAST_STEP) | ((size < SMALL_STEP) & (size > STALLED_RATIO * last))
 
 
@@ -117,11 +115,6 @@ class Shooting:
         """Whether each arc's motions are Taylor series that no breakpoint ends."""
         return all(flow.smooth for flow in self.flows)
 
-    @property
-    def compiled(self) -> bool:
-        """Whether one of the flows has taken long enough to be compiled."""
-        return any(flow.compiled for flow in self.flows)
-
     @cached_property
     def ends(self) -> list[tuple[BufferedFunction, BufferedFunction]]:
         """The `boundary_functions` of each arc: (u, end of the arc before, p) -> start state with the duration, and the
@@ -130,10 +123,8 @@ class Shooting:
         return [(_with_derivatives(departure), _with_derivatives(arrival)) for departure, arrival in functions]
 
     def evaluate(self, u: ArrayLike, p: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
-        """Residual, Jacobian and motion at one point; the error control of the flow chooses the steps.
-
-        Raises `FlowError` when the motion cannot be integrated.
-        """
+        """Residual, Jacobian and motion at one point, with steps that the error control of the flow chooses; raises
+        `FlowError` when the motion cannot be integrated."""
         n, k = self.size, len(vary)
         du, dp, dvaried, seeds = self.seeds(vary)
         before, dbefore = np.zeros(0), np.zeros((0, n + k))
@@ -231,11 +222,8 @@ class Shooting:
         return np.concatenate(residuals)
 
     def newton(self, u: ArrayLike, p: np.ndarray, attempts: int = 30) -> tuple[np.ndarray, Evaluation]:
-        """The solution (n,) by Newton's method from `u`, to rounding, and the equations at this one point.
-
-        A step that leaves the domain of the flow or makes a duration too short is halved. Raises `NoOrbit` without
-        convergence.
-        """
+        """The solution (n,) by Newton's method from `u`, to rounding, and the equations at this one point; raises
+        `NoOrbit` without convergence. A step that leaves the flow's domain or collapses a duration is halved."""
         u = np.array(u, dtype=float)
         evaluation, size = self.evaluate(u, p), np.inf
         for _ in range(attempts):
@@ -250,7 +238,7 @@ class Shooting:
         raise NoOrbit(f"the {self.statement.name} equations did not converge (last relative step {size:.1e})")
 
     def _damped(self, u, p, step, evaluation: Evaluation) -> tuple[np.ndarray, Evaluation]:
-        """The point that a step leads to, halved until the residual shrinks there, and the equations there."""
+        """The point that a step leads to, halved until the residual shrinks, and the equations there."""
         size, durations = np.linalg.norm(evaluation.residual), self.durations
         accepted = max(REDUCTION * size, SMALL_RESIDUAL * (1 + np.abs(u).max()))
         for _ in range(MOST_STEP_HALVINGS):
