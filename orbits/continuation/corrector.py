@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..numerics.roots import Array
-from ..periodic.newton import STALLED_RATIO, Evaluation, settles
+from ..periodic.single_shooting import STALLED_RATIO, Evaluation, settles
 from ..symbolic.calls import room_for
 from .curve import Curve, CurvePoint
 from .predictor import around

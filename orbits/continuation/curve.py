@@ -18,9 +18,8 @@ from ..periodic.certificate import certify
 from ..periodic.error_bound import error_bounds
 from ..periodic.find import certified_orbit
 from ..periodic.formulations import equations_of, interpret, or_none
-from ..periodic.newton import Evaluation, joined
 from ..periodic.orbit import Orbit
-from ..periodic.single_shooting import Shooting
+from ..periodic.single_shooting import Evaluation, Shooting, joined
 from .family import RESERVED_NAMES, Point
 from .newton_batch import NewtonBatch, newton_batch
 from .predictor import around

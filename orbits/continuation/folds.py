@@ -16,8 +16,7 @@ from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
 from ..model.phase import Arc, Phase, Statement
 from ..periodic.formulations import columns
-from ..periodic.newton import Evaluation
-from ..periodic.single_shooting import shooting_equations
+from ..periodic.single_shooting import Evaluation, shooting_equations
 from .checkpoint import collect_family
 from .curve import Curve, CurvePoint, check_followed, machine_at
 from .family import Family, Point

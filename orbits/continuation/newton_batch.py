@@ -14,8 +14,7 @@ import numpy as np
 from ..flow.taylor import LONGEST_STEP
 from ..flow.trajectory import Trajectories
 from ..numerics.roots import Array
-from ..periodic.newton import Evaluation
-from ..periodic.single_shooting import Shooting, dense
+from ..periodic.single_shooting import Evaluation, Shooting, dense
 from ..symbolic.calls import MappedFunction
 from .predictor import hermite
 

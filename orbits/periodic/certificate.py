@@ -1,8 +1,9 @@
-"""The certificate of an orbit: what was measured of it after it was solved, and whether it is a motion."""
+"""The certificate of an orbit: what its motions alone say of it after it was solved, and what makes it no motion."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -12,16 +13,23 @@ from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..model.model import Model
 from ..model.phase import Phase
+from ..numerics.bernstein import derivative, evaluate
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import ElementwiseFunction
-from .admissibility import admissibility, count_families
-from .error_bound import DOUBTFUL_RATIO, EPS, NARROW
-from .formulations import NONE, Cycles, columns, or_none
-from .local_law import by_launch_speed, launch_power, loss_coefficient
+from .error_bound import DOUBTFUL_RATIO, EPS, NARROW, ends_of_steps
+from .formulations import CONTACT_FORCE, NONE, Cycles, columns, or_none
 
 # An energy drift beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a
 # feature of a law.
 WORST_DRIFT = 1e-8
+# A stationary point this near to the middle of the motion, as a share of its time, is the middle itself.
+MIDDLE = 1e-7
+# The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
+# share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
+STATIONARY = 1e-6
+# The imaginary part of a complex step: so small that its square vanishes beside any number.
+COMPLEX_STEP = 1e-30
+Violation = tuple[int, str]  # the index of the orbit, and what is wrong in words
 
 
 @dataclass(frozen=True)
@@ -60,13 +68,14 @@ class Certificate:
     unfolding: float | None = None
 
 
-# The names of the fields, in their order.
-CERTIFICATE_FIELDS = tuple(Certificate.__dataclass_fields__)
-
-
 def certify(model: Model, cycles: Cycles) -> list[Certificate]:
     """The certificates of solved orbits of one model; raises `NoOrbit` about the first that can have none."""
-    jerk, clearance, smallest_force, largest_force, separation, violations = admissibility(model, cycles)
+    jerk, clearance, collisions = _gaps(model, cycles)
+    separation, meetings = _separations(model, cycles)
+    smallest_force, largest_force, pulls = _contact_forces(model, cycles)
+    violations: list[tuple[str, ...]] = [()] * len(cycles)
+    for i, reason in (*collisions, *pulls, *meetings):
+        violations[i] += (reason,)
     changes, floors, gradients = _energy_changes(model, cycles)
     direction = by_launch_speed(lambda u: model.launch(u, cycles.p), cycles.u)
     with np.errstate(all="ignore"):
@@ -75,8 +84,7 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
         drift = changes.max(1) / launch
         loss = _losses(model, cycles, jerk, power)
     finite = np.all(np.isfinite([cycles.error, cycles.residual, drift, jerk]), axis=0)
-    for values in (loss, separation, smallest_force):
-        finite &= np.isfinite(values) | (values == NONE)
+    finite &= np.all([np.isfinite(each) | (each == NONE) for each in (loss, separation, smallest_force)], axis=0)
     leaps = (changes > np.maximum(WORST_DRIFT * launch[:, None], DOUBTFUL_RATIO * floors)).any(1)
     for i in np.flatnonzero(~finite | leaps).tolist():
         overflow = "its numbers overflow; state the machine in units nearer to 1"
@@ -84,17 +92,10 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
         raise NoOrbit(f"the orbit cannot be certified: {reason}").about(i)
     sides = np.where(cycles.gap_slope > 0, "above", "below").astype(object)
     sides[(loss == NONE) | (loss == 0)] = None
-    rows = zip(
-        count_families(model, cycles.halves, cycles.halves_per_flight),
-        *(values.tolist() for values in (cycles.residual, cycles.error, drift)),
-        *(or_none(values) for values in (clearance, separation, smallest_force, largest_force)),
-        (-jerk).tolist(),
-        or_none(loss),
-        sides.tolist(),
-        violations,
-        cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles),
-        strict=True,
-    )
+    families = count_families(model, cycles.halves, cycles.halves_per_flight)
+    figures = (cycles.residual, cycles.error, drift, clearance, separation, smallest_force, largest_force, -jerk, loss)
+    unfolding = cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles)
+    rows = zip(families, *map(or_none, figures), sides.tolist(), violations, unfolding, strict=True)
     return [Certificate(*row) for row in rows]
 
 
@@ -106,6 +107,28 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
         loss = loss_coefficient(mass, jerk[defined], np.abs(cycles.gap_slope[defined]), power[defined])
         found[defined] = np.where(loss == np.inf, np.nan, loss)  # a number too large is not `NONE`
     return found
+
+
+def loss_coefficient(impact_mass: Any, jerk: Any, gap_slope: Any, power: Any) -> Any:
+    """C of the one-step map alpha + d -> alpha + d - C d**(4/3), of numbers, arrays or CasADi expressions.
+
+    Beside a lossless landing the gap goes like gap_slope d - jerk t**3/6. The speed that it has left where it vanishes
+    is lost, and the launch energy changes by `power` with alpha.
+    """
+    return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
+
+
+def launch_power(gradient: Iterable, direction: Iterable) -> Any:
+    """Derivative by alpha of the energy at launch, from the energy's gradient and the state's derivative there."""
+    return sum(g * d for g, d in zip(gradient, direction, strict=True))
+
+
+def by_launch_speed(function: Callable[[Mapping], Sequence], u: Mapping) -> list:
+    """Derivatives by alpha of arithmetic expressions of the unknowns, where the alpha of `u` is a symbol, a number
+    or an array; for numbers a complex step is exact."""
+    if isinstance(u["alpha"], ca.SX):
+        return ca.vertsplit(ca.densify(ca.jacobian(ca.vertcat(*function(u)), u["alpha"])))
+    return [np.imag(x) / COMPLEX_STEP for x in function({**u, "alpha": u["alpha"] + 1j * COMPLEX_STEP})]
 
 
 @lru_cache(maxsize=64)
@@ -130,16 +153,12 @@ def _energy_changes(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarra
 
 
 def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[np.ndarray, ...]:
-    """The largest change of energy (m,) of each motion, that of rounding (m,), and the gradient at its start (m, n).
-
-    The change is the work of the gradient on the straight lines between the ends of the steps.
-    """
+    """The largest work (m,) of the gradient along each motion, on the straight lines between the ends of its steps; how
+    much of that is rounding (m,); and the gradient at its start (m, n)."""
     flow, call = flow_of(phase, tuple(p)), gradients(phase, gradient, tuple(p))
     n, data = flow.size, flow.data_of(motions, columns(p.values()))
     states = motions.coefficients[:, :n, 0]
-    moves = np.roll(states, -1, axis=0)
-    moves[motions.last] = motions.finals[:, :n]
-    moves -= states
+    moves = ends_of_steps(motions, n) - states
     points = states[:, None] + GAUSS_PLACES[:, None] * moves[:, None]
     rates = call(points.reshape(-1, n), np.repeat(data, GAUSS, axis=0))[0].reshape(-1, GAUSS, n)
     changes = np.cumsum(((GAUSS_WEIGHTS @ rates) * moves).sum(1))
@@ -147,3 +166,105 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
     largest = motions.largest(changes - np.repeat(before, motions.counts))
     floors = EPS * motions.largest(states) * motions.largest(rates)
     return largest, floors, call(states[motions.first], data[motions.first])[0]
+
+
+def count_families(model: Model, halves: Trajectories, per_flight: int) -> list[int]:
+    """The families of flights: the stationary points of the extension after lift-off up to and with mid-flight, less
+    one; `per_flight` of the halves belong to each flight."""
+    owner, piece, t = halves.pile(derivative(halves.series(model.extension))).roots()
+    inside = halves.time(owner, piece, t) < halves.ends[owner] * (1 - MIDDLE)  # the root left out is mid-flight
+    turns = np.bincount(owner[inside] // per_flight, minlength=len(halves) // per_flight)
+    return (turns // per_flight).tolist()
+
+
+def _gaps(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
+    """Jerks of the gap at lift-off (m,), its lowest interior minima (m,), `NONE` without one, and what they violate."""
+    halves = cycles.halves
+    gaps = halves.series(model.gap(cycles.p_of_halves))
+    jerk = (6 * gaps[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
+    clearance, when = _least_of_halves(cycles, *_lowest_minima(halves, gaps))
+    opens, meets = "the gap opens the wrong way at landing (landing jerk", model.violations["gap"]
+    violations = [(i, f"{opens} {-jerk[i]:.3g}, must be negative)") for i in np.flatnonzero(jerk <= 0).tolist()]
+    for i in np.flatnonzero(clearance <= 0).tolist():
+        violations.append((i, f"{meets} at t = {when[i]:.6g} of the flight (height {clearance[i]:.3g})"))
+    return jerk, clearance, violations
+
+
+def _lowest_minima(halves: Trajectories, gaps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest minimum (h,) of the gap on each half of a flight, `NONE` without one, and its time (h,)."""
+    # Each half starts from a zero of order three of the gap: its rate from one of order two, divided out exactly.
+    owner, piece, t = halves.pile(derivative(gaps)).roots(start=2, rising=True)
+    times = halves.time(owner, piece, t)
+    inside = times < halves.ends[owner] * (1 - MIDDLE)
+    heights = evaluate(gaps[halves.first[owner] + piece], t)
+    # The end of a half, mid-flight, may be a minimum too.
+    last, h = gaps[halves.last], halves.steps[halves.last]
+    middle, rate, bend = (evaluate(c, h) for c in (last, derivative(last), derivative(derivative(last))))
+    ends = np.flatnonzero((bend > 0) & (np.abs(rate) * halves.ends < STATIONARY * halves.largest(gaps[:, :1])))
+    owner, times = np.append(owner[inside], ends), np.append(times[inside], halves.ends[ends])
+    heights = np.append(heights[inside], middle[ends])
+    lowest, when = np.full(len(halves), NONE), np.zeros(len(halves))
+    order = np.argsort(-heights)  # of several assignments to one half the last, the lowest, counts
+    lowest[owner[order]], when[owner[order]] = heights[order], times[order]
+    return lowest, when
+
+
+def _least_of_halves(cycles: Cycles, values: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least (m,) of the values on the halves of each flight, and its time (m,) in the flight."""
+    values, times = (array.reshape(-1, cycles.halves_per_flight) for array in (values, times))
+    half, each = values.argmin(1), np.arange(len(values))
+    when = times[each, half]
+    return values[each, half], np.where(half == 0, when, cycles.flight_times - when)
+
+
+def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
+    """The lowest interior minima (m,) of the contact forces, and their peaks (m,), `NONE` where there are none; and the
+    contacts that do not end or that have to pull."""
+    (least, peaks), violations = np.full((2, len(cycles)), NONE), [*cycles.without_contact.items()]
+    if not cycles.contacts:
+        return least, peaks, violations
+    contacts, pulls = cycles.contacts, model.violations["pull"]
+    force = contacts.coefficients[:, contacts.names.index(CONTACT_FORCE)]
+    owner, piece, t = contacts.pile(derivative(force)).roots(rising=True)
+    inside = contacts.time(owner, piece, t) < contacts.ends[owner] * (1 - MIDDLE)
+    low = np.full(len(contacts), NONE)
+    np.minimum.at(low, owner[inside], evaluate(force[contacts.first[owner] + piece], t)[inside])
+    if model.reversor:  # mid-contact itself may be a minimum
+        last, h = force[contacts.last], contacts.steps[contacts.last]
+        rising = evaluate(derivative(derivative(last)), h) > 0
+        low = np.where(rising, np.minimum(low, evaluate(last, h)), low)
+    least[cycles.with_contact], peaks[cycles.with_contact] = low, -contacts.pile(-force).lowest()[0]
+    # The force starts from a simple zero, which is divided out exactly; a whole contact ends on another one.
+    owner, piece, t = contacts.pile(force).roots(start=1)
+    times = contacts.time(owner, piece, t)
+    inside = np.full(len(times), True) if model.reversor else times < contacts.ends[owner] * (1 - MIDDLE)
+    pulling, first = np.unique(owner[inside], return_index=True)
+    at_once = force[contacts.first, 1] <= 0
+    at_once[pulling] = False
+    places = zip(cycles.with_contact[pulling].tolist(), times[inside][first], strict=True)
+    violations += [(i, f"{pulls} in contact at t = {time:.6g}") for i, time in places]
+    violations += [(i, f"{pulls} as soon as the contact begins") for i in cycles.with_contact[at_once].tolist()]
+    return least, peaks, violations
+
+
+def _separations(model: Model, cycles: Cycles) -> tuple[np.ndarray, list[Violation]]:
+    """Least separations (m,) over the cycles, and the orbits where they are not positive; where the contact does not
+    end, the flight is checked all the same."""
+    halves, contacts = cycles.halves, cycles.contacts
+    found = np.full(len(cycles), NONE)
+    if (distance := model.separation(cycles.p_of_halves)) is None:
+        return found, []
+    low, piece, t = halves.pile(halves.series(distance)).lowest()
+    least, when = _least_of_halves(cycles, low, halves.time(np.arange(len(halves)), piece, t))
+    where = np.full(len(cycles), "flight", dtype=object)
+    if contacts:
+        low, piece, t = contacts.pile(contacts.series(model.separation(cycles.p_of_contacts), model.embed)).lowest()
+        lower = low < least[cycles.with_contact]
+        these = cycles.with_contact[lower]
+        least[these], where[these] = low[lower], "contact"
+        when[these] = contacts.time(np.flatnonzero(lower), piece[lower], t[lower])
+    found[cycles.with_contact] = least[cycles.with_contact]
+    meets, violations = model.violations["separation"], list[Violation]()
+    for i in np.flatnonzero(~(least > 0)).tolist():
+        violations.append((i, f"{meets} at t = {when[i]:.6g} of the {where[i]} (separation {least[i]:.3g})"))
+    return found, violations

@@ -1,23 +1,20 @@
-"""How far the launch speed of a solved orbit can be off.
-
-Nothing here reuses the equations that were solved, except that a defect goes through their inverse Jacobian.
-"""
+"""How far the launch speed of a solved orbit can be off; only the inverse Jacobian of its equations is reused."""
 
 from functools import lru_cache
 
 import casadi as ca
 import numpy as np
+from numpy import ndarray
 
 from ..errors import NoOrbit
 from ..flow.flow import Flow
-from ..flow.trajectory import Trajectory
+from ..flow.trajectory import Trajectories, Trajectory
 from ..flow.vector_field import runge_kutta
 from ..numerics.bernstein import powers
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction
-from .newton import Evaluation
-from .single_shooting import Shooting
+from .single_shooting import Evaluation, Shooting
 
 # Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are equal
 # at a number of steps whose square root is this.
@@ -31,6 +28,7 @@ WORST_ERROR, DOUBTFUL_RATIO = 1e-11, 1e4
 # Order-8 steps are so short that the ninth Taylor term, their error, is below this share of rounding.
 NINTH_TERM = 0.01
 EPS = float(np.finfo(float).eps)
+Rows = ndarray | None
 NARROW = (
     ". Either it hangs at an unstable equilibrium, where rounding decides, or it crosses something narrower than an "
     "integration step: smooth the law, or give breakpoints to springs.function"
@@ -38,13 +36,8 @@ NARROW = (
 
 
 def error_bounds(
-    equations: Shooting,
-    us: np.ndarray,
-    ps: np.ndarray,
-    evaluation: Evaluation,
-    closing: np.ndarray | None = None,
-    quickly: bool = False,
-) -> tuple[np.ndarray, dict[int, NoOrbit]]:
+    equations: Shooting, us: ndarray, ps: ndarray, evaluation: Evaluation, closing: Rows = None, quickly: bool = False
+) -> tuple[ndarray, dict[int, NoOrbit]]:
     """Bounds (m,) on the errors of the unknown "alpha" in solutions (m, n), and by index why some cannot be certified.
 
     ps : parameters (m, np)
@@ -78,51 +71,55 @@ def _bounds_of_residuals(equations: Shooting, us, evaluation: Evaluation, closin
     alpha = us[:, index]
     # The residuals have roundings of their own, of the size of what they measure: twice as much covers these.
     found = 2 * np.abs(np.einsum("mi,mi->m", inverse, residuals))
-    floor = np.linalg.norm(inverse, axis=1) * _rounding(equations, evaluation) + np.spacing(alpha)
-    doubtful = {}
+    rounding = np.zeros(len(us))
+    for flow, motions, transition, start in zip(
+        equations.flows, evaluation.trajectories, evaluation.transitions, evaluation.starts, strict=True
+    ):
+        size = motions.largest(motions.coefficients[:, : flow.size, 0])
+        growth = np.maximum(1.0, np.linalg.norm((transition @ start)[:, :, :n], axis=(1, 2)) / SHEAR)
+        at_random = np.sqrt(motions.counts)
+        rounding += EPS / 2 * size * at_random * (1 + at_random / RANDOM_STEPS) * growth
+    floor, doubtful = np.linalg.norm(inverse, axis=1) * rounding + np.spacing(alpha), {}
     for i in np.flatnonzero(found > np.maximum(WORST_ERROR * alpha, DOUBTFUL_RATIO * floor)).tolist():
         off = f"launch speed {alpha[i]:.6g} may be off by {found[i]:.1e}"
         doubtful[i] = NoOrbit(f"the orbit cannot be certified: {off}{NARROW}")
     return found + floor, doubtful
 
 
-def _rounding(equations: Shooting, evaluation: Evaluation) -> np.ndarray:
-    """What the rounding of the states (m,) adds up to over the motions."""
-    total = np.zeros(len(evaluation.residual))
-    arcs = zip(equations.flows, evaluation.trajectories, evaluation.transitions, evaluation.starts, strict=True)
-    for flow, motions, transition, start in arcs:
-        size = motions.largest(motions.coefficients[:, : flow.size, 0])
-        growth = np.maximum(1.0, np.linalg.norm((transition @ start)[:, :, : equations.size], axis=(1, 2)) / SHEAR)
-        at_random = np.sqrt(motions.counts)
-        total += EPS / 2 * size * at_random * (1 + at_random / RANDOM_STEPS) * growth
-    return total
+def ends_of_steps(motions: Trajectories, n: int) -> ndarray:
+    """The first n states (N, n) at the end of every step."""
+    ends = np.roll(motions.coefficients[:, :n, 0], -1, axis=0)
+    ends[motions.last] = motions.finals[:, :n]
+    return ends
 
 
-def _residuals_by_defects(equations: Shooting, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> np.ndarray:
+def _residuals_by_defects(equations: Shooting, us: ndarray, ps: ndarray, evaluation: Evaluation) -> ndarray:
     """The residuals (m, n) of a statement of one arc when its ends are corrected for the defects of the steps."""
     (flow,), (motions,) = equations.flows, evaluation.trajectories
     (transition,), (residual_by_end,) = evaluation.transitions, evaluation.residual_by_end
     assert motions.variations is not None
-    n, last = flow.size, motions.last
-    c = motions.coefficients[:, :n]
-    scaled = c * motions.of_steps[:, None]
-    states = (scaled @ powers(GAUSS_PLACES, c.shape[2]).T).swapaxes(1, 2)
+    n, c = flow.size, motions.coefficients[:, : flow.size]
+    states = ((c * motions.of_steps[:, None]) @ powers(GAUSS_PLACES, c.shape[2]).T).swapaxes(1, 2)
     data = np.repeat(ps, motions.counts * GAUSS, axis=0)
     rates = flow.fields(states.reshape(-1, n), data)[0].reshape(-1, GAUSS, n)
-    after, sensitivity = np.roll(c[:, :, 0], -1, axis=0), np.roll(motions.variations[:, :, :n, 0], -1, axis=0)
-    after[last], sensitivity[last] = motions.finals[:, :n], transition[:, :, :n]
-    defects = after - c[:, :, 0] - motions.steps[:, None] * (GAUSS_WEIGHTS @ rates)
+    sensitivity = np.roll(motions.variations[:, :, :n, 0], -1, axis=0)
+    sensitivity[motions.last] = transition[:, :, :n]
+    defects = ends_of_steps(motions, n) - c[:, :, 0] - motions.steps[:, None] * (GAUSS_WEIGHTS @ rates)
     at_start = np.add.reduceat(solve(sensitivity, defects[..., None])[..., 0], motions.first)
     at_end = np.einsum("pij,pj->pi", transition[:, :, :n], at_start)
     (residuals,) = equations.arrivals(us, ps, motions.finals[:, :n])
     return residuals[:, :, 0] - np.einsum("pij,pj->pi", residual_by_end, at_end)
 
 
-def _end_by_another_method(flow: Flow, start: np.ndarray, p: np.ndarray, path: Trajectory) -> np.ndarray:
+def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Trajectory) -> ndarray:
     """The end of a motion by order-8 Runge-Kutta steps where Taylor steps found it, else by scipy's DOP853."""
     data = flow.mesh_data(path, p)
     if flow.method != "Runge-Kutta":
-        counts = _substeps(path.coefficients[:, : flow.size], path.steps)
+        # So many that the error, for k of them k**-8 times the ninth Taylor term, is below rounding; at least
+        # 8, since a feature of the law between fewer samples could be missed.
+        c = np.abs(path.coefficients[:, : flow.size])
+        ninth = c[:, :, 9].max(1) * path.steps**9 / np.maximum(c[:, :, 0].max(1), 1e-300)
+        counts = 8 * np.clip(np.ceil((ninth / (NINTH_TERM * EPS)) ** (1 / 8) / 8), 1, 250).astype(int)
         count = int(np.ceil(counts.sum() / STEPS_PER_CALL)) * STEPS_PER_CALL
         idle = count - counts.sum()  # the number of steps is rounded up by steps of length 0
         lengths = np.append(np.repeat(path.steps / counts, counts), np.zeros(idle))
@@ -135,16 +132,6 @@ def _end_by_another_method(flow: Flow, start: np.ndarray, p: np.ndarray, path: T
         rates = lambda t, y, d=data[:, i]: flow.rates(y, d)  # noqa: E731
         x = solve_ivp(rates, (0, h), x, method="DOP853", rtol=1e-13, atol=1e-15 * (1 + np.abs(x).max())).y[:, -1]
     return x
-
-
-def _substeps(coefficients: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Numbers (N,) of order-8 steps that bring the error over each step of a motion below rounding.
-
-    The error of k such steps is k**-8 times the ninth Taylor term of the whole.
-    """
-    ninth = np.abs(coefficients[:, :, 9]).max(1) * steps**9 / np.maximum(np.abs(coefficients[:, :, 0]).max(1), 1e-300)
-    # At least 8 of them, since a feature of the law between fewer samples could be missed.
-    return 8 * np.clip(np.ceil((ninth / (NINTH_TERM * EPS)) ** (1 / 8) / 8), 1, 250).astype(int)
 
 
 @lru_cache(maxsize=64)

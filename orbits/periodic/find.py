@@ -11,13 +11,11 @@ from ..model.machine import Machine, check_machine
 from ..model.model import Model
 from ..numerics.roots import solve
 from ..symbolic import interrupts
-from .admissibility import count_families
-from .certificate import certify
+from .certificate import certify, count_families
 from .error_bound import error_bounds
 from .formulations import contact_reversor, equations_of, halved, interpret, or_none, vector
-from .newton import Evaluation
 from .orbit import Orbit, Shape
-from .single_shooting import Shooting
+from .single_shooting import Evaluation, Shooting
 
 METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 10_000
@@ -25,8 +23,6 @@ LARGEST_FAMILY = 10_000
 SAME_ORBIT = 1e-9
 # A start with a longer time than this describes no machine in its own units, and would take long to integrate.
 LONGEST_START = 1e4
-# A start may state these unknowns although not every statement asks for them.
-OPTIONAL_UNKNOWNS = ("contact_duration", "unfolding")
 # With a step size below this share of the homotopy, the family has folded back or ended.
 MIN_STEP = 1e-4
 # A corrector that changes the launch speed or the time by a larger share may have jumped to another orbit.
@@ -59,29 +55,25 @@ def find(
         mid-flight
     start : an orbit nearby, or the unknowns of a half orbit by name, to start from instead of the model's guess; an
         orbit of any family is then returned, unless `family` is given too
-    method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is the general one, multiple
-        shooting by Ipopt
+    method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is multiple shooting by Ipopt
     progress : called with the share of the homotopy that is done, where there is one
 
     Where a family has several orbits, this is the one of least launch speed under constant gravity, or what that
-    becomes as gravity's variation is brought in. It may be inadmissible: see its `violations`. Raises `NoOrbit` with
-    the reason when there is none or a solve ends on another family, and `InputError` for a family or a method that
-    cannot be.
+    becomes as gravity's variation is brought in. It may be inadmissible: see its `violations`. Raises `NoOrbit` when
+    there is none or a solve ends on another family, and `InputError` for a family or a method that cannot be.
     """
     check_machine(machine)
     began = time.perf_counter()
     with interrupts.deferred():
         if start is None:
-            wanted = 1 if family is None else family
-            method, root = solve_family(machine, wanted, method, progress)
-            orbit = certified_orbit(machine, method, *root, began=began)
-            if orbit.family != wanted:
-                raise NoOrbit(another_family(wanted, orbit.family))
+            family = 1 if family is None else family
+            method, root = solve_family(machine, family, method, progress)
         else:
             method, root = solve_near(machine, start, method)
-            orbit = certified_orbit(machine, method, *root, began=began)
-            if family is not None and orbit.family != _family_number(family):
-                raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
+        orbit = certified_orbit(machine, method, *root, began=began)
+        if family is not None and orbit.family != _family_number(family):
+            reason = f"the start leads to an orbit of family {orbit.family}, not {family}"
+            raise NoOrbit(reason if start is not None else another_family(family, orbit.family))
         return orbit
 
 
@@ -94,8 +86,7 @@ def find_all(
     """
     if isinstance(starts, Mapping | Orbit):
         raise InputError("starts is a list of starts: for one of them there is find(machine, start=...)")
-    found: list[Orbit] = []
-    reason = None
+    found, reason = list[Orbit](), None
     for start in starts:
         try:
             orbit = find(machine, start=start, method=method)
@@ -112,36 +103,33 @@ def solve_family(
     machine: Machine, family: int, method: str | None, progress: Callable[[float], None] | None = None
 ) -> tuple[str, Root]:
     """The method, and the solution that it finds for a family, as in `find`; not certified to be of that family."""
-    model, p = machine.model, dict(machine.values)
-    family, method = _family_number(family), _possible_method(model, method)
-    equations = equations_of(model, method, tuple(p))
+    family, model, p = _family_number(family), machine.model, dict(machine.values)
+    method, equations, correct = _opening(machine, method)
     if method == "closed form" and model.reduction and model.reduction.exact:
         unknowns, error = model.reduction.exact(family, p)
         u = vector(unknowns)
         return method, Root(u, equations.evaluate_all(u[None], vector(p)[None]), error)
-    if method == "relative":
-        start = model.guess(family, p)
-        return method, Root(*equations.newton([start["liftoff"], start["alpha"]], vector(p)))
-    correct = equations.multiple_shooting if method == "shooting" else equations.newton
     return method, Root(*_solve_by_homotopy(model, equations, correct, family, p, progress))
 
 
 def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> tuple[str, Root]:
     """The method, and the solution that it finds from a start, as in `find`."""
-    model, p = machine.model, machine.values
-    method = _possible_method(model, method)
-    method = "relative" if method == "closed form" else method
-    equations = equations_of(model, method, tuple(p))
-    stated = _stated_unknowns(model, start)
-    names = equations.statement.unknowns
+    method, equations, correct = _opening(machine, method, closed_form="relative")
+    stated, names = _stated_unknowns(machine.model, start), equations.statement.unknowns
     if missing := [name for name in names if name not in stated]:
         raise InputError(f"start has no '{missing[0]}'; the unknowns are {', '.join(names)}")
-    u = np.array([stated[name] for name in names])
-    correct = equations.multiple_shooting if method == "shooting" else equations.newton
     try:
-        return method, Root(*correct(u, vector(p)))
+        return method, Root(*correct(np.array([stated[name] for name in names]), vector(machine.values)))
     except FlowError as error:
         raise NoOrbit(f"the start cannot be followed: {error}") from None
+
+
+def _opening(machine: Machine, method: str | None, closed_form: str = "closed form") -> tuple[str, Shooting, Callable]:
+    """The method to take, with another name for the closed form, its equations, and what solves them."""
+    method = _possible_method(machine.model, method)
+    method = closed_form if method == "closed form" else method
+    equations = equations_of(machine.model, method, tuple(machine.values))
+    return method, equations, equations.multiple_shooting if method == "shooting" else equations.newton
 
 
 def certified_orbit(
@@ -154,8 +142,7 @@ def certified_orbit(
     """
     model, p = machine.model, machine.values
     equations = equations_of(model, method, tuple(p))
-    us, ps = np.reshape(u, (1, -1)), vector(p)[None]
-    errors = np.array([error])
+    us, ps, errors = np.reshape(u, (1, -1)), vector(p)[None], np.array([error])
     if error is None:
         errors, refused = error_bounds(equations, us, ps, evaluation)
         if refused:
@@ -174,7 +161,7 @@ def certified_orbit(
         shape=Shape(model.reversor, reversor, model.embed, model.heights(p), model.springs),
         certificate=certificate,
         method=method,
-        skipped=_skipped(model, p, method, equations.compiled),
+        skipped=_skipped(model, p, method, any(flow.compiled for flow in equations.flows)),
         seconds=time.perf_counter() - began,
         units=machine.units,
     )
@@ -195,25 +182,21 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
     if isinstance(start, Orbit):
         if start.flight.names[: len(model.flight.states)] != model.flight.states:
             raise InputError(f"start is an orbit of another machine, with the states {', '.join(start.flight.names)}")
-        return _unknowns_of(start)
+        unknowns = dict(zip(start.flight.names, start.flight.coefficients[0, :, 0].tolist(), strict=False))
+        unknowns |= {"liftoff": start.liftoff_extension, "alpha": start.alpha}
+        unknowns["duration"] = start.flight_time / (2 if start.shape.reversor else 1)
+        unknowns["unfolding"] = start.certificate.unfolding or 0.0
+        return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})
     if not isinstance(start, Mapping):
         raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")
-    if unknown := [name for name in start if name not in {*model.half_unknowns, *OPTIONAL_UNKNOWNS}]:
+    # Two unknowns may be stated although not every statement asks for them.
+    if unknown := [name for name in start if name not in {*model.half_unknowns, "contact_duration", "unfolding"}]:
         raise InputError(f"start has '{unknown[0]}'; the unknowns are {', '.join(model.half_unknowns)}")
     stated = {"unfolding": 0.0, **{name: finite_number(f"start '{name}'", value) for name, value in start.items()}}
     for name in ("duration", "contact_duration"):
         if not 0 < stated.get(name, 1.0) < LONGEST_START:
             raise InputError(f"start '{name}' = {stated[name]:g}; it lies between 0 and {LONGEST_START:g}")
     return stated
-
-
-def _unknowns_of(orbit: Orbit) -> dict[str, float]:
-    """The unknowns, by name, of every statement that an orbit solves."""
-    unknowns = dict(zip(orbit.flight.names, orbit.flight.coefficients[0, :, 0].tolist(), strict=False))
-    unknowns |= {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha}
-    unknowns["duration"] = orbit.flight_time / (2 if orbit.shape.reversor else 1)
-    unknowns["unfolding"] = orbit.certificate.unfolding or 0.0
-    return unknowns | ({} if orbit.contact_time is None else {"contact_duration": orbit.contact_time / 2})
 
 
 def _family_number(family: int) -> int:
@@ -241,10 +224,8 @@ def _possible_method(model: Model, method: str | None) -> str:
 
 
 def _solve_by_homotopy(model: Model, equations: Shooting, correct, family: int, p, progress):
-    """Solve a model's equations from its guess, with the homotopy parameter led from 0 to 1 by step-size control.
-
-    `correct`, (u, parameters) -> the solution near u and the equations there, is the corrector.
-    """
+    """Solve a model's equations from its guess, with the homotopy parameter led from 0 to 1 by step-size control;
+    `correct`, (u, parameters) -> the solution near u and the equations there, is the corrector."""
     unknowns, homotopy = equations.statement.unknowns, model.homotopy
     start = {**model.guess(family, {**p, homotopy: 0.0} if homotopy else p), "unfolding": 0.0}
     start["duration"] *= 2 if "unfolding" in unknowns else 1
@@ -259,9 +240,9 @@ def _solve_by_homotopy(model: Model, equations: Shooting, correct, family: int, 
         step = min(step, 1 - reached)
         while True:
             value = 1.0 if step == 1 - reached else reached + step
-            predicted, p_ahead = u + step * tangent, {**p, homotopy: value}
             try:
-                u, evaluation = _corrected(model, equations, correct, predicted, family, p_ahead)
+                p_ahead = {**p, homotopy: value}
+                u, evaluation = _corrected(model, equations, correct, u + step * tangent, family, p_ahead)
                 break
             except NoOrbit as error:
                 step /= 2
@@ -285,8 +266,8 @@ def _corrected(model: Model, equations: Shooting, correct, predicted, family, p)
     new, evaluation = correct(predicted, vector(p))
     if np.max(np.abs(new - predicted)[positive] / np.abs(new[positive])) > MAX_CORRECTION:
         raise NoOrbit("the corrector ends far from the predicted orbit")
-    halves = evaluation.trajectories[0].only(model.flight.states)
-    halves = halved(halves) if "unfolding" in unknowns else halves
+    flights = evaluation.trajectories[0].only(model.flight.states)
+    halves = halved(flights) if "unfolding" in unknowns else flights
     if count_families(model, halves, len(halves)) != [family]:
         raise NoOrbit("the family changes")
     return new, evaluation
@@ -294,19 +275,16 @@ def _corrected(model: Model, equations: Shooting, correct, predicted, family, p)
 
 def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:
     """What the method did without, in words."""
-    mirrored = "flight: half of it, by time reversal"
-    skipped = [mirrored] if method == "half orbit" or (method == "shooting" and model.reversor) else []
-    if method == "closed form":
-        skipped = ["flight: closed form, nothing integrated", "search: one scalar equation, no solver"]
-    if method == "relative":
-        skipped = ["flight: the extension alone is integrated, 2 states of 4", mirrored]
-    if method in ("relative", "half orbit"):
-        skipped.append("search: Newton on a few unknowns from a measured guess, no Ipopt")
-    share = "only its first half" if model.reversor else "once"
+    few, share = method in ("relative", "half orbit"), "only its first half" if model.reversor else "once"
     integrated = f"{share}, for its duration and the checks, not for the search"
-    skipped.append(f"contact: {'closed form' if model.contact.closed_form else integrated}")
-    if model.separation(p) is None:
-        skipped.append("separation of the masses: no rest length given")
-    if not compiled:
-        skipped.append("compilation: nothing that repays it, or no compiler")
-    return tuple(skipped)
+    skipped = {
+        "flight: closed form, nothing integrated": method == "closed form",
+        "search: one scalar equation, no solver": method == "closed form",
+        "flight: the extension alone is integrated, 2 states of 4": method == "relative",
+        "flight: half of it, by time reversal": few or (method == "shooting" and bool(model.reversor)),
+        "search: Newton on a few unknowns from a measured guess, no Ipopt": few,
+        f"contact: {'closed form' if model.contact.closed_form else integrated}": True,
+        "separation of the masses: no rest length given": model.separation(p) is None,
+        "compilation: nothing that repays it, or no compiler": not compiled,
+    }
+    return tuple(words for words, applies in skipped.items() if applies)

@@ -9,15 +9,13 @@ import numpy as np
 from numpy import ndarray
 
 from ..errors import FlowError, InputError, NoOrbit, OutOfRange
-from ..flow.flow import Flow, flow_of
-from ..flow.trajectory import Trajectories, Trajectory
+from ..flow.flow import flow_of
+from ..flow.trajectory import Trajectories
 from ..flow.zero_crossing import first_zero
 from ..model.model import Model, Reduction
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..numerics.roots import solve
-from .local_law import landing_gap_slope
-from .newton import Evaluation
-from .single_shooting import Shooting, shooting_equations
+from .single_shooting import Evaluation, Shooting, shooting_equations
 
 # Marks a minimum, a peak or a time that does not exist.
 NONE = np.inf
@@ -83,10 +81,9 @@ def contact_reversor(reversor: tuple[int, ...], embed: ndarray) -> tuple[int, ..
 def whole_flight(model: Model) -> Statement:
     """From the launch set to a lossless landing, for a model without a reversor.
 
-    Launch speed and flight time are two unknowns for three landing conditions. All three can hold only because energy
-    is conserved and because of whatever symmetry the motion has, so the equations are made square by an unfolding: a
-    multiple of the energy's gradient is added to the field. That multiple is a further unknown, and it vanishes on an
-    orbit.
+    Launch speed and flight time are two unknowns for three landing conditions, which can all hold only since energy is
+    conserved and by symmetry. So the equations are made square by an unfolding: a multiple of the energy's gradient,
+    a further unknown, is added to the field. It vanishes on an orbit.
     """
     flight = model.flight
 
@@ -168,11 +165,8 @@ class Cycles:
 def interpret(
     model: Model, method: str, equations: Shooting, us: ndarray, ps: ndarray, evaluation: Evaluation, errors: ndarray
 ) -> Cycles:
-    """What solutions (m, n) of a method's equations with parameters (m, np) mean, with their contacts.
-
-    `evaluation` holds the equations there, `errors` (m,) bounds on the errors of alpha. Raises `NoOrbit` about the
-    first solution that is no orbit.
-    """
+    """What solutions (m, n) of a method's equations with parameters (m, np), their `evaluation` and the bounds on their
+    errors of alpha (m,) mean, with the contacts; raises `NoOrbit` about the first solution that is no orbit."""
     u = dict(zip(equations.statement.unknowns, us.T, strict=True))
     p = dict(zip(equations.parameters, ps.T, strict=True))
     flight, halves, gap_slope = _flights(model, method, u, p, evaluation)
@@ -199,6 +193,11 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
     return flight, halved(flight), landing_gap_slope(model, landing.T, p)
 
 
+def landing_gap_slope(model: Model, change: Iterable, p: Mapping) -> Any:
+    """Derivative by alpha of the gap at the orbit's landing time, from that of the flight state there, by component."""
+    return sum(weight * d for weight, d in zip(model.gap(p).weights, change, strict=False))
+
+
 def halved(flights: Trajectories) -> Trajectories:
     """The halves of whole flights: of each the first, and the second from landing backwards."""
     return Trajectories.of([half for path in flights for half in path.split(path.times[-1] / 2)])
@@ -218,10 +217,8 @@ def contact_force_row(contact: Phase) -> Affine:
 
 
 def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
-    """The `with_contact`, `contacts` and `without_contact` of `Cycles`.
-
-    A contact has to end within `limits` (m,); where the launch has several speeds, mid-contact is at that time.
-    """
+    """The `with_contact`, `contacts` and `without_contact` of `Cycles`; a contact has to end within `limits` (m,), and
+    where the launch has several speeds, mid-contact is at that time."""
     flow, starts, ps = flow_of(model.contact, tuple(p)), columns(model.touchdown(u, p)), columns(p.values())
     # A mirrored contact is followed until its speed vanishes. Otherwise the force ends it, whose zero at landing does
     # not count.
@@ -232,20 +229,14 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
     ended = zip(done.tolist(), contacts or (), strict=True)
     found: dict[int, Any] = {i: contact for i, contact in ended if contact.times[-1] < limits[i]}
     for i in {*range(len(starts))} - found.keys():
-        found[i] = _single_contact(model, flow, starts[i], ps[i], limits[i], end)
+        try:
+            path, _ = flow.run(starts[i], ps[i], limits[i], stop=first_zero(*end) if model.one_speed else None)
+            found[i] = model.violations["end"] if model.one_speed and not path.times[-1] < limits[i] else path
+        except FlowError as error:
+            found[i] = f"contact: {error}" if isinstance(error, OutOfRange) else model.violations["end"]
     reasons = {i: contact for i, contact in sorted(found.items()) if isinstance(contact, str)}
     order = sorted(found.keys() - reasons.keys())
     return np.array(order, int), Trajectories.of([found[i] for i in order]) if order else None, reasons
-
-
-def _single_contact(model: Model, flow: Flow, start: ndarray, p: ndarray, limit: float, end) -> Trajectory | str:
-    """The contact from one state, or the reason why it does not end."""
-    stop = first_zero(*end) if model.one_speed else None
-    try:
-        path, _ = flow.run(start, p, limit, stop=stop)
-    except FlowError as error:
-        return f"contact: {error}" if isinstance(error, OutOfRange) else model.violations["end"]
-    return model.violations["end"] if stop and not path.times[-1] < limit else path
 
 
 def columns(values: Iterable) -> ndarray:

@@ -1,8 +1,4 @@
-"""Multiple shooting: the equations of a statement with the state at the end of every integration step as an unknown.
-
-`MultipleShooting` poses them for one orbit, with free times between the breakpoints of a piecewise field,
-`ShootingMesh` on fixed shares of the arcs' durations, so that one graph serves a nonlinear program over parameters.
-"""
+"""Multiple shooting: the equations of a statement with the state at the end of every integration step as an unknown."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -69,8 +65,7 @@ class MultipleShooting:
     def __init__(self, equations: Any, u: np.ndarray, p: np.ndarray):
         statement = equations.statement
         lower = np.full(equations.size, -np.inf)
-        times = [statement.unknowns.index(name) for name in statement.durations]
-        lower[times] = SHORTEST_DURATION * u[times]
+        lower[equations.durations] = SHORTEST_DURATION * u[equations.durations]
         self._parts: list[tuple] = []
         self._equations: list[ca.MX] = []
         symbol = self._add_unknowns("u", u, lower, np.maximum(np.abs(u), 1.0))
@@ -125,10 +120,8 @@ def _legs(flow: Flow, path: Trajectory, p: np.ndarray) -> tuple[np.ndarray, list
 
 @dataclass(frozen=True, eq=False)
 class MeshTrajectory:
-    """The trajectory of a statement on a mesh, as values for the symbols of a `ShootingMesh` with these `counts`.
-
-    `sizes` are what counts as one unit of each of the `nodes`.
-    """
+    """The trajectory of a statement on a mesh, as values for the symbols of a `ShootingMesh` with these `counts`;
+    `sizes` are what counts as one unit of each of the `nodes`."""
 
     counts: tuple[int, ...]
     data: np.ndarray
@@ -156,8 +149,8 @@ def trajectory_on_mesh(statement: Statement, u: dict[str, float], p: dict[str, f
 
 
 class ShootingMesh:
-    """The multiple-shooting equations of a statement with `counts` steps in its arcs, at expressions `u` (n,) of its
-    unknowns and `p` (np,) of the parameters.
+    """The multiple-shooting equations of a statement with `counts` steps, fixed shares of the time, in its arcs, at
+    expressions `u` (n,) of its unknowns and `p` (np,) of the parameters: one graph serves a nonlinear program.
 
     nodes : symbol of all shooting nodes, arc by arc and step by step
     data : symbol of the step sizes as shares of an arc's duration (N,), and of the sizes of its states (n,), arc by arc
@@ -168,13 +161,13 @@ class ShootingMesh:
     def __init__(self, statement: Statement, parameters: tuple[str, ...], counts: Sequence[int], u: ca.MX, p: ca.MX):
         flows = [flow_of(arc.phase, parameters) for arc in statement.arcs]
         arcs = list(zip(flows, counts, boundary_functions(statement, parameters), strict=True))
-        self.nodes = ca.MX.sym("x", sum(flow.size * count for flow, count, _ in arcs))
-        self.data = ca.MX.sym("mesh", sum(flow.size + count for flow, count, _ in arcs))
-        nodes_of = ca.vertsplit(self.nodes, np.cumsum([0, *(flow.size * count for flow, count, _ in arcs)]).tolist())
-        data_of = ca.vertsplit(self.data, np.cumsum([0, *(flow.size + count for flow, count, _ in arcs)]).tolist())
+        node_ends = np.cumsum([0, *(flow.size * count for flow, count, _ in arcs)]).tolist()
+        data_ends = np.cumsum([0, *(flow.size + count for flow, count, _ in arcs)]).tolist()
+        self.nodes, self.data = ca.MX.sym("x", node_ends[-1]), ca.MX.sym("mesh", data_ends[-1])
         self.ends: list[ca.MX] = []
         steps, conditions, before = [], [], ca.MX(0, 1)
-        for (flow, count, (departure, arrival)), nodes, data in zip(arcs, nodes_of, data_of, strict=True):
+        parts = ca.vertsplit(self.nodes, node_ends), ca.vertsplit(self.data, data_ends)
+        for (flow, count, (departure, arrival)), nodes, data in zip(arcs, *parts, strict=True):
             nodes, shares, sizes = ca.reshape(nodes, flow.size, count), data[:count].T, data[count:]
             start, duration = departure(u, before, p)
             steps.append(defects(flow, start, nodes, duration * shares, ca.repmat(p, 1, count), sizes))

@@ -15,7 +15,8 @@ from ..io import to_json
 from ..model.model import Units
 from ..model.phase import Affine
 from ..numerics.bernstein import lowest
-from .certificate import CERTIFICATE_FIELDS, Certificate
+from ..plot import animate_orbit, plot_orbit, plot_phase_portrait
+from .certificate import Certificate
 
 ORBIT_FORMAT = "persistent-orbits orbit 1"
 # What describes a machine in a document.
@@ -45,18 +46,10 @@ class Shape:
     heights: Mapping[str, Affine]
     springs: tuple[tuple[str | None, str], ...]
 
-    def in_flight(self, flight: Trajectory, flight_time: float, t: np.ndarray) -> np.ndarray:
-        """Flight states (..., n) at times `t` (...) after lift-off."""
-        return _mirrored(flight, np.minimum(t, flight_time), flight_time, self.reversor)
-
-    def in_contact(self, contact: Trajectory, contact_time: float, t: np.ndarray) -> np.ndarray:
-        """Flight states (..., n) at times `t` (...) after landing."""
-        states = _mirrored(contact, np.clip(t, 0, contact_time), contact_time, self.contact_reversor)
-        return states[..., : self.embed.shape[1]] @ self.embed.T
-
 
 def _mirrored(path: Trajectory, t: np.ndarray, duration: float, signs: tuple[int, ...] | None) -> np.ndarray:
-    """Rows at times `t` of a motion whose first half is `path` and whose second is its image under `signs`, if any."""
+    """States at times `t` of a motion whose first half is `path` and whose second its image under `signs`, if any."""
+    t = np.clip(t, 0, duration)
     if signs is None:
         return path(t)
     later = t > path.times[-1]
@@ -143,14 +136,16 @@ class Orbit:
             times = np.array(np.nan)
         if not np.isfinite(times).all():
             raise InputError("times must be finite numbers")
+        shape = self.shape
         if self.contact is None or self.contact_time is None:
             # The end of the flight may be asked for through a time that is rounded.
             if times.size and not (times.min() >= 0 and times.max() <= self.flight_time * (1 + 1e-12)):
                 raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}")
-            return self.shape.in_flight(self.flight, self.flight_time, times)
+            return _mirrored(self.flight, times, self.flight_time, shape.reversor)
         times = np.mod(times, self.period)
-        flying = self.shape.in_flight(self.flight, self.flight_time, times)
-        standing = self.shape.in_contact(self.contact, self.contact_time, times - self.flight_time)
+        flying = _mirrored(self.flight, times, self.flight_time, shape.reversor)
+        standing = _mirrored(self.contact, times - self.flight_time, self.contact_time, shape.contact_reversor)
+        standing = standing[..., : shape.embed.shape[1]] @ shape.embed.T
         return np.where((times <= self.flight_time)[..., None], flying, standing)
 
     def document(self) -> dict[str, Any]:
@@ -220,20 +215,14 @@ class Orbit:
 
     def plot(self, axes: Any = None) -> Any:
         """Plot heights against time as in Fig. 3 of the paper; returns the axes. See `orbits.plot.plot_orbit`."""
-        from ..plot import plot_orbit
-
         return plot_orbit(self, axes)
 
     def plot_phase_portrait(self, axes: Any = None) -> Any:
         """Plot speed against height over a cycle; returns the axes."""
-        from ..plot import plot_phase_portrait
-
         return plot_phase_portrait(self, axes)
 
     def animate(self, path: str | Path, frames: int = 80) -> Path:
         """Write an animation of one cycle (GIF); returns its path. See `orbits.plot.animate_orbit`."""
-        from ..plot import animate_orbit
-
         return animate_orbit(self, path, frames)
 
     def save(self, path: str | Path) -> Path:
@@ -261,7 +250,7 @@ class Orbit:
             if data["format"] != ORBIT_FORMAT:
                 raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
             motion = data["motion"]
-            checked = {name: data[name] for name in CERTIFICATE_FIELDS if name != "violations"}
+            checked = {name: data[name] for name in Certificate.__dataclass_fields__ if name != "violations"}
             return cls(
                 machine={name: data[name] for name in MACHINE_FIELDS},
                 **{name: _float_of(data[name]) for name in ("alpha", "liftoff_extension", "flight_time")},

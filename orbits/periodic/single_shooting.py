@@ -1,7 +1,7 @@
-"""A boundary value statement as equations: integrated along its flow, solved by Newton or by multiple shooting."""
+"""A boundary value statement as equations: integrated along its flow, solved by Newton's method to rounding."""
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -9,21 +9,96 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors import FlowError, NoOrbit
 from ..flow.flow import flow_of
-from ..flow.trajectory import Trajectory
+from ..flow.trajectory import Trajectories, Trajectory
 from ..model.phase import Statement
 from ..numerics.bernstein import derivative, evaluate
 from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.ipopt import solve_equations
 from .multiple_shooting import MultipleShooting, boundary_functions
-from .newton import Evaluation, newton, stacked
+
+# A relative Newton step is the last one when it changes the end of the motion by less than this: the next one, its
+# square, would be below rounding.
+LAST_STEP = 1e-8
+# A relative step below the first number that shrinks by no more than the second is rounding. Newton steps towards a
+# distant solution, in a motion that amplifies small changes, shrink by a half each, which is why the ratio is larger.
+SMALL_STEP, STALLED_RATIO = 1e-9, 0.7
+# Unknowns smaller than this are measured in units of it, since a relative step means nothing at 0.
+SMALLEST_UNIT = 1e-3
+# A step leaves at least this share of a duration, so that no arc collapses.
+DURATION_LEFT = 0.2
+# An accepted step reduces the residual to this share, but for residuals below the second number, beside the unknowns:
+# there the full steps converge. A step is halved at most so often.
+REDUCTION, SMALL_RESIDUAL, MOST_STEP_HALVINGS = 0.9, 1e-6, 12
 
 
-@lru_cache(maxsize=64)
-def shooting_equations(statement: Statement, parameters: tuple[str, ...]) -> "Shooting":
-    """The equations of a statement, kept for the next call with the same statement."""
-    return Shooting(statement, parameters)
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The equations at one point, or at m points: every array then has an axis of that length in front.
+
+    residual : (n,)
+    jacobian : (n, n + k), with respect to the unknowns and to the k varied parameters
+    trajectories : one `Trajectory`, of m points one `Trajectories`, per arc, with its sensitivities to its start and to
+        the varied parameters
+    transitions : derivatives (states, states + k) of each arc's end at fixed duration, by the same
+    starts : derivatives (states + k, n + k) of the same, by the unknowns and the varied parameters
+    durations : derivatives (n + k,) of each arc's duration
+    residual_by_end : derivatives (rows, states) of the residuals that belong to each arc by its end
+    """
+
+    residual: np.ndarray
+    jacobian: np.ndarray
+    trajectories: tuple[Any, ...]
+    transitions: tuple[np.ndarray, ...]
+    starts: tuple[np.ndarray, ...]
+    durations: tuple[np.ndarray, ...]
+    residual_by_end: tuple[np.ndarray, ...]
+
+    def __getitem__(self, i: int | np.ndarray) -> "Evaluation":
+        """The evaluation at one of the points, or at several in an order (k,)."""
+        per_arc = self.trajectories, self.transitions, self.starts, self.durations, self.residual_by_end
+        return Evaluation(self.residual[i], self.jacobian[i], *(tuple(part[i] for part in each) for each in per_arc))
+
+    def replaced(self, i: np.ndarray, others: "Evaluation") -> "Evaluation":
+        """The evaluation with the points i (k,), ascending, replaced by others."""
+        order = np.arange(len(self.residual))
+        order[i] = len(order) + np.arange(len(i))
+        both = [self, others]
+        return _combined(both, lambda parts: np.concatenate(parts)[order], lambda parts: parts[0].replaced(i, parts[1]))
+
+    @cached_property
+    def amplification(self) -> Any:
+        """The largest growth of a small change of the state over the motion, or (m,) of each."""
+        squares = (transition[..., : transition.shape[-2]] for transition in self.transitions)
+        return np.max([np.abs(square).max((-2, -1)) for square in squares], axis=0)
+
+
+def stacked(evaluations: Sequence[Evaluation]) -> Evaluation:
+    """The equations at several points, all evaluated with sensitivities or all without."""
+    return _combined(evaluations, np.array, Trajectories.of)
+
+
+def joined(evaluations: Sequence[Evaluation]) -> Evaluation:
+    """One evaluation at the points of several."""
+    return evaluations[0] if len(evaluations) == 1 else _combined(evaluations, np.concatenate, Trajectories.joined)
+
+
+def _combined(evaluations: Sequence[Evaluation], combine_arrays: Callable, combine_motions: Callable) -> Evaluation:
+    combined: dict[str, Any] = {}
+    for name in Evaluation.__dataclass_fields__:
+        parts: list[Any] = [getattr(evaluation, name) for evaluation in evaluations]
+        combine = combine_motions if name == "trajectories" else combine_arrays
+        per_arc = isinstance(parts[0], tuple)
+        combined[name] = tuple(map(combine, zip(*parts, strict=True))) if per_arc else combine(parts)
+    return Evaluation(**combined)
+
+
+def settles(size: Any, last: Any, growth: Any) -> Any:
+    """Whether a relative Newton step of this size, or each of (m,), is the last one worth taking, where `last` is the
+    size of the step before, and `growth` that of a small change of the state over the motion."""
+    return (size * np.maximum(growth, 1.0) < LAST_STEP) | ((size < SMALL_STEP) & (size > STALLED_RATIO * last))
 
 
 class Shooting:
@@ -32,18 +107,13 @@ class Shooting:
 
     def __init__(self, statement: Statement, parameters: tuple[str, ...]):
         self.statement, self.parameters = statement, tuple(parameters)
-        self.size = len(statement.unknowns)
+        self.size, self.durations = len(statement.unknowns), list(map(statement.unknowns.index, statement.durations))
         self.flows = tuple(flow_of(arc.phase, self.parameters) for arc in statement.arcs)
 
     @property
     def smooth(self) -> bool:
         """Whether each arc's motions are Taylor series that no breakpoint ends."""
         return all(flow.smooth for flow in self.flows)
-
-    @property
-    def compiled(self) -> bool:
-        """Whether one of the flows has taken long enough to be compiled."""
-        return any(flow.compiled for flow in self.flows)
 
     @cached_property
     def ends(self) -> list[tuple[BufferedFunction, BufferedFunction]]:
@@ -53,10 +123,8 @@ class Shooting:
         return [(_with_derivatives(departure), _with_derivatives(arrival)) for departure, arrival in functions]
 
     def evaluate(self, u: ArrayLike, p: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
-        """Residual, Jacobian and motion at one point; the error control of the flow chooses the steps.
-
-        Raises `FlowError` when the motion cannot be integrated.
-        """
+        """Residual, Jacobian and motion at one point, with steps that the error control of the flow chooses; raises
+        `FlowError` when the motion cannot be integrated."""
         n, k = self.size, len(vary)
         du, dp, dvaried, seeds = self.seeds(vary)
         before, dbefore = np.zeros(0), np.zeros((0, n + k))
@@ -154,14 +222,36 @@ class Shooting:
         return np.concatenate(residuals)
 
     def newton(self, u: ArrayLike, p: np.ndarray, attempts: int = 30) -> tuple[np.ndarray, Evaluation]:
-        """The solution (n,) by Newton's method from `u`, to rounding, and the equations at this one point.
+        """The solution (n,) by Newton's method from `u`, to rounding, and the equations at this one point; raises
+        `NoOrbit` without convergence. A step that leaves the flow's domain or collapses a duration is halved."""
+        u = np.array(u, dtype=float)
+        evaluation, size = self.evaluate(u, p), np.inf
+        for _ in range(attempts):
+            step = solve(evaluation.jacobian, -evaluation.residual)
+            last, size = size, np.max(np.abs(step) / np.maximum(np.abs(u), SMALLEST_UNIT))
+            if settles(size, last, evaluation.amplification):
+                new = u + step
+                return new, self.moved(stacked([evaluation]), new[None], np.reshape(p, (1, -1)), step[None])
+            if not np.isfinite(size):
+                break
+            u, evaluation = self._damped(u, p, step, evaluation)
+        raise NoOrbit(f"the {self.statement.name} equations did not converge (last relative step {size:.1e})")
 
-        Raises `NoOrbit` without convergence; see `newton`.
-        """
-        times = [self.statement.unknowns.index(name) for name in self.statement.durations]
-        last, evaluation, step = newton(lambda u: self.evaluate(u, p), u, times, self.statement.name, attempts)
-        new = last + step
-        return new, self.moved(stacked([evaluation]), new[None], np.reshape(p, (1, -1)), step[None])
+    def _damped(self, u, p, step, evaluation: Evaluation) -> tuple[np.ndarray, Evaluation]:
+        """The point that a step leads to, halved until the residual shrinks, and the equations there."""
+        size, durations = np.linalg.norm(evaluation.residual), self.durations
+        accepted = max(REDUCTION * size, SMALL_RESIDUAL * (1 + np.abs(u).max()))
+        for _ in range(MOST_STEP_HALVINGS):
+            new = u + step
+            if (new[durations] > DURATION_LEFT * u[durations]).all():
+                try:
+                    found = self.evaluate(new, p)
+                    if np.linalg.norm(found.residual) <= accepted:
+                        return new, found
+                except FlowError:
+                    pass
+            step = step / 2
+        raise NoOrbit(f"the {self.statement.name} equations did not converge: no step reduces the residual {size:.1e}")
 
     def multiple_shooting(self, u: ArrayLike, p: np.ndarray) -> tuple[np.ndarray, Evaluation]:
         """As `newton`, after Ipopt has solved the equations with a shooting node at the end of every integration step.
@@ -171,6 +261,10 @@ class Shooting:
         problem = MultipleShooting(self, np.asarray(u, float), p)
         solution = solve_equations(problem.unknowns, problem.equations, problem.guess, problem.lower, problem.scale)
         return self.newton(solution[: self.size], p)  # Ipopt ends at its tolerance, this at rounding
+
+
+# The equations of a statement, kept for the next call with the same statement.
+shooting_equations = lru_cache(maxsize=64)(Shooting)
 
 
 def _with_derivatives(function: ca.Function) -> BufferedFunction:

@@ -17,8 +17,7 @@ from orbits.flow.zero_crossing import first_zero
 from orbits.hybrid.impacts import Impacts
 from orbits.model.phase import Affine
 from orbits.periodic.formulations import equations_of
-from orbits.periodic.newton import joined
-from orbits.periodic.single_shooting import Shooting
+from orbits.periodic.single_shooting import Shooting, joined
 from orbits.symbolic.calls import BufferedFunction, ElementwiseFunction
 from orbits.symbolic.taylor_series import variations
 from problems import Hopper, springs
