@@ -1,8 +1,7 @@
 """Curves of folds in two parameters: where a family's orbits begin to exist.
 
-At a fold the Jacobian of the equations F(u, a) = 0 is singular: F_u v = 0 for a direction v. F = 0 and F_u v = 0 are
-one boundary-value statement on phases with twice the states: the motion, and its first variation in the direction v.
-Shooting differentiates this statement as any other, which gives the exact second derivatives of F.
+At a fold F(u, a) = 0 and F_u v = 0 for a direction v: one boundary-value statement on phases with twice the states, the
+motion and its first variation. Shooting differentiates it as any other: the second derivatives of F are exact.
 """
 
 from collections.abc import Sequence
@@ -35,10 +34,9 @@ def fold_statement(statement: Statement, along: str) -> Statement:
     """
     if any(arc.phase.pieces for arc in statement.arcs):
         raise InputError("a fold of a piecewise law cannot be followed: it has no second derivatives everywhere")
-    directions = (f"d{name}" for name in statement.unknowns if name != "alpha")
     before = (0, *(len(arc.phase.states) for arc in statement.arcs))
     arcs = tuple(_doubled(arc, statement.unknowns, along, n) for arc, n in zip(statement.arcs, before, strict=False))
-    unknowns = (*statement.unknowns, *directions, along)
+    unknowns = (*statement.unknowns, *(f"d{name}" for name in statement.unknowns if name != "alpha"), along)
     return Statement(f"fold of the {statement.name}", unknowns, arcs, statement.durations)
 
 
@@ -59,8 +57,7 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Ar
     def start(u, last, p):
         named, own, direction, p = split(u, p)
         motion, variation = last[:before], last[before : 2 * before]
-        values = arc.start(named, motion, p)
-        return [*_with_variation(values, [*own, *motion], [*direction, *variation]), u[along]]
+        return [*_with_variation(arc.start(named, motion, p), [*own, *motion], [*direction, *variation]), u[along]]
 
     def conditions(u, x, p):
         named, own, direction, p = split(u, p)
@@ -72,8 +69,7 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Ar
 
     def guard(u, x, p, q):
         named, own, direction, p = split(u, p)
-        values = arc.guard(named, x[:n], p, q)
-        return _with_variation(values, [*own, *x[:n]], [*direction, *x[n : 2 * n]])
+        return _with_variation(arc.guard(named, x[:n], p, q), [*own, *x[:n]], [*direction, *x[n : 2 * n]])
 
     states = (*phase.states, *(f"d{name}" for name in phase.states), along)
     doubled = Phase(phase.name, states, field)
@@ -109,8 +105,7 @@ class _FoldCurve(Curve):
 
     def size(self, x: np.ndarray) -> np.ndarray:
         """The unknowns as on any curve, their directions for a change of alpha by its size, the folding parameter."""
-        unknowns = self.orbits.statement.unknowns
-        n, index = len(unknowns), unknowns.index("alpha")
+        n, index = len(names := self.orbits.statement.unknowns), names.index("alpha")
         size = super().size(np.concatenate([x[..., :n], x[..., -1:]], axis=-1))
         directions = np.delete(size[..., :-1], index, axis=-1) / size[..., [index]]
         folded = np.maximum(np.abs(x[..., -2:-1]), self.least)

@@ -48,8 +48,7 @@ class NewtonBatch:
     def step(self, counts: tuple[int, ...], *arguments: Any) -> tuple | None:
         """A step along the curve: a prediction from points (c, n + 1) of it, and two Newton steps.
 
-        arguments : xs, tangents, known, row, level, closing, target, size, p
-        xs, tangents, known, row, level : the arguments of `hermite`, with all points behind
+        arguments : those of `hermite`, with all points behind, closing, target, size, p
         closing, target : the row (n + 1,) and level that close the equations
         size : (n + 1,), the units of the lengths of the Newton steps
 
@@ -66,7 +65,7 @@ class NewtonBatch:
 
     def _call(self, memory: int, counts: tuple[int, ...], *arguments) -> list[np.ndarray]:
         """The results of `_newton_function`, or of `_step_function` where `memory` points are predicted from."""
-        steppers: tuple[Any, ...] = tuple(flow.stepper(flow.size + 1, (self.index,)) for flow in self.equations.flows)
+        steppers: tuple = tuple(flow.stepper(flow.size + 1, (self.index,)) for flow in self.equations.flows)
         for stepper, count in zip(steppers, counts, strict=True):
             stepper.count_steps(count * len(arguments[0]))
         key = counts, tuple(stepper.compiled for stepper in steppers)
@@ -129,8 +128,8 @@ class NewtonBatch:
             enough += [duration > 0, left == 0]
             results += [duration, transition, dstart, longer, slope[:, n + size : n + 2 * size], c, dc, made[0, :]]
             last, dlast = end, dend
-        results = [ca.vertcat(*residuals), ca.vertcat(*jacobians), ca.mmin(ca.vertcat(*enough)), *results]
-        return dense("evaluation", [x, p], results)
+        whole = [ca.vertcat(*residuals), ca.vertcat(*jacobians), ca.mmin(ca.vertcat(*enough))]
+        return dense("evaluation", [x, p], [*whole, *results])
 
     def _newton_function(self, counts: tuple[int, ...], evaluation: ca.Function) -> ca.Function:
         """A Newton step, (x (n + 1,), row (n + 1,), target, p) -> step and direction of the curve (n + 1, 2), whether
@@ -187,9 +186,8 @@ def _arcs(results: Sequence, names: tuple[str, ...]) -> list[dict]:
 
 @lru_cache(maxsize=32)
 def _solve_bordered(n: int) -> ca.Function:
-    """(residual (n - 1,), jacobian (n - 1, n), row (n,), target less level) -> the Newton step and the direction of the
-    curve (n, 2), from one system: the Jacobian bordered by the row, with the right-hand sides (-residual, target less
-    level) and (0, 1). Both are NaN where that system is singular."""
+    """(residual (n - 1,), jacobian (n - 1, n), row (n,), lack = target - level) -> the Newton step and the direction of
+    the curve (n, 2), which solve the Jacobian bordered by the row for (-residual, lack) and (0, 1); NaN if singular."""
     residual, jacobian = ca.SX.sym("f", n - 1), ca.SX.sym("df", n - 1, n)
     row, lack = ca.SX.sym("row", n), ca.SX.sym("lack")
     right = ca.horzcat(ca.vertcat(-residual, lack), np.eye(n)[-1])

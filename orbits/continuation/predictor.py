@@ -1,7 +1,5 @@
-"""The predictor: Hermite interpolation of a curve between points with tangents, and extrapolation beyond them.
-
-A point X of a curve lies at the level s = row . X, for a row that measures the length along the curve.
-"""
+"""The predictor: Hermite interpolation of a curve between points X with tangents, and extrapolation beyond them, by the
+level s = row . X, for a row that measures the length along the curve."""
 
 from functools import lru_cache
 
@@ -10,8 +8,8 @@ import numpy as np
 
 from ..symbolic.calls import MappedFunction
 
-# A point is not used, since it lies beyond a bend, where its tangent advances along the row by less than this share of
-# what the tangent of the nearest point advances by.
+# A point lies beyond a bend and is not used where its tangent advances along the row by less than this share of what
+# the tangent of the nearest point advances by.
 BEND = 0.3
 
 
@@ -44,9 +42,7 @@ def hermite(size: int, behind: int, ahead: int) -> ca.Function:
     return ca.Function("hermite", [xs, tangents, use, row, level], [point, sum(used)])
 
 
-@lru_cache(maxsize=32)
-def _mapped(*sizes: int) -> MappedFunction:
-    return MappedFunction(hermite(*sizes))
+_mapped = lru_cache(maxsize=32)(lambda *sizes: MappedFunction(hermite(*sizes)))
 
 
 def around(
@@ -58,7 +54,6 @@ def around(
         return np.empty((0, xs.shape[1])), np.empty(0)
     indices = i[:, None] + np.arange(-behind, ahead)
     inside = (indices >= 0) & (indices < len(xs))
-    indices = np.clip(indices, 0, len(xs) - 1)
-    neighbours = (part[indices].reshape(len(i), -1) for part in (xs, tangents))
+    neighbours = (part[np.clip(indices, 0, len(xs) - 1)].reshape(len(i), -1) for part in (xs, tangents))
     points, rests = _mapped(xs.shape[1], behind, ahead)(*neighbours, inside, rows, levels[:, None])
     return points[:, :, 0], rests[:, 0, 0]

@@ -426,7 +426,7 @@ def test_ipopt_goes_on_where_newton_fails(monkeypatch):
 
     solved = []
     solve = Shooting.multiple_shooting
-    monkeypatch.setattr("orbits.continuation.stepper.predict_and_correct", failing)
+    monkeypatch.setattr("orbits.continuation.step_control.predict_and_correct", failing)
     monkeypatch.setattr(Shooting, "multiple_shooting", lambda *a: solved.append(a) or solve(*a))
     family = follow(Hopper("cubic"), "beta", 1.0, 0.0)
     assert len(solved) == 1
