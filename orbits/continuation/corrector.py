@@ -13,7 +13,7 @@ from ..numerics.roots import Array
 from ..periodic.newton import STALLED_RATIO, Evaluation, settles
 from ..symbolic.calls import room_for
 from .curve import Curve, CurvePoint
-from .predictor import around
+from .newton_batch import around
 
 # Motions of more Taylor steps are evaluated one by one: to build a function of so many takes longer than it saves.
 MOST_STEPS = 512

@@ -21,8 +21,7 @@ from ..periodic.formulations import equations_of, interpret, or_none
 from ..periodic.newton import Evaluation, joined
 from ..periodic.orbit import Orbit
 from .family import RESERVED_NAMES, Point
-from .newton_batch import NewtonBatch, newton_batch
-from .predictor import around
+from .newton_batch import NewtonBatch, around, newton_batch
 
 # The tangent of a fold has a smaller share along the parameter, whose value does not fix the orbit there: errors are
 # measured across the curve.
@@ -87,9 +86,8 @@ class CurvePoint:
     @cached_property
     def signs(self) -> tuple:
         """The signs of all test functions at a certified point."""
-        point = self.point
-        sides = [(value := test(point)) is not None and value >= 0 for test in TEST_FUNCTIONS.values()]
-        return self.tangent[-1] >= 0, self.branch_test >= 0, point.certificate.family, *sides
+        sides = [(value := test(self.point)) is not None and value >= 0 for test in TEST_FUNCTIONS.values()]
+        return self.tangent[-1] >= 0, self.branch_test >= 0, self.point.certificate.family, *sides
 
     def with_orbit(self, orbit: Point) -> "CurvePoint":
         """The same point, certified; this is faster than `replace`, and done for every point."""

@@ -46,7 +46,7 @@ class Segment:
         (guess,) = interpolated((self.a, self.b), self.row, np.array([level]))
         return self._correct(guess, self.row, level)
 
-    def _correct(self, guess: np.ndarray, row: np.ndarray, level: float) -> CurvePoint:
+    def _correct(self, guess, row, level: float) -> CurvePoint:
         return correct(self.curve, guess, row, level, self.a.tangent, larger_counts(self.a.counts, self.b.counts))
 
     def sheets(self) -> list["Segment"]:
@@ -111,17 +111,15 @@ class Segment:
         if (share := self.zero(lambda point: point.branch_test, BRANCH_OFFSET)) is None:
             return None
         beside, start = [self(share + side * BRANCH_OFFSET) for side in (-2, -1, 1, 2)], float(self.row @ self.a.x)
-        shares = np.array([self.row @ point.x - start for point in beside])
         tests = np.vander([point.branch_test for point in beside], increasing=True)
-        share = float(np.linalg.solve(tests, shares)[0])
+        share = float(np.linalg.solve(tests, np.array([self.row @ point.x - start for point in beside]))[0])
         (x,) = interpolated(beside, self.row, np.array([start + share]))
         evaluation, size = self.curve.evaluate(x[None]), self.curve.size(x)
         u, s, v = np.linalg.svd(evaluation.jacobian[0] * size)
         s[-1] = s[0]
         evaluation = replace(evaluation, jacobian=((u * s) @ v[: len(s)] / size)[None])
         tangent = beside[1].tangent + beside[2].tangent
-        tangent /= np.linalg.norm(tangent / size)
-        return share, CurvePoint(x, tangent, 0.0, evaluation, 0)
+        return share, CurvePoint(x, tangent / np.linalg.norm(tangent / size), 0.0, evaluation, 0)
 
     def _passed(self, asked: tuple[float, ...]) -> list[float]:
         low, high = sorted((self.a.value, self.b.value))
@@ -149,5 +147,5 @@ def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: 
     try:
         return None if value is None else finite_number(name, value)
     except InputError:
-        reason = f"watch '{name}' gives {value!r} at alpha = {orbit.alpha:.6g}: it must give a finite number"
-        raise InputError(reason) from None
+        place = f"at alpha = {orbit.alpha:.6g}"
+        raise InputError(f"watch '{name}' gives {value!r} {place}: it must give a finite number") from None

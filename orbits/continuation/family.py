@@ -158,8 +158,8 @@ class Family:
         error, admissible = max(point.error for point in self), sum(point.admissible for point in self)
         lines = [f"{head}, along {self.name}: {len(self)} orbits", f"  {self.name:<12} {way}"]
         lines.append(f"  largest error {error:.1e}, admissible {admissible} of {len(self)}")
-        for event in self.events:
-            lines.append(f"  {event.kind:<14}{self.name} = {event.point.value:.15g}, alpha = {event.point.alpha:.15g}")
+        places = [(e.kind, e.point.value, e.point.alpha) for e in self.events]
+        lines += [f"  {kind:<14}{self.name} = {value:.15g}, alpha = {alpha:.15g}" for kind, value, alpha in places]
         end = f"  end: {self.end.kind}, {self.end.reason}"
         if self.end.limit is not None:
             end += f", {self.name} tends to {self.end.limit:.8g} (about {self.end.limit_error:.0e} off)"
@@ -180,8 +180,7 @@ class Family:
             elif path.suffix.lower() == ".nc":
                 self._dataset().to_netcdf(path)
             else:
-                with open(path, "w", encoding="utf-8") as file:
-                    file.writelines(line + "\n" for line in self.records())
+                path.write_text("".join(line + "\n" for line in self.records()), encoding="utf-8")
         except OSError as error:
             raise InputError(f"the family cannot be saved to {path}: {error}") from None
         return path
@@ -248,6 +247,5 @@ def json_line(item: Point | Event | End) -> str:
 
 
 def _point(data: dict) -> Point:
-    certificate = data["certificate"]
-    certificate = Certificate(**{**certificate, "violations": tuple(certificate["violations"])})
+    certificate = Certificate(**{**data["certificate"], "violations": tuple(data["certificate"]["violations"])})
     return Point(**{**data, "u": tuple(data["u"]), "tangent": tuple(data["tangent"]), "certificate": certificate})

@@ -29,8 +29,8 @@ def fold_statement(statement: Statement, along: str) -> Statement:
     """The statement of the folds of another one in a parameter, with the unknowns u, v without its entry for "alpha",
     and the parameter.
 
-    v is scaled so that its entry for the launch speed, which is never zero at a fold of a family, is 1. Raises
-    `InputError` for a piecewise law, which has no second derivatives at its breakpoints.
+    v is scaled so that its entry for the launch speed, which is never zero at a fold, is 1. Raises `InputError` for a
+    piecewise law, which has no second derivatives at its breakpoints.
     """
     if any(arc.phase.pieces for arc in statement.arcs):
         raise InputError("a fold of a piecewise law cannot be followed: it has no second derivatives everywhere")
@@ -61,18 +61,16 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Ar
 
     def conditions(u, x, p):
         named, own, direction, p = split(u, p)
-        end, variation = x[:n], x[n : 2 * n]
-        *_, longer = _with_variation([arc.duration(named, p)], own, direction)
-        rates = phase.field(end, p, [])
-        moved = [change + rate * longer for change, rate in zip(variation, rates, strict=True)]
+        end, (*_, longer) = x[:n], _with_variation([arc.duration(named, p)], own, direction)
+        changes = zip(x[n : 2 * n], phase.field(end, p, []), strict=True)
+        moved = [change + rate * longer for change, rate in changes]
         return _with_variation(arc.conditions(named, end, p), [*own, *end], [*direction, *moved])
 
     def guard(u, x, p, q):
         named, own, direction, p = split(u, p)
         return _with_variation(arc.guard(named, x[:n], p, q), [*own, *x[:n]], [*direction, *x[n : 2 * n]])
 
-    states = (*phase.states, *(f"d{name}" for name in phase.states), along)
-    doubled = Phase(phase.name, states, field)
+    doubled = Phase(phase.name, (*phase.states, *(f"d{name}" for name in phase.states), along), field)
     return Arc(doubled, start, lambda u, p: arc.duration(u, {**p, along: u[along]}), conditions, guard)
 
 

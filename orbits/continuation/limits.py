@@ -1,5 +1,4 @@
-"""How a curve of orbits ends: at a bound, where it closes, lost, or on its way to infinity or to nothing, with the
-value that the parameter tends to."""
+"""How a curve of orbits ends: at a bound, closed, lost, or on its way to infinity or to nothing."""
 
 from collections.abc import Sequence
 
@@ -50,14 +49,12 @@ def _extrapolated(scale, value, powers: list[int], widest: float) -> tuple[float
         chosen = [int(np.abs(np.log(scale / ratio)).argmin()) for ratio in np.geomspace(1.0, widest, count)]
         if len(set(chosen)) < count:
             return None
-        terms = scale[chosen][:, None] ** np.array(powers[:count])
-        limits.append(float(np.linalg.solve(terms, value[chosen])[0]))
+        limits.append(float(np.linalg.solve(scale[chosen][:, None] ** np.array(powers[:count]), value[chosen])[0]))
     return CAUTION * abs(limits[0] - limits[1]), limits[0]
 
 
 class Endings:
-    """The tests for the end of a run along a curve from its first orbit `origin`, where the parameter has the value
-    `start`, within its bounds, ascending."""
+    """The tests for the end of a run from the orbit `origin` at the parameter's value `start`; bounds ascend."""
 
     def __init__(self, curve: Curve, origin: Point, start: float, bounds: tuple[float, float], options: Options):
         self.curve, self.origin, self.start, self.bounds = curve, origin, start, bounds

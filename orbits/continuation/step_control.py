@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from .corrector import MEMORY, Counts, correct, correct_all, larger_counts, predict_and_correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, Watch, interpolated
-from .predictor import around
+from .newton_batch import around
 
 # Events that are no test function's, whose names the functions of a user cannot have.
 OTHER_EVENTS = ("fold", "branch point", "family", "asked")
@@ -52,8 +52,7 @@ class StepControl:
     similar_counts : points are solved in one call when that needs at most this many times their own Taylor steps
     neighbours : ends of steps on either side that the points between two of them are interpolated from
     separation : least distance of a regular point from a value asked for, as a share of the points' distance
-    most_rejections : a run ends after so many rejections, each of which is offset by `recovery` accepted points
-    recovery : accepted points that offset one rejection
+    most_rejections, recovery : a run ends after so many rejections, each of which is offset by so many accepted points
     largest_amplification : growth of a small change over the motion beyond which rounding decides about the orbit
     escape_ratio : an orbit this many times faster, longer or smaller than the first goes to infinity or to nothing
     running_ratio : a curve is taken to escape if it is lost after the launch speed has grown by this factor
@@ -205,8 +204,7 @@ class Stepper:
         an angle between neighbouring tangents, is too large for one curve."""
         sizes = self.curve.size(guesses)
         moved = np.linalg.norm((np.array([point.x for point in points]) - guesses) / sizes, axis=1)
-        tangents = np.array([point.tangent for point in (last, *points)])
-        a, b = tangents[:-1] / sizes, tangents[1:] / sizes
+        a, b = (np.array([point.tangent for point in some]) / sizes for some in ((last, *points[:-1]), points))
         cosines = np.einsum("mi,mi->m", a, b) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
         turned = float(np.arccos(np.clip(cosines.min(), -1.0, 1.0)))
         if (moved > self.control.largest_correction * lengths).any() or turned > self.control.largest_turn:
@@ -215,8 +213,7 @@ class Stepper:
         return float(moved.max())
 
     def points_between(self, ends: Points, new: Points, batch_size: int) -> list[CurvePoint]:
-        """The points of the steps from the last of `ends` to the `new` ends, solved in few calls; raises `NoOrbit` when
-        one may lie on another curve."""
+        """The points from the last of `ends` to the `new` ends; raises `NoOrbit` when one may lie on another curve."""
         chain, first = [*(before := ends[-self.control.neighbours :]), *new], len(before) - 1
         steps, guesses, rows, levels = self._targets(chain, first, asked=batch_size > 1)
         tangents = np.array([point.tangent for point in chain[first:-1]])[steps]

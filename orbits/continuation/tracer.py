@@ -1,8 +1,7 @@
 """A run along a curve of orbits: batches of points, their certificates, the events between them, and the end.
 
-In one batch `step_control` takes several steps: `predictor` extrapolates, `corrector` solves the equations by
-`newton_batch`. Then `curve` certifies the points, `events` locates what happens between them, and `limits` tests for
-the curve's end. `checkpoint` collects the `family`.
+In one batch `step_control` takes several steps, which `newton_batch` predicts and `corrector` solves. Then `curve`
+certifies the points, `events` locates what happens between them, `limits` tests for the end, `checkpoint` collects.
 """
 
 from collections.abc import Iterator, Sequence
@@ -96,8 +95,7 @@ class Tracer:
                 if end := end or self.endings.far(last, history):
                     yield end
                     return
-                if point.parts:
-                    ends.append(point)
+                ends += [point] if point.parts else []
             state = self._after(state._replace(last=last, before=index), batch, ends)
             gives_up = state.length <= control.shortest_step or state.rejections > control.most_rejections
             if batch.failure or (batch.rejection and gives_up):
@@ -111,8 +109,7 @@ class Tracer:
         points, kept = self._solvable(state, ends)
         if left := ends[kept:]:
             failure, length = None, left[0].length * left[0].parts * (1.0 if kept else 0.5)
-        if state.last.certified is None:
-            points = [state.last, *points]
+        points = points if state.last.certified else [state.last, *points]
         certified, rejection = self._certified(state, points)
         if rejection:
             length = 0.5 * points[len(certified)].length
