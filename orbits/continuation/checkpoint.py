@@ -17,7 +17,7 @@ from .curve import CurvePoint
 from .family import ENDINGS, End, Event, Family, Point, json_line
 from .tracer import Tracer
 
-Progress = Callable[[float], None]
+ShareDone = Callable[[float], None]
 
 
 @cache
@@ -28,7 +28,7 @@ def versions() -> dict[str, str]:
 
 
 def collect_family(
-    tracer: Tracer, resume: Family | None = None, output: str | Path | None = None, progress: Progress | None = None
+    tracer: Tracer, resume: Family | None = None, output: str | Path | None = None, progress: ShareDone | None = None
 ) -> Family:
     """The family that a run finds; the others as in `follow`."""
     family = _begun(tracer, resume)
