@@ -1,10 +1,9 @@
 """Lossless periodic orbits of machines with plastic contact: found, certified, followed, controlled and designed."""
 
-from .continuation.branching import follow_branch
 from .continuation.existence import Existence, existence
 from .continuation.family import End, Event, Family, Point
 from .continuation.folds import fold_statement, follow_fold
-from .continuation.follow import follow, orbit_at, trace
+from .continuation.follow import follow, follow_branch, orbit_at, trace
 from .continuation.step_control import StepControl
 from .control.rollout import Control
 from .control.stage import Input, Stage

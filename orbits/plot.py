@@ -24,16 +24,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
 BELOW = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14), "ncols": 4}  # for a legend of curves that fill the axes
-MARKERS = {
-    "fold": "o",
-    "branch point": "s",
-    "grazing": "v",
-    "masses touch": "X",
-    "contact pulls": "^",
-    "landing jerk": "<",
-    "collapse": "D",
-    "family": "*",
-}
+MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
+MARKERS |= {"landing jerk": "<", "collapse": "D", "family": "*"}
 
 
 def new_axes(width: float = 7.0, height: float = 4.0) -> Axes:
@@ -116,12 +108,10 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
     Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
     """
     axes = axes or new_axes(6.5, 4.5)
-    along = [(point, False) for point in family]
-    for event in reversed(family.events):  # admissibility changes at an event, not at a point beside it
-        along.insert(event.after + 1, (event.point, True))
+    along = family.in_order()  # admissibility changes at an event, not at a point beside it
     x, y = (np.array([family.quantity(point, name) for point, _ in along]) for name in ("value", quantity))
     motion = np.array([point.admissible for point, _ in along])
-    joint = np.array([is_event for _, is_event in along])
+    joint = np.array([event is not None for _, event in along])
     joint[1:-1] &= motion[2:] != motion[:-2]
     line = axes.plot(x, np.where(motion | joint, y, np.nan), lw=2, label=label)[0]
     axes.plot(x, np.where(~motion | joint, y, np.nan), lw=1.4, ls=(0, (4, 2)), color=line.get_color(), zorder=1)

@@ -17,6 +17,8 @@ from .curve import CurvePoint
 from .family import ENDINGS, End, Event, Family, Point, json_line
 from .tracer import Tracer
 
+ShareDone = Callable[[float], None]
+
 
 @cache
 def versions() -> dict[str, str]:
@@ -26,10 +28,7 @@ def versions() -> dict[str, str]:
 
 
 def collect_family(
-    tracer: Tracer,
-    resume: Family | None = None,
-    output: str | Path | None = None,
-    progress: Callable[[float], None] | None = None,
+    tracer: Tracer, resume: Family | None = None, output: str | Path | None = None, progress: ShareDone | None = None
 ) -> Family:
     """The family that a run finds; the others as in `follow`."""
     family = _begun(tracer, resume)
@@ -45,8 +44,7 @@ def collect_family(
                 line = end = item
             if output is not None:
                 with _writing(output):
-                    file.write(json_line(line) + "\n")
-                    file.flush()
+                    print(json_line(line), file=file, flush=True)
             if progress and isinstance(item, CurvePoint):
                 progress((item.value - tracer.start) / (tracer.stop - tracer.start))
             interrupts.check()

@@ -1,8 +1,7 @@
 """The corrector: Newton's method back to the curve, at one point or at many.
 
 A point of the curve solves F(X) = 0, row . X = level, where the row says how the length along the curve is measured.
-The tangent there solves the same linear system with another right-hand side. Numbers of Taylor steps that suffice at
-one point are the first to be tried at its neighbours: they come as an argument and go on with the points.
+Numbers of Taylor steps that suffice at one point are tried first at its neighbours: `counts`.
 """
 
 from collections.abc import Sequence
@@ -14,7 +13,7 @@ from ..numerics.roots import Array
 from ..periodic.single_shooting import STALLED_RATIO, Evaluation, settles
 from ..symbolic.calls import room_for
 from .curve import Curve, CurvePoint
-from .predictor import around
+from .newton_batch import around
 
 # Motions of more Taylor steps are evaluated one by one: to build a function of so many takes longer than it saves.
 MOST_STEPS = 512
@@ -32,7 +31,7 @@ def newton_steps(curve: Curve, xs: Array, rows: Array, targets: Array, counts: C
     """Newton steps, directions and evaluation as `Shooting.newton_steps`, and numbers of Taylor steps to try at the
     next points; those of `counts` are tried at all points in one call, None evaluates motions one by one."""
     ps, left, retry = curve.parameters_at(xs), np.arange(len(xs)), True
-    found: tuple = ()
+    found: list = []
     while len(left):
         points = xs[left], ps[left], rows[left], targets[left]
         if counts and curve.batch:
@@ -43,13 +42,9 @@ def newton_steps(curve: Curve, xs: Array, rows: Array, targets: Array, counts: C
             evaluation, enough = curve.evaluate(xs[left]), np.ones(len(left), bool)
             results = [*curve.equations.newton_steps(curve.along, evaluation, *points)]
             counts = _room(curve, [motions.counts.max() + SPARE_STEPS for motions in evaluation.trajectories])
-        if found and len(left) < len(xs):
-            steps, directions, evaluation = found
-            steps[left], directions[left] = results[:2]
-            found = steps, directions, evaluation.replaced(left, results[2])
-        else:
-            found = tuple(results)
-        left = left[~enough]
+        if found:
+            found[0][left], found[1][left], found[2] = results[0], results[1], found[2].replaced(left, results[2])
+        found, left = found or results, left[~enough]
     return *found, counts
 
 
@@ -71,13 +66,7 @@ def correct(curve: Curve, guess: Array, row: Array, level: float, before: Array,
 
 
 def correct_all(
-    curve: Curve,
-    guesses: Array,
-    rows: Array,
-    levels: Array,
-    before: Array,
-    counts: Counts = None,
-    gaps: Sequence = (),
+    curve: Curve, guesses: Array, rows: Array, levels: Array, before: Array, counts: Counts = None, gaps: Sequence = ()
 ) -> list[CurvePoint]:
     """`correct` of several guesses (m, n + 1), at levels (m,) of rows (m, n + 1), with tangents `before` (m, n + 1) and
     `gaps` (m,), lengths of the curve from the point before."""
@@ -111,9 +100,8 @@ def _points(curve: Curve, xs, tangents, evaluation: Evaluation, before, counts: 
     if not np.isfinite(tangents).all():
         raise NoOrbit("the curve has no direction here")
     bordered = np.concatenate([evaluation.jacobian * sizes[:, None], (tangents / sizes)[:, None]], axis=1)
-    tests, indices = np.linalg.det(bordered).tolist(), range(len(xs))
-    each = zip(xs, tangents, tests, indices, lengths or [0.0] * len(xs), strict=True)
-    return [CurvePoint(x, tangent, test, evaluation, i, counts, length) for x, tangent, test, i, length in each]
+    each = zip(xs, tangents, np.linalg.det(bordered).tolist(), lengths or [0.0] * len(xs), strict=True)
+    return [CurvePoint(x, t, test, evaluation, i, counts, length) for i, (x, t, test, length) in enumerate(each)]
 
 
 def predict_and_correct(
@@ -121,15 +109,13 @@ def predict_and_correct(
 ) -> tuple[CurvePoint, Array, int]:
     """A step of given length from the last of some points, or of about that length to a given value of the parameter:
     its end, its prediction (n + 1,), and how many of the points that is interpolated from. Raises `NoOrbit`."""
-    last, missing = ends[-1], MEMORY - len(ends)
-    size = curve.size(last.x)
+    last, missing, size = ends[-1], MEMORY - len(ends), curve.size(ends[-1].x)
     row = last.tangent / size**2
     level = np.array([row @ last.x + length])
     closing, target = (row, level[0]) if value is None else (np.eye(len(row))[-1], value)
     padded = [*[ends[0]] * missing, *ends]
     xs, tangents = np.array([point.x for point in padded]), np.array([point.tangent for point in padded])
-    counts = last.counts
-    if enough := counts and _room(curve, [count + SPARE_STEPS for count in counts]):
+    if enough := (counts := last.counts) and _room(curve, [count + SPARE_STEPS for count in counts]):
         points, p = (xs, tangents, np.arange(MEMORY) >= missing, row, level), curve.parameters_at(xs[-1:])
         if curve.batch and (found := curve.batch.step(enough, *points, closing, target, size, p)):
             guess, x, tangent, evaluation, used, (rests, before, moved) = found

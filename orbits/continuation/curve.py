@@ -1,7 +1,7 @@
 """The curve of a machine's orbits along a parameter: its equations, its points, and their certificates.
 
 The curve is F(u, value) = 0, the equations that `find` solves, with their exact derivatives. A point of it is
-X = (u, value), measured in units of its own size. Many points are certified in one call, which is faster.
+X = (u, value), measured in units of its own size.
 """
 
 import time
@@ -21,8 +21,7 @@ from ..periodic.formulations import equations_of, interpret, or_none
 from ..periodic.orbit import Orbit
 from ..periodic.single_shooting import Evaluation, Shooting, joined
 from .family import RESERVED_NAMES, Point
-from .newton_batch import NewtonBatch, newton_batch
-from .predictor import around
+from .newton_batch import NewtonBatch, around, newton_batch
 
 # The tangent of a fold has a smaller share along the parameter, whose value does not fix the orbit there: errors are
 # measured across the curve.
@@ -87,9 +86,8 @@ class CurvePoint:
     @cached_property
     def signs(self) -> tuple:
         """The signs of all test functions at a certified point."""
-        point = self.point
-        sides = [(value := test(point)) is not None and value >= 0 for test in TEST_FUNCTIONS.values()]
-        return self.tangent[-1] >= 0, self.branch_test >= 0, point.certificate.family, *sides
+        sides = [(value := test(self.point)) is not None and value >= 0 for test in TEST_FUNCTIONS.values()]
+        return self.tangent[-1] >= 0, self.branch_test >= 0, self.point.certificate.family, *sides
 
     def with_orbit(self, orbit: Point) -> "CurvePoint":
         """The same point, certified; this is faster than `replace`, and done for every point."""
@@ -99,9 +97,6 @@ class CurvePoint:
 
 class Curve:
     """The curve F(u, value) = 0 of a machine's orbits along a parameter, whose whole way `span` is its unit."""
-
-    equations: Shooting
-    orbits: Shooting
 
     def __init__(self, machine: Machine, along: str, method: str, span: float):
         self.machine, self.along, self.method, self.span = machine, along, method, span
@@ -137,6 +132,8 @@ class Curve:
 
     def certify(self, point: CurvePoint) -> CurvePoint:
         """The point, certified; raises the error when it cannot be."""
+        if point.certified:
+            return point
         certified, error = self.certify_all([point])
         if error:
             raise error
@@ -192,11 +189,9 @@ class Curve:
         also = {name: cases.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
         figures = cases.u["alpha"].tolist(), cases.u["liftoff"].tolist(), cases.flight_times.tolist()
-        columns, orbits = (*figures, or_none(cases.contact_times), certify(model, cases), others), []
-        for point, *row in zip(points, *columns, strict=True):
-            *u, value = point.x.tolist()
-            orbits.append(Point(value, tuple(u), tuple(point.tangent.tolist()), *row))
-        return orbits
+        columns = *figures, or_none(cases.contact_times), certify(model, cases), others
+        places = [(point.value, tuple(point.x[:-1].tolist()), tuple(point.tangent.tolist())) for point in points]
+        return [Point(*place, *row) for place, *row in zip(places, *columns, strict=True)]
 
     def _refused(self, ps: np.ndarray) -> dict[int, OrbitsError]:
         """By index why the machine cannot have some of the parameters (m, np)."""

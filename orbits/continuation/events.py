@@ -46,13 +46,13 @@ class Segment:
         (guess,) = interpolated((self.a, self.b), self.row, np.array([level]))
         return self._correct(guess, self.row, level)
 
-    def _correct(self, guess: np.ndarray, row: np.ndarray, level: float) -> CurvePoint:
+    def _correct(self, guess, row, level: float) -> CurvePoint:
         return correct(self.curve, guess, row, level, self.a.tangent, larger_counts(self.a.counts, self.b.counts))
 
     def sheets(self) -> list["Segment"]:
         """The segments between the ends and a fold between them."""
         points = [self.a, *([] if self.fold is None else [self(self.fold)]), self.b]
-        return [Segment(self.curve, a, b) for a, b in pairwise(points)]
+        return [Segment(self.curve, *ends) for ends in pairwise(points)]
 
     @cached_property
     def fold(self) -> float | None:
@@ -60,8 +60,7 @@ class Segment:
         return self.zero(lambda point: float(point.tangent[-1]))
 
     def zero(self, test: Callable[[CurvePoint], float | None], width: float = WIDTH) -> float | None:
-        """The share of the chord at which a test function changes its sign; None where it does not or is not defined.
-        Zero counts as positive."""
+        """The share of the chord at which a test function changes its sign, zero being positive; None without one."""
         first, last = test(self.a), test(self.b)
         if first is None or last is None or (first >= 0) == (last >= 0):
             return None
@@ -72,14 +71,13 @@ class Segment:
 
     def point_at(self, value: float) -> CurvePoint:
         """The point where the parameter has exactly a value, certified."""
-        a, b = self.a, self.b
-        if b.value == value:
-            return b
-        share = (value - a.value) / (b.value - a.value)
+        if self.b.value == value:
+            return self.b
+        share = (value - self.a.value) / (self.b.value - self.a.value)
         try:
             near = self(float(np.clip(share, INSIDE, 1 - INSIDE)))
             guess = near.x + near.tangent * (value - near.value) / near.tangent[-1]
-            near = self._correct(guess, np.eye(len(a.x))[-1], value)
+            near = self._correct(guess, np.eye(len(guess))[-1], value)
         except NoOrbit:
             if (at_value := self.zero(lambda point: point.value - value)) is None:
                 raise
@@ -90,16 +88,13 @@ class Segment:
         """The events by kind and point, in order along the curve; `asked` are values of the parameter to stop at."""
         if not watch and self.a.signs == self.b.signs and not self._passed(asked):
             return []
-        located = [(kind, share, self._certified(point)) for kind, share, point in self._sign_changes(watch)]
+        located = [(kind, share, self.curve.certify(point)) for kind, share, point in self._sign_changes(watch)]
         turns = [0.0, *([] if self.fold is None else [self.fold]), 1.0]
         for (low, high), part in zip(pairwise(turns), self.sheets(), strict=True):
             for value in part._passed(asked):
                 share = low + (high - low) * (value - part.a.value) / (part.b.value - part.a.value)
                 located.append(("asked", share, part.point_at(value)))
         return [(kind, point) for kind, _, point in sorted(located, key=lambda event: event[1])]
-
-    def _certified(self, point: CurvePoint) -> CurvePoint:
-        return point if point.certified else self.curve.certify(point)
 
     def _sign_changes(self, watch: Watch) -> Iterator[tuple[str, float, CurvePoint]]:
         """The kinds of events whose test functions change their sign, with share and point."""
@@ -115,19 +110,16 @@ class Segment:
         """The share and point of a branch point; its error is measured without the Jacobian's singular direction."""
         if (share := self.zero(lambda point: point.branch_test, BRANCH_OFFSET)) is None:
             return None
-        beside = [self(share + side * BRANCH_OFFSET) for side in (-2, -1, 1, 2)]
-        start = float(self.row @ self.a.x)
-        shares = np.array([self.row @ point.x - start for point in beside])
+        beside, start = [self(share + side * BRANCH_OFFSET) for side in (-2, -1, 1, 2)], float(self.row @ self.a.x)
         tests = np.vander([point.branch_test for point in beside], increasing=True)
-        share = float(np.linalg.solve(tests, shares)[0])
+        share = float(np.linalg.solve(tests, np.array([self.row @ point.x - start for point in beside]))[0])
         (x,) = interpolated(beside, self.row, np.array([start + share]))
         evaluation, size = self.curve.evaluate(x[None]), self.curve.size(x)
         u, s, v = np.linalg.svd(evaluation.jacobian[0] * size)
         s[-1] = s[0]
         evaluation = replace(evaluation, jacobian=((u * s) @ v[: len(s)] / size)[None])
         tangent = beside[1].tangent + beside[2].tangent
-        tangent /= np.linalg.norm(tangent / size)
-        return share, CurvePoint(x, tangent, 0.0, evaluation, 0)
+        return share, CurvePoint(x, tangent / np.linalg.norm(tangent / size), 0.0, evaluation, 0)
 
     def _passed(self, asked: tuple[float, ...]) -> list[float]:
         low, high = sorted((self.a.value, self.b.value))
@@ -135,7 +127,7 @@ class Segment:
 
     def _test(self, kind: str, watch: Watch, point: CurvePoint) -> float | None:
         """The test function of an event, at a point that is certified for it."""
-        point = self._certified(point)
+        point = self.curve.certify(point)
         if kind == "family":
             return 1.0 if point.point.family == self.a.point.family else -1.0
         if kind in TEST_FUNCTIONS:
@@ -155,5 +147,5 @@ def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: 
     try:
         return None if value is None else finite_number(name, value)
     except InputError:
-        reason = f"watch '{name}' gives {value!r} at alpha = {orbit.alpha:.6g}: it must give a finite number"
-        raise InputError(reason) from None
+        place = f"at alpha = {orbit.alpha:.6g}"
+        raise InputError(f"watch '{name}' gives {value!r} {place}: it must give a finite number") from None

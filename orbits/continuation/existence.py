@@ -63,9 +63,7 @@ def stretches(family: Family) -> Iterator[Stretch]:
 
     A stretch ends at a fold, or at an event from which on the orbits become motions or cease to be.
     """
-    points = [(point, False) for point in family]
-    for event in reversed(family.events):
-        points.insert(event.after + 1, (event.point, event.kind != "asked"))
+    points = [(point, event and event.kind != "asked") for point, event in family.in_order()]
     start, inside = points[0][0], [points[0][0].admissible]
     for point, cut in [*points[1:], (points[-1][0], True)]:
         if cut:  # an event lies on the edge of a stretch and tells nothing of its inside

@@ -21,7 +21,6 @@ MOTION_COLUMNS = ("alpha", "liftoff_extension", "flight_time", "contact_time", "
 CHECK_COLUMNS = ("error", "residual", "energy_drift", "family", "clearance", "smallest_separation")
 CONTACT_COLUMNS = ("smallest_contact_force", "largest_contact_force", "landing_jerk", "loss_coefficient")
 COLUMNS = (*MOTION_COLUMNS, *CHECK_COLUMNS, *CONTACT_COLUMNS, "stable_side")
-# The columns that are numbers.
 NUMBERS = COLUMNS[:-1]
 # Names that no parameter can have, since it stands beside these in a table or a document.
 RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point")
@@ -60,8 +59,7 @@ class Point:
 
     def row(self) -> dict[str, Any]:
         """The columns of a table at this point, ready for JSON."""
-        figures = {name: getattr(self, name) for name in COLUMNS}
-        return {**self.also, **figures, "violations": list(self.violations)}
+        return {**self.also, **{name: getattr(self, name) for name in COLUMNS}, "violations": list(self.violations)}
 
 
 @dataclass(frozen=True)
@@ -126,8 +124,7 @@ class Family:
 
     def quantity(self, point: Point, name: str) -> float:
         """A quantity at a point, NaN where the orbit does not have it; raises `InputError` for an unknown name."""
-        numbers = [self.name, *point.also, *NUMBERS]
-        if name not in (*numbers, "value"):
+        if name not in (*(numbers := [self.name, *point.also, *NUMBERS]), "value"):
             raise InputError(f"a family's orbits have no quantity '{name}'; they have {', '.join(numbers)}")
         value = point.also[name] if name in point.also else getattr(point, "value" if name == self.name else name)
         return np.nan if value is None else float(value)
@@ -137,13 +134,19 @@ class Family:
         everywhere = {(point.value, point.u): point for point in (*self.points, *(e.point for e in self.events))}
         return [point for point in everywhere.values() if point.value == value]
 
+    def in_order(self) -> list[tuple[Point, Event | None]]:
+        """The points and those of the events, each with its event, in order along the curve."""
+        items: list[tuple[Point, Event | None]] = [(point, None) for point in self.points]
+        for event in reversed(self.events):
+            items.insert(event.after + 1, (event.point, event))
+        return items
+
     def document(self) -> dict[str, Any]:
         """The family as the JSON document of the command line."""
         points = [{self.name: point.value, **point.row()} for point in self.points]
-        located = [{self.name: event.point.value, **event.point.row()} for event in self.events]
-        events = [{"kind": e.kind, "after": e.after, **row} for e, row in zip(self.events, located, strict=True)]
+        places = [{"kind": e.kind, "after": e.after, self.name: e.point.value, **e.point.row()} for e in self.events]
         end = {key: value for key, value in asdict(self.end).items() if value is not None}
-        whole = {"machine": self.machine, "along": self.name, "points": points, "events": events, "end": end}
+        whole = {"machine": self.machine, "along": self.name, "points": points, "events": places, "end": end}
         return {**whole, "settings": self.settings, "versions": self.versions}
 
     def __str__(self) -> str:
@@ -155,8 +158,8 @@ class Family:
         error, admissible = max(point.error for point in self), sum(point.admissible for point in self)
         lines = [f"{head}, along {self.name}: {len(self)} orbits", f"  {self.name:<12} {way}"]
         lines.append(f"  largest error {error:.1e}, admissible {admissible} of {len(self)}")
-        for event in self.events:
-            lines.append(f"  {event.kind:<14}{self.name} = {event.point.value:.15g}, alpha = {event.point.alpha:.15g}")
+        places = [(e.kind, e.point.value, e.point.alpha) for e in self.events]
+        lines += [f"  {kind:<14}{self.name} = {value:.15g}, alpha = {alpha:.15g}" for kind, value, alpha in places]
         end = f"  end: {self.end.kind}, {self.end.reason}"
         if self.end.limit is not None:
             end += f", {self.name} tends to {self.end.limit:.8g} (about {self.end.limit_error:.0e} off)"
@@ -177,8 +180,7 @@ class Family:
             elif path.suffix.lower() == ".nc":
                 self._dataset().to_netcdf(path)
             else:
-                with open(path, "w", encoding="utf-8") as file:
-                    file.writelines(line + "\n" for line in self.records())
+                path.write_text("".join(line + "\n" for line in self.records()), encoding="utf-8")
         except OSError as error:
             raise InputError(f"the family cannot be saved to {path}: {error}") from None
         return path
@@ -187,11 +189,7 @@ class Family:
         """The lines of a saved family: its heading, its points and events in order, its end."""
         head = {"format": FAMILY_FORMAT, "along": self.name, "machine": self.machine}
         yield to_json({**head, "settings": self.settings, "versions": self.versions})
-        events = list(self.events)
-        for index, point in enumerate(self.points):
-            yield json_line(point)
-            while events and events[0].after == index:
-                yield json_line(events.pop(0))
+        yield from (json_line(event or point) for point, event in self.in_order())
         yield json_line(self.end)
 
     @classmethod
@@ -218,12 +216,12 @@ class Family:
                     events.append(Event(event["kind"], event["after"], _point(event["point"])))
                 else:
                     end = End(**item["end"])
-            found, about = (tuple(points), tuple(events), end), (head["settings"], head["versions"])
-            return cls(head["along"], head["machine"], *found, *about)
+            found = tuple(points), tuple(events), end
+            return cls(head["along"], head["machine"], *found, head["settings"], head["versions"])
         except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
             raise InputError(f"{path} is not a saved family: {error}") from None
 
-    def _write_csv(self, path: Path):
+    def _write_csv(self, path):
         with open(path, "w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow([self.name, *(self.points[0].also if self.points else ()), *COLUMNS])
@@ -249,6 +247,5 @@ def json_line(item: Point | Event | End) -> str:
 
 
 def _point(data: dict) -> Point:
-    certificate = data["certificate"]
-    certificate = Certificate(**{**certificate, "violations": tuple(certificate["violations"])})
+    certificate = Certificate(**{**data["certificate"], "violations": tuple(data["certificate"]["violations"])})
     return Point(**{**data, "u": tuple(data["u"]), "tangent": tuple(data["tangent"]), "certificate": certificate})

@@ -1,8 +1,7 @@
 """Curves of folds in two parameters: where a family's orbits begin to exist.
 
-At a fold the Jacobian of the equations F(u, a) = 0 is singular: F_u v = 0 for a direction v. F = 0 and F_u v = 0 are
-one boundary-value statement on phases with twice the states: the motion, and its first variation in the direction v.
-Shooting differentiates this statement as any other, which gives the exact second derivatives of F.
+At a fold F(u, a) = 0 and F_u v = 0 for a direction v: one boundary-value statement on phases with twice the states, the
+motion and its first variation. Shooting differentiates it as any other: the second derivatives of F are exact.
 """
 
 from collections.abc import Sequence
@@ -29,15 +28,14 @@ def fold_statement(statement: Statement, along: str) -> Statement:
     """The statement of the folds of another one in a parameter, with the unknowns u, v without its entry for "alpha",
     and the parameter.
 
-    v is scaled so that its entry for the launch speed, which is never zero at a fold of a family, is 1. Raises
-    `InputError` for a piecewise law, which has no second derivatives at its breakpoints.
+    v is scaled so that its entry for the launch speed, which is never zero at a fold, is 1. Raises `InputError` for a
+    piecewise law, which has no second derivatives at its breakpoints.
     """
     if any(arc.phase.pieces for arc in statement.arcs):
         raise InputError("a fold of a piecewise law cannot be followed: it has no second derivatives everywhere")
-    directions = (f"d{name}" for name in statement.unknowns if name != "alpha")
     before = (0, *(len(arc.phase.states) for arc in statement.arcs))
     arcs = tuple(_doubled(arc, statement.unknowns, along, n) for arc, n in zip(statement.arcs, before, strict=False))
-    unknowns = (*statement.unknowns, *directions, along)
+    unknowns = (*statement.unknowns, *(f"d{name}" for name in statement.unknowns if name != "alpha"), along)
     return Statement(f"fold of the {statement.name}", unknowns, arcs, statement.durations)
 
 
@@ -58,24 +56,20 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Ar
     def start(u, last, p):
         named, own, direction, p = split(u, p)
         motion, variation = last[:before], last[before : 2 * before]
-        values = arc.start(named, motion, p)
-        return [*_with_variation(values, [*own, *motion], [*direction, *variation]), u[along]]
+        return [*_with_variation(arc.start(named, motion, p), [*own, *motion], [*direction, *variation]), u[along]]
 
     def conditions(u, x, p):
         named, own, direction, p = split(u, p)
-        end, variation = x[:n], x[n : 2 * n]
-        *_, longer = _with_variation([arc.duration(named, p)], own, direction)
-        rates = phase.field(end, p, [])
-        moved = [change + rate * longer for change, rate in zip(variation, rates, strict=True)]
+        end, (*_, longer) = x[:n], _with_variation([arc.duration(named, p)], own, direction)
+        changes = zip(x[n : 2 * n], phase.field(end, p, []), strict=True)
+        moved = [change + rate * longer for change, rate in changes]
         return _with_variation(arc.conditions(named, end, p), [*own, *end], [*direction, *moved])
 
     def guard(u, x, p, q):
         named, own, direction, p = split(u, p)
-        values = arc.guard(named, x[:n], p, q)
-        return _with_variation(values, [*own, *x[:n]], [*direction, *x[n : 2 * n]])
+        return _with_variation(arc.guard(named, x[:n], p, q), [*own, *x[:n]], [*direction, *x[n : 2 * n]])
 
-    states = (*phase.states, *(f"d{name}" for name in phase.states), along)
-    doubled = Phase(phase.name, states, field)
+    doubled = Phase(phase.name, (*phase.states, *(f"d{name}" for name in phase.states), along), field)
     return Arc(doubled, start, lambda u, p: arc.duration(u, {**p, along: u[along]}), conditions, guard)
 
 
@@ -108,8 +102,7 @@ class _FoldCurve(Curve):
 
     def size(self, x: np.ndarray) -> np.ndarray:
         """The unknowns as on any curve, their directions for a change of alpha by its size, the folding parameter."""
-        unknowns = self.orbits.statement.unknowns
-        n, index = len(unknowns), unknowns.index("alpha")
+        n, index = len(names := self.orbits.statement.unknowns), names.index("alpha")
         size = super().size(np.concatenate([x[..., :n], x[..., -1:]], axis=-1))
         directions = np.delete(size[..., :-1], index, axis=-1) / size[..., [index]]
         folded = np.maximum(np.abs(x[..., -2:-1]), self.least)

@@ -1,4 +1,4 @@
-"""Follow a family of lossless orbits along a parameter, past folds, to its end, and keep it as it grows."""
+"""Follow a family of lossless orbits along a parameter, past folds, to its end; or another one from a branch point."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
@@ -21,6 +21,8 @@ from .step_control import Options, StepControl, checked_options
 from .tracer import Tracer
 
 Stop = float | tuple[float, float]
+# The first point of the other curve may lie this many steps away, since the curves need not meet at a right angle.
+LONGEST_FIRST_STEP = 10.0
 
 
 def follow(
@@ -82,13 +84,72 @@ def trace(
     return (tracer.curve.orbit(item) if isinstance(item, CurvePoint) else item for item in _interruptible(tracer))
 
 
-def _interruptible(tracer: Tracer) -> Iterator[CurvePoint | Event | End]:
+def _interruptible(tracer: Tracer):
     """The items of a run; an interrupt is raised between two of them."""
     items, item = iter(tracer), None
     while not isinstance(item, End):
         with interrupts.deferred():
             item = next(items)
         yield item
+
+
+def follow_branch(
+    machine: Machine,
+    branch: Point,
+    along: str,
+    stop: float,
+    *,
+    upper: bool = True,
+    at: Sequence[float] = Options.at,
+    watch: Watch | None = None,
+    longest: float = Options.longest,
+    most: int = Options.most,
+    step_control: StepControl = Options.step_control,
+    method: str | None = None,
+    output: str | Path | None = None,
+) -> Family:
+    """Follow the other curve through a branch point of a family, from a first step on.
+
+    machine, along, method : as the family was followed with; method None for the simplest
+    branch : the point of a "branch point" event
+    stop : value of the parameter to go on to; the curve also ends where it comes back to the branch point's
+    upper : whether to set out towards higher launch speeds or towards lower ones
+    at, watch, longest, most, step_control, output : as in `follow`
+
+    The direction is the one across the curve in which the equations do not change to first order (Keller 1977). Raises
+    `NoOrbit` when no other curve goes through the point, and `InputError` when it goes away from `stop`.
+    """
+    machine, method = machine_at(machine, branch, along, method)
+    options, stop = checked_options(at, watch, longest, most, False, step_control), finite_number("stop", stop)
+    if stop == branch.value:
+        raise InputError(f"stop = {stop:g} is where the branch point lies: there is no way between")
+    curve = Curve(machine, along, method, abs(stop - branch.value))
+    x = np.array([*branch.u, branch.value])
+    size = curve.size(x)
+    with interrupts.deferred():
+        *_, first, second = np.linalg.svd(curve.evaluate(x[None]).jacobian[0] * size)[2]
+        own = branch.tangent / size
+        across = first * (second @ own) - second * (first @ own)
+        side = across[curve.equations.statement.unknowns.index("alpha")]
+        across *= np.copysign(1.0 / np.linalg.norm(across), side if upper else -side)
+        step = _first_point(curve, x, across * size, across / size, step_control.first_step)
+        if (step.value - branch.value) * (stop - branch.value) < 0:
+            way = f"towards {'higher' if upper else 'lower'} launch speeds {along} goes to {step.value:.6g}, away from"
+            raise InputError(f"{way} stop = {stop:g}: give upper = {not upper} or a stop on the other side")
+        tracer = Tracer(curve, curve.certify(step), branch.value, stop, options)
+    return collect_family(tracer, output=output)
+
+
+def _first_point(curve: Curve, x, direction, row, first_step: float) -> CurvePoint:
+    """The first point of the other curve, one step from `x` across, a shorter one where that leads elsewhere."""
+    for length in first_step * np.logspace(0, -3, 4):
+        try:
+            step = correct(curve, x + length * direction, row, row @ x + length, direction)
+        except NoOrbit:
+            continue
+        if np.linalg.norm((step.x - x) / curve.size(x)) < LONGEST_FIRST_STEP * length:
+            return step
+    raise NoOrbit(f"no other curve is found beside {curve.along} = {x[-1]:.10g}")
 
 
 def orbit_at(machine: Machine, point: Point, along: str, method: str | None = None) -> Orbit:
@@ -150,7 +211,7 @@ def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop:
         return Tracer(curve, first, behind, stop, options)
 
 
-def _resumed(machine: Machine, along: str, behind: float, stop: float, resume: Family, options: Options) -> Tracer:
+def _resumed(machine, along: str, behind: float, stop: float, resume: Family, options: Options) -> Tracer:
     """A run from the last point of a family, in the direction that it was going."""
     _check_resumable(machine, along, behind, stop, resume)
     last, curve = resume.points[-1], Curve(machine, along, resume.settings["method"], abs(stop - behind))
@@ -168,15 +229,15 @@ def _check_resumable(machine: Machine, along: str, behind: float, stop: float, r
         mine.pop(name, None), theirs.pop(name, None)
     others = {k: v for k, v in resume.machine["parameters"].items() if k != along}
     if along != resume.name or mine != theirs or any(machine.values[name] != value for name, value in others.items()):
-        whose = f"{resume.machine} along {resume.name}"
-        raise InputError(f"the family to resume is of another machine or parameter: {whose}")
+        other = f"{resume.machine} along {resume.name}"
+        raise InputError(f"the family to resume is of another machine or parameter: {other}")
     if not resume.points:
         raise InputError("the family to resume has no points: start it anew")
     if resume.end.kind == "closed":
         raise InputError("the family to resume has closed: there is nothing to go on to")
     last = resume.points[-1]
     if not min(behind, stop) <= last.value <= max(behind, stop):
-        place = f"{along} = {last.value:g}, not between {behind:g} and {stop:g}"
-        raise InputError(f"the family to resume has got to {place}")
+        where = f"{along} = {last.value:g}, not between {behind:g} and {stop:g}"
+        raise InputError(f"the family to resume has got to {where}")
     if (last.value - stop) * (stop - behind) >= 0 and last.tangent[-1] * (stop - behind) > 0:
         raise InputError(f"the family to resume has reached {along} = {stop:g} already")

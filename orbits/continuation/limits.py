@@ -1,5 +1,4 @@
-"""How a curve of orbits ends: at a bound, where it closes, lost, or on its way to infinity or to nothing, with the
-value that the parameter tends to."""
+"""How a curve of orbits ends: at a bound, closed, lost, or on its way to infinity or to nothing."""
 
 from collections.abc import Sequence
 
@@ -12,10 +11,9 @@ from .step_control import Options
 
 # A limit is extrapolated from the last points, over the first of these factors of alpha that holds enough of them.
 WIDTHS = (2.0, 4.0, 16.0)
-# A limit is clear where its error is less than this share of the parameter's distance to it.
-CLEAR = 0.1
-# A limit is clear too where the parameter has come this close to it, as a share of the range of its values.
-ARRIVED = 1e-6
+# A limit is clear where its error is less than a share of the parameter's distance to it, or where the parameter has
+# come close to it, as a share of the range of its values.
+CLEAR, ARRIVED = 0.1, 1e-6
 # Powers of the scale in the series of a parameter: some curves have a first power of 1/alpha and some have none.
 POWERS = ([0, 1, 2, 3, 4, 5], [0, 2, 3, 4, 5, 6])
 # The error is taken as this many times the change by the last term, since the terms left out may be larger.
@@ -28,8 +26,7 @@ def limit(history: History, bounds: tuple[float, float], power: int) -> tuple[fl
     """The value that the parameter tends to as alpha grows (power -1) or vanishes (1), and its error; None where that
     is not clear or lies behind or beyond a bound. `history` are alpha and value of the points of a curve, in order.
 
-    The value is extrapolated by powers of alpha from well spaced points, with or without the first power: by the series
-    whose last term matters less.
+    It is extrapolated by powers of alpha, with the first or without, by the series whose last term matters less.
     """
     alpha, value = np.array(history).T
     scale = (alpha / alpha[-1]) ** power
@@ -46,21 +43,18 @@ def limit(history: History, bounds: tuple[float, float], power: int) -> tuple[fl
 
 
 def _extrapolated(scale, value, powers: list[int], widest: float) -> tuple[float, float] | None:
-    """The error, from what the last power changes, and the limit of `value` as `scale` vanishes; None where too few
-    points lie between the last and the one at scale `widest`."""
+    """The error and the limit of `value` as `scale` vanishes; None where scales up to `widest` have too few points."""
     limits = []
     for count in (len(powers), len(powers) - 1):
         chosen = [int(np.abs(np.log(scale / ratio)).argmin()) for ratio in np.geomspace(1.0, widest, count)]
         if len(set(chosen)) < count:
             return None
-        terms = scale[chosen][:, None] ** np.array(powers[:count])
-        limits.append(float(np.linalg.solve(terms, value[chosen])[0]))
+        limits.append(float(np.linalg.solve(scale[chosen][:, None] ** np.array(powers[:count]), value[chosen])[0]))
     return CAUTION * abs(limits[0] - limits[1]), limits[0]
 
 
 class Endings:
-    """The tests for the end of a run along a curve from its first orbit `origin`, where the parameter has the value
-    `start`, within its bounds, ascending."""
+    """The tests for the end of a run from the orbit `origin` at the parameter's value `start`; bounds ascend."""
 
     def __init__(self, curve: Curve, origin: Point, start: float, bounds: tuple[float, float], options: Options):
         self.curve, self.origin, self.start, self.bounds = curve, origin, start, bounds
@@ -84,7 +78,7 @@ class Endings:
             return segment, End("stopped", "no motion from here: " + b.point.violations[0])
         return segment, None
 
-    def _within(self, point: CurvePoint) -> bool:
+    def _within(self, point):
         return self.bounds[0] < point.value < self.bounds[1]
 
     def _closing(self, segment: Segment) -> CurvePoint | None:
@@ -96,31 +90,30 @@ class Endings:
         size, origin = curve.size(a.x), np.array([*self.origin.u, self.start])
         chord, away = (b.x - a.x) / size, (origin - a.x) / size
         share = float(away @ chord / (chord @ chord))
-        near = np.linalg.norm(away) <= 2 * np.linalg.norm(chord)
-        if not near or not 0 < share <= 1 + self.control.same_point:
+        if np.linalg.norm(away) > 2 * np.linalg.norm(chord) or not 0 < share <= 1 + self.control.same_point:
             return None
         point = segment(share)
         same = np.max(np.abs(point.x - origin) / size) < self.control.same_point
-        onward = point.tangent @ np.array(self.origin.tangent) > 0
+        onward = point.tangent @ self.origin.tangent > 0
         return curve.certify_at(point, self.start) if same and onward else None
 
     def far(self, last: CurvePoint, history: History) -> End | None:
         """The end of a curve that goes to infinity or to nothing before the parameter gets to a bound."""
         orbit, first, ratio = last.point, self.origin, self.control.escape_ratio
-        name, value = self.curve.along, last.value
+        place = f"near {self.curve.along} = {last.value:.6g}"
         if last.amplification > self.control.largest_amplification:
-            reason = f"small changes grow {last.amplification:.0e}-fold over the flight, and rounding decides"
-            return self.lost(reason, last, history)
+            growth = f"{last.amplification:.0e}-fold"
+            return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, history)
         if orbit.alpha > ratio * first.alpha or orbit.flight_time > ratio * first.flight_time:
             if not (found := limit(history, self.bounds, -1)):
                 return None
             if orbit.flight_time / orbit.alpha > ratio * first.flight_time / first.alpha:
-                return End("degenerate", f"gravity no longer returns the machine near {name} = {value:.6g}", *found)
+                return End("degenerate", f"gravity no longer returns the machine {place}", *found)
             if abs(orbit.liftoff_extension) > ratio * (1 + abs(first.liftoff_extension)):
-                return End("degenerate", f"the spring no longer lifts the foot near {name} = {value:.6g}", *found)
+                return End("degenerate", f"the spring no longer lifts the foot {place}", *found)
             return End("escaped", "the launch speed grows without bound", *found)
         if orbit.alpha < first.alpha / ratio and (found := limit(history, self.bounds, 1)):
-            return End("degenerate", f"the flight shrinks to nothing near {name} = {value:.6g}", *found)
+            return End("degenerate", f"the flight shrinks to nothing {place}", *found)
         return None
 
     def lost(self, reason: str, last: CurvePoint, history: History) -> End:

@@ -1,4 +1,4 @@
-"""The equations of orbits at many points: Newton steps from all of them, or a step along the curve, in one call.
+"""Newton steps from many points, or a step along the curve, in one call; and its predictor, Hermite interpolation.
 
 Each motion takes Taylor steps of its own lengths, as long as they can be, and idles for the rest of a given number of
 steps. With a fixed number of steps the equations, their Jacobian and the Newton step are one CasADi function.
@@ -16,8 +16,10 @@ from ..flow.trajectory import Trajectories
 from ..numerics.roots import Array
 from ..periodic.single_shooting import Evaluation, Shooting, dense
 from ..symbolic.calls import MappedFunction
-from .predictor import hermite
 
+# A point lies beyond a bend and is not used where its tangent advances along the row by less than this share of what
+# the tangent of the nearest point advances by.
+BEND = 0.3
 # Functions for so many different numbers of Taylor steps are kept.
 MOST_KEPT = 64
 # The outputs for an arc of N Taylor steps of order K with n states: its duration; the derivatives of `Evaluation` (of
@@ -47,8 +49,7 @@ class NewtonBatch:
     def step(self, counts: tuple[int, ...], *arguments: Any) -> tuple | None:
         """A step along the curve: a prediction from points (c, n + 1) of it, and two Newton steps.
 
-        arguments : xs, tangents, known, row, level, closing, target, size, p
-        xs, tangents, known, row, level : the arguments of `hermite`, with all points behind
+        arguments : those of `hermite`, with all points behind, closing, target, size, p
         closing, target : the row (n + 1,) and level that close the equations
         size : (n + 1,), the units of the lengths of the Newton steps
 
@@ -65,7 +66,7 @@ class NewtonBatch:
 
     def _call(self, memory: int, counts: tuple[int, ...], *arguments) -> list[np.ndarray]:
         """The results of `_newton_function`, or of `_step_function` where `memory` points are predicted from."""
-        steppers: tuple[Any, ...] = tuple(flow.stepper(flow.size + 1, (self.index,)) for flow in self.equations.flows)
+        steppers: tuple = tuple(flow.stepper(flow.size + 1, (self.index,)) for flow in self.equations.flows)
         for stepper, count in zip(steppers, counts, strict=True):
             stepper.count_steps(count * len(arguments[0]))
         key = counts, tuple(stepper.compiled for stepper in steppers)
@@ -128,8 +129,8 @@ class NewtonBatch:
             enough += [duration > 0, left == 0]
             results += [duration, transition, dstart, longer, slope[:, n + size : n + 2 * size], c, dc, made[0, :]]
             last, dlast = end, dend
-        results = [ca.vertcat(*residuals), ca.vertcat(*jacobians), ca.mmin(ca.vertcat(*enough)), *results]
-        return dense("evaluation", [x, p], results)
+        whole = [ca.vertcat(*residuals), ca.vertcat(*jacobians), ca.mmin(ca.vertcat(*enough))]
+        return dense("evaluation", [x, p], [*whole, *results])
 
     def _newton_function(self, counts: tuple[int, ...], evaluation: ca.Function) -> ca.Function:
         """A Newton step, (x (n + 1,), row (n + 1,), target, p) -> step and direction of the curve (n + 1, 2), whether
@@ -186,9 +187,8 @@ def _arcs(results: Sequence, names: tuple[str, ...]) -> list[dict]:
 
 @lru_cache(maxsize=32)
 def _solve_bordered(n: int) -> ca.Function:
-    """(residual (n - 1,), jacobian (n - 1, n), row (n,), target less level) -> the Newton step and the direction of the
-    curve (n, 2), from one system: the Jacobian bordered by the row, with the right-hand sides (-residual, target less
-    level) and (0, 1). Both are NaN where that system is singular."""
+    """(residual (n - 1,), jacobian (n - 1, n), row (n,), lack = target - level) -> the Newton step and the direction of
+    the curve (n, 2), which solve the Jacobian bordered by the row for (-residual, lack) and (0, 1); NaN if singular."""
     residual, jacobian = ca.SX.sym("f", n - 1), ca.SX.sym("df", n - 1, n)
     row, lack = ca.SX.sym("row", n), ca.SX.sym("lack")
     right = ca.horzcat(ca.vertcat(-residual, lack), np.eye(n)[-1])
@@ -203,3 +203,49 @@ def _value(order: int, rows: int) -> ca.Function:
     for k in reversed(range(order)):
         value = value * t + c[k, :].T
     return ca.Function("value", [c, t], [value])
+
+
+@lru_cache(maxsize=32)
+def hermite(size: int, behind: int, ahead: int) -> ca.Function:
+    """(points (size, behind + ahead) along a curve, tangents there, which of them to use, row (size,), level) -> the
+    point at that level, in Lagrange's form, and the number of points used: as many on either side of the place between
+    `behind` and `ahead` as the curve passes without turning round."""
+    count = behind + ahead
+    xs, tangents, row = ca.SX.sym("x", size, count), ca.SX.sym("t", size, count), ca.SX.sym("row", size)
+    use, level = ca.SX.sym("use", count), ca.SX.sym("level")
+    places, rates = xs.T @ row, tangents.T @ row
+    used = [use[i] for i in range(count)]
+    for nearest, farthest, side in ((behind - 1, -1, -1), (behind, count, 1)):
+        for i in range(nearest + side, farthest, side):
+            straight = rates[nearest] * rates[i] > BEND * rates[nearest] ** 2
+            onward = side * rates[nearest] * (places[i] - places[i - side]) > 0
+            used[i] = ca.logic_and(ca.logic_and(used[i], used[i - side]), ca.logic_and(straight, onward))
+    # Differences from the first point keep every component exact that does not change along the curve.
+    point = xs[:, 0]
+    for i in range(count):
+        weight, inverses = ca.SX(1.0), ca.SX(0.0)
+        for j in (j for j in range(count) if j != i):
+            inverse = 1 / (places[i] - places[j])
+            weight *= ca.if_else(used[j], (level - places[j]) * inverse, 1.0) ** 2
+            inverses += ca.if_else(used[j], inverse, 0.0)
+        away = level - places[i]
+        value = (1 - 2 * away * inverses) * (xs[:, i] - xs[:, 0]) + away / rates[i] * tangents[:, i]
+        point += ca.if_else(used[i], weight * value, 0.0)
+    return ca.Function("hermite", [xs, tangents, use, row, level], [point, sum(used)])
+
+
+_mapped = lru_cache(maxsize=32)(lambda *sizes: MappedFunction(hermite(*sizes)))
+
+
+def around(
+    xs: np.ndarray, tangents: np.ndarray, i: np.ndarray, behind: int, ahead: int, rows: np.ndarray, levels: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points (q, n) at levels (q,) of rows (q, n) on interpolants of a chain of points (c, n) with tangents, each of up
+    to `behind` points before a place i (q,) of the chain and `ahead` from there on; and how many (q,) each uses."""
+    if not len(i):
+        return np.empty((0, xs.shape[1])), np.empty(0)
+    indices = i[:, None] + np.arange(-behind, ahead)
+    inside = (indices >= 0) & (indices < len(xs))
+    neighbours = (part[np.clip(indices, 0, len(xs) - 1)].reshape(len(i), -1) for part in (xs, tangents))
+    points, rests = _mapped(xs.shape[1], behind, ahead)(*neighbours, inside, rows, levels[:, None])
+    return points[:, :, 0], rests[:, 0, 0]

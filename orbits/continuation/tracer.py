@@ -1,9 +1,7 @@
 """A run along a curve of orbits: batches of points, their certificates, the events between them, and the end.
 
-In one batch `stepper` takes several steps. For each, `predictor` extrapolates the last points, `corrector` solves the
-equations of `curve` by `newton_batch`, and the constants of `step_control` accept or reject the step; then the points
-between the ends of the steps are solved. `curve` certifies all of them. From each point to the next, `events` locates
-what happens, and `limits` tests whether the curve ends there. The points go to `checkpoint`, which builds the `family`.
+In one batch `step_control` takes several steps, which `newton_batch` predicts and `corrector` solves. Then `curve`
+certifies the points, `events` locates what happens between them, `limits` tests for the end, `checkpoint` collects.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,8 +13,7 @@ from .curve import Curve, CurvePoint
 from .events import Segment
 from .family import End, Event
 from .limits import Endings
-from .step_control import Options
-from .stepper import Stepper
+from .step_control import Options, Stepper
 
 # A batch is split at a change of family only where its points lie farther apart than this many shortest steps.
 RESOLVED = 10
@@ -50,9 +47,7 @@ class Tracer:
     one at a time. `earlier` are the points before the first, in a family that is resumed.
     """
 
-    def __init__(
-        self, curve: Curve, first: CurvePoint, behind: float, stop: float, options: Options, earlier: Sequence = ()
-    ):
+    def __init__(self, curve: Curve, first: CurvePoint, behind, stop, options: Options, earlier: Sequence = ()):
         self.curve, self.options, self.control, self.earlier = curve, options, options.step_control, earlier
         self.behind, self.stop, bounds = behind, stop, (min(behind, stop), max(behind, stop))
         self.start = earlier[0].value if earlier else first.value
@@ -100,8 +95,7 @@ class Tracer:
                 if end := end or self.endings.far(last, history):
                     yield end
                     return
-                if point.parts:
-                    ends.append(point)
+                ends += [point] if point.parts else []
             state = self._after(state._replace(last=last, before=index), batch, ends)
             gives_up = state.length <= control.shortest_step or state.rejections > control.most_rejections
             if batch.failure or (batch.rejection and gives_up):
@@ -115,8 +109,7 @@ class Tracer:
         points, kept = self._solvable(state, ends)
         if left := ends[kept:]:
             failure, length = None, left[0].length * left[0].parts * (1.0 if kept else 0.5)
-        if state.last.certified is None:
-            points = [state.last, *points]
+        points = points if state.last.certified else [state.last, *points]
         certified, rejection = self._certified(state, points)
         if rejection:
             length = 0.5 * points[len(certified)].length
@@ -142,10 +135,9 @@ class Tracer:
             family = point.point.family
         return certified, error
 
-    def _items(self, located, point: CurvePoint, index: int, goes_on: bool) -> tuple[list[CurvePoint | Event], int]:
+    def _items(self, located, point: CurvePoint, index: int, goes_on: bool):
         """The items from the point `index` on to the next one, events between included; and how many are points."""
-        items: list[CurvePoint | Event] = []
-        before = index
+        items, before = [], index
         for kind, event in located:
             if kind == "asked":
                 index += 1
@@ -157,8 +149,7 @@ class Tracer:
         return items, index + 1 - before
 
     def _after(self, state: TracerState, batch: Batch, ends: list[CurvePoint]) -> TracerState:
-        """The state after a batch and the ends of its accepted steps: longer batches if nothing was rejected, else
-        shorter steps one at a time."""
+        """The state after a batch: longer batches if nothing was rejected, else shorter steps one at a time."""
         control, size, rejections = self.control, 1, state.rejections
         if batch.rejection:
             rejections = max(rejections - len(batch.certified) / control.recovery, 0.0) + 1

@@ -14,8 +14,7 @@ from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow,
 from orbits.continuation.corrector import correct, correct_all, predict_and_correct
 from orbits.continuation.curve import Curve, CurvePoint, interpolated
 from orbits.continuation.events import watched
-from orbits.continuation.newton_batch import NewtonBatch
-from orbits.continuation.predictor import around
+from orbits.continuation.newton_batch import NewtonBatch, around
 from orbits.periodic.certificate import certify
 from orbits.periodic.find import solve_family
 from orbits.periodic.single_shooting import Shooting
@@ -426,7 +425,7 @@ def test_ipopt_goes_on_where_newton_fails(monkeypatch):
 
     solved = []
     solve = Shooting.multiple_shooting
-    monkeypatch.setattr("orbits.continuation.stepper.predict_and_correct", failing)
+    monkeypatch.setattr("orbits.continuation.step_control.predict_and_correct", failing)
     monkeypatch.setattr(Shooting, "multiple_shooting", lambda *a: solved.append(a) or solve(*a))
     family = follow(Hopper("cubic"), "beta", 1.0, 0.0)
     assert len(solved) == 1

@@ -90,7 +90,7 @@ def test_points_certified_one_by_one_are_the_same_curve(monkeypatch):
             raise NoOrbit("the corrector does not converge")
         return predict_and_correct(curve, ends, length, value)
 
-    monkeypatch.setattr("orbits.continuation.stepper.predict_and_correct", failing)
+    monkeypatch.setattr("orbits.continuation.step_control.predict_and_correct", failing)
     family = cubic(largest_batch=1)
     assert len(solved) == 1
     assert family[-1].alpha == pytest.approx(ALPHA, rel=1e-13)
