@@ -1,16 +1,15 @@
 """Zeros of affine functions of the state along motions: of one motion, and of many that are integrated together."""
 
-from dataclasses import dataclass
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import FlowError
-from ..model.closed_form import Oscillator, ThrownOscillator
 from ..model.phase import Affine
 from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate
+from ..numerics.roots import Array
 from ..symbolic import interrupts
-from .breakpoints import ActivePieces, StopTest, integrate, out_of_range
-from .dynamics import PhaseDynamics
+from .breakpoints import ActivePieces
+from .flow import Flow, StopTest
 from .taylor import TaylorStepper
 from .trajectory import Trajectories
 
@@ -33,15 +32,15 @@ def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> S
     return stop
 
 
-def series_along(quantity: Affine, c: np.ndarray, steps: np.ndarray) -> PiecewisePolynomials:
+def series_along(quantity: Affine, c: Array, steps: Array) -> PiecewisePolynomials:
     """An affine function along several motions of as many steps each, coefficients (m, count, rows, K + 1)."""
     series = quantity.series(c).reshape(-1, c.shape[3])
     return PiecewisePolynomials(series, steps.ravel(), np.full(len(steps), steps.shape[1]))
 
 
 def until_zero(
-    dynamics: PhaseDynamics, starts: np.ndarray, ps: np.ndarray, quantity: Affine, skip_start: int = 0
-) -> tuple[np.ndarray, Trajectories | None]:
+    flow: Flow, starts: Array, ps: Array, quantity: Affine, skip_start: int = 0
+) -> tuple[Array, Trajectories | None]:
     """Motions from states (m, n) with parameters (m, np) up to the first sign change of an affine function.
 
     Returns which of them (r,) reach it within the largest block of Taylor steps, and these motions. They are None when
@@ -49,9 +48,9 @@ def until_zero(
     for a single start in closed form. `skip_start` is that of `first_zero`.
     """
     remaining, found = np.arange(len(starts)), []
-    if (dynamics.phase.closed_form and len(starts) == 1) or not dynamics.smooth:
+    if (flow.phase.closed_form and len(starts) == 1) or not flow.smooth:
         return remaining[:0], None
-    count, most, stepper = dynamics.expected_steps, dynamics.control.max_block, dynamics.stepper(0)
+    count, most, stepper = flow.expected_steps, flow.control.max_block, flow.stepper(0)
     assert isinstance(stepper, TaylorStepper)
     while len(remaining) and count <= most:
         steps, c, accepted = stepper.advance_all(starts[remaining], ps[remaining], count)
@@ -64,9 +63,9 @@ def until_zero(
         owner, first = owner[reached], first[reached]
         if len(owner):
             last = piece[first]
-            found.append((remaining[owner], _cut_motions(dynamics.names, c[owner], steps[owner], last, t[first])))
+            found.append((remaining[owner], _cut_motions(flow.names, c[owner], steps[owner], last, t[first])))
             if len(starts) > 1:
-                dynamics.expected_steps = min(int(last.max()) + 2, most)
+                flow.expected_steps = min(int(last.max()) + 2, most)
         accepted[owner] = False
         remaining, count = remaining[accepted.all(1)], 2 * count
     if not found:
@@ -87,31 +86,53 @@ def _cut_motions(names: tuple[str, ...], c, steps, last, t) -> Trajectories:
     return Trajectories(begins[used], ends, c[used], used.sum(1), names)
 
 
-@dataclass(eq=False)
-class ZeroSearch:
-    """The search for the first zeros of an affine function along several motions.
+def first_zeros(
+    flow: Flow,
+    starts: ArrayLike,
+    p: Array,
+    quantity: Affine,
+    limit: ArrayLike,
+    skip: ArrayLike = 0,
+    rising: bool = False,
+    over: tuple[Affine, int] | None = None,
+) -> tuple[Array, Array, dict[int, FlowError]]:
+    """When an affine function of the rows first changes its sign on motions from states (m, n), and where.
 
-    Its fields are the arguments of `Flow.first_zeros`, its results the attributes `times`, `rows` and `failed`.
+    p : parameters (np,) of all
+    limit : times (m,) by which that must happen
+    skip : orders (m,) of the zeros at the start, which are divided out exactly
+    rising : count only changes from minus to plus
+    over : another affine function and a number: a motion on which that function has changed its sign so often never has
+        the zero. It is only used for motions that take Taylor steps together.
+
+    Returns times (m,), NaN where it does not happen in time and infinity where it never will; the rows (m, rows) at
+    these times; and by index the `FlowError` of each motion that breaks off before.
     """
+    search = _ZeroSearch(flow, np.asarray(starts, dtype=float), p, quantity, limit, skip, rising, over)
+    if flow.phase.closed_form:
+        search.in_closed_form()
+    elif isinstance(flow.stepper(0), TaylorStepper):
+        search.by_taylor_steps()
+    else:
+        search.one_by_one(np.arange(len(search.starts)), search.starts, np.zeros(len(search.starts)))
+    return search.times, search.rows, search.failed
 
-    dynamics: PhaseDynamics
-    starts: np.ndarray
-    p: np.ndarray
-    quantity: Affine
-    limit: np.ndarray
-    skip: np.ndarray
-    rising: bool
-    over: tuple[Affine, int] | None
 
-    def __post_init__(self) -> None:
-        count = len(self.starts)
+class _ZeroSearch:
+    """The search of `first_zeros`, with its arguments and its results `times`, `rows` and `failed`."""
+
+    def __init__(self, flow, starts, p, quantity, limit, skip, rising, over):
+        count = len(starts)
+        self.flow, self.starts, self.p, self.quantity, self.rising, self.over = flow, starts, p, quantity, rising, over
+        self.limit, self.skip = np.broadcast_to(limit, count), np.broadcast_to(skip, count)
         self.signs = np.zeros(count)  # Signs of the quantity at the ends of the last block, 0 before the first.
         self.over_signs, self.over_changes = np.zeros(count), np.zeros(count, int)
-        self.times, self.rows = np.full(count, np.nan), np.full((count, len(self.dynamics.names)), np.nan)
+        self.times, self.rows = np.full(count, np.nan), np.full((count, len(flow.names)), np.nan)
         self.failed: dict[int, FlowError] = {}
 
-    def in_closed_form(self, form: Oscillator | ThrownOscillator) -> None:
+    def in_closed_form(self):
         """Search motions in closed form."""
+        form = self.flow.closed_form(self.p)
         length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), 0.0
         while len(remaining):
             interrupts.check()
@@ -123,33 +144,33 @@ class ZeroSearch:
             owner, piece, t = self._first_roots(polynomials, remaining, self.skip[remaining] if began == 0 else 0)
             found, hits = began + length * piece + t, remaining[owner]
             self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
-            self.rows[hits, : self.dynamics.size] = form.state(self.starts[hits].T, found).T
+            self.rows[hits, : self.flow.size] = form.state(self.starts[hits].T, found).T
             remaining, began = np.delete(remaining, owner), began + CLOSED_BLOCK * length
             remaining = remaining[began < self.limit[remaining]]
-        for i, (slope, value) in enumerate(form.watch.values(), start=self.dynamics.size):
+        for i, (slope, value) in enumerate(form.watch.values(), start=self.flow.size):
             self.rows[:, i] = slope * self.rows[:, 0] + value
 
-    def by_taylor_steps(self, stepper: TaylorStepper) -> None:
+    def by_taylor_steps(self):
         """Search motions that take Taylor steps together, in blocks of equal numbers of steps.
 
         Motions with a rejected step, or whose zero at the start cannot be divided out, are searched one by one.
         """
-        dynamics, control = self.dynamics, self.dynamics.control
+        flow, control, stepper = self.flow, self.flow.control, self.flow.stepper(0)
         remaining, x, began = np.arange(len(self.starts)), self.starts, np.zeros(len(self.starts))
-        pieces = ActivePieces(dynamics, self.p, x)
+        pieces = ActivePieces(flow, self.p, x)
         for _ in range(control.max_steps):
             inside = pieces.inside
             for i in np.flatnonzero(~inside):
-                self.failed[int(remaining[i])] = out_of_range(dynamics, self.p, x[i])
+                self.failed[int(remaining[i])] = flow.out_of_range(self.p, x[i])
             remaining, x, began = (part[inside] for part in (remaining, x, began))
             pieces.keep(inside)
             if not len(remaining):
                 return
             interrupts.check()
-            block = 1 if dynamics.phase.pieces else control.look_ahead
+            block = 1 if flow.phase.pieces else control.look_ahead
             steps, c, accepted = stepper.advance_all(x, pieces.data, block)
             steps = pieces.cut(c, steps)
-            ends = evaluate(c[:, -1, : dynamics.size], steps[:, -1:])
+            ends = evaluate(c[:, -1, : flow.size], steps[:, -1:])
             # A zero that is divided out must lie at the start of an accepted step.
             plain = steps.any(1) & ((steps[:, 0] > 0) | (began > 0) | (self.skip[remaining] == 0))
             plain &= accepted.all(1) & (np.abs(ends).max(1) < control.runaway)
@@ -168,15 +189,15 @@ class ZeroSearch:
             remaining, x, began = remaining[left], ends[left], began[left]
             pieces.enter(left)
         for i in remaining:
-            self.failed[int(i)] = FlowError(f"the {dynamics.phase.name} takes too many steps")
+            self.failed[int(i)] = FlowError(f"the {flow.phase.name} takes too many steps")
 
-    def one_by_one(self, indices: np.ndarray, x: np.ndarray, began: np.ndarray) -> None:
+    def one_by_one(self, indices, x, began):
         """Search the motions `indices` one after the other, from the states `x` at the times `began`."""
         for index, start, before in zip(indices, x, began, strict=True):
             left, order = self.limit[index] - before, int(self.skip[index]) if before == 0 else 0
             stop = first_zero(self.quantity, order, self.rising)
             try:
-                path, _ = integrate(self.dynamics, start, self.p, left, None, None, stop)
+                path, _ = self.flow.run(start, self.p, left, stop=stop)
             except FlowError as error:
                 self.failed[int(index)] = error
                 continue
@@ -190,7 +211,7 @@ class ZeroSearch:
         owner, first = np.unique(owner, return_index=True)
         return owner, piece[first], t[first]
 
-    def _search_block(self, remaining, began, steps, reached, c) -> np.ndarray:
+    def _search_block(self, remaining, began, steps, reached, c) -> Array:
         """Search a block of steps, whose ends are at `reached` in it; returns which motions have no zero there."""
         skip = np.where(began == 0, self.skip[remaining], 0)
         owner, piece, t = self._first_roots(series_along(self.quantity, c, steps), remaining, skip)
@@ -202,7 +223,7 @@ class ZeroSearch:
         left[owner] = False
         return left
 
-    def _given_up(self, over: tuple[Affine, int], remaining, left, steps, c) -> np.ndarray:
+    def _given_up(self, over: tuple[Affine, int], remaining, left, steps, c) -> Array:
         """Which of the motions `left` never have a zero, since the function of `over` has changed its sign so often."""
         quantity, most = over
         polynomials = series_along(quantity, c, steps)

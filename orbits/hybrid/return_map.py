@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, finite_number, whole_number
+from ..flow.zero_crossing import first_zeros
 from ..model.machine import ImpactingMachine
 from ..numerics.roots import enclosed_sign_changes
 from .fixed_points import JUMP, FixedPoint, Intervals, ResolvedMap, lossless_speeds, or_zero
@@ -148,7 +149,7 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int):
     status[flying] = "cap"
     for _ in range(cap):
         start, limit = state[flying], impacts.longest_flight(state[flying])
-        times, rows, errors = impacts.flight.first_zeros(start, impacts.p, impacts.gap, limit, order)
+        times, rows, errors = first_zeros(impacts.flight, start, impacts.p, impacts.gap, limit, order)
         gone, order = np.isnan(times), impacts.bounce_order
         status[flying[gone]] = "carried_off"
         for i, error in errors.items():
