@@ -15,8 +15,7 @@ class ActivePiece:
 
     def __init__(self, flow, p, x, columns: int, parameter_seeds):
         self.flow, self.p, self.data = flow, p, p
-        self.parameter_seeds = np.zeros((len(p), columns)) if parameter_seeds is None else parameter_seeds
-        self.seeds = self.parameter_seeds
+        self.seeds = self.parameter_seeds = np.zeros((len(p), columns)) if parameter_seeds is None else parameter_seeds
         if flow.phase.pieces is None:
             return
         (self.breaks, self.table, self.slopes), self.weights = flow.piece_table(p), flow.coordinate
@@ -68,11 +67,8 @@ class ActivePiece:
         self.seeds = np.vstack([self.parameter_seeds, self.slopes[index] @ self.parameter_seeds])
 
     def _jump(self, x: Array, before: Array, side: int) -> Array:
-        """How much the field (n,) changes across the breakpoint at `x`.
-
-        Without data of its pieces a law does not know on which side of the breakpoint it is evaluated, so that the
-        limits are extrapolated from both sides.
-        """
+        """How much the field (n,) changes across the breakpoint at `x`; without data of its pieces a law does not know
+        on which side it is evaluated, so that the limits are extrapolated."""
         rates = self.flow.rates
         if len(self.data) > len(self.p):
             return rates(x, self.data) - rates(x, before)
@@ -125,10 +121,9 @@ class ActivePieces:
             distance[:, 0] -= level
             distance[~np.isfinite(level)] = 1.0
             orders = np.where(level == self.level, (distance[:, 1:] != 0).argmax(1) + 1, 0)
-            owner, _, t = PiecewisePolynomials(distance, lengths, np.ones(len(lengths), int)).roots(orders)
-            owner, first = np.unique(owner, return_index=True)
-            hit = t[first] < lengths[owner]
-            lengths[owner[hit]], self.crossed[owner[hit]] = t[first][hit], 2 * side - 1
+            owner, _, t = PiecewisePolynomials(distance, lengths, np.ones(len(lengths), int)).first_roots(orders)
+            hit = t < lengths[owner]
+            lengths[owner[hit]], self.crossed[owner[hit]] = t[hit], 2 * side - 1
         return lengths[:, None]
 
     def enter(self, which: Array) -> None:

@@ -1,8 +1,7 @@
 """The flow map of a phase with exact derivatives, as a piecewise polynomial that is accurate throughout each step.
 
-A phase may state its flow in closed form. Otherwise Taylor series of order 28 of the field's expression graph are used
-or, where an operation of the graph has none, Cooper and Verner's Runge-Kutta method of order 8. The error controls the
-step size, never the caller. Steps end on the breakpoints of a piecewise field.
+A phase may state its flow in closed form. Else Taylor series of order 28 are used or, where an operation of the field
+has none, Runge-Kutta steps of order 8. The error alone controls the step size. Steps end on breakpoints of the field.
 """
 
 from collections.abc import Callable
@@ -103,14 +102,12 @@ class Flow:
         variations = np.zeros((self.size, 0)) if seeds is None else form.transition(end) @ seeds
         return Trajectory(np.append(step * np.arange(len(c)), end), c, (*self.phase.states, *form.watch)), variations
 
-    def _integrate(self, x, p, duration: float, seeds, parameter_seeds, stop: StopTest | None):
+    def _integrate(self, x, p, duration, seeds, parameter_seeds, stop):
         variations = np.zeros((len(x), 0)) if seeds is None else seeds
         columns = variations.shape[1]
         piece = ActivePiece(self, p, x, columns, parameter_seeds)
         stepper = self.stepper(columns, piece.varied())
-        coefficients: list[Array] = []
-        slopes: list[Array] = []
-        times, h = [0.0], None
+        coefficients, slopes, times, h = [], [], [0.0], None
         while times[-1] < duration:
             interrupts.check()
             left = duration - times[-1]
@@ -145,10 +142,10 @@ class Flow:
         """How many steps to take in the next call, after a step of length `h` if there has been one."""
         if self.phase.pieces or stop:
             return 1 if self.phase.pieces else self.control.look_ahead
+        if not h:
+            return stepper.expected_steps
         # A power of two, about as many steps as are left, since each number of steps has a function of its own.
-        return (
-            int(2 ** np.ceil(np.log2(np.clip(left / h, 1, self.control.look_ahead)))) if h else stepper.expected_steps
-        )
+        return int(2 ** np.ceil(np.log2(np.clip(left / h, 1, self.control.look_ahead))))
 
     def _accepted_steps(self, steps, c, t: float, taken: int) -> tuple[Array, Array]:
         """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""
@@ -160,8 +157,8 @@ class Flow:
         return steps[:count], c[:count]
 
     def _block_end(self, piece, c, steps, left: float, stop: StopTest | None) -> tuple[int, float, int, bool]:
-        """Where a block of steps ends: how many steps are kept, the length of the last, which end of the smooth piece
-        it reaches (-1 lower, +1 upper, 0 neither), and whether the motion stops there."""
+        """Where a block ends: its number of steps, the length of the last, the end of the piece there as in
+        `ActivePiece.cut`, and whether the motion stops."""
         count, last, side = len(steps), steps[-1], 0
         reached, almost = np.cumsum(steps), left * (1 - self.control.rounding)
         if reached[-1] >= almost:
@@ -214,10 +211,8 @@ class Flow:
         return any(isinstance(stepper, TaylorStepper) and stepper.compiled for stepper in self.steppers.values())
 
     def stepper(self, columns: int, varied: tuple[int, ...] = ()) -> TaylorStepper | RungeKuttaStepper:
-        """The stepper that integrates so many columns of sensitivities, built on first use.
-
-        varied : rows of the parameters, with the data of a piece, whose seeds are not zero
-        """
+        """The stepper for so many columns of sensitivities, built on first use; only the rows `varied` of the seeds of
+        parameters and data of a piece are not zero."""
         if (columns, varied) not in self.steppers:
             form = TaylorStepper if self.vector_field.has_series else RungeKuttaStepper
             self.steppers[columns, varied] = form(self.vector_field, columns, varied)
@@ -291,9 +286,8 @@ class Flow:
         return breaks.ravel(), data, slopes.reshape(data.shape[1], data.shape[0], len(p)).swapaxes(0, 1)
 
     @cached_property
-    def _piece_function(self) -> BufferedFunction:
+    def _piece_function(self):
         pieces, p = self.phase.pieces, ca.SX.sym("p", len(self.parameters))
-        assert pieces is not None
         breaks, rows = pieces.table(self.symbols(ca.SX(0, 1), p)[1])
         data = ca.vertcat(*[ca.horzcat(*row) for row in rows]) if pieces.size else ca.SX(len(rows), 0)
         results = ca.vertcat(*breaks), data, ca.jacobian(ca.vec(data), p)
@@ -302,8 +296,7 @@ class Flow:
     def first_piece(self, p: Array, x: Array) -> int:
         """Index of the piece on which the motion from a state begins, -1 where there is none.
 
-        From a breakpoint it is the piece that the motion enters: by the rate of the coordinate or, where that vanishes,
-        by the rate of the rate, since positions change by speeds.
+        From a breakpoint it enters a piece by the rate of the coordinate or, where that vanishes, the rate of the rate.
         """
         (breaks, table, _), weights = self.piece_table(p), self.coordinate
         if not breaks[0] <= (place := float(weights @ x)) <= breaks[-1]:

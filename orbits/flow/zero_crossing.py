@@ -1,4 +1,4 @@
-"""Zeros of affine functions of the state along motions: of one motion, and of many that are integrated together."""
+"""Zeros of affine functions of the state along one motion, and along many that are integrated together."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,12 +24,7 @@ def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> S
     `skip_start` is the order of a zero known to lie at the very start, which is divided out exactly.
     """
     crossings = Crossings(skip_start, rising)
-
-    def stop(coefficients, steps):
-        found = crossings(quantity.series(coefficients), steps)
-        return found[0] if found else None
-
-    return stop
+    return lambda c, steps: next(iter(crossings(quantity.series(c), steps)), None)
 
 
 def series_along(quantity: Affine, c: Array, steps: Array) -> PiecewisePolynomials:
@@ -57,13 +52,16 @@ def until_zero(
         accepted = np.logical_and.accumulate(accepted, axis=1)
         if not accepted.all():  # The steps after a rejected one start from the state that it does.
             steps, c = np.where(accepted, steps, 0.0), np.where(np.isfinite(c), c, 0.0)
-        owner, piece, t = series_along(quantity, c, steps).roots(skip_start)
-        owner, first = np.unique(owner, return_index=True)
-        reached = accepted[owner, piece[first]] & (steps[owner, piece[first]] > 0)
-        owner, first = owner[reached], first[reached]
+        owner, last, t = series_along(quantity, c, steps).first_roots(skip_start)
+        reached = accepted[owner, last] & (steps[owner, last] > 0)
+        owner, last, t = owner[reached], last[reached], t[reached]
         if len(owner):
-            last = piece[first]
-            found.append((remaining[owner], _cut_motions(flow.names, c[owner], steps[owner], last, t[first])))
+            lengths = steps[owner]
+            begins = np.hstack([np.zeros((len(owner), 1)), np.cumsum(lengths, axis=1)[:, :-1]])
+            used = (np.arange(count) <= last[:, None]) & (lengths > 0)
+            ends = begins[np.arange(len(owner)), last] + t
+            motions = Trajectories(begins[used], ends, c[owner][used], used.sum(1), flow.names)
+            found.append((remaining[owner], motions))
             if len(starts) > 1:
                 flow.expected_steps = min(int(last.max()) + 2, most)
         accepted[owner] = False
@@ -72,18 +70,9 @@ def until_zero(
         return remaining[:0], None
     if len(found) == 1:
         return found[0]
-    which, motions = zip(*found, strict=True)
+    which, parts = zip(*found, strict=True)
     order = np.argsort(np.concatenate(which))
-    return np.concatenate(which)[order], Trajectories.joined(motions)[order]
-
-
-def _cut_motions(names: tuple[str, ...], c, steps, last, t) -> Trajectories:
-    """Motions (m, count, ...) that end at the time `t` (m,) in the step `last` (m,); steps of length 0 are left out."""
-    lengths = np.cumsum(steps, axis=1)
-    begins = np.concatenate([np.zeros((len(steps), 1)), lengths[:, :-1]], axis=1)
-    used = (np.arange(steps.shape[1]) <= last[:, None]) & (steps > 0)
-    ends = begins[np.arange(len(steps)), last] + t
-    return Trajectories(begins[used], ends, c[used], used.sum(1), names)
+    return np.concatenate(which)[order], Trajectories.joined(parts)[order]
 
 
 def first_zeros(
@@ -131,7 +120,7 @@ class _ZeroSearch:
         self.failed: dict[int, FlowError] = {}
 
     def in_closed_form(self):
-        """Search motions in closed form."""
+        """Search motions in closed form, some expansions at a time."""
         form = self.flow.closed_form(self.p)
         length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), 0.0
         while len(remaining):
@@ -141,7 +130,9 @@ class _ZeroSearch:
             c = form.along(self.quantity.weights, states.reshape(len(states), -1), CLOSED_ORDER)
             c[:, 0] += self.quantity.offset
             polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), CLOSED_BLOCK))
-            owner, piece, t = self._first_roots(polynomials, remaining, self.skip[remaining] if began == 0 else 0)
+            skip = self.skip[remaining] if began == 0 else 0
+            owner, piece, t = polynomials.first_roots(skip, self.rising, self.signs[remaining])
+            self.signs[remaining] = polynomials.after
             found, hits = began + length * piece + t, remaining[owner]
             self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
             self.rows[hits, : self.flow.size] = form.state(self.starts[hits].T, found).T
@@ -151,10 +142,7 @@ class _ZeroSearch:
             self.rows[:, i] = slope * self.rows[:, 0] + value
 
     def by_taylor_steps(self):
-        """Search motions that take Taylor steps together, in blocks of equal numbers of steps.
-
-        Motions with a rejected step, or whose zero at the start cannot be divided out, are searched one by one.
-        """
+        """Search motions by equal numbers of Taylor steps, and one by one from a step on that cannot be used."""
         flow, control, stepper = self.flow, self.flow.control, self.flow.stepper(0)
         remaining, x, began = np.arange(len(self.starts)), self.starts, np.zeros(len(self.starts))
         pieces = ActivePieces(flow, self.p, x)
@@ -178,8 +166,6 @@ class _ZeroSearch:
                 self.one_by_one(remaining[~plain], x[~plain], began[~plain])
                 remaining, ends, began, steps, c = (part[plain] for part in (remaining, ends, began, steps, c))
                 pieces.keep(plain)
-                if not len(remaining):
-                    return
             reached = np.cumsum(steps, axis=1)
             left = self._search_block(remaining, began, steps, reached, c)
             began = began + reached[:, -1]
@@ -204,17 +190,12 @@ class _ZeroSearch:
             if path.times[-1] < left:
                 self.times[index], self.rows[index] = before + path.times[-1], path.end
 
-    def _first_roots(self, polynomials: PiecewisePolynomials, remaining, skip):
-        """The first roots in a block of the motions `remaining`: which of them have one, in which step, and when."""
-        owner, piece, t = polynomials.roots(skip, self.rising, self.signs[remaining])
-        self.signs[remaining] = polynomials.after
-        owner, first = np.unique(owner, return_index=True)
-        return owner, piece[first], t[first]
-
     def _search_block(self, remaining, began, steps, reached, c) -> Array:
         """Search a block of steps, whose ends are at `reached` in it; returns which motions have no zero there."""
         skip = np.where(began == 0, self.skip[remaining], 0)
-        owner, piece, t = self._first_roots(series_along(self.quantity, c, steps), remaining, skip)
+        polynomials = series_along(self.quantity, c, steps)
+        owner, piece, t = polynomials.first_roots(skip, self.rising, self.signs[remaining])
+        self.signs[remaining] = polynomials.after
         found = began[owner] + np.where(piece > 0, reached[owner, piece - 1], 0.0) + t
         hits = remaining[owner]
         self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)

@@ -1,8 +1,4 @@
-"""Keyboard interrupts that CasADi and Ipopt would swallow: noted while they compute, raised where it is safe.
-
-An exception that a signal handler raises inside their evaluations is taken for a failed evaluation, or it is dropped by
-the language bindings without a message, and the computation continues.
-"""
+"""Keyboard interrupts, noted while CasADi and Ipopt compute, which would swallow them, and raised where it is safe."""
 
 import signal
 import threading
@@ -10,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 _noted = threading.Event()
+pending = _noted.is_set  # whether an interrupt has been noted
 
 
 @contextmanager
@@ -29,11 +26,6 @@ def deferred() -> Iterator[None]:
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         check()
-
-
-def pending() -> bool:
-    """Whether an interrupt has been noted."""
-    return _noted.is_set()
 
 
 def check() -> None:
