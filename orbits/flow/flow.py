@@ -23,10 +23,8 @@ from .taylor import TaylorStepper
 from .trajectory import Trajectories, Trajectory
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField
 
-# A share of the duration that does not count as a step of its own in closed form, since it is rounding.
-STEP_ROUNDING = 1e-12
-# Times that differ by less than this share are equal up to rounding.
-SAME_TIME = 1e-15
+# Shares of a duration that are rounding: what is no step of its own in closed form, and no difference of two times.
+STEP_ROUNDING, SAME_TIME = 1e-12, 1e-15
 # (coefficients (m, rows, K + 1), steps (m,)) -> the step and the time in it at which to stop, None to go on.
 StopTest = Callable[[Array, Array], tuple[int, float] | None]
 

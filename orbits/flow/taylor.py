@@ -20,10 +20,9 @@ LARGEST_DEFECT = 1e-10
 LONGEST_STEP = 1e9
 # Where less than this many steps are left of the duration, the last two share it evenly, so that none is tiny.
 SHARED_STEPS = 1.5
-# About the time that the CasADi virtual machine takes for one instruction.
-SECONDS_PER_INSTRUCTION = 2e-9
-# Interpretation may take this share of the time to compile before the cache of compiled functions is searched.
-SEARCH_SHARE = 0.02
+# About the time that the CasADi virtual machine takes for one instruction. Interpretation may take this share of the
+# time to compile before the cache of compiled functions is searched.
+SECONDS_PER_INSTRUCTION, SEARCH_SHARE = 2e-9, 0.02
 
 
 class TaylorStepper:

@@ -23,9 +23,7 @@ class FlowControl:
     shortest_step: float = 1e-15  # a step shorter than this, relative to the time, is a singularity of the vector field
     max_steps: int = 200_000  # steps after which a motion is given up, far more than any that ends
     runaway: float = 1e20  # a state with a component larger than this has run away
-    # A state that is so large after steps longer than this has run away to infinity, while steps that shrink below it
-    # lead into a singularity.
-    singular_step: float = 1e-3
+    singular_step: float = 1e-3  # a state runs away to infinity in longer steps, in shorter ones into a singularity
     look_ahead: int = 6  # steps of one call while a stop is looked for; two such calls are most of an oscillation
     max_block: int = 64  # most steps of one call, since a function of its own is built for each number of steps
     rounding: float = 1e-14  # what is left of a duration is dropped when it is less than this share of it

@@ -19,10 +19,8 @@ CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 4
 
 
 def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> StopTest:
-    """A stop test at the first sign change of an affine function of the rows, or the first from minus to plus.
-
-    `skip_start` is the order of a zero known to lie at the very start, which is divided out exactly.
-    """
+    """A stop test at the first sign change of an affine function of the rows, or the first from minus to plus; a zero
+    of order `skip_start` at the very start is divided out exactly."""
     crossings = Crossings(skip_start, rising)
     return lambda c, steps: next(iter(crossings(quantity.series(c), steps)), None)
 

@@ -11,10 +11,8 @@ pending = _noted.is_set  # whether an interrupt has been noted
 
 @contextmanager
 def deferred() -> Iterator[None]:
-    """Note interrupts instead of raising them, until `check` or the end of the block.
-
-    Outside the main thread, or where another handler is installed, nothing is changed.
-    """
+    """Note interrupts until `check` or the end of the block; nothing changes where another handler is installed or
+    outside the main thread."""
     inside = threading.current_thread() is threading.main_thread()
     if not inside or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
