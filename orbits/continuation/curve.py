@@ -19,7 +19,7 @@ from ..periodic.error_bound import error_bounds
 from ..periodic.find import certified_orbit
 from ..periodic.formulations import equations_of, interpret, or_none
 from ..periodic.orbit import Orbit
-from ..periodic.single_shooting import Evaluation, Shooting, joined
+from ..periodic.single_shooting import Evaluation, joined
 from .family import RESERVED_NAMES, Point
 from .newton_batch import NewtonBatch, around, newton_batch
 

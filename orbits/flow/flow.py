@@ -1,27 +1,32 @@
 """The flow map of a phase with exact derivatives, as a piecewise polynomial that is accurate throughout each step.
 
-A phase may state its flow in closed form. Otherwise Taylor series of order 28 of the field's expression graph are used
-or, where an operation of the graph has none, Cooper and Verner's Runge-Kutta method of order 8. The error controls the
-step size, never the caller. Steps end on the breakpoints of a piecewise field.
+A phase may state its flow in closed form. Else Taylor series of order 28 are used or, where an operation of the field
+has none, Runge-Kutta steps of order 8. The error alone controls the step size. Steps end on breakpoints of the field.
 """
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import cached_property, lru_cache
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import FlowError
-from ..model.phase import Affine, Phase
+from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
+from ..model.closed_form import Oscillator, ThrownOscillator
+from ..model.phase import Phase
+from ..numerics.roots import Array
 from ..symbolic import interrupts
-from . import zero_crossing
-from .breakpoints import StopTest, check_start, describe, integrate
-from .dynamics import PhaseDynamics
+from ..symbolic.calls import BufferedFunction, ElementwiseFunction
+from .breakpoints import ActivePiece
+from .runge_kutta import RungeKuttaStepper
 from .taylor import TaylorStepper
-from .trajectory import Trajectory
-from .vector_field import TAYLOR_ORDER
+from .trajectory import Trajectories, Trajectory
+from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField
 
-# A share of the duration that does not count as a step of its own in closed form, since it is rounding.
-STEP_ROUNDING = 1e-12
+# Shares of a duration that are rounding: what is no step of its own in closed form, and no difference of two times.
+STEP_ROUNDING, SAME_TIME = 1e-12, 1e-15
+# (coefficients (m, rows, K + 1), steps (m,)) -> the step and the time in it at which to stop, None to go on.
+StopTest = Callable[[Array, Array], tuple[int, float] | None]
 
 
 @lru_cache(maxsize=64)
@@ -30,18 +35,31 @@ def flow_of(phase: Phase, parameters: tuple[str, ...]) -> "Flow":
     return Flow(phase, parameters)
 
 
-class Flow(PhaseDynamics):
-    """The flow map of one phase; `parameters` names the entries of the parameter vectors (np,) that it takes."""
+class Flow:
+    """The flow map of one phase; `parameters` names the entries of the parameter vectors (np,) that it takes.
+
+    The data (np + nq,) of a piecewise field are the parameters followed by the nq values of the smooth piece that the
+    state is on. `control` bounds the steps of all motions.
+    """
+
+    control = FLOW_CONTROL
+
+    def __init__(self, phase: Phase, parameters: tuple[str, ...]):
+        self.phase, self.parameters = phase, tuple(parameters)
+        self.size, self.names = len(phase.states), (*phase.states, *phase.watch)
+        self.steppers: dict[tuple, TaylorStepper | RungeKuttaStepper] = {}
+        # Steps in the first block of motions up to a zero: one more than the most that recent ones took.
+        self.expected_steps = self.control.look_ahead
 
     def run(
         self,
         start: ArrayLike,
         p: ArrayLike,
         duration: float = np.inf,
-        seeds: np.ndarray | None = None,
-        parameter_seeds: np.ndarray | None = None,
+        seeds: Array | None = None,
+        parameter_seeds: Array | None = None,
         stop: StopTest | None = None,
-    ) -> tuple[Trajectory, np.ndarray]:
+    ) -> tuple[Trajectory, Array]:
         """The motion from `start` (n,) for a `duration`, or until `stop` ends it.
 
         p : parameter vector (np,)
@@ -54,15 +72,16 @@ class Flow(PhaseDynamics):
         number.
         """
         x, p = np.array(start, dtype=float), np.asarray(p, dtype=float)
+        if not (np.isfinite(x).all() and np.isfinite(p).all() and duration > 0):
+            raise FlowError(f"the {self.phase.name} cannot start from {x} for a time {duration}")
         if self.phase.closed_form and (parameter_seeds is None or not parameter_seeds.any()):
             return self._run_in_closed_form(x, p, duration, seeds, stop)
-        return integrate(self, x, p, duration, seeds, parameter_seeds, stop)
+        return self._integrate(x, p, duration, seeds, parameter_seeds, stop)
 
     def _run_in_closed_form(self, start, p, duration: float, seeds, stop: StopTest | None):
         """Polynomials of the exact flow, each from the exact state at its start, so that no error accumulates."""
-        check_start(self, start, p, duration)
-        form = self._closed_form(p)
-        control, step = self.control, 1.0 / np.sqrt(form.square)  # The series has long converged at this step.
+        form, control = self.closed_form(p), self.control
+        step = 1.0 / np.sqrt(form.square)  # The series has long converged at this step.
         count = int(np.clip(np.ceil(duration / step * (1 - STEP_ROUNDING)), 1, control.max_steps))
         block = control.look_ahead if stop else count
         blocks, halt, end = [], None, duration
@@ -76,48 +95,224 @@ class Flow(PhaseDynamics):
             if halt:
                 break
         if not halt and count * step < duration * (1 - STEP_ROUNDING):
-            raise FlowError(f"the {self.phase.name} takes too many steps, at {describe(self, start)}")
+            raise FlowError(f"the {self.phase.name} takes too many steps, at {self._described(start)}")
         c = np.concatenate(blocks)
-        times = np.append(step * np.arange(len(c)), end)
         variations = np.zeros((self.size, 0)) if seeds is None else form.transition(end) @ seeds
-        return Trajectory(times, c, (*self.phase.states, *form.watch)), variations
+        return Trajectory(np.append(step * np.arange(len(c)), end), c, (*self.phase.states, *form.watch)), variations
 
-    def _closed_form(self, p: np.ndarray):
+    def _integrate(self, x, p, duration, seeds, parameter_seeds, stop):
+        variations = np.zeros((len(x), 0)) if seeds is None else seeds
+        columns = variations.shape[1]
+        piece = ActivePiece(self, p, x, columns, parameter_seeds)
+        stepper = self.stepper(columns, piece.varied())
+        coefficients, slopes, times, h = [], [], [0.0], None
+        while times[-1] < duration:
+            interrupts.check()
+            left = duration - times[-1]
+            block = self._block_size(stepper, stop, left, h)
+            steps, c, dc = stepper.advance(x, piece.data, variations, piece.seeds, block, left, h)
+            steps, c = self._accepted_steps(steps, c, times[-1], len(coefficients))
+            count, last, side, stopped = self._block_end(piece, c, steps, left, stop)
+            for step in (*steps[: count - 1], last):
+                times.append(times[-1] + step)
+            coefficients.extend(c[:count])
+            power = last ** np.arange(1, c.shape[2])
+            x = c[count - 1, : self.size, 0] + c[count - 1, : self.size, 1:] @ power
+            if dc is not None and columns:
+                slopes.extend(dc[:count])
+                variations = dc[count - 1, ..., 0] + dc[count - 1, ..., 1:] @ power
+            h = steps[count - 1]
+            if np.abs(x).max() > self.control.runaway:
+                kind = RunsAway if h > self.control.singular_step else BreaksDown
+                raise kind(f"the {self.phase.name} runs away at time {times[-1]:.6g}, at {self._described(x)}")
+            if stopped:
+                break
+            if duration - times[-1] < SAME_TIME * duration:
+                times[-1] = duration
+            if side:
+                variations = piece.enter(side, x, variations)
+        if not stop:
+            stepper.expected_steps = min(len(coefficients), self.control.max_block)
+        path = Trajectory(np.array(times), np.array(coefficients), self.names, np.array(slopes) if columns else None)
+        return path, variations
+
+    def _block_size(self, stepper, stop: StopTest | None, left: float, h: float | None) -> int:
+        """How many steps to take in the next call, after a step of length `h` if there has been one."""
+        if self.phase.pieces or stop:
+            return 1 if self.phase.pieces else self.control.look_ahead
+        if not h:
+            return stepper.expected_steps
+        # A power of two, about as many steps as are left, since each number of steps has a function of its own.
+        return int(2 ** np.ceil(np.log2(np.clip(left / h, 1, self.control.look_ahead))))
+
+    def _accepted_steps(self, steps, c, t: float, taken: int) -> tuple[Array, Array]:
+        """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""
+        accepted = (steps > self.control.shortest_step * max(t, 1.0)) & np.isfinite(c).all((1, 2))
+        if not accepted[0] or taken > self.control.max_steps:
+            reason, kind = ("takes too many steps", FlowError) if accepted[0] else ("breaks down", BreaksDown)
+            raise kind(f"the {self.phase.name} {reason} at time {t:.6g}, at {self._described(c[0, :, 0])}")
+        count = len(steps) if accepted.all() else int(np.argmin(accepted))
+        return steps[:count], c[:count]
+
+    def _block_end(self, piece, c, steps, left: float, stop: StopTest | None) -> tuple[int, float, int, bool]:
+        """Where a block ends: its number of steps, the length of the last, the end of the piece there as in
+        `ActivePiece.cut`, and whether the motion stops."""
+        count, last, side = len(steps), steps[-1], 0
+        reached, almost = np.cumsum(steps), left * (1 - self.control.rounding)
+        if reached[-1] >= almost:
+            count = int(np.argmax(reached >= almost)) + 1
+            last = left - (reached[count - 2] if count > 1 else 0.0)
+        if self.phase.pieces:
+            last, side = piece.cut(c[0], last)
+        if stop and (halt := stop(c[:count], np.append(steps[: count - 1], last))):
+            return halt[0] + 1, halt[1], 0, True
+        return count, last, side, False
+
+    def _described(self, x: Array) -> str:
+        return ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.phase.states, x, strict=False))
+
+    @cached_property
+    def vector_field(self) -> VectorField:
+        """The expression graph of the field; its parameters are followed by the data of a piece."""
+        count = self.phase.pieces.size if self.phase.pieces else 0
+        x, p = ca.SX.sym("x", self.size), ca.SX.sym("p", len(self.parameters) + count)
+        arguments = self.symbols(x, p)
+        rates = ca.vertcat(*self.phase.field(*arguments))
+        watched = ca.vertcat(*[quantity(*arguments) for quantity in self.phase.watch.values()])
+        return VectorField(ca.Function("field", [x, p], ca.cse([rates, watched])), x, p)
+
+    def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
+        """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""
+        entries, named = ca.vertsplit(p), len(self.parameters)
+        return ca.vertsplit(x), dict(zip(self.parameters, entries[:named], strict=True)), entries[named:]
+
+    def closed_form(self, p: Array) -> Oscillator | ThrownOscillator:
         """The exact flow at parameters (np,)."""
         assert self.phase.closed_form is not None
         return self.phase.closed_form(dict(zip(self.parameters, p, strict=True)))
 
-    until_zero = zero_crossing.until_zero
-
-    def first_zeros(
-        self,
-        starts: ArrayLike,
-        p: np.ndarray,
-        quantity: Affine,
-        limit: ArrayLike,
-        skip: ArrayLike = 0,
-        rising: bool = False,
-        over: tuple[Affine, int] | None = None,
-    ) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError]]:
-        """When an affine function of the rows first changes its sign on motions from states (m, n), and where.
-
-        p : parameters (np,) of all
-        limit : times (m,) by which that must happen
-        skip : orders (m,) of the zeros at the start, which are divided out exactly
-        rising : count only changes from minus to plus
-        over : another affine function and a number: a motion on which that function has changed its sign so often
-            never has the zero. It is only used for motions that take Taylor steps together.
-
-        Returns times (m,), NaN where it does not happen in time and infinity where it never will; the rows (m, rows)
-        at these times; and by index the `FlowError` of each motion that breaks off before.
-        """
-        starts = np.asarray(starts, dtype=float)
-        skip, limit = (np.broadcast_to(values, len(starts)) for values in (skip, limit))
-        search = zero_crossing.ZeroSearch(self, starts, p, quantity, limit, skip, rising, over)
+    @cached_property
+    def method(self) -> str:
+        """'closed form', 'Taylor' or 'Runge-Kutta'."""
         if self.phase.closed_form:
-            search.in_closed_form(self._closed_form(p))
-        elif isinstance(stepper := self.stepper(0), TaylorStepper):
-            search.by_taylor_steps(stepper)
-        else:
-            search.one_by_one(np.arange(len(starts)), starts, np.zeros(len(starts)))
-        return search.times, search.rows, search.failed
+            return "closed form"
+        return "Taylor" if self.vector_field.has_series else "Runge-Kutta"
+
+    @cached_property
+    def smooth(self) -> bool:
+        """Whether motions are Taylor series that no breakpoint ends, at least where parameters vary."""
+        return self.vector_field.has_series and not self.phase.pieces
+
+    @property
+    def compiled(self) -> bool:
+        """Whether a step function has been compiled."""
+        return any(isinstance(stepper, TaylorStepper) and stepper.compiled for stepper in self.steppers.values())
+
+    def stepper(self, columns: int, varied: tuple[int, ...] = ()) -> TaylorStepper | RungeKuttaStepper:
+        """The stepper for so many columns of sensitivities, built on first use; only the rows `varied` of the seeds of
+        parameters and data of a piece are not zero."""
+        if (columns, varied) not in self.steppers:
+            form = TaylorStepper if self.vector_field.has_series else RungeKuttaStepper
+            self.steppers[columns, varied] = form(self.vector_field, columns, varied)
+        return self.steppers[columns, varied]
+
+    def rates(self, x: ArrayLike, p: ArrayLike) -> Array:
+        """The field at one state (n,), with parameters and piece data (np + nq,)."""
+        return self._rates(x, p)[0].ravel()
+
+    @cached_property
+    def _rates(self) -> BufferedFunction:
+        x, p = self.vector_field.x, self.vector_field.p
+        return BufferedFunction(ca.Function("rates", [x, p], [ca.densify(self.vector_field.field(x, p)[0])]))
+
+    def field(self, xs: Array, p: Array) -> list[Array]:
+        """Rates (m, n) and watched quantities (m, k) at states (m, n) with the same parameters (np,)."""
+        return self.fields(xs, self.data(xs, p))
+
+    @cached_property
+    def fields(self) -> ElementwiseFunction:
+        """The field at several points, (x, parameters with the data of a piece) -> rates, watched quantities."""
+        return ElementwiseFunction(self.vector_field.field)
+
+    def data(self, xs: Array, p: Array) -> Array:
+        """Parameters with the data of the piece of each state (m, n): (m, np + nq), or (1, np) without pieces."""
+        if self.phase.pieces is None:
+            return np.reshape(p, (1, -1))
+        breaks, table, _ = self.piece_table(p)
+        return np.hstack([np.tile(p, (len(xs), 1)), table[self.piece(xs, breaks)]])
+
+    def piece_data(self, x: Array, p: Array) -> tuple[Array, Array]:
+        """Data (nq,) of the piece at state `x` and its derivatives (nq, np)."""
+        if self.phase.pieces is None:
+            return np.zeros(0), np.zeros((0, len(p)))
+        breaks, table, slopes = self.piece_table(p)
+        index = self.piece(x, breaks)
+        return table[index], slopes[index]
+
+    def mesh_data(self, path: Trajectory, p: Array) -> Array:
+        """Parameters with the data of the piece that each step of a motion lies in, (np + nq, N)."""
+        if self.phase.pieces is None:
+            return np.tile(np.asarray(p, dtype=float)[:, None], len(path.steps))
+        return self.data(self._middles(path), p).T
+
+    def data_of(self, motions: Trajectories, ps: Array) -> Array:
+        """`mesh_data` of several motions with parameters (m, np), transposed: (N, np + nq)."""
+        if self.phase.pieces is None:
+            return ps[motions.owner]
+        return np.concatenate([self.mesh_data(path, p).T for path, p in zip(motions, ps, strict=True)])
+
+    def mesh_pieces(self, path: Trajectory, breaks: Array) -> Array:
+        """Index (N,) of the piece that each step of a motion lies in."""
+        return self.piece(self._middles(path), breaks)
+
+    def _middles(self, path):
+        return path(0.5 * (path.times[1:] + path.times[:-1]))[:, : self.size]
+
+    def piece(self, x: Array, breaks: Array) -> Array:
+        """Indices (...) of the pieces that hold states (..., n)."""
+        return np.clip(np.searchsorted(breaks, x @ self.coordinate, "right") - 1, 0, len(breaks) - 2)
+
+    @cached_property
+    def coordinate(self) -> Array:
+        """Weights (n,) of the coordinate whose breakpoints bound the pieces."""
+        assert self.phase.pieces is not None
+        return np.array(self.phase.pieces.coordinate)
+
+    def piece_table(self, p: Array) -> tuple[Array, Array, Array]:
+        """Breaks (m + 1,), data (m, nq) and its derivatives (m, nq, np) at parameters (np,)."""
+        breaks, data, slopes = self._piece_function(p)
+        return breaks.ravel(), data, slopes.reshape(data.shape[1], data.shape[0], len(p)).swapaxes(0, 1)
+
+    @cached_property
+    def _piece_function(self):
+        pieces, p = self.phase.pieces, ca.SX.sym("p", len(self.parameters))
+        breaks, rows = pieces.table(self.symbols(ca.SX(0, 1), p)[1])
+        data = ca.vertcat(*[ca.horzcat(*row) for row in rows]) if pieces.size else ca.SX(len(rows), 0)
+        results = ca.vertcat(*breaks), data, ca.jacobian(ca.vec(data), p)
+        return BufferedFunction(ca.Function("pieces", [p], [ca.densify(result) for result in results]))
+
+    def first_piece(self, p: Array, x: Array) -> int:
+        """Index of the piece on which the motion from a state begins, -1 where there is none.
+
+        From a breakpoint it enters a piece by the rate of the coordinate or, where that vanishes, the rate of the rate.
+        """
+        (breaks, table, _), weights = self.piece_table(p), self.coordinate
+        if not breaks[0] <= (place := float(weights @ x)) <= breaks[-1]:
+            return -1
+        index = int(self.piece(x, breaks))
+        if place in breaks:
+            data = np.concatenate([p, table[index]])
+            rates = self.rates(x, data)
+            heading = weights @ rates or weights @ (self.rates(x + rates, data) - rates)
+            if place == breaks[index] and heading < 0:
+                index -= 1
+            elif place == breaks[index + 1] and heading > 0:
+                index += 1
+        return index if index < len(table) else -1
+
+    def out_of_range(self, p: Array, x: Array) -> OutOfRange:
+        """The error of a motion that leaves the range of its law at the state `x`."""
+        breaks, pieces = self.piece_table(p)[0], self.phase.pieces
+        assert pieces is not None
+        place, bounds = float(self.coordinate @ x), f"[{breaks[0]:.6g}, {breaks[-1]:.6g}]"
+        return OutOfRange(f"the {pieces.label} reaches {place:.6g}, outside the law's range {bounds}")

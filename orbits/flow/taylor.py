@@ -14,17 +14,15 @@ from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Steps, VectorField, symbol
 
 # Truncation error of a step relative to the state: a tenth of the rounding error of the sum.
 TRUNCATION = 1e-17
-# A step whose polynomial misses the differential equation by more, relative to the state, is rejected: it leads beyond
-# what the series can describe. Accepted steps miss it by rounding alone, which is smaller by orders of magnitude.
+# A step of larger defect, relative to the state, leads beyond what the series can describe. Rounding is far smaller.
 LARGEST_DEFECT = 1e-10
 # No step is longer than this. A state at rest needs the bound, since its series has no last terms to choose a step by.
 LONGEST_STEP = 1e9
 # Where less than this many steps are left of the duration, the last two share it evenly, so that none is tiny.
 SHARED_STEPS = 1.5
-# About the time that the CasADi virtual machine takes for one instruction.
-SECONDS_PER_INSTRUCTION = 2e-9
-# Interpretation may take this share of the time to compile before the cache of compiled functions is searched.
-SEARCH_SHARE = 0.02
+# About the time that the CasADi virtual machine takes for one instruction. Interpretation may take this share of the
+# time to compile before the cache of compiled functions is searched.
+SECONDS_PER_INSTRUCTION, SEARCH_SHARE = 2e-9, 0.02
 
 
 class TaylorStepper:
@@ -44,14 +42,12 @@ class TaylorStepper:
         self.rows = graph.size + graph.field.numel_out(1)
         self.step_function, instructions = _step_function(graph, columns, varied)
         self.seconds_per_step = instructions * SECONDS_PER_INSTRUCTION
-        # The function is compiled once its interpretation has taken as long as compilation will, so that it never costs
-        # more than twice the best possible time. The cache of compiled functions is searched a little earlier.
+        # Compiled once its interpretation took as long as that will, a function costs at most twice the best time.
         self.interpretation_budget = SEARCH_SHARE * compile_seconds(self.step_function)
         self.cache_searched = self.compiled = False
         self.lock = threading.RLock()  # One thread may compile while others step.
         self.expected_steps = 4  # Steps of a motion of given duration, updated by each that is integrated.
-        self._calls: dict[int, BufferedFunction] = {}
-        self._batch_calls: dict[int, MappedFunction] = {}
+        self._calls, self._batch_calls = dict[int, BufferedFunction](), dict[int, MappedFunction]()
 
     def advance(self, x: Array, p: Array, dx: Array, dp: Array, count: int, left: float, hint: float | None) -> Steps:
         """The accepted ones of `count` steps, which together last no longer than `left`; the `hint` is not used.
@@ -84,8 +80,7 @@ class TaylorStepper:
         return (steps, c, dc) if taken.all() else (steps, c[taken], dc[taken])
 
     def unfold(self, c: Array, dc: Array) -> tuple[Array, Array]:
-        """Coefficients (..., count, rows, K + 1) and sensitivities (..., count, n, columns, K + 1) from the results
-        (..., K + 1, rows count) and (..., K + 1, n columns count) of `count` steps."""
+        """Coefficients (..., count, rows, K + 1) and sensitivities (..., count, n, columns, K + 1) of `count` steps."""
         c = c.swapaxes(-1, -2).reshape(*c.shape[:-2], -1, self.rows, TAYLOR_ORDER + 1)
         dc = dc.swapaxes(-1, -2).reshape(*c.shape[:-2], self.columns, self.n, TAYLOR_ORDER + 1)
         return c, dc.swapaxes(-2, -3)
@@ -107,8 +102,7 @@ class TaylorStepper:
         return steps, c, np.isfinite(c).all((2, 3)) & (tried > FLOW_CONTROL.shortest_step)
 
     def count_steps(self, count: int) -> None:
-        """Count steps that are about to be taken; once there have been enough, search the cache of compiled functions
-        for the step function, and later compile it."""
+        """Count steps to be taken; after enough of them, search the cache for the compiled function or make it."""
         with self.lock:
             self.interpretation_budget -= count * self.seconds_per_step
             if self.interpretation_budget >= 0:
@@ -142,9 +136,8 @@ def _step_function(graph: VectorField, columns: int, varied: tuple[int, ...]) ->
 
 
 def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Function:
-    """The choice of a step's length, (coefficients of the states (K + 1, n), of the sensitivities (K + 1, n columns),
-    p, dp, limits (2,): the time left and the longest step to try) -> the powers (K + 1,) of the length, the limits of
-    the next step, the lengths taken and tried."""
+    """The choice of a step's length: coefficients of a step, p, dp, and limits (2,), which are the time left and the
+    longest step to try -> the powers (K + 1,) of the length, the next limits, the lengths taken and tried."""
     n, orders = graph.size, TAYLOR_ORDER + 1
     c, dc = ca.SX.sym("c", orders, n), ca.SX.sym("dc", orders, n * columns)
     dp, limits = ca.SX.sym("dp", varied * columns), ca.SX.sym("l", 2)
@@ -164,11 +157,8 @@ def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Functi
 
 
 def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
-    """The step at which the last two terms of series (K + 1, rows) vanish beside the first two and `size`.
-
-    Source: Jorba and Zou, "A software package for the numerical integration of ODEs by means of high-order Taylor
-    methods", Experimental Mathematics 14 (2005).
-    """
+    """The step at which the last two terms of series (K + 1, rows) vanish beside the first two and `size`, by Jorba and
+    Zou (2005), the source of `taylor_series`."""
     scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (c[:2, :], c[-2, :], c[-1, :]))
     bound = TRUNCATION * (scale + size)
     return ca.fmin((bound / before) ** (1 / (TAYLOR_ORDER - 1)), (bound / last) ** (1 / TAYLOR_ORDER))
@@ -177,10 +167,9 @@ def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
 def _defect(graph: VectorField, terms: ca.SX, h: ca.SX) -> ca.SX:
     """The largest defect of the polynomial in the differential equation at the quarters of the step, times its length.
 
-    Where a law is flat to the last digit, as a saturated spring is, the series does not know what follows. A state has
-    no defect where its rate is another state.
+    It shows what a series cannot know where a law is flat to the last digit, as a saturated spring is.
     """
-    orders, defects = np.arange(TAYLOR_ORDER + 1), [ca.SX(0)]
+    orders, defects = np.arange(TAYLOR_ORDER + 1), [ca.SX(0)]  # A state whose rate is another state has no defect.
     rows = [i for i, rate in enumerate(ca.vertsplit(graph.field(graph.x, graph.p)[0])) if not rate.is_symbolic()]
     for part in (0.25, 0.5, 0.75, 1.0):
         scale = part**orders

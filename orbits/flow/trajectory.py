@@ -87,14 +87,9 @@ class Trajectories:
     def of(cls, paths: Sequence[Trajectory]) -> "Trajectories":
         """Several motions of one phase, either all with variations or none."""
         moving = [path.variations for path in paths if path.variations is not None]
-        return cls(
-            np.concatenate([path.times[:-1] for path in paths]),
-            np.array([path.times[-1] for path in paths]),
-            np.concatenate([path.coefficients for path in paths]),
-            np.array([len(path.times) - 1 for path in paths]),
-            paths[0].names,
-            np.concatenate(moving) if moving else None,
-        )
+        parts = [(path.times[:-1], path.times[-1:], path.coefficients, [len(path.times) - 1]) for path in paths]
+        starts, ends, coefficients, counts = map(np.concatenate, zip(*parts, strict=True))
+        return cls(starts, ends, coefficients, counts, paths[0].names, np.concatenate(moving) if moving else None)
 
     def __len__(self) -> int:
         return len(self.counts)
@@ -103,9 +98,8 @@ class Trajectories:
     def joined(cls, parts: Sequence["Trajectories"]) -> "Trajectories":
         """The motions of all parts, either all with variations or none."""
         names = ["starts", "ends", "coefficients", "counts"] + ["variations"] * (parts[0].variations is not None)
-        return cls(
-            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names}, names=parts[0].names
-        )
+        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return cls(**arrays, names=parts[0].names)
 
     def __iter__(self) -> Iterator[Trajectory]:
         return (self[i] for i in range(len(self)))
@@ -161,13 +155,12 @@ class Trajectories:
 
         The weights and the offset of the function are numbers, or (m,) where they differ between motions.
         """
-        varying, offset = any(map(np.ndim, quantity.weights)), quantity.offset
-        weights = np.array(np.broadcast_arrays(*quantity.weights)).T
-        weights = weights[self.owner] if varying else weights
+        weights, offset = np.array(np.broadcast_arrays(*quantity.weights)).T, np.asarray(quantity.offset)
+        weights = weights[self.owner] if weights.ndim > 1 else weights
         weights = weights if embed is None else weights @ embed
         coefficients = self.coefficients[:, : weights.shape[-1]]
         values = weights @ coefficients if weights.ndim == 1 else np.einsum("Ni,Nik->Nk", weights, coefficients)
-        values[:, 0] += np.asarray(offset)[self.owner] if np.ndim(offset) else offset
+        values[:, 0] += offset[self.owner] if offset.ndim else offset
         return values
 
     def pile(self, series: np.ndarray) -> PiecewisePolynomials:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 
 import casadi as ca
 import numpy as np
@@ -22,9 +23,7 @@ class FlowControl:
     shortest_step: float = 1e-15  # a step shorter than this, relative to the time, is a singularity of the vector field
     max_steps: int = 200_000  # steps after which a motion is given up, far more than any that ends
     runaway: float = 1e20  # a state with a component larger than this has run away
-    # A state that is so large after steps longer than this has run away to infinity, while steps that shrink below it
-    # lead into a singularity.
-    singular_step: float = 1e-3
+    singular_step: float = 1e-3  # a state runs away to infinity in longer steps, in shorter ones into a singularity
     look_ahead: int = 6  # steps of one call while a stop is looked for; two such calls are most of an oscillation
     max_block: int = 64  # most steps of one call, since a function of its own is built for each number of steps
     rounding: float = 1e-14  # what is left of a duration is dropped when it is less than this share of it
@@ -66,10 +65,7 @@ class VectorField:
 
 def symbolic_powers(h: ca.SX) -> ca.SX:
     """The powers (TAYLOR_ORDER + 1,) of a symbol, from 0 on."""
-    powers = [ca.SX(1), h]
-    while len(powers) <= TAYLOR_ORDER:
-        powers.append(h * powers[-1])
-    return ca.vertcat(*powers)
+    return ca.vertcat(ca.SX(1), *accumulate([h] * TAYLOR_ORDER, lambda power, h: h * power))
 
 
 def runge_kutta(graph: VectorField, x: ca.SX, h: ca.SX) -> ca.SX:
@@ -97,8 +93,7 @@ def _cooper_verner() -> tuple[np.ndarray, np.ndarray]:
     a[6, :6] = (10 - s) / 42, 0, (-432 + 92 * s) / 315, (633 - 145 * s) / 90, (-504 + 115 * s) / 70, (63 - 13 * s) / 35
     a[7, :7] = 1 / 14, 0, 0, 0, (14 - 3 * s) / 126, (13 - 3 * s) / 63, 1 / 9
     a[8, :8] = 1 / 32, 0, 0, 0, (91 - 21 * s) / 576, 11 / 72, -(385 + 75 * s) / 1152, (63 + 13 * s) / 128
-    a[9, [0, 4]] = 1 / 14, 1 / 9
-    a[9, 5:7] = -(733 + 147 * s) / 2205, (515 + 111 * s) / 504
+    a[9, [0, 4, 5, 6]] = 1 / 14, 1 / 9, -(733 + 147 * s) / 2205, (515 + 111 * s) / 504
     a[9, 7:9] = -(51 + 11 * s) / 56, (132 + 28 * s) / 245
     a[10, 4:7] = (-42 + 7 * s) / 18, (-18 + 28 * s) / 45, -(273 + 53 * s) / 72
     a[10, 7:10] = (301 + 53 * s) / 72, (28 - 28 * s) / 45, (49 - 7 * s) / 18

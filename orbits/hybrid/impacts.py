@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectory
+from ..flow.zero_crossing import first_zeros
 from ..model.machine import ImpactingMachine, check_machine
 from ..model.phase import Affine
 from ..numerics.bernstein import Crossings
@@ -181,7 +182,7 @@ class Impacts:
         outcome, ends = np.full(len(ys), "", dtype=STATUS), np.full(ys.shape, np.nan)
         if speed and contact.method == "Taylor":
             limit = self.options.batch_contact * (1 + np.abs(ys).max(1))
-            times, rows, _ = contact.first_zeros(ys, self.p, self.contact_force, limit, over=(speed, TURNS))
+            times, rows, _ = first_zeros(contact, ys, self.p, self.contact_force, limit, over=(speed, TURNS))
             lifts = np.isfinite(times)
             outcome[lifts], ends[lifts] = "lifts_off", rows[lifts, : contact.size]
             outcome[np.isinf(times)] = "rests"

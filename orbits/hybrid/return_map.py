@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
+from ..flow.zero_crossing import first_zeros
 from ..model.machine import ImpactingMachine
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
@@ -291,7 +292,7 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int):
     status[flying] = "cap"
     for _ in range(cap):
         start, limit = state[flying], impacts.longest_flight(state[flying])
-        times, rows, errors = impacts.flight.first_zeros(start, impacts.p, impacts.gap, limit, order)
+        times, rows, errors = first_zeros(impacts.flight, start, impacts.p, impacts.gap, limit, order)
         gone, order = np.isnan(times), impacts.bounce_order
         status[flying[gone]] = "carried_off"
         for i, error in errors.items():

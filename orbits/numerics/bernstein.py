@@ -1,8 +1,8 @@
 """Roots of polynomials on an interval by Bernstein exclusion, which cannot skip a grazing pair of roots.
 
-The Bernstein coefficients of a polynomial with coefficients c[0..K] of t**k on 0 <= t <= h enclose its values, and
-their sign changes bound the number of roots: none means none, one exactly one, and where there are more the interval is
-halved. Source: Farouki, "The Bernstein polynomial basis: a centennial retrospective", CAGD 29 (2012).
+The Bernstein coefficients of a polynomial on [0, h] enclose its values, and their sign changes bound the number of
+roots: none means none, one exactly one, and where there are more the interval is halved. Source: Farouki, "The
+Bernstein polynomial basis: a centennial retrospective", CAGD 29 (2012).
 """
 
 from collections.abc import Iterator
@@ -82,10 +82,7 @@ def _binomial(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def roots(coefficients: np.ndarray, h: float) -> list[float]:
-    """All roots in (0, h], ascending, where a value of 0 counts as positive.
-
-    A double root that rounding cannot separate is not reported.
-    """
+    """All roots in (0, h], ascending; 0 counts as positive, and a double root that rounding cannot separate is none."""
     values = bernstein(coefficients, powers(h, len(coefficients)))
     return [_refine(coefficients, h, *bracket) for bracket in _isolate(values, 0.0, 1.0, MOST_HALVINGS)]
 
@@ -152,6 +149,12 @@ class PiecewisePolynomials:
         times = _refine_together(*places) if len(pieces) > FEW else np.array([*map(_refine, *places)])
         return owner, pieces - self.first[owner], times
 
+    def first_roots(self, start: ArrayLike = 0, rising: bool = False, before: Array | None = None) -> _Places:
+        """The first root of each polynomial that has one, as `roots` returns it."""
+        owner, pieces, times = self.roots(start, rising, before)
+        owner, first = np.unique(owner, return_index=True)
+        return owner, pieces[first], times[first]
+
     def _without_first_zero(self, start: ArrayLike) -> np.ndarray:
         """The coefficients (N, K + 1), divided by t**start in the first piece of each polynomial."""
         if not np.any(start):
@@ -191,10 +194,8 @@ class PiecewisePolynomials:
 
 
 def _brackets(values: np.ndarray, rising: bool) -> list[np.ndarray]:
-    """The roots of pieces with Bernstein coefficients `values` (N, K + 1), in order.
-
-    Returns columns (r,), none where there is no root: the piece, and the results of `_isolate`.
-    """
+    """The roots of pieces with Bernstein coefficients `values` (N, K + 1), in order: the piece of each, and what
+    `_isolate` gives, in columns (r,); no column where there is no root."""
     positive = values >= 0
     changes = positive[:, 1:] != positive[:, :-1]
     counts = np.count_nonzero(changes, axis=1)
@@ -202,8 +203,8 @@ def _brackets(values: np.ndarray, rising: bool) -> list[np.ndarray]:
         return []
     single = np.flatnonzero((counts == 1) & (positive[:, -1] | (not rising)))
     j = changes[single].argmax(1)
-    after = values[single, j + 1]
-    about = _polygon_root(j, values[single, j], after, values.shape[1])
+    before, after = values[single, j], values[single, j + 1]
+    about = (j + before / (before - after)) / (values.shape[1] - 1)  # where the coefficients' polygon crosses zero
     columns = [single, np.zeros(len(j)), np.ones(len(j)), after >= 0, about]
     isolated: list[tuple] = []
     for i in np.flatnonzero(counts > 1):
@@ -216,18 +217,13 @@ def _brackets(values: np.ndarray, rising: bool) -> list[np.ndarray]:
     return columns
 
 
-def _polygon_root(j, before, after, count: int):
-    """Where the polygon of `count` Bernstein coefficients crosses zero after the j-th, which is near the root."""
-    return (j + before / (before - after)) / (count - 1)
-
-
 def _isolate(values, low: float, high: float, depth: int) -> Iterator[tuple[float, float, bool, float]]:
     """The bracket (low, high) of each root, whether it rises, and where it is about, in shares of the interval."""
     positive = values >= 0
     changed = np.flatnonzero(positive[1:] != positive[:-1])
     if len(changed) == 1 or (depth == 0 and positive[0] != positive[-1]):
         j = changed[0]
-        about = _polygon_root(j, values[j], values[j + 1], len(values))
+        about = (j + values[j] / (values[j] - values[j + 1])) / (len(values) - 1)
         yield low, high, bool(positive[-1]), low + (high - low) * float(about)
     elif len(changed) and depth > 0:
         left, right = _halve(values)
@@ -245,10 +241,7 @@ def _halve(values):
 
 
 def _refine(coefficients, h, low, high, rising, t) -> float:
-    """The root (in time) in a bracket (in shares of h) by Newton's method, with bisection where it leaves the bracket.
-
-    For a single root this is ten times as fast as `_refine_together`, which is faster from `FEW` roots on.
-    """
+    """The root (in time) in a bracket (in shares of h) by Newton's method, or bisection where that leads out of it."""
     c = coefficients.tolist()
     low, high, t = (float(share * h) for share in (low, high, t))
     sign, last = 1.0 if rising else -1.0, 0.0

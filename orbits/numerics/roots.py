@@ -11,10 +11,8 @@ REFINEMENTS = 2
 SHARES = np.arange(1, 8) / 8
 # Smaller changes between neighbours are rounding and show no extremum.
 ROUNDING = 1e-13
-# The rounding of a number, as a share of it: a step that is shorter may not change the number.
-UNIT = 2.3e-16
-# A bracket of two roundings is closed: it holds hardly a number besides its ends.
-CLOSED = 4.5e-16
+# The rounding of a number, as a share of it, which a shorter step may not change; a bracket of two roundings is closed.
+UNIT, CLOSED = 2.3e-16, 4.5e-16
 # Bisection alone takes some 60 steps to close a bracket, so that no safeguarded iteration takes this many.
 MOST_ITERATIONS = 200
 

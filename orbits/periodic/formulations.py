@@ -11,7 +11,7 @@ from numpy import ndarray
 from ..errors import FlowError, InputError, NoOrbit, OutOfRange
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
-from ..flow.zero_crossing import first_zero
+from ..flow.zero_crossing import first_zero, until_zero
 from ..model.model import Model, Reduction
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..numerics.roots import solve
@@ -223,7 +223,7 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
     # A mirrored contact is followed until its speed vanishes. Otherwise the force ends it, whose zero at landing does
     # not count.
     end = (model.contact_speed, 0) if model.reversor else (contact_force_row(model.contact), 1)
-    done, contacts = flow.until_zero(starts, ps, *end) if model.one_speed else (np.zeros(0, int), None)
+    done, contacts = until_zero(flow, starts, ps, *end) if model.one_speed else (np.zeros(0, int), None)
     if contacts and len(done) == len(starts) and (contacts.ends < limits).all():
         return done, contacts, {}
     ended = zip(done.tolist(), contacts or (), strict=True)

@@ -19,7 +19,7 @@ def single_assignment(function: ca.Function) -> list[Instruction]:
     instructions: list[Instruction] = []
     for i in range(function.n_instructions()):
         op, source, target = function.instruction_id(i), function.instruction_input(i), function.instruction_output(i)
-        arguments = tuple(source) if op == ca.OP_INPUT else tuple(position[slot] for slot in source)
+        arguments = tuple(source if op == ca.OP_INPUT else (position[slot] for slot in source))
         if op == ca.OP_OUTPUT:
             arguments += tuple(target)
         else:
@@ -104,8 +104,7 @@ class MappedFunction:
 class ElementwiseFunction(MappedFunction):
     """An SX function of vectors at several points: arguments (m, size) make results (m, rows).
 
-    Each of its instructions works on all points at once. This is ten to seventy times as fast as evaluating one point
-    after another (measured with a vector field at 6,400 points).
+    Each of its instructions works on all points at once, ten to seventy times as fast as point after point.
     """
 
     _order = "C"

@@ -102,21 +102,23 @@ def _check_tokens(text: str, tokens: list[_Token]) -> None:
     """Raise the error of the first token that cannot stand where it is."""
     opened: list[int] = []  # the places of the parentheses that are open
     pending = [0]  # the signs and powers, outside and within each of them, whose operand has not ended
-    operand_next, count = True, 0
-    for i, (kind, word, position) in enumerate(tokens):
+    operand_next, count, end = True, 0, tokens[-1]
+    for before, token, after in zip([end, *tokens], tokens, [*tokens[1:], end], strict=False):
+        kind, word, position = token
         count += word not in ("(", ")")
-        if operand_next and word == "(":
-            opened.append(tokens[i - 1].position if i and tokens[i - 1].kind == "name" else position)
-            pending.append(0)
-        elif operand_next and word in ("+", "-"):
-            count -= word == "+"
-            pending[-1] += 1
-        elif operand_next:
-            operand_next = _is_call(text, tokens[i], tokens[min(i + 1, len(tokens) - 1)])
+        if operand_next:
+            if word == "(":
+                opened.append(before.position if before.kind == "name" else position)
+                pending.append(0)
+            elif word in ("+", "-"):
+                count -= word == "+"
+                pending[-1] += 1
+            else:
+                operand_next = _is_call(text, token, after)
         elif word == ")" and opened:
             opened.pop()
             pending.pop()
-        elif kind == "operator" and word != ")" and word != "(":
+        elif word in _OPERATORS:
             operand_next = True
             pending[-1] = pending[-1] + 1 if word == "**" else 0
         elif opened:
@@ -124,7 +126,7 @@ def _check_tokens(text: str, tokens: list[_Token]) -> None:
         elif kind != "end":
             raise _error(text, position, f"an operator is missing before '{word}'")
         if len(opened) + sum(pending) > MAX_DEPTH:
-            raise _error(text, tokens[i + 1].position, f"nested deeper than {MAX_DEPTH} levels")
+            raise _error(text, after.position, f"nested deeper than {MAX_DEPTH} levels")
     if count - 1 > MAX_NODES:
         raise InputError(f"the formula has more than {MAX_NODES} operations; shorten it")
 
@@ -156,10 +158,9 @@ def _as_tuples(node: ast.expr, tokens: list[_Token]) -> tuple:
             tree: tuple = (kind, float(word) if kind == "number" else word)
         case ast.Call(func=ast.Name(id=place), args=[argument], keywords=[]):
             tree = ("call", tokens[int(place[1:])].word, _as_tuples(argument, tokens))
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            tree = ("negative", _as_tuples(operand, tokens))
-        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+        case ast.UnaryOp(op=sign, operand=operand):
             tree = _as_tuples(operand, tokens)
+            tree = ("negative", tree) if isinstance(sign, ast.USub) else tree
         case _:
             raise AssertionError(f"{type(node).__name__} is no part of a formula")
     for parent in reversed(chain):

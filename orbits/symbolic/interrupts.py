@@ -1,8 +1,4 @@
-"""Keyboard interrupts that CasADi and Ipopt would swallow: noted while they compute, raised where it is safe.
-
-An exception that a signal handler raises inside their evaluations is taken for a failed evaluation, or it is dropped by
-the language bindings without a message, and the computation continues.
-"""
+"""Keyboard interrupts, noted while CasADi and Ipopt compute, which would swallow them, and raised where it is safe."""
 
 import signal
 import threading
@@ -10,14 +6,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 _noted = threading.Event()
+pending = _noted.is_set  # whether an interrupt has been noted
 
 
 @contextmanager
 def deferred() -> Iterator[None]:
-    """Note interrupts instead of raising them, until `check` or the end of the block.
-
-    Outside the main thread, or where another handler is installed, nothing is changed.
-    """
+    """Note interrupts until `check` or the end of the block; nothing changes where another handler is installed or
+    outside the main thread."""
     inside = threading.current_thread() is threading.main_thread()
     if not inside or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
@@ -29,11 +24,6 @@ def deferred() -> Iterator[None]:
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         check()
-
-
-def pending() -> bool:
-    """Whether an interrupt has been noted."""
-    return _noted.is_set()
 
 
 def check() -> None:

@@ -8,9 +8,10 @@ import casadi as ca
 import numpy as np
 
 from ..errors import NoOrbit
+from ..numerics.roots import Array
 from . import interrupts
 
-_Pair = tuple[np.ndarray, np.ndarray]
+Pair = tuple[Array, Array]
 
 # What Ipopt's return statuses mean where the equations are not solved, and what to do.
 REASONS = {
@@ -39,8 +40,8 @@ OPTIONS: dict[str, Any] = {
 FEASIBLE, STATIONARY_GRADIENT = 1e-9, 1e-7
 # A violation below this does not show that the constraints are infeasible: the iteration may end for other reasons.
 NEARLY = 1e-6
-# Ipopt stalls at rounding with these statuses: the point is a minimum where the recomputed conditions hold.
-STALLED_STATUSES = ("Search_Direction_Becomes_Too_Small", "Solved_To_Acceptable_Level", "Restoration_Failed")
+# With all but the first of these, Ipopt stalls at rounding: a point is a minimum where the recomputed conditions hold.
+ENDED = "Solve_Succeeded", "Search_Direction_Becomes_Too_Small", "Solved_To_Acceptable_Level", "Restoration_Failed"
 # What the end of an iteration without a minimum means, by the `kind` of a `Minimum`.
 ENDS = {
     "infeasible": "no solution near the starting guess",
@@ -68,9 +69,7 @@ WARM = {
 }
 
 
-def solve_equations(
-    unknowns: ca.MX, equations: ca.MX, guess: np.ndarray, lower: np.ndarray, scale: np.ndarray
-) -> np.ndarray:
+def solve_equations(unknowns: ca.MX, equations: ca.MX, guess: Array, lower: Array, scale: Array) -> Array:
     """Solve the square system equations(unknowns) = 0 by Ipopt, with equations of order one.
 
     guess, lower, scale : (n,), as the solution; the problem is solved in the variables unknowns / scale
@@ -79,8 +78,7 @@ def solve_equations(
     z = ca.MX.sym("z", unknowns.numel())
     scaled = ca.Function("equations", [unknowns], [equations])(z * scale)
     # The objective is constant, so that Newton's method needs no second derivatives: a zero Hessian is declared.
-    symbols = [z, ca.MX.sym("p", 0), ca.MX.sym("f"), ca.MX.sym("g", equations.numel())]
-    zero = [ca.MX(z.numel(), z.numel())]
+    symbols, zero = [z, *map(ca.MX.sym, "pfg", (0, 1, equations.numel()))], [ca.MX(z.numel(), z.numel())]
     no_hessian = ca.Function("hessian", symbols, zero, ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"])
     watch = _Watch(z.numel(), equations.numel())
     options = {**OPTIONS, "hess_lag": no_hessian, "iteration_callback": watch}
@@ -105,7 +103,7 @@ class Minimum:
 
     x: np.ndarray  # (n,)
     cost: float
-    multipliers: _Pair  # of the bounds (n,) and of the constraints (m,)
+    multipliers: Pair  # of the bounds (n,) and of the constraints (m,)
     values: np.ndarray  # of the constraints, (m,)
     off: np.ndarray  # the violation of each constraint, (m,)
     slope: float  # the largest entry of the gradient of the Lagrangian, beside the largest multiplier
@@ -141,9 +139,7 @@ class Minimiser:
         self._watch = _Watch(unknowns.numel(), constraints.numel(), p.numel())
         self._solvers: dict[bool, ca.Function] = {}
 
-    def __call__(
-        self, guess: np.ndarray, p: np.ndarray, bounds: _Pair, limits: _Pair, multipliers: _Pair | None = None
-    ) -> Minimum:
+    def __call__(self, guess: Array, p: Array, bounds: Pair, limits: Pair, multipliers: Pair | None = None) -> Minimum:
         """The minimum near `guess` (n,), with unknowns within `bounds` and constraints within `limits`.
 
         The iteration starts from the `multipliers` of a similar problem's minimum, if given; the `kind` of the result
@@ -179,8 +175,7 @@ class Minimiser:
 def _kind(status: str, cost: float, off: np.ndarray, slope: float) -> str:
     """The kind of end by the recomputed conditions, as Ipopt reports success at points that do not meet them."""
     most = np.abs(off).max(initial=0.0)
-    ended = status in ("Solve_Succeeded", *STALLED_STATUSES)
-    if ended and max(most / FEASIBLE, slope / STATIONARY_GRADIENT) <= 1.0:
+    if status in ENDED and max(most / FEASIBLE, slope / STATIONARY_GRADIENT) <= 1.0:
         return "minimum"
     if cost < BOTTOMLESS:
         return "bottomless"
@@ -200,15 +195,6 @@ class _Watch(ca.Callback):
 
     def get_n_in(self):
         return ca.nlpsol_n_out()
-
-    def get_n_out(self):
-        return 1
-
-    def get_name_in(self, i):
-        return ca.nlpsol_out(i)
-
-    def get_name_out(self, i):
-        return "ret"
 
     def get_sparsity_in(self, i):
         return ca.Sparsity.dense(self.sizes.get(ca.nlpsol_out(i), 0), 1)

@@ -17,9 +17,8 @@ _ZERO = ca.SX(0)
 
 def has_taylor_series(function: ca.Function) -> bool:
     """Whether every operation of the SX function has a recursion, as comparisons, switches and splines have not."""
-    leaves = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)
-    operations = [function.instruction_id(i) for i in range(function.n_instructions())]
-    return all(op in _RECURSIONS or op in leaves for op in operations)
+    operations = {function.instruction_id(i) for i in range(function.n_instructions())}
+    return operations <= {*_RECURSIONS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
 
 
 def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> ca.SX:
@@ -60,7 +59,6 @@ def variations(field: ca.Function, varied: tuple[int, ...], order: int) -> tuple
     c = taylor_coefficients(ca.Function("variations", [x, p], extended), x, p, order)
     entries = ca.sparsify(c[n + m :, :])
     series = ca.Function("series", [x, p], [ca.densify(c[: n + m, :].T), entries])
-
     a = ca.SX.sym("a", entries.sparsity())
     dx, dp = ca.SX.sym("dx", n), ca.SX.sym("dp", len(varied))
     column = [[value] for value in ca.vertsplit(dx)] + [[value, *[_ZERO] * order] for value in ca.vertsplit(dp)]
@@ -78,18 +76,14 @@ def variations(field: ca.Function, varied: tuple[int, ...], order: int) -> tuple
 class _Series(list):
     """The coefficients found so far of one result, with what its recursion needs besides."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.slopes: list[ca.SX] = []  # the multiples j a[j] found so far, kept because many sums use them
-        self.partner: list[ca.SX] = []  # the series of a second function that it needs, as the cosine beside the sine
-        self.inner: list[_Series] = []  # the series of the instructions of a composed operation
+    def __init__(self):
+        self.slopes = []  # the multiples j a[j] found so far, kept because many sums use them
+        self.partner = []  # the series of a second function that it needs, as the cosine beside the sine
+        self.inner = []  # the series of the instructions of a composed operation
 
 
 def _advance(instructions, series: list[_Series], inputs: Sequence, k: int) -> dict[tuple[int, int], ca.SX]:
-    """Append coefficient k of every instruction, from those up to k of each element of each input, to its series.
-
-    Returns the coefficients k of the outputs by (output, element).
-    """
+    """Append coefficient k of every instruction to its series; returns those of the outputs by (output, element)."""
     outputs = {}
     for (op, arguments, constant), out in zip(instructions, series, strict=True):
         if op == ca.OP_OUTPUT:
@@ -108,9 +102,7 @@ def _advance(instructions, series: list[_Series], inputs: Sequence, k: int) -> d
 def _convolve(a, b, low: int, high: int, k: int) -> ca.SX:
     """Sum of a[j] b[k-j] for low <= j <= high."""
     terms = [j for j in range(low, high + 1) if not (a[j].is_zero() or b[k - j].is_zero())]
-    if not terms:
-        return ca.SX(0)
-    return ca.dot(ca.vertcat(*[a[j] for j in terms]), ca.vertcat(*[b[k - j] for j in terms]))
+    return ca.dot(ca.vertcat(*[a[j] for j in terms]), ca.vertcat(*[b[k - j] for j in terms])) if terms else ca.SX(0)
 
 
 def _weighted(a: _Series, b, k: int) -> ca.SX:
@@ -138,7 +130,7 @@ def _power(a, b, out, k: int) -> ca.SX:
 
 
 def _with_partner(function: Callable, partner: Callable, signs: tuple[int, int], a, b, out, k: int) -> ca.SX:
-    """Functions that are each other's derivatives up to `signs`, as sine and cosine or their hyperbolic namesakes."""
+    """Functions that are each other's derivatives up to `signs`, as sine and cosine are."""
     if k == 0:
         out.partner.append(partner(a[0]))
         return function(a[0])

@@ -13,7 +13,7 @@ from orbits.continuation.curve import Curve, interpolated
 from orbits.continuation.newton_batch import newton_batch
 from orbits.flow.flow import flow_of
 from orbits.flow.vector_field import FlowControl
-from orbits.flow.zero_crossing import first_zero
+from orbits.flow.zero_crossing import first_zero, first_zeros, until_zero
 from orbits.hybrid.impacts import Impacts
 from orbits.model.phase import Affine
 from orbits.periodic.formulations import equations_of
@@ -41,7 +41,7 @@ def test_flights_to_their_landings(name):
     x[:, 2] = np.abs(x[:, 2])
     if "table" in name:
         x = x[np.abs(x[:, 0] - x[:, 2]) < 3]
-    times, rows, failed = rules.flight.first_zeros(x, rules.p, rules.gap, 40.0)
+    times, rows, failed = first_zeros(rules.flight, x, rules.p, rules.gap, 40.0)
     for i, start in enumerate(x):
         try:
             path, _ = rules.flight.run(start, rules.p, 40.0, stop=first_zero(rules.gap))
@@ -80,7 +80,7 @@ def test_motions_up_to_a_zero(name):
     starts[7] = np.nan
     back = Affine((1.0, 0.0, 0.0))
     for _ in range(2):  # the second time it is known how many steps it takes
-        which, motions = rules.contact.until_zero(starts, p, back)
+        which, motions = until_zero(rules.contact, starts, p, back)
         assert which.tolist() == [i for i in range(40) if i != 7]
         for i, path in zip(which, motions, strict=True):
             one, _ = rules.contact.run(starts[i], rules.p, 100.0, stop=first_zero(back))
@@ -91,12 +91,12 @@ def test_motions_up_to_a_zero(name):
 
 def test_motions_of_too_many_steps_leave_the_others_alone(monkeypatch):
     """They are left out, and those of fewer are followed together the next time too."""
-    monkeypatch.setattr("orbits.flow.dynamics.PhaseDynamics.control", FlowControl(max_block=6))
+    monkeypatch.setattr("orbits.flow.flow.Flow.control", FlowControl(max_block=6))
     rules, back = Impacts(MACHINES["cubic"]), Affine((1.0, 0.0, 0.0))
     starts = np.random.default_rng(8).normal(0, 4, (40, 2))
     monkeypatch.setattr(rules.contact, "expected_steps", 6)
     for _ in range(2):
-        which, motions = rules.contact.until_zero(starts, np.tile(rules.p, (40, 1)), back)
+        which, motions = until_zero(rules.contact, starts, np.tile(rules.p, (40, 1)), back)
         assert 0 < len(which) < 40
         assert motions.counts.max() == 6
 
@@ -105,7 +105,7 @@ def test_a_motion_that_breaks_down_later_still_has_its_zero():
     """A spring with a pole: what comes after the zero within the same block of steps does not matter."""
     rules, back = Impacts(MACHINES["a pole"]), Affine((1.0, 0.0, 0.0))
     starts = np.array([[2.0, -1.0], [2.0, -3.0], [3.5, -20.0], [-1.0, -1.0]])
-    which, motions = rules.contact.until_zero(starts, np.tile(rules.p, (4, 1)), back)
+    which, motions = until_zero(rules.contact, starts, np.tile(rules.p, (4, 1)), back)
     for i, path in zip(which, motions, strict=True):
         one, _ = rules.contact.run(starts[i], rules.p, 100.0, stop=first_zero(back))
         assert path.times[-1] == pytest.approx(one.times[-1], rel=1e-12)
@@ -128,7 +128,7 @@ def test_a_start_on_a_break(extension, speed):
     rules = Impacts(Hopper("bilinear", rest_length=30, parameters={"gap": 0.5, "ratio": 3.0}))
     x = np.array([[3 + extension, speed, 3.0, 0.0]])
     beside = x + np.array([[1e-13, 0, 0, 0]])
-    one, two = (rules.flight.first_zeros(start, rules.p, rules.gap, 60.0) for start in (x, beside))
+    one, two = (first_zeros(rules.flight, start, rules.p, rules.gap, 60.0) for start in (x, beside))
     assert one[0] == pytest.approx(two[0], rel=1e-10)
     assert one[1] == pytest.approx(two[1], rel=1e-9)
     path, _ = rules.flight.run(x[0], rules.p, 60.0, stop=first_zero(rules.gap))
@@ -140,7 +140,7 @@ def test_a_start_on_the_range_s_end(side):
     """Inward it is followed, outward refused."""
     rules = Impacts(MACHINES["a short table"])
     starts = np.array([[20.0 + 3 * side, side * speed, 20.0, 0.0] for speed in (-1.0, 1.0)])
-    failed = rules.flight.first_zeros(starts, rules.p, rules.gap, 0.5)[2]
+    failed = first_zeros(rules.flight, starts, rules.p, rules.gap, 0.5)[2]
     assert isinstance(failed[1], OutOfRange)
     assert 0 not in failed
     with pytest.raises(OutOfRange, match="outside the law's range"):
@@ -305,7 +305,7 @@ def test_steps_share_the_time_and_are_halved_in_vain():
     assert end[:2, -1] == pytest.approx(true.y[:, -1], abs=1e-9)
     assert path.end[:2] == pytest.approx(end[:2, -1], abs=1e-12)
     starts = np.array([[-30.0, 4.0], [-20.0, 4.0], [-8.0, 4.0]])
-    which, motions = along.until_zero(starts, np.ones((3, 1)), Affine((1.0, 0.0)))
+    which, motions = until_zero(along, starts, np.ones((3, 1)), Affine((1.0, 0.0)))
     assert which.tolist() == [0, 1, 2]
     for start, path in zip(starts, motions, strict=True):
         one, _ = along.run(start, p, stop=first_zero(Affine((1.0, 0.0))))
@@ -321,8 +321,8 @@ def test_a_zero_before_a_step_in_vain(height):
     ps = np.tile(rules.p, (len(starts), 1))
     steps, _, _ = rules.flight.stepper(0).advance_all(starts, ps, 6)
     assert (steps[:, 0] == 0).any()
-    times, _, failed = rules.flight.first_zeros(starts, rules.p, foot, 50.0, 1)
-    which, motions = rules.flight.until_zero(starts, ps, foot, 1)
+    times, _, failed = first_zeros(rules.flight, starts, rules.p, foot, 50.0, 1)
+    which, motions = until_zero(rules.flight, starts, ps, foot, 1)
     landings = [rules.flight.run(start, rules.p, stop=first_zero(foot, 1))[0].times[-1] for start in starts]
     assert not failed
     assert times == pytest.approx(landings, rel=1e-10)

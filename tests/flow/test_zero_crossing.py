@@ -6,6 +6,7 @@ from conftest import grazing_flights
 from matplotlib.figure import Figure
 
 from orbits import InputError, NoOrbit, ReturnMap, find, simulate
+from orbits.flow.zero_crossing import first_zeros
 from orbits.hybrid.impacts import Impacts
 from orbits.hybrid.return_map import within
 from orbits.numerics.roots import enclosed_sign_changes
@@ -143,7 +144,7 @@ def test_grazing_by_taylor_and_piecewise(spring):
     more = {"parameters": {"ratio": 1.0, "gap": 0.5}} if spring == "bilinear" else {}
     rules = Impacts(Hopper(spring, **more))
     assert rules.flight.method == "Taylor"
-    times, _, failed = rules.flight.first_zeros(states, rules.p, rules.gap, 1e3)
+    times, _, failed = first_zeros(rules.flight, states, rules.p, rules.gap, 1e3)
     assert not failed
     assert ((times < lowest) == below).all()
     assert bool(rules.flight.phase.pieces) == (spring == "bilinear")

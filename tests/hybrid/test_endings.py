@@ -207,7 +207,7 @@ class TestStatuses:
         assert self.same(Hopper("r - 0.05*r**3", mass_ratio=0.3), 8.0) == "collapses"
 
     def test_a_motion_of_too_many_steps_is_lost(self, monkeypatch):
-        monkeypatch.setattr("orbits.flow.dynamics.PhaseDynamics.control", FlowControl(max_steps=2000))
+        monkeypatch.setattr("orbits.flow.flow.Flow.control", FlowControl(max_steps=2000))
         run = simulate(Hopper(), 2e3, hops=1)
         assert run.status == "lost"
         assert "too many steps" in run.reason

@@ -5,6 +5,7 @@ import pytest
 from conftest import grazing_flights
 
 from orbits import InputError, find, simulate
+from orbits.flow.zero_crossing import first_zeros
 from orbits.hybrid.impacts import Impacts
 from problems import Hopper, Juggler
 
@@ -13,7 +14,7 @@ def test_no_grazing_pair_is_missed_and_none_is_invented():
     states, lowest, below = (part[:10_000] for part in grazing_flights(12_000, seed=11))
     assert len(states) == 10_000
     impacts = Impacts(Hopper())
-    times, rows, _ = impacts.flight.first_zeros(states, impacts.p, impacts.gap, 1e3)
+    times, rows, _ = first_zeros(impacts.flight, states, impacts.p, impacts.gap, 1e3)
     assert np.isfinite(times).all()
     assert ((times < lowest) == below).all()
     assert np.abs(rows[:, 2]).max() < 1e-13
