@@ -107,8 +107,8 @@ class Law:
 
     def scaled(self, length: float, force: float) -> "Law":
         """The law in units of `length` and `force`: the dimensionless form of one in metres and newtons."""
-        pieces = self.pieces and _scaled_pieces(self.pieces, length)
-        return replace(self, expression=_scaled(self.expression, length, force), pieces=pieces)
+        expression, pieces = _scaled(self.expression, self.pieces, length, force)
+        return replace(self, expression=expression, pieces=pieces)
 
 
 def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
@@ -152,12 +152,14 @@ def from_function(function: Callable, variable: str, parameters: Given = None, b
     return law
 
 
-def from_any(law: Any, variable: str, parameters: Given, table: Named, what: str) -> Law:
+def from_any(law: Any, variable: str, given: Given, table: Named, what: str) -> Law:
     """A law from a law, a Python function, the name of one in `table`, or a formula; `what` it is, for messages.
+
+    given : the values of its parameters, perhaps among others; see `own_parameters`
 
     Raises `InputError` for anything else.
     """
-    parameters = dict(parameters or {})
+    parameters = own_parameters(law, variable, table, given)
     if isinstance(law, Law):
         if law.variable != variable:
             raise InputError(f"'{law.text}' is a law of {law.variable}, not {what}")
@@ -166,27 +168,20 @@ def from_any(law: Any, variable: str, parameters: Given, table: Named, what: str
         return from_function(law, variable, parameters)
     if not isinstance(law, str):
         raise InputError(f"{what} is a law, a formula or a function, not {type(law).__name__}")
-    return named(table, law, parameters) if is_name(law, variable, table) else from_formula(law, variable, parameters)
+    if not _is_name(law, variable, table):
+        return from_formula(law, variable, parameters)
+    if (key := law.replace("-", "_")) not in table:
+        raise InputError(f"unknown law '{law}'{suggest(law, table)}")
+    return table[key](**parameters)
 
 
-def is_name(text: str, variable: str, table: Named) -> bool:
+def _is_name(text: str, variable: str, table: Named) -> bool:
     """Whether a text is a lone name, to be looked up as a law's, and no formula; hyphens may stand for underscores."""
     lone = text.isidentifier() and text != variable and text not in CONSTANTS
     return lone or text.replace("-", "_") in table
 
 
-def named(table: Named, name: str, parameters: Mapping[str, float]) -> Law:
-    """The law called `name` in `table`, with these parameters and the defaults of the others."""
-    key = name.replace("-", "_")
-    if key not in table:
-        raise InputError(f"unknown law '{name}'{suggest(name, table)}")
-    known = table[key].__kwdefaults__ or {}
-    if unknown := sorted(parameters.keys() - known.keys()):
-        raise InputError(f"the law '{name}' has no parameter '{unknown[0]}'{suggest(unknown[0], known)}")
-    return table[key](**parameters)
-
-
-def parameter_names(law: Any, variable: str, table: Named) -> set[str]:
+def _parameter_names(law, variable, table) -> set[str]:
     """Names of the parameters that a law takes, in any of the ways a user may state one."""
     if isinstance(law, Law):
         return set(law.parameters)
@@ -197,14 +192,15 @@ def parameter_names(law: Any, variable: str, table: Named) -> set[str]:
             return set()
     if not isinstance(law, str) or law.startswith("table:"):
         return set()
-    if is_name(law, variable, table):
+    if _is_name(law, variable, table):
         return set(getattr(table.get(law.replace("-", "_")), "__kwdefaults__", None) or {})
     return set(parse(law.removeprefix("potential:")).names) - {variable}
 
 
-def own_parameters(law: Any, variable: str, table: Named, given: Mapping[str, float]) -> dict[str, float]:
-    """Those of the given parameters that a law takes."""
-    return {name: given[name] for name in given.keys() & parameter_names(law, variable, table)}
+def own_parameters(law: Any, variable: str, table: Named, given: Given) -> dict[str, float]:
+    """Those of the given parameters that a law takes, stated in any way."""
+    names = _parameter_names(law, variable, table)
+    return {name: value for name, value in (given or {}).items() if name in names}
 
 
 def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
@@ -319,14 +315,11 @@ def _graph_expression(graph: str, names: tuple[str, ...]) -> Callable:
 
 
 @lru_cache(maxsize=256)
-def _scaled(expression: Callable, length: float, force: float) -> Callable:
-    return lambda x, p, q: expression(length * x, p, q) / force
+def _scaled(expression, pieces, length: float, force: float) -> tuple[Callable, tuple[int, Callable] | None]:
+    """The expression and the pieces of a law in units of `length` and `force`."""
 
-
-@lru_cache(maxsize=256)
-def _scaled_pieces(pieces: tuple[int, Callable], length: float) -> tuple[int, Callable]:
     def table(p):
         breaks, data = pieces[1](p)
         return [b / length for b in breaks], data
 
-    return pieces[0], table
+    return lambda x, p, q: expression(length * x, p, q) / force, pieces and (pieces[0], table)

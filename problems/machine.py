@@ -19,11 +19,9 @@ from orbits.model.model import Model, Reduction, Units
 from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
 from orbits.symbolic.formula import suggest
 
-from . import gravity as gravities
-from . import springs
 from .gravity import as_gravity
 from .launch_speed import lowest_launch_speed
-from .laws import Key, Law, Parameters, coefficient_of_restitution, from_key, number, own_parameters
+from .laws import Key, Law, Parameters, coefficient_of_restitution, from_key, number
 from .liftoff import Liftoff
 from .springs import as_spring
 
@@ -82,8 +80,7 @@ class TwoMassMachine:
         if not isinstance(self.parameters, Mapping):
             raise InputError(f"parameters = {self.parameters!r}; they are a mapping of names to numbers")
         given = {name: number(name, value) for name, value in self.parameters.items()}
-        spring = as_spring(self.spring, own_parameters(self.spring, "r", springs.NAMED, given))
-        gravity = as_gravity(self.gravity, own_parameters(self.gravity, "z", gravities.NAMED, given))
+        spring, gravity = as_spring(self.spring, given), as_gravity(self.gravity, given)
         known = {**spring.parameters, **gravity.parameters}
         if taken := [name for name in (*OWN_PARAMETERS, "gravity_share") if name in known or name in given]:
             raise InputError(f"'{taken[0]}' is the machine's own name; call the formula's parameter something else")

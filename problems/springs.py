@@ -158,18 +158,16 @@ NAMED = {
 }
 
 
-def as_spring(law: Any, parameters: Mapping[str, float] | None = None, in_si: bool = False) -> Law:
-    """A spring from a law, a formula, a law's name, "table:FILE", "potential:FORMULA" or a Python function."""
+def as_spring(law: Any, given: Mapping[str, float] | None = None, in_si: bool = False) -> Law:
+    """A spring from a law, a formula, a law's name, "table:FILE", "potential:FORMULA" or a Python function, with those
+    of the given parameters that it takes."""
     kind, colon, rest = law.partition(":") if isinstance(law, str) else ("", "", "")
     if not (colon and kind in ("table", "potential")):
-        return laws.from_any(law, "r", parameters, NAMED, "a spring")
+        return laws.from_any(law, "r", given, NAMED, "a spring")
+    parameters = laws.own_parameters(law, "r", NAMED, given)
     if not rest.strip():
         raise InputError(f"spring '{law}' names no {'file' if kind == 'table' else 'formula'} after the colon")
-    if kind == "potential":
-        return potential(rest, **(parameters or {}))
-    if parameters:
-        raise InputError(f"a table has no parameter '{next(iter(parameters))}'")
-    return table(rest, in_si=in_si)
+    return table(rest, in_si=in_si) if kind == "table" else potential(rest, **parameters)
 
 
 def _line_expression(x, p, q):
@@ -178,8 +176,7 @@ def _line_expression(x, p, q):
 
 
 def _bilinear_pieces(p):
-    gap = p["gap"]
-    return [-math.inf, gap, math.inf], [[0.0, 0.0, 1.0], [gap, gap, p["ratio"]]]
+    return [-math.inf, p["gap"], math.inf], [[0.0, 0.0, 1.0], [p["gap"], p["gap"], p["ratio"]]]
 
 
 def _end_stop_pieces(p):
