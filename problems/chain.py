@@ -25,8 +25,8 @@ from orbits.flow.flow import flow_of
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 
+from .launch import Liftoff
 from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number
-from .liftoff import Liftoff
 from .springs import as_spring
 
 MOST_MASSES = 12
@@ -83,8 +83,7 @@ class Chain:
         """The parameters of all springs; raises `InputError` for unknown, reserved and ambiguous names."""
         known = {name: value for law in springs for name, value in law.parameters.items()}
         if unknown := [name for name in self.parameters if name not in known]:
-            has = ", ".join([*masses, *known])
-            raise InputError(f"no spring has a parameter '{unknown[0]}'; the chain has {has}")
+            raise InputError(f"no spring has a parameter '{unknown[0]}'; the chain has {', '.join([*masses, *known])}")
         if taken := [name for name in known if name in masses]:
             raise InputError(f"'{taken[0]}' is a mass; call the formula's parameter something else")
         if any(law.parameters[name] != known[name] for law in springs for name in law.parameters):

@@ -34,9 +34,16 @@ class Key(NamedTuple):
     names: tuple[str, ...]
     pieces: tuple[int, Callable] | None
 
+    @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the answer
     def degree(self) -> int:
         """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
-        return _degree(self)
+        if self.pieces is not None:
+            return 2
+        x, p = _symbols(self.variable, self.names)
+        value = ca.SX(self.expression(x, p, []))
+        if not has_taylor_series(ca.Function("law", [x, *p.values()], [value])):
+            return 2  # |x| has the derivatives of a straight line
+        return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
 
 
 @dataclass(frozen=True)
@@ -153,54 +160,38 @@ def from_function(function: Callable, variable: str, parameters: Given = None, b
 
 
 def from_any(law: Any, variable: str, given: Given, table: Named, what: str) -> Law:
-    """A law from a law, a Python function, the name of one in `table`, or a formula; `what` it is, for messages.
+    """A law from a law, a Python function, the name of one in `table`, a formula or "potential:FORMULA".
 
-    given : the values of its parameters, perhaps among others; see `own_parameters`
-
-    Raises `InputError` for anything else.
+    given : the values of its parameters; others among them are left aside
+    what : "gravity" or "a spring", for the `InputError` that anything else raises
     """
-    parameters = own_parameters(law, variable, table, given)
+
+    def own(names):
+        return {name: value for name, value in (given or {}).items() if name in names}
+
     if isinstance(law, Law):
         if law.variable != variable:
             raise InputError(f"'{law.text}' is a law of {law.variable}, not {what}")
-        return law.with_parameters(**parameters) if parameters else law
+        return law.with_parameters(**own(law.parameters))
     if callable(law):
-        return from_function(law, variable, parameters)
+        return from_function(law, variable, own(_argument_names(law)))
     if not isinstance(law, str):
         raise InputError(f"{what} is a law, a formula or a function, not {type(law).__name__}")
-    if not _is_name(law, variable, table):
-        return from_formula(law, variable, parameters)
-    if (key := law.replace("-", "_")) not in table:
+    key = law.replace("-", "_")  # hyphens may stand for underscores
+    if key in table:
+        return table[key](**own(table[key].__kwdefaults__ or {}))
+    if law.isidentifier() and law != variable and law not in CONSTANTS:  # a lone name is a law's, and no formula
         raise InputError(f"unknown law '{law}'{suggest(law, table)}")
-    return table[key](**parameters)
+    text = law.removeprefix("potential:")
+    return (from_formula if text == law else from_potential)(text, variable, own(parse(text).names - {variable}))
 
 
-def _is_name(text: str, variable: str, table: Named) -> bool:
-    """Whether a text is a lone name, to be looked up as a law's, and no formula; hyphens may stand for underscores."""
-    lone = text.isidentifier() and text != variable and text not in CONSTANTS
-    return lone or text.replace("-", "_") in table
-
-
-def _parameter_names(law, variable, table) -> set[str]:
-    """Names of the parameters that a law takes, in any of the ways a user may state one."""
-    if isinstance(law, Law):
-        return set(law.parameters)
-    if callable(law):
-        try:
-            return set(list(inspect.signature(law).parameters)[1:])
-        except ValueError:  # a builtin or a NumPy function
-            return set()
-    if not isinstance(law, str) or law.startswith("table:"):
-        return set()
-    if _is_name(law, variable, table):
-        return set(getattr(table.get(law.replace("-", "_")), "__kwdefaults__", None) or {})
-    return set(parse(law.removeprefix("potential:")).names) - {variable}
-
-
-def own_parameters(law: Any, variable: str, table: Named, given: Given) -> dict[str, float]:
-    """Those of the given parameters that a law takes, stated in any way."""
-    names = _parameter_names(law, variable, table)
-    return {name: value for name, value in (given or {}).items() if name in names}
+def _argument_names(function: Callable) -> list[str]:
+    """Names of the arguments of a Python function after its first."""
+    try:
+        return list(inspect.signature(function).parameters)[1:]
+    except ValueError:  # a builtin or a NumPy function
+        return []
 
 
 def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
@@ -219,6 +210,13 @@ def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf
     return result
 
 
+def positive(**values: float) -> dict[str, float]:
+    """The values by name, each checked by `number` to be above 0."""
+    for name, value in values.items():
+        number(name, value, low=0)
+    return values
+
+
 def coefficient_of_restitution(value: Any) -> float:
     """`value` as a coefficient of restitution, from 0 to 1; raises `InputError` for another."""
     result = number("restitution", value)
@@ -234,17 +232,6 @@ def _symbols(variable: str, names) -> tuple[ca.SX, dict[str, ca.SX]]:
 def from_key(key: Key, p: Mapping[str, float]) -> Law:
     """The law of a key with the values that `p` has for its parameters."""
     return Law(key.text, key.variable, key.expression, {name: p[name] for name in key.names}, key.pieces)
-
-
-@lru_cache(maxsize=256)
-def _degree(key: Key) -> int:
-    if key.pieces is not None:
-        return 2
-    x, p = _symbols(key.variable, key.names)
-    value = ca.SX(key.expression(x, p, []))
-    if not has_taylor_series(ca.Function("law", [x, *p.values()], [value])):
-        return 2  # |x| has the derivatives of a straight line
-    return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
 
 
 @lru_cache(maxsize=256)
@@ -266,11 +253,8 @@ def _numeric(key: Key):
 @lru_cache(maxsize=256)
 def _formula_expression(text: str, variable: str) -> Callable:
     formula = parse(text)
-
-    def expression(x, p, q):
-        return formula(**{variable: x}, **{name: p[name] for name in formula.names - {variable}})
-
-    return expression
+    names = formula.names - {variable}
+    return lambda x, p, q: formula(**{variable: x}, **{name: p[name] for name in names})
 
 
 @lru_cache(maxsize=256)

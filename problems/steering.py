@@ -108,8 +108,7 @@ def start_up(
     """
     pumps, intervals = whole_number("pumps", pumps, "pumps"), whole_number("intervals", intervals, "intervals")
     driven, orbit = Actuated(machine), _lossless(machine, family, orbit)
-    limits = actuator_limits(driven, rate, stroke)
-    stages = _swing_stages(driven.model, pumps, intervals, limits, _contact_time(orbit))
+    stages = _swing_stages(driven.model, pumps, intervals, actuator_limits(driven, rate, stroke), _contact_time(orbit))
     values = {**driven.still, "aim": orbit.alpha, "rest": _rest(driven, orbit)}
     return steer(stages, values, guess=_growing_swings(orbit, values["rest"], pumps))
 
@@ -305,7 +304,7 @@ def _hop_stages(model, gap, impact, intervals, times, limits, cost, lossless, pe
     A hop that is not periodic goes from the parameter "launch" to "aim".
     """
     force, identity, onto = model.contact.watch["contact force"], np.eye(len(model.embed)), np.linalg.pinv(model.embed)
-    bounds = [(SHORTEST_SHARE * time, LONGEST_SHARE * time) for time in times]
+    bounds, inputs = [(SHORTEST_SHARE * time, LONGEST_SHARE * time) for time in times], limits.inputs(cost)
 
     def gap_speed(x, p):
         return along(Affine(gap.weights), model.flight.field(x, {**p, RATE: 0.0}, []))
@@ -325,21 +324,17 @@ def _hop_stages(model, gap, impact, intervals, times, limits, cost, lossless, pe
     def launched(x, p):
         return [force(x, p, []), *([] if periodic else [along(model.contact_speed, x) - p["aim"], x[-1]])]
 
-    flight = Stage(
-        model.flight,
-        intervals[0],
-        bounds[0],
-        limits.inputs(cost),
-        start=lifted,
-        end=landed,
-        path={"gap": lambda x, p, q: along(gap, x), **limits.path(identity)},
-        running=_running_cost(cost, model, identity),
-        final=lambda x, p: p["peak"] if cost == "peak" else 0.0,
-        above=lambda x, p: [] if lossless else [-gap_speed(x, p)],
-    )
+    def approaching(x, p):
+        return [] if lossless else [-gap_speed(x, p)]
+
+    def final(x, p):
+        return p["peak"] if cost == "peak" else 0.0
+
+    path = {"gap": lambda x, p, q: along(gap, x), **limits.path(identity)}
+    running = _running_cost(cost, model, identity)
+    flight = Stage(model.flight, intervals[0], bounds[0], inputs, lifted, landed, path, running, final, approaching)
     path, running = {"contact force": force, **limits.path(model.embed)}, _running_cost(cost, model, model.embed)
-    inputs = limits.inputs(cost)
-    contact = Stage(model.contact, intervals[1], bounds[1], inputs, stuck, launched, path=path, running=running)
+    contact = Stage(model.contact, intervals[1], bounds[1], inputs, stuck, launched, path, running)
     return flight, contact
 
 
@@ -347,6 +342,8 @@ def _hop_stages(model, gap, impact, intervals, times, limits, cost, lossless, pe
 def _swing_stages(model, pumps, intervals, limits, time) -> tuple[Stage, ...]:
     """Contact from rest to lift-off, in swings down and up in turn; `time` is that of the lossless orbit's contact."""
     force, speed = model.contact.watch["contact force"], model.contact_speed
+    bounds, inputs = (SHORTEST_SHARE * time, LONGEST_SHARE * time), limits.inputs("effort")
+    running = _running_cost("effort", model, model.embed)
 
     def stage(index: int) -> Stage:
         last, name, sign = index == 2 * pumps - 1, *(("rise", 1.0) if index % 2 else ("fall", -1.0))
@@ -358,20 +355,12 @@ def _swing_stages(model, pumps, intervals, limits, time) -> tuple[Stage, ...]:
         def end(x, p):
             return [force(x, p, []), along(speed, x) - p["aim"], x[-1]] if last else [along(speed, x)]
 
-        return Stage(
-            model.contact,
-            intervals,
-            (SHORTEST_SHARE * time, LONGEST_SHARE * time),
-            limits.inputs("effort"),
-            start,
-            end,
-            path={
-                "contact force": lambda x, p, q: force(x, p, q) - margin,
-                **limits.path(model.embed),
-                name: lambda x, p, q: sign * along(speed, x),
-            },
-            running=_running_cost("effort", model, model.embed),
-        )
+        path = {
+            "contact force": lambda x, p, q: force(x, p, q) - margin,
+            **limits.path(model.embed),
+            name: lambda x, p, q: sign * along(speed, x),
+        }
+        return Stage(model.contact, intervals, bounds, inputs, start, end, path, running)
 
     return tuple(stage(index) for index in range(2 * pumps))
 
