@@ -158,9 +158,9 @@ def as_spring(law: Any, given: Mapping[str, float] | None = None, in_si: bool = 
     """A spring from a law, a formula, a law's name, "table:FILE", "potential:FORMULA" or a Python function, with those
     of the given parameters that it takes."""
     kind, colon, rest = law.partition(":") if isinstance(law, str) else ("", "", "")
-    if colon and kind in ("table", "potential") and not rest.strip():
-        raise InputError(f"spring '{law}' names no {'file' if kind == 'table' else 'formula'} after the colon")
     if colon and kind == "table":
+        if not rest.strip():
+            raise InputError(f"spring '{law}' names no file after the colon")
         return table(rest, in_si=in_si)
     return laws.from_any(law, "r", given, NAMED, "a spring")
 
