@@ -6,7 +6,7 @@ from typing import Any
 _HOMES = {
     "Actuated": ".actuated",
     "Chain": ".chain",
-    "HeavyHand": ".heavy_hand",
+    "HeavyHand": ".juggler",
     "Hopper": ".hopper",
     "Juggler": ".juggler",
     "hopper_in_si": ".units",

@@ -9,12 +9,14 @@ does.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from operator import attrgetter
 from typing import Any, cast
 
 import numpy as np
 
-from orbits.errors import InputError
-from orbits.model.model import Model, Units
+from orbits import Input
+from orbits.errors import InputError, finite_number
+from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 
 from .laws import Key
@@ -57,20 +59,9 @@ class Actuated:
         """Every parameter but the actuator's rate, which is an input."""
         return {**self.machine.values, **{name: float(getattr(self.machine, name)) for name in DAMPERS}}
 
-    @property
-    def restitution(self) -> float:
-        """The machine's coefficient of restitution."""
-        return self.machine.restitution
-
-    @property
-    def units(self) -> Units | None:
-        """The machine's units."""
-        return self.machine.units
-
-    @property
-    def rest_length(self) -> float | None:
-        """The machine's rest length."""
-        return self.machine.rest_length
+    restitution = property(attrgetter("machine.restitution"))
+    units = property(attrgetter("machine.units"))
+    rest_length = property(attrgetter("machine.rest_length"))
 
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""
@@ -79,6 +70,39 @@ class Actuated:
     def with_values(self, **values: float) -> "Actuated":
         """The same actuator on the machine with other values of its parameters."""
         return replace(self, machine=self.machine.with_values(**values))
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of the actuator's rate and displacement, and the distance that is to stay positive, if it is known."""
+
+    rate: float
+    stroke: float
+    separation: Affine | None
+
+    def inputs(self, cost: str) -> dict[str, Input]:
+        """The rate as the stages' input; for the least peak, the free parameter "peak" bounds it."""
+        if cost == "peak":
+            return {RATE: Input(lambda p: -p["peak"], lambda p: p["peak"])}
+        return {RATE: Input(-self.rate, self.rate)}
+
+    def path(self, embed: np.ndarray) -> dict[str, Callable]:
+        """The path constraints on states that `embed` makes flight states."""
+        held: dict[str, Callable] = {}
+        if np.isfinite(self.stroke):
+            held["room to pull"] = lambda x, p, q: self.stroke - x[-1]
+            held["room to push"] = lambda x, p, q: self.stroke + x[-1]
+        if separation := self.separation:
+            held["separation"] = lambda x, p, q: along(separation, product(embed, x))
+        return held
+
+
+def actuator_limits(driven: Actuated, rate: float, stroke: float) -> Limits:
+    """The limits of a machine with these bounds; raises `InputError` for bounds that are not above 0."""
+    for name, bound in (("rate", rate), ("stroke", stroke)):
+        if not (bound == np.inf or finite_number(name, bound) > 0):
+            raise InputError(f"{name} = {bound:g}: the actuator's bound is above 0")
+    return Limits(float(rate), float(stroke), driven.model.separation(driven.values))
 
 
 @lru_cache(maxsize=64)
@@ -141,3 +165,8 @@ def _widened(affine: Affine) -> Affine:
 def along(affine: Affine, x: Sequence[Any]) -> Any:
     """An affine function of a state's expressions."""
     return sum((weight * part for weight, part in zip(affine.weights, x, strict=False) if weight), affine.offset)
+
+
+def product(matrix: np.ndarray, x: Sequence[Any]) -> list[Any]:
+    """The product of a matrix of numbers with a state's expressions."""
+    return [along(Affine(tuple(row)), x) for row in matrix.tolist()]

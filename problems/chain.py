@@ -25,9 +25,9 @@ from orbits.flow.flow import flow_of
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 
-from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number, own_parameters
-from .liftoff import Liftoff
-from .springs import NAMED, as_spring
+from .launch import Liftoff
+from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number
+from .springs import as_spring
 
 MOST_MASSES = 12
 # The springs' own laws are brought in along this parameter, from 0 to 1.
@@ -72,24 +72,18 @@ class Chain:
         given = self.springs if isinstance(self.springs, list | tuple) else [self.springs] * (len(masses) - 1)
         if len(given) != len(masses) - 1:
             raise InputError(f"{len(masses)} masses are joined by {len(masses) - 1} springs, not {len(given)}")
-        springs = tuple(self._spring(law) for law in given)
+        springs = tuple(as_spring(law, self.parameters) for law in given)
+        if piecewise := [law.text for law in springs if law.pieces]:
+            raise InputError(f"spring '{piecewise[0]}' is piecewise; a chain takes smooth ones")
         parameters = self._common_parameters(springs, _mass_names(len(masses)))
         for name, value in (("masses", masses), ("springs", springs), ("parameters", parameters)):
             object.__setattr__(self, name, value)
-
-    def _spring(self, law: Any) -> Law:
-        """The law of one spring, with the parameters that it has."""
-        spring = as_spring(law, own_parameters(law, "r", NAMED, self.parameters))
-        if spring.pieces:
-            raise InputError(f"spring '{spring.text}' is piecewise; a chain takes smooth ones")
-        return spring
 
     def _common_parameters(self, springs: tuple[Law, ...], masses: tuple[str, ...]) -> dict[str, float]:
         """The parameters of all springs; raises `InputError` for unknown, reserved and ambiguous names."""
         known = {name: value for law in springs for name, value in law.parameters.items()}
         if unknown := [name for name in self.parameters if name not in known]:
-            has = ", ".join([*masses, *known])
-            raise InputError(f"no spring has a parameter '{unknown[0]}'; the chain has {has}")
+            raise InputError(f"no spring has a parameter '{unknown[0]}'; the chain has {', '.join([*masses, *known])}")
         if taken := [name for name in known if name in masses]:
             raise InputError(f"'{taken[0]}' is a mass; call the formula's parameter something else")
         if any(law.parameters[name] != known[name] for law in springs for name in law.parameters):

@@ -24,6 +24,8 @@ Examples:
   orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact on the way
   orbits optimize leg.toml --plot best.png             the best design, as [design] in the file asks
 """
+# How many orbits are drawn small above the figure of a family.
+THUMBNAILS = 6
 
 
 @click.group(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -51,21 +53,16 @@ def find_command(
     animate: str | None, save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find one lossless orbit and certify it."""
-    from orbits.periodic.find import find as find_orbit
+    from orbits.periodic.find import find
 
     with options.progress() as report:
-        orbit = find_orbit(options.machine_of(**stated), family, method=method, progress=report)
-    options.write(orbit, plot, animate, save)
-    options.print_result(orbit, as_json)
+        orbit = find(options.machine_of(**stated), family, method=method, progress=report)
+    options.write(orbit, as_json, plot, animate, save)
     if explain and not as_json:
         click.echo("  what this scene did not need:")
         click.echo("".join(f"      {line}\n" for line in orbit.skipped), nl=False)
     if not orbit.admissible and not allow_inadmissible:
         raise click.exceptions.Exit(1)
-
-
-# How many orbits are drawn small above the figure of a family.
-THUMBNAILS = 6
 
 
 @orbits.command(
@@ -92,8 +89,7 @@ def follow_command(
 ) -> None:  # fmt: skip
     """Follow a family of orbits along a parameter, past folds, to its end."""
     from orbits.continuation.family import Family
-    from orbits.continuation.follow import follow as follow_family
-    from orbits.continuation.follow import orbit_at
+    from orbits.continuation.follow import follow, orbit_at
     from orbits.errors import InputError
     from orbits.plot import plot_family, save_figure, spread, thumbnails
 
@@ -110,7 +106,7 @@ def follow_command(
     before = None if resume is None else Family.load(resume)
     machine = options.machine_of(**stated)
     with options.progress() as report:
-        followed = follow_family(
+        followed = follow(
             machine, along, stop, start, family, at=values, longest=longest,
             method=method, stop_inadmissible=stop_inadmissible, output=output, resume=before, progress=report,
         )  # fmt: skip
@@ -118,9 +114,7 @@ def follow_command(
         method = followed.settings["method"]
         small = [(point, orbit_at(machine, point, along, method)) for point in spread(followed, THUMBNAILS)]
         save_figure(thumbnails(plot_family(followed), followed, small), plot)
-    if save is not None:
-        followed.save(save)
-    options.print_result(followed, as_json)
+    options.write(followed, as_json, save=save)
     if followed.end.kind == "stuck":
         raise click.exceptions.Exit(1)
 
@@ -134,9 +128,7 @@ def follow_command(
 @options.json_option
 @options.file_option("--plot", "figure", "Write a figure of the map from A to B (.png, .pdf, .svg).")
 @click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
-def return_map(
-    alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, **stated: Any
-) -> None:  # fmt: skip
+def return_map(alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, **stated: Any) -> None:
     """Map launch speeds to the next ones, with the losses and impacts in between."""
     from orbits.errors import InputError
     from orbits.hybrid.return_map import ReturnMap
@@ -180,12 +172,11 @@ def simulate_command(
     animate: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Follow the machine's motion from a launch, through every impact and contact."""
-    from orbits.hybrid.simulation import simulate as run_machine
+    from orbits.hybrid.simulation import simulate
 
     machine = options.machine_of(**stated)
-    run = run_machine(machine, alpha, hops=hops, time=float("inf") if end is None else end, inject=inject)
-    options.write(run, plot, animate)
-    options.print_result(run, as_json)
+    run = simulate(machine, alpha, hops=hops, time=float("inf") if end is None else end, inject=inject)
+    options.write(run, as_json, plot, animate)
 
 
 @orbits.command("optimize", epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")
@@ -212,9 +203,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
             raise InputError(f"{file}: {error}") from None
     if plot is not None:
         save_figure(plot_front(found) if isinstance(found, Front) else found.orbit.plot(), plot)
-    if save is not None:
-        found.save(save)
-    options.print_result(found, as_json)
+    options.write(found, as_json, save=save)
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from orbits.errors import InputError
 
 from . import laws
-from .laws import Law, number
+from .laws import Law, positive
 
 
 def formula(text: str, /, **parameters: float) -> Law:
@@ -32,8 +32,7 @@ def constant() -> Law:
 
 def inverse_square(*, R: float = 1000.0) -> Law:
     """Newton's gravity 1/(1 + z/R)**2 above a sphere of radius R (Principia, book 1, proposition 71)."""
-    number("R", R, low=0)
-    return formula("1/(1 + z/R)**2", R=R)
+    return formula("1/(1 + z/R)**2", **positive(R=R))
 
 
 def linear(*, kappa: float = 0.001) -> Law:
@@ -43,18 +42,18 @@ def linear(*, kappa: float = 0.001) -> Law:
 
 def exponential(*, H: float = 1000.0) -> Law:
     """Gravity that decays as exp(-z/H), as a screened (Yukawa) force does over distances small beside the body."""
-    number("H", H, low=0)
-    return formula("exp(-z/H)", H=H)
+    return formula("exp(-z/H)", **positive(H=H))
 
 
 NAMED = {law.__name__: law for law in (constant, inverse_square, linear, exponential)}
 
 
-def as_gravity(law: Any, parameters: Mapping[str, float] | None = None) -> Law:
-    """A gravity law from a law, a formula, a law's name or a Python function."""
+def as_gravity(law: Any, given: Mapping[str, float] | None = None) -> Law:
+    """A gravity law from a law, a formula, a law's name or a Python function, with those of the given parameters that
+    it takes."""
     if isinstance(law, str) and law.startswith(("table:", "potential:")):
         raise InputError(f"gravity '{law}': gravity is a formula of z or a law's name; only springs are tables")
-    return _checked(laws.from_any(law, "z", parameters, NAMED, "gravity"))
+    return _checked(laws.from_any(law, "z", given, NAMED, "gravity"))
 
 
 def _checked(law: Law) -> Law:

@@ -13,17 +13,14 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
 from orbits.model.phase import Affine
 
-from .laws import Key, Parameters, Scalars, from_key
-from .liftoff import Liftoff
+from .launch import Liftoff
+from .laws import Key, Parameters, Scalars
 from .machine import TwoMassEquations, TwoMassMachine, straight_line, thrown, two_mass_model
-
-FOOT_LIFTOFF = Liftoff(0.0, "the foot's weight")
 
 
 @dataclass(frozen=True)
@@ -39,7 +36,6 @@ class Hopper(TwoMassMachine):
         equations = _HopperEquations(spring, gravity, damped)
         return two_mass_model(
             equations,
-            FOOT_LIFTOFF,
             ("y1", "y1'", "y2", "y2'", "y1", "y1'"),
             Affine((1.0, 0.0, -1.0, 0.0)),
             name="hopper",
@@ -63,41 +59,33 @@ class Hopper(TwoMassMachine):
 class _HopperEquations(TwoMassEquations):
     """The functions of a hopper's model, see `Model` for their arguments."""
 
-    def body_weight(self, y1: Any, p: Parameters) -> Any:
-        return self.pull(p["rest_length"] + y1, p) if self.gravity else 1.0
+    threshold = Liftoff(0.0, "the foot's weight")
 
     def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M, (c, d) = p["mass_ratio"], self.dampers(p)
         tension = self.force(x[0] - x[2], p, q) + c * (x[1] - x[3])
-        body = -(M * (tension + d * x[1]) + self.body_weight(x[0], p)) / (1 + M)
+        body = -(M * (tension + d * x[1]) + self.weight(x[0], p)) / (1 + M)
         return [x[1], body, x[3], (tension - self.pull(x[2], p) - d * x[3]) / (1 + M)]
 
     def contact(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M, (c, d) = p["mass_ratio"], self.dampers(p)
-        return [x[1], -(M * (self.force(x[0], p, q) + (c + d) * x[1]) + self.body_weight(x[0], p)) / (1 + M)]
+        return [x[1], -(M * (self.force(x[0], p, q) + (c + d) * x[1]) + self.weight(x[0], p)) / (1 + M)]
 
     def contact_force(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
         return 1 - self.force(x[0], p, q) - self.dampers(p)[0] * x[1]
 
     def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M, tension = p["mass_ratio"], self.force(x[0] - x[2], p, q)
-        body, foot = M * tension + self.body_weight(x[0], p), M * (self.pull(x[2], p) - tension)
+        body, foot = M * tension + self.weight(x[0], p), M * (self.pull(x[2], p) - tension)
         return [body, (1 + M) * x[1], foot, (1 + M) * M * x[3]]
 
     def contact_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M = p["mass_ratio"]
-        return [M * self.force(x[0], p, q) + self.body_weight(x[0], p), (1 + M) * x[1]]
+        return [M * self.force(x[0], p, q) + self.weight(x[0], p), (1 + M) * x[1]]
 
     def contact_oscillator(self, p: Parameters) -> Oscillator:
-        M = p["mass_ratio"]
-        k, zero = straight_line(self.spring, p)
+        M, (k, zero) = p["mass_ratio"], straight_line(self.spring, p)
         return Oscillator(M * k / (1 + M), zero - 1 / (M * k), {"contact force": (-k, 1 + k * zero)})
-
-    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Any:
-        return self.force(u["liftoff"], p, q) + self.dampers(p)[0] * u["alpha"] - 1
-
-    def release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
-        return FOOT_LIFTOFF.extensions_at(from_key(self.spring, p), self.dampers(p)[0], alpha)
 
     @staticmethod
     def mix(p: Parameters) -> np.ndarray:

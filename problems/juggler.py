@@ -1,4 +1,5 @@
-"""The juggler: a ball on a hand, the hand on a spring to the ground, the ball caught plastically (sections 5 and 6).
+"""The juggler: a ball on a hand, the hand on a spring to the ground, the ball caught plastically (sections 5 and 6);
+and its limit of an infinitely heavy hand, whose oscillation is the same whatever the ball does (section 9).
 
 Units: force in the hand's weight m2 g, length in m2 g/k, time in sqrt(m2/k), M = m2/m1 the mass of the hand over that
 of the ball. Flight state (w1, w1', w2, w2') of ball and hand; phi is the force of the hand's spring at extension w2:
@@ -8,22 +9,20 @@ of the ball. Flight state (w1, w1', w2, w2') of ball and hand; phi is the force 
 and in contact both move as one, (1 + M) w'' = -M phi(w) - (1 + M) gamma(rest_length + w), until phi(w) = 0.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from orbits.errors import InputError
 from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
 from orbits.model.phase import Affine
 
-from .laws import Key, Parameters, Scalars, from_key
-from .liftoff import Liftoff
+from .launch import Liftoff
+from .laws import Key, Parameters, Scalars
 from .machine import TwoMassEquations, TwoMassMachine, straight_line, thrown, two_mass_model
-
-HAND_LIFTOFF = Liftoff(1.0, "zero force")
 
 
 @dataclass(frozen=True)
@@ -40,10 +39,9 @@ class Juggler(TwoMassMachine):
     @lru_cache(maxsize=64)
     def build(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
         """The model of the keys of the laws, see `TwoMassMachine.build`."""
-        equations = JugglerEquations(spring, gravity, damped)
+        equations = _JugglerEquations(spring, gravity, damped)
         return two_mass_model(
             equations,
-            HAND_LIFTOFF,
             ("w1", "w1'", "w2", "w2'", "w", "w'"),
             Affine((0.0, 0.0, 1.0, 0.0)),
             name="juggler",
@@ -64,12 +62,10 @@ class Juggler(TwoMassMachine):
         )
 
 
-class JugglerEquations(TwoMassEquations):
+class _JugglerEquations(TwoMassEquations):
     """The functions of a juggler's model, see `Model` for their arguments."""
 
-    def weight(self, w: Any, p: Parameters) -> Any:
-        """Gravity ratio where a mass of coordinate w is."""
-        return self.pull(p.get("rest_length", 0.0) + w, p)
+    threshold = Liftoff(1.0, "zero force")
 
     def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         M, (c, d) = p["mass_ratio"], self.dampers(p)
@@ -84,7 +80,7 @@ class JugglerEquations(TwoMassEquations):
         return -(self.force(x[0], p, q) + self.liftoff_damping(p) * x[1]) / (1 + p["mass_ratio"])
 
     def liftoff_damping(self, p: Parameters) -> Any:
-        """Of the force between ball and hand per speed: of the hand's dampers less the ball's."""
+        """Of the force between ball and hand: the hand's dampers less the ball's."""
         (c, d), M = self.dampers(p), p["mass_ratio"]
         return c + (1 - M) * d
 
@@ -97,16 +93,9 @@ class JugglerEquations(TwoMassEquations):
         return [M * self.force(x[0], p, q) + (1 + M) * self.weight(x[0], p), (1 + M) * x[1]]
 
     def contact_oscillator(self, p: Parameters) -> Oscillator:
-        M = p["mass_ratio"]
-        k, zero = straight_line(self.spring, p)
+        M, (k, zero) = p["mass_ratio"], straight_line(self.spring, p)
         force = {"contact force": (-k / (1 + M), k * zero / (1 + M))}
         return Oscillator(M * k / (1 + M), zero - (1 + M) / (M * k), force)
-
-    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Any:
-        return self.force(u["liftoff"], p, q) + self.liftoff_damping(p) * u["alpha"]
-
-    def release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
-        return HAND_LIFTOFF.extensions_at(from_key(self.spring, p), self.liftoff_damping(p), alpha)
 
     @staticmethod
     def mix(p: Parameters) -> np.ndarray:
@@ -127,3 +116,52 @@ class JugglerEquations(TwoMassEquations):
     def heights(p: Parameters) -> dict[str, Affine]:
         length = p.get("rest_length", 0.0)
         return {"ball": Affine((1.0, 0.0, 0.0, 0.0), length), "hand": Affine((0.0, 0.0, 1.0, 0.0), length)}
+
+
+@dataclass(frozen=True)
+class HeavyHand(TwoMassMachine):
+    """Ball on a hand that it cannot slow down; see `TwoMassMachine` for the arguments, of which it takes no mass ratio,
+    damping or drag.
+
+    What is conserved is the hand's energy alone, from lift-off to lift-off and through every impact, so every launch
+    that ends in sustained contact comes back as it was; the others bounce for ever. For a linear spring, period-one
+    bouncing is stable for pi < alpha < sqrt(pi^2 + 3) (Schaal and Atkeson 1993, with e = 0).
+    """
+
+    kind = "heavy hand"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.mass_ratio != 1 or self.damped:
+            raise InputError("an infinitely heavy hand has no mass ratio, damping or drag")
+
+    def describe(self) -> dict[str, Any]:
+        """The machine as JSON-ready data, without a mass ratio, which is infinite."""
+        return {**super().describe(), "mass_ratio": None}
+
+    @staticmethod
+    @lru_cache(maxsize=64)
+    def build(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+        """The juggler's model with the hand's energy alone, see `TwoMassMachine.build`."""
+        finite = Juggler.build(spring, gravity, has_length, False)
+        force, weight = spring.expression, _JugglerEquations(spring, gravity, False).weight
+
+        def oscillator(p):
+            k, zero = straight_line(spring, p)
+            return Oscillator(k, zero - 1 / k, {"contact force": (-k, k * zero)})
+
+        contact = replace(
+            finite.contact,
+            field=lambda x, p, q: [x[1], -force(x[0], p, q) - weight(x[0], p)],
+            watch={"contact force": lambda x, p, q: -force(x[0], p, q)},
+            closed_form=oscillator if finite.contact.closed_form else None,
+        )
+        return replace(
+            finite,
+            name="heavy hand",
+            contact=contact,
+            flight_gradient=lambda x, p, q: [0.0, 0.0, force(x[2], p, q) + weight(x[2], p), x[3]],
+            contact_gradient=lambda x, p, q: [force(x[0], p, q) + weight(x[0], p), x[1]],
+            impact_mass=lambda p: 0.0,
+            impact=lambda p: np.array([0.0, 1.0, 0.0, 0.0]),
+        )

@@ -34,9 +34,16 @@ class Key(NamedTuple):
     names: tuple[str, ...]
     pieces: tuple[int, Callable] | None
 
+    @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the answer
     def degree(self) -> int:
         """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
-        return _degree(self)
+        if self.pieces is not None:
+            return 2
+        x, p = _symbols(self.variable, self.names)
+        value = ca.SX(self.expression(x, p, []))
+        if not has_taylor_series(ca.Function("law", [x, *p.values()], [value])):
+            return 2  # |x| has the derivatives of a straight line
+        return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
 
 
 @dataclass(frozen=True)
@@ -107,8 +114,8 @@ class Law:
 
     def scaled(self, length: float, force: float) -> "Law":
         """The law in units of `length` and `force`: the dimensionless form of one in metres and newtons."""
-        pieces = self.pieces and _scaled_pieces(self.pieces, length)
-        return replace(self, expression=_scaled(self.expression, length, force), pieces=pieces)
+        expression, pieces = _scaled(self.expression, self.pieces, length, force)
+        return replace(self, expression=expression, pieces=pieces)
 
 
 def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
@@ -152,59 +159,39 @@ def from_function(function: Callable, variable: str, parameters: Given = None, b
     return law
 
 
-def from_any(law: Any, variable: str, parameters: Given, table: Named, what: str) -> Law:
-    """A law from a law, a Python function, the name of one in `table`, or a formula; `what` it is, for messages.
+def from_any(law: Any, variable: str, given: Given, table: Named, what: str) -> Law:
+    """A law from a law, a Python function, the name of one in `table`, a formula or "potential:FORMULA".
 
-    Raises `InputError` for anything else.
+    given : the values of its parameters; others among them are left aside
+    what : "gravity" or "a spring", for the `InputError` that anything else raises
     """
-    parameters = dict(parameters or {})
+
+    def own(names):
+        return {name: value for name, value in (given or {}).items() if name in names}
+
     if isinstance(law, Law):
         if law.variable != variable:
             raise InputError(f"'{law.text}' is a law of {law.variable}, not {what}")
-        return law.with_parameters(**parameters) if parameters else law
+        return law.with_parameters(**own(law.parameters))
     if callable(law):
-        return from_function(law, variable, parameters)
+        return from_function(law, variable, own(_argument_names(law)))
     if not isinstance(law, str):
         raise InputError(f"{what} is a law, a formula or a function, not {type(law).__name__}")
-    return named(table, law, parameters) if is_name(law, variable, table) else from_formula(law, variable, parameters)
+    key = law.replace("-", "_")  # hyphens may stand for underscores
+    if key in table:
+        return table[key](**own(table[key].__kwdefaults__ or {}))
+    if law.isidentifier() and law != variable and law not in CONSTANTS:  # a lone name is a law's, and no formula
+        raise InputError(f"unknown law '{law}'{suggest(law, table)}")
+    text = law.removeprefix("potential:")
+    return (from_formula if text == law else from_potential)(text, variable, own(parse(text).names - {variable}))
 
 
-def is_name(text: str, variable: str, table: Named) -> bool:
-    """Whether a text is a lone name, to be looked up as a law's, and no formula; hyphens may stand for underscores."""
-    lone = text.isidentifier() and text != variable and text not in CONSTANTS
-    return lone or text.replace("-", "_") in table
-
-
-def named(table: Named, name: str, parameters: Mapping[str, float]) -> Law:
-    """The law called `name` in `table`, with these parameters and the defaults of the others."""
-    key = name.replace("-", "_")
-    if key not in table:
-        raise InputError(f"unknown law '{name}'{suggest(name, table)}")
-    known = table[key].__kwdefaults__ or {}
-    if unknown := sorted(parameters.keys() - known.keys()):
-        raise InputError(f"the law '{name}' has no parameter '{unknown[0]}'{suggest(unknown[0], known)}")
-    return table[key](**parameters)
-
-
-def parameter_names(law: Any, variable: str, table: Named) -> set[str]:
-    """Names of the parameters that a law takes, in any of the ways a user may state one."""
-    if isinstance(law, Law):
-        return set(law.parameters)
-    if callable(law):
-        try:
-            return set(list(inspect.signature(law).parameters)[1:])
-        except ValueError:  # a builtin or a NumPy function
-            return set()
-    if not isinstance(law, str) or law.startswith("table:"):
-        return set()
-    if is_name(law, variable, table):
-        return set(getattr(table.get(law.replace("-", "_")), "__kwdefaults__", None) or {})
-    return set(parse(law.removeprefix("potential:")).names) - {variable}
-
-
-def own_parameters(law: Any, variable: str, table: Named, given: Mapping[str, float]) -> dict[str, float]:
-    """Those of the given parameters that a law takes."""
-    return {name: given[name] for name in given.keys() & parameter_names(law, variable, table)}
+def _argument_names(function: Callable) -> list[str]:
+    """Names of the arguments of a Python function after its first."""
+    try:
+        return list(inspect.signature(function).parameters)[1:]
+    except ValueError:  # a builtin or a NumPy function
+        return []
 
 
 def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
@@ -223,6 +210,13 @@ def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf
     return result
 
 
+def positive(**values: float) -> dict[str, float]:
+    """The values by name, each checked by `number` to be above 0."""
+    for name, value in values.items():
+        number(name, value, low=0)
+    return values
+
+
 def coefficient_of_restitution(value: Any) -> float:
     """`value` as a coefficient of restitution, from 0 to 1; raises `InputError` for another."""
     result = number("restitution", value)
@@ -238,17 +232,6 @@ def _symbols(variable: str, names) -> tuple[ca.SX, dict[str, ca.SX]]:
 def from_key(key: Key, p: Mapping[str, float]) -> Law:
     """The law of a key with the values that `p` has for its parameters."""
     return Law(key.text, key.variable, key.expression, {name: p[name] for name in key.names}, key.pieces)
-
-
-@lru_cache(maxsize=256)
-def _degree(key: Key) -> int:
-    if key.pieces is not None:
-        return 2
-    x, p = _symbols(key.variable, key.names)
-    value = ca.SX(key.expression(x, p, []))
-    if not has_taylor_series(ca.Function("law", [x, *p.values()], [value])):
-        return 2  # |x| has the derivatives of a straight line
-    return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
 
 
 @lru_cache(maxsize=256)
@@ -270,11 +253,8 @@ def _numeric(key: Key):
 @lru_cache(maxsize=256)
 def _formula_expression(text: str, variable: str) -> Callable:
     formula = parse(text)
-
-    def expression(x, p, q):
-        return formula(**{variable: x}, **{name: p[name] for name in formula.names - {variable}})
-
-    return expression
+    names = formula.names - {variable}
+    return lambda x, p, q: formula(**{variable: x}, **{name: p[name] for name in names})
 
 
 @lru_cache(maxsize=256)
@@ -319,14 +299,11 @@ def _graph_expression(graph: str, names: tuple[str, ...]) -> Callable:
 
 
 @lru_cache(maxsize=256)
-def _scaled(expression: Callable, length: float, force: float) -> Callable:
-    return lambda x, p, q: expression(length * x, p, q) / force
+def _scaled(expression, pieces, length: float, force: float) -> tuple[Callable, tuple[int, Callable] | None]:
+    """The expression and the pieces of a law in units of `length` and `force`."""
 
-
-@lru_cache(maxsize=256)
-def _scaled_pieces(pieces: tuple[int, Callable], length: float) -> tuple[int, Callable]:
     def table(p):
         breaks, data = pieces[1](p)
         return [b / length for b in breaks], data
 
-    return pieces[0], table
+    return lambda x, p, q: expression(length * x, p, q) / force, pieces and (pieces[0], table)

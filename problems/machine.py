@@ -12,6 +12,7 @@ from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from orbits.errors import InputError, NoOrbit
 from orbits.model.closed_form import Oscillator, ThrownOscillator
@@ -19,12 +20,9 @@ from orbits.model.model import Model, Reduction, Units
 from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
 from orbits.symbolic.formula import suggest
 
-from . import gravity as gravities
-from . import springs
 from .gravity import as_gravity
-from .launch_speed import lowest_launch_speed
-from .laws import Key, Law, Parameters, coefficient_of_restitution, from_key, number, own_parameters
-from .liftoff import Liftoff
+from .launch import Liftoff, lowest_launch_speed
+from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number
 from .springs import as_spring
 
 # Beyond these bounds one of the two masses is lost in rounding, or the lengths of lift-off overflow or vanish.
@@ -82,8 +80,7 @@ class TwoMassMachine:
         if not isinstance(self.parameters, Mapping):
             raise InputError(f"parameters = {self.parameters!r}; they are a mapping of names to numbers")
         given = {name: number(name, value) for name, value in self.parameters.items()}
-        spring = as_spring(self.spring, own_parameters(self.spring, "r", springs.NAMED, given))
-        gravity = as_gravity(self.gravity, own_parameters(self.gravity, "z", gravities.NAMED, given))
+        spring, gravity = as_spring(self.spring, given), as_gravity(self.gravity, given)
         known = {**spring.parameters, **gravity.parameters}
         if taken := [name for name in (*OWN_PARAMETERS, "gravity_share") if name in known or name in given]:
             raise InputError(f"'{taken[0]}' is the machine's own name; call the formula's parameter something else")
@@ -220,6 +217,8 @@ class TwoMassEquations:
     damped : whether there is a damper beside the spring, or drag on the masses
     """
 
+    threshold: Liftoff
+
     def __init__(self, spring: Key, gravity: Key | None, damped: bool):
         self.spring, self.gravity, self.damped = spring, gravity, damped
         self.force = spring.expression
@@ -228,18 +227,44 @@ class TwoMassEquations:
         """Gravity ratio at height z; its share over constant gravity is a parameter to follow orbits along."""
         return 1 + p["gravity_share"] * (self.gravity.expression(z, p, []) - 1) if self.gravity else 1.0
 
+    def weight(self, z: Any, p: Parameters) -> Any:
+        """Gravity ratio where a mass of coordinate `z` is that is a rest length above its zero."""
+        return self.pull(p.get("rest_length", 0.0) + z, p)
+
     def dampers(self, p: Parameters) -> tuple[Any, Any]:
         """Coefficients of the damper beside the spring and of the drag on each mass."""
         return (p["damping"], p["drag"]) if self.damped else (0.0, 0.0)
 
+    def liftoff_damping(self, p: Parameters) -> Any:
+        """Coefficient of the force at lift-off per launch speed."""
+        return self.dampers(p)[0]
 
-def two_mass_model(machine: Any, liftoff: Liftoff, states: tuple[str, ...], extension: Affine, **own: Any) -> Model:
+    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Any:
+        return self.force(u["liftoff"], p, q) + self.liftoff_damping(p) * u["alpha"] - (1 - self.threshold.load)
+
+    def release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
+        return self.threshold.extensions_at(from_key(self.spring, p), self.liftoff_damping(p), alpha)
+
+    def guess(self, family: int, p: dict[str, float]) -> dict[str, float]:
+        """Lift-off extension, launch speed and half flight time under constant gravity."""
+        if self.damped:
+            raise NoOrbit("a damped machine loses energy on every hop: it has no lossless orbit, but a return map")
+        law = from_key(self.spring, p)
+        extension = self.threshold.extension(law)
+        slopes = [float(law.with_slope(r)[1]) for r in (extension, law.rest())]
+        scale = 1 / np.sqrt(max(filter(np.isfinite, slopes)))  # a law has a slope at lift-off, if not at rest
+        phase, what = relative_phase(self.spring, self.threshold.load), f"spring '{law.text}'"
+        alpha = lowest_launch_speed(phase, p, extension, family, scale, what)
+        return {"liftoff": extension, "alpha": alpha, "duration": alpha}
+
+
+def two_mass_model(machine: Any, states: tuple[str, ...], extension: Affine, **own: Any) -> Model:
     """The model of a machine's equations; `own` is what only this machine has.
 
     states : their names, the four in flight before the two in contact
     """
-    spring, constant = machine.spring, not (machine.gravity or machine.damped)
-    reduction = relative_reduction(spring, liftoff.load, machine.complete, machine.gap_slope) if constant else None
+    spring, load, constant = machine.spring, machine.threshold.load, not (machine.gravity or machine.damped)
+    reduction = relative_reduction(spring, load, machine.complete, machine.gap_slope) if constant else None
     # The relative motion in closed form, without varying gravity or damping, gives both phases theirs.
     swing: Any = reduction.statement.arcs[0].phase.closed_form if reduction else None
     closed = (lambda p: ThrownOscillator(swing(p), machine.mix(p), machine.apart(p))) if swing else None
@@ -258,27 +283,12 @@ def two_mass_model(machine: Any, liftoff: Liftoff, states: tuple[str, ...], exte
         separation=lambda p: Affine(extension.weights, p["rest_length"]) if "rest_length" in p else None,
         heights=machine.heights,
         contact_speed=Affine((0.0, 1.0)),
-        guess=refuse_damping if machine.damped else launch_guess(spring, liftoff),
+        guess=machine.guess,
         homotopy="gravity_share" if machine.gravity else None,
         conservative=not machine.damped,
         reduction=reduction,
         **own,
     )
-
-
-def launch_guess(spring: Key, liftoff: Liftoff) -> Callable:
-    """(family, p) -> lift-off extension, launch speed and half flight time under constant gravity."""
-
-    def guess(family: int, p: dict[str, float]) -> dict[str, float]:
-        law = from_key(spring, p)
-        extension = liftoff.extension(law)
-        slopes = [float(law.with_slope(r)[1]) for r in (extension, law.rest())]
-        scale = 1 / np.sqrt(max(filter(np.isfinite, slopes)))  # a law has a slope at lift-off, if not at rest
-        phase, what = relative_phase(spring, liftoff.load), f"spring '{law.text}'"
-        alpha = lowest_launch_speed(phase, p, extension, family, scale, what)
-        return {"liftoff": extension, "alpha": alpha, "duration": alpha}
-
-    return guess
 
 
 def thrown(times: np.ndarray, count: int, u: Mapping[str, float]) -> np.ndarray:
@@ -288,8 +298,3 @@ def thrown(times: np.ndarray, count: int, u: Mapping[str, float]) -> np.ndarray:
     rows[:, 0, 1] = rows[:, 1, 0] = u["alpha"] - times
     rows[:, 0, 2], rows[:, 1, 1] = -0.5, -1.0
     return rows
-
-
-def refuse_damping(family: int, p: Mapping[str, float]) -> dict[str, float]:
-    """The guess of a damped machine, which has no orbit."""
-    raise NoOrbit("a damped machine loses energy on every hop: it has no lossless orbit, but a return map")

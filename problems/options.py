@@ -3,7 +3,7 @@
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import reduce
 from typing import TYPE_CHECKING, Any
@@ -66,8 +66,11 @@ plot_option = file_option("--plot", "figure", "Write a figure (.png, .pdf, .svg)
 animate_option = file_option("--animate", "animation", "Write an animation (.gif).")
 
 
-def write(result: Any, plot: str | None, animate: str | None, save: str | None = None) -> None:
-    """Write the figure, the animation and the document that are asked for."""
+def write(
+    result: Any, as_json: bool, plot: str | None = None, animate: str | None = None, save: str | None = None
+) -> None:
+    """Write the files that are asked for, and print the result as one JSON document or in words."""
+    from orbits.io import to_json
     from orbits.plot import save_figure
 
     if plot is not None:
@@ -76,12 +79,6 @@ def write(result: Any, plot: str | None, animate: str | None, save: str | None =
         result.animate(animate)
     if save is not None:
         result.save(save)
-
-
-def print_result(result: Any, as_json: bool) -> None:
-    """Print a result as one JSON document or in words."""
-    from orbits.io import to_json
-
     click.echo(to_json(result.document()) if as_json else str(result))
 
 
@@ -91,23 +88,20 @@ def launch_speeds(text: str) -> "np.ndarray":
 
     from orbits.errors import InputError
 
-    parts = text.split(":")
     try:
-        if len(parts) == 1:
+        if ":" not in text:
             return np.array([float(text)])
-        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
-    except (ValueError, IndexError):
-        low, high, count = np.nan, np.nan, 0
-    if len(parts) == 3 and count >= 2 and np.isfinite([low, high]).all():
-        if not low < high:
-            raise InputError(f"--alpha {text!r}: the range goes up, A < B")
-        return np.linspace(low, high, count)
-    raise InputError(f"--alpha {text!r} is neither a number nor a range A:B:N of N launch speeds, from 2")
+        low, high, count = (kind(part) for kind, part in zip((float, float, int), text.split(":"), strict=True))
+    except ValueError:
+        count = 0
+    if count < 2 or not np.isfinite([low, high]).all():
+        raise InputError(f"--alpha {text!r} is neither a number nor a range A:B:N of N launch speeds, from 2")
+    if not low < high:
+        raise InputError(f"--alpha {text!r}: the range goes up, A < B")
+    return np.linspace(low, high, count)
 
 
-def machine_of(
-    machine: str | None, settings: tuple[str, ...] | list[str] = (), **stated: str | float | None
-) -> "TwoMassMachine":
+def machine_of(machine: str | None, settings: Sequence[str] = (), **stated: str | float | None) -> "TwoMassMachine":
     """The machine that the options describe; an option that is not None comes before what the machine's file says."""
     from orbits.errors import InputError
 
@@ -124,7 +118,7 @@ def machine_of(
     return build(statement, where)
 
 
-def _parameter_values(settings: tuple[str, ...] | list[str]) -> dict[str, float]:
+def _parameter_values(settings: Sequence[str]) -> dict[str, float]:
     """The parameters that --set gives values."""
     from orbits.errors import InputError
 

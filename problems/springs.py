@@ -6,18 +6,26 @@ from these: `beta` is 1/length**2, `delta` 1/length**4, `a` and `b` are 1/length
 `thickness` lengths, `k`, `ratio` and `stop` stiffnesses. `NAMED` lists the laws for the command line.
 """
 
+import csv
 import math
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.errors import InputError
 
 from . import laws
-from .laws import Law, number
-from .spring_tables import checked_pairs, quintic_pieces, read_table
+from .laws import Law, number, positive
+
+EXTENSION_NAMES = ("extension", "deflection", "displacement", "elongation", "travel", "stroke", "compression", "r", "x")
+FORCE_NAMES = ("force", "tension", "load", "f")
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
+NEWTONS = {"n": 1.0, "mn": 1e-3, "kn": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
+FEWEST_ROWS = 4
 
 
 def formula(text: str, /, **parameters: float) -> Law:
@@ -56,14 +64,12 @@ def quintic(*, beta: float = 0.0, delta: float = 0.1) -> Law:
 
 def tanh(*, b: float = 0.2) -> Law:
     """Saturating spring tanh(b r)/b: at most 1/b, a smooth elastic, perfectly plastic curve (Hill 1950)."""
-    number("b", b, low=0)
-    return formula("tanh(b*r)/b", b=b)
+    return formula("tanh(b*r)/b", **positive(b=b))
 
 
 def sinh(*, b: float = 0.5) -> Law:
     """Hardening spring sinh(b r)/b, exponentially stiff both ways, as in Eyring's theory of flow (1936)."""
-    number("b", b, low=0)
-    return formula("sinh(b*r)/b", b=b)
+    return formula("sinh(b*r)/b", **positive(b=b))
 
 
 def toda(*, b: float = 0.2) -> Law:
@@ -75,22 +81,17 @@ def toda(*, b: float = 0.2) -> Law:
 
 def morse(*, a: float = 0.05) -> Law:
     """Morse's bond (1 - exp(-a r)) exp(-a r)/a: the tension has its maximum 1/(4 a) and then falls (Morse 1929)."""
-    number("a", a, low=0)
-    return formula("(1 - exp(-a*r))*exp(-a*r)/a", a=a)
+    return formula("(1 - exp(-a*r))*exp(-a*r)/a", **positive(a=a))
 
 
 def bilinear(*, ratio: float = 3.0, gap: float = 0.5) -> Law:
     """Stiffness 1 up to the extension `gap`, `ratio` beyond: a second spring picked up (Shaw and Holmes 1983)."""
-    number("ratio", ratio, low=0)
-    number("gap", gap, low=0)
-    return Law("bilinear", "r", _line_expression, {"ratio": ratio, "gap": gap}, (3, _bilinear_pieces))
+    return Law("bilinear", "r", _line_expression, positive(ratio=ratio, gap=gap), (3, _bilinear_pieces))
 
 
 def end_stops(*, gap: float = 3.0, stop: float = 20.0) -> Law:
     """Stiffness 1 between extensions -gap and gap, `stop` beyond: bump stop and strap (Shaw and Holmes 1983)."""
-    number("gap", gap, low=0)
-    number("stop", stop, low=0)
-    return Law("end_stops", "r", _line_expression, {"gap": gap, "stop": stop}, (3, _end_stop_pieces))
+    return Law("end_stops", "r", _line_expression, positive(gap=gap, stop=stop), (3, _end_stop_pieces))
 
 
 def air(*, length: float = 5.0, exponent: float = 1.4) -> Law:
@@ -99,9 +100,7 @@ def air(*, length: float = 5.0, exponent: float = 1.4) -> Law:
     (length/exponent) (1 - (1 + r/length)**-exponent), the change of the force p A (V0/V)**n from rest (Bachrach and
     Rivin 1983); exponent 1 is slow (isothermal), 1.4 fast (adiabatic) air. Tension stays below length/exponent.
     """
-    number("length", length, low=0)
-    number("exponent", exponent, low=0)
-    return formula("length/exponent*(1 - (1 + r/length)**(-exponent))", length=length, exponent=exponent)
+    return formula("length/exponent*(1 - (1 + r/length)**(-exponent))", **positive(length=length, exponent=exponent))
 
 
 def belleville(*, height: float = 4.0, thickness: float = 4.0) -> Law:
@@ -110,10 +109,8 @@ def belleville(*, height: float = 4.0, thickness: float = 4.0) -> Law:
     With deflection -r, cone height h and thickness t: r ((h + r)(h + r/2) + t**2)/(h**2 + t**2), stiffness 1 at rest.
     Where h/t exceeds sqrt(2) the washer snaps through in compression.
     """
-    number("height", height, low=0)
-    number("thickness", thickness, low=0)
     text = "r*((height + r)*(height + r/2) + thickness**2)/(height**2 + thickness**2)"
-    return formula(text, height=height, thickness=thickness)
+    return formula(text, **positive(height=height, thickness=thickness))
 
 
 def rubber(*, length: float = 10.0) -> Law:
@@ -121,14 +118,13 @@ def rubber(*, length: float = 10.0) -> Law:
 
     (length/3) (s - s**-2) with stretch s = 1 + r/length; stiffness 1 at rest, singular where the strip has no length.
     """
-    number("length", length, low=0)
-    return formula("length/3*((1 + r/length) - (1 + r/length)**(-2))", length=length)
+    return formula("length/3*((1 + r/length) - (1 + r/length)**(-2))", **positive(length=length))
 
 
 def table(source: str | Path | tuple[ArrayLike, ArrayLike], *, in_si: bool = False) -> Law:
     """A spring from measured pairs: a CSV file with a header, or (extensions, forces) as two sequences.
 
-    The header names one column of `spring_tables.EXTENSION_NAMES` and one of `spring_tables.FORCE_NAMES`, tension and
+    The header names one column of `EXTENSION_NAMES` and one of `FORCE_NAMES`, tension and
     extension positive; under `compression` both are counted the other way. In SI a unit after the name (mm, kN) is
     converted to m and N; a dimensionless machine takes the numbers as they stand. The rows may have any order, and the
     forces at repeated extensions are averaged.
@@ -139,9 +135,9 @@ def table(source: str | Path | tuple[ArrayLike, ArrayLike], *, in_si: bool = Fal
     read or interpolated.
     """
     label = Path(source).name if isinstance(source, str | Path) else "table"
-    pairs = read_table(Path(source), in_si) if isinstance(source, str | Path) else source
-    grid, forces = checked_pairs(pairs, label)
-    data = quintic_pieces(grid, forces)
+    pairs = _read_table(Path(source), in_si) if isinstance(source, str | Path) else source
+    grid, forces = _checked_pairs(pairs, label)
+    data = _quintic_pieces(grid, forces)
 
     def expression(x, p, q):
         value = 0
@@ -158,18 +154,15 @@ NAMED = {
 }
 
 
-def as_spring(law: Any, parameters: Mapping[str, float] | None = None, in_si: bool = False) -> Law:
-    """A spring from a law, a formula, a law's name, "table:FILE", "potential:FORMULA" or a Python function."""
+def as_spring(law: Any, given: Mapping[str, float] | None = None, in_si: bool = False) -> Law:
+    """A spring from a law, a formula, a law's name, "table:FILE", "potential:FORMULA" or a Python function, with those
+    of the given parameters that it takes."""
     kind, colon, rest = law.partition(":") if isinstance(law, str) else ("", "", "")
-    if not (colon and kind in ("table", "potential")):
-        return laws.from_any(law, "r", parameters, NAMED, "a spring")
-    if not rest.strip():
-        raise InputError(f"spring '{law}' names no {'file' if kind == 'table' else 'formula'} after the colon")
-    if kind == "potential":
-        return potential(rest, **(parameters or {}))
-    if parameters:
-        raise InputError(f"a table has no parameter '{next(iter(parameters))}'")
-    return table(rest, in_si=in_si)
+    if colon and kind == "table":
+        if not rest.strip():
+            raise InputError(f"spring '{law}' names no file after the colon")
+        return table(rest, in_si=in_si)
+    return laws.from_any(law, "r", given, NAMED, "a spring")
 
 
 def _line_expression(x, p, q):
@@ -178,10 +171,107 @@ def _line_expression(x, p, q):
 
 
 def _bilinear_pieces(p):
-    gap = p["gap"]
-    return [-math.inf, gap, math.inf], [[0.0, 0.0, 1.0], [gap, gap, p["ratio"]]]
+    return [-math.inf, p["gap"], math.inf], [[0.0, 0.0, 1.0], [p["gap"], p["gap"], p["ratio"]]]
 
 
 def _end_stop_pieces(p):
     gap, stop = p["gap"], p["stop"]
     return [-math.inf, -gap, gap, math.inf], [[-gap, -gap, stop], [0.0, 0.0, 1.0], [gap, gap, stop]]
+
+
+def _read_table(path: Path, in_si: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Extensions and forces (n,), tension positive, of a CSV file with a header; in SI they are in m and N."""
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
+    except (OSError, ValueError, csv.Error) as error:
+        raise InputError(f"the table {str(path)!r} cannot be read: {error}") from None
+    if len(rows) < 2:
+        raise InputError(f"the table {path} has no rows; it needs a header and at least {FEWEST_ROWS} rows")
+    if all(_is_number(cell) for cell in rows[0]):
+        raise InputError(f"the table {path} has no header; name its columns in the first row")
+    at, name, metres = _named_column(path, rows[0], EXTENSION_NAMES, METRES, in_si)
+    beside, _, newtons = _named_column(path, rows[0], FORCE_NAMES, NEWTONS, in_si)
+    values = []
+    for line, row in enumerate(rows[1:], start=2):
+        try:
+            values.append([float(row[at]), float(row[beside])])
+        except (ValueError, IndexError):
+            raise InputError(f"the table {path}, row {line}: {','.join(row)!r} does not hold two numbers") from None
+    sign = -1.0 if name == "compression" else 1.0
+    extensions, forces = np.array(values).T
+    return sign * metres * extensions, sign * newtons * forces
+
+
+def _checked_pairs(columns: tuple[ArrayLike, ArrayLike], label: str) -> tuple[np.ndarray, np.ndarray]:
+    """Ascending extensions (n,) and the mean force (n,) at each; raises `InputError` where no law goes through them."""
+    try:
+        r, force = (np.asarray(column, dtype=float) for column in columns)
+    except (TypeError, ValueError):
+        raise InputError(f"{label}: a table is two sequences of numbers, extensions and forces") from None
+    if r.ndim != 1 or r.shape != force.shape or not (np.isfinite(r).all() and np.isfinite(force).all()):
+        raise InputError(f"{label}: extensions and forces must be two finite lists of one length")
+    grid, place = np.unique(r, return_inverse=True)
+    if len(grid) < FEWEST_ROWS:
+        raise InputError(f"{label}: {len(grid)} different extensions; a table needs at least {FEWEST_ROWS}")
+    if np.diff(grid).min() < 1e-9 * np.ptp(grid) or np.abs(force).max() > 1e100:
+        raise InputError(f"{label}: rows too close together or too large to compute with")
+    return grid, np.bincount(place, force) / np.bincount(place)
+
+
+def _quintic_pieces(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Rows (start, c0 .. c5), one per interval, of the interpolant that `table` describes, of y (n,) at x (n,)."""
+    from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
+
+    spline = CubicSpline(x, y)
+    h, rise = np.diff(x), np.diff(y)
+    slope = _limited_slopes(spline(x, 1), rise / h)
+    curvature = _limited_curvatures(spline(x, 2), slope, h, rise)
+    # The coefficients are written out, since through Bernstein form, as in SciPy, the highest lose three digits.
+    d0, d1, s0, s1 = slope[:-1], slope[1:], curvature[:-1], curvature[1:]
+    c3 = 10 * rise / h**3 - (6 * d0 + 4 * d1) / h**2 - (1.5 * s0 - 0.5 * s1) / h
+    c4 = -15 * rise / h**4 + (8 * d0 + 7 * d1) / h**3 + (1.5 * s0 - s1) / h**2
+    c5 = 6 * rise / h**5 - 3 * (d0 + d1) / h**4 - (0.5 * s0 - 0.5 * s1) / h**3
+    return np.column_stack([x[:-1], y[:-1], d0, s0 / 2, c3, c4, c5])
+
+
+def _limited_slopes(slope: np.ndarray, secant: np.ndarray) -> np.ndarray:
+    """Slopes (n,) that let the interpolant be monotone beside secants (n - 1,): 0 at an extremum of the rows."""
+    sides = np.column_stack([np.r_[secant[0], secant], np.r_[secant, secant[-1]]])
+    sign = np.where((sides > 0).all(1), 1.0, np.where((sides < 0).all(1), -1.0, 0.0))
+    # 1.25 times the smaller secant keeps the middle control points of a quintic without curvature in order.
+    return sign * np.clip(sign * slope, 0, 1.25 * np.abs(sides).min(1))
+
+
+def _limited_curvatures(curvature: np.ndarray, slope: np.ndarray, h: np.ndarray, rise: np.ndarray) -> np.ndarray:
+    """Curvatures (n,) that leave each quintic's control points in order, b1 <= b2 <= b3 <= b4 times its rise's sign."""
+    direction = np.sign(rise)
+    room = np.maximum(direction * (rise - 0.4 * h * (slope[:-1] + slope[1:])), 0) * 10 / h**2
+    low, high = np.full(len(slope), -np.inf), np.full(len(slope), np.inf)
+    for ends, side in ((slice(None, -1), 1.0), (slice(1, None), -1.0)):
+        edge = 4 * np.abs(slope[ends]) / h
+        bounds = side * direction * np.stack([-edge, room])
+        low[ends] = np.maximum(low[ends], bounds.min(0))
+        high[ends] = np.minimum(high[ends], bounds.max(0))
+    return np.clip(curvature, low, high)
+
+
+def _named_column(path, header, names, units, in_si) -> tuple[int, str, float]:
+    """The index, the name and the unit of the first column that has one of the names, perhaps a unit after it."""
+    for index, cell in enumerate(header):
+        name, *others = re.split(r"[\s_()\[\]/]+", cell.strip().lower())
+        if name in names:
+            unit = next(filter(None, others), "")
+            if in_si and unit and unit not in units:
+                raise InputError(f"the table {path}: unknown unit '{unit}'; known: {', '.join(units)}")
+            return index, name, units[unit] if in_si and unit else 1.0
+    has, known = ",".join(header), ", ".join(names)
+    raise InputError(f"the table {path} has no column {names[0]}: its header is {has!r}, known names are {known}")
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

@@ -8,27 +8,34 @@ refused unless the landing is lossless.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits import Control, Guess, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
+from orbits import Control, Guess, InputError, NoOrbit, Orbit, Simulation, Stage, find, simulate, steer
 from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of
+from orbits.model.phase import Affine
 from orbits.numerics.bernstein import derivative, piecewise_roots
 from orbits.numerics.roots import bracketed_root
 
-from .actuated import RATE, Actuated
+from .actuated import RATE, Actuated, Limits, actuator_limits, along, product
 from .machine import DAMPERS, TwoMassMachine
-from .steering_stages import HopStatement, Limits, actuator_limits, hop_stages, swing_stages
 
 # Positive work is rounded: power P counts as (P + sqrt(P^2 + round^2))/2, with a share of the mean power as `round`.
 # The last of these shares is that of the answer; the earlier ones lead there.
 ROUNDINGS = (1.0, 0.3, 0.1)
 # Tolerance of least work: quadrature is slow near corners of the power, while the motion itself stays smooth.
 WORK_TOLERANCE = 1e-7
+# A little effort is added to positive work and to the peak rate, so that their minima are unique.
+EFFORT_WEIGHTS = {"work": 1e-3, "peak": 1e-6}
+# In a start from rest the contact force keeps this distance from 0, in units of the actuator's spring force, wherever
+# contact is to last: driven open loop, the machine would lift off where the force touches zero.
+CONTACT_FORCE_MARGIN = 1e-7
+# Bounds of the durations, as shares of those of the lossless orbit.
+SHORTEST_SHARE, LONGEST_SHARE = 0.1, 4.0
 # Gauss points of a control interval at which the actuator's power is taken.
 POWER_SAMPLES = 40
 
@@ -40,7 +47,7 @@ def keep_hopping(
     """Keep a damped machine hopping periodically at locally least cost, near its lossless orbit without the damping.
 
     cost : "effort"; "work", the actuator's positive work; or "peak", the largest rate. The last two are minimised with
-        a little of the effort added (`steering_stages.EFFORT_WEIGHTS`), and work is rounded (`ROUNDINGS`); the answer's
+        a little of the effort added (`EFFORT_WEIGHTS`), and work is rounded (`ROUNDINGS`); the answer's
         `cost` is without either
     lossless : whether the landing has to be lossless; else it is plastic, see the module
     intervals : of flight and contact together, on each of which the actuator's rate is held; with few, about 12,
@@ -101,8 +108,7 @@ def start_up(
     """
     pumps, intervals = whole_number("pumps", pumps, "pumps"), whole_number("intervals", intervals, "intervals")
     driven, orbit = Actuated(machine), _lossless(machine, family, orbit)
-    limits = actuator_limits(driven, rate, stroke)
-    stages = swing_stages(driven.model, pumps, intervals, limits, _contact_time(orbit))
+    stages = _swing_stages(driven.model, pumps, intervals, actuator_limits(driven, rate, stroke), _contact_time(orbit))
     values = {**driven.still, "aim": orbit.alpha, "rest": _rest(driven, orbit)}
     return steer(stages, values, guess=_growing_swings(orbit, values["rest"], pumps))
 
@@ -156,7 +162,7 @@ class _Hop:
         model, values = self.driven.model, self.driven.values
         gap, impact = model.gap(values), tuple(model.impact(values).tolist())
         counts = first, self.intervals - first
-        return hop_stages(HopStatement(model, gap, impact, counts, times, self.limits, cost, self.lossless, periodic))
+        return _hop_stages(model, gap, impact, counts, times, self.limits, cost, self.lossless, periodic)
 
     def starts(self, launch: float) -> list[Any]:
         """Guesses of a hop, or functions that give one; from the lossless orbit a plastic landing may not be found."""
@@ -289,3 +295,88 @@ def _growing_swings(orbit: Orbit, rest: float, pumps: int) -> list[Guess]:
         return [rest + side * grown * np.cos(angle), -side * grown * np.pi / time * np.sin(angle), 0.0]
 
     return [Guess(time, partial(states, i)) for i in range(count)]
+
+
+@lru_cache(maxsize=32)
+def _hop_stages(model, gap, impact, intervals, times, limits, cost, lossless, periodic) -> tuple[Stage, Stage]:
+    """Flight and contact, as `steer` takes them; the same hop has the same stages, with what is compiled for them.
+
+    A hop that is not periodic goes from the parameter "launch" to "aim".
+    """
+    force, identity, onto = model.contact.watch["contact force"], np.eye(len(model.embed)), np.linalg.pinv(model.embed)
+    bounds, inputs = [(SHORTEST_SHARE * time, LONGEST_SHARE * time) for time in times], limits.inputs(cost)
+
+    def gap_speed(x, p):
+        return along(Affine(gap.weights), model.flight.field(x, {**p, RATE: 0.0}, []))
+
+    def lifted(x, before, p):
+        if periodic:
+            return _difference(x, product(model.embed, before))
+        return _difference(x, model.launch({"liftoff": p["liftoff"], "alpha": p["launch"]}, p))
+
+    def landed(x, p):
+        return [along(gap, x), *([gap_speed(x, p), force(product(onto, x), p, [])] if lossless else [])]
+
+    def stuck(x, before, p):
+        speed = gap_speed(before, p)
+        return _difference(x, product(onto, _difference(before, [speed * share for share in impact])))
+
+    def launched(x, p):
+        return [force(x, p, []), *([] if periodic else [along(model.contact_speed, x) - p["aim"], x[-1]])]
+
+    def approaching(x, p):
+        return [] if lossless else [-gap_speed(x, p)]
+
+    def final(x, p):
+        return p["peak"] if cost == "peak" else 0.0
+
+    path = {"gap": lambda x, p, q: along(gap, x), **limits.path(identity)}
+    running = _running_cost(cost, model, identity)
+    flight = Stage(model.flight, intervals[0], bounds[0], inputs, lifted, landed, path, running, final, approaching)
+    path, running = {"contact force": force, **limits.path(model.embed)}, _running_cost(cost, model, model.embed)
+    contact = Stage(model.contact, intervals[1], bounds[1], inputs, stuck, launched, path, running)
+    return flight, contact
+
+
+@lru_cache(maxsize=32)
+def _swing_stages(model, pumps, intervals, limits, time) -> tuple[Stage, ...]:
+    """Contact from rest to lift-off, in swings down and up in turn; `time` is that of the lossless orbit's contact."""
+    force, speed = model.contact.watch["contact force"], model.contact_speed
+    bounds, inputs = (SHORTEST_SHARE * time, LONGEST_SHARE * time), limits.inputs("effort")
+    running = _running_cost("effort", model, model.embed)
+
+    def stage(index: int) -> Stage:
+        last, name, sign = index == 2 * pumps - 1, *(("rise", 1.0) if index % 2 else ("fall", -1.0))
+        margin = 0.0 if last else CONTACT_FORCE_MARGIN
+
+        def start(x, before, p):
+            return _difference(x, before if index else [p["rest"], 0.0, 0.0])
+
+        def end(x, p):
+            return [force(x, p, []), along(speed, x) - p["aim"], x[-1]] if last else [along(speed, x)]
+
+        path = {
+            "contact force": lambda x, p, q: force(x, p, q) - margin,
+            **limits.path(model.embed),
+            name: lambda x, p, q: sign * along(speed, x),
+        }
+        return Stage(model.contact, intervals, bounds, inputs, start, end, path, running)
+
+    return tuple(stage(index) for index in range(2 * pumps))
+
+
+def _running_cost(kind, model, embed):
+    """The cost's rate; positive work is rounded by the parameter "round", see `ROUNDINGS`."""
+
+    def rate(x, p, q):
+        effort = EFFORT_WEIGHTS.get(kind, 1.0) * p[RATE] ** 2
+        if kind != "work":
+            return effort
+        power = model.flight_gradient(product(embed, x), p, q)[-1] * p[RATE]
+        return 0.5 * (power + (power**2 + p["round"] ** 2) ** 0.5) + effort
+
+    return rate
+
+
+def _difference(a, b):
+    return [one - other for one, other in zip(a, b, strict=True)]

@@ -11,9 +11,9 @@ from . import gravity as gravities
 from .gravity import as_gravity
 from .hopper import Hopper
 from .juggler import Juggler
-from .laws import Law, number, own_parameters
+from .laws import Law, number
 from .machine import TwoMassMachine
-from .springs import NAMED, as_spring
+from .springs import as_spring
 
 Kind = TypeVar("Kind", bound=TwoMassMachine)
 
@@ -86,8 +86,7 @@ def machine_in_si(
 def _gravity_law(gravity: Any, body_radius: float | None, given: Mapping[str, float]) -> Law:
     """The law of gravity in SI."""
     if body_radius is None:
-        law = "1" if gravity is None else gravity
-        return as_gravity(law, own_parameters(law, "z", gravities.NAMED, given))
+        return as_gravity("1" if gravity is None else gravity, given)
     if gravity is not None:
         raise InputError("give body_radius or gravity, not both")
     return gravities.formula("1/(1 + z/body_radius)**2", body_radius=number("body_radius", body_radius, low=0))
@@ -99,7 +98,7 @@ def _spring(force: Any, stiffness: float | None, given: Mapping[str, float]) -> 
         if stiffness is None:
             raise InputError("a spring in SI needs its stiffness (N/m) or its force law")
         return as_spring("r"), number("stiffness", stiffness, low=0)
-    law = as_spring(force, own_parameters(force, "r", NAMED, given), in_si=True)
+    law = as_spring(force, given, in_si=True)
     slope = float(law.with_slope(0.0)[1])
     if stiffness is not None:
         k = number("stiffness", stiffness, low=0)

@@ -1,0 +1,266 @@
+"""Launches: the extension at which the spring's force, with a constant load, lifts off the foot, and the lowest launch
+speed of a family under constant gravity, from which the search of an orbit starts."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orbits.errors import FlowError, InputError, NoOrbit, OutOfRange
+from orbits.flow.flow import flow_of
+from orbits.model.phase import Phase
+from orbits.numerics.bernstein import Crossings
+from orbits.numerics.roots import bracketed_root
+
+from .laws import Law
+
+# Below this slope, rounding cannot tell a force that passes the level of lift-off from one that only touches it.
+FLATTEST_LIFTOFF = 1e-14
+# Distances from rest at which the force is sampled: densely where a spring in its own units lifts off.
+SAMPLED_DISTANCES = np.concatenate(
+    [[0.0], np.geomspace(1e-9, 1e-3, 50)[:-1], np.geomspace(1e-3, 1e3, 200), np.geomspace(1e3, 1e9, 50)[1:]]
+)
+# Halvings of an interval after which its ends are neighbouring numbers.
+BISECTIONS = 60
+# Bounds of the search, in multiples of the machine's own scale of speed. Beyond the fastest, per family, a hop is 5e7
+# lengths high and more, which is no machine; from the slowest the search starts again when its first speed is too fast.
+FASTEST, SLOWEST = 1e4, 1e-3
+# Accuracy of the estimate, as a share of half an oscillation; Newton's method does the rest.
+ACCURACY = 1e-3
+# And as a share of how far the equation goes beyond zero, for another root may be close above.
+DEPTH = 0.01
+# Shortest step of the search, as a share of the speed.
+SHORTEST_STEP = 0.02
+# Time followed in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
+LONGEST_FLIGHT = 1e3
+
+
+@dataclass(frozen=True)
+class Liftoff:
+    """The condition force + load + damping * speed = 1 that ends sustained contact.
+
+    load : constant force beside the spring's, 0 for the hopper and the hand's weight 1 for the juggler
+    name : the force that lift-off waits for, in words
+    """
+
+    load: float
+    name: str
+
+    def extension(self, law: Law) -> float:
+        """The extension at which force + load = 1 is first reached from rest, the force rising.
+
+        Raises `NoOrbit` where the force never passes that level, `InputError` for a law that is no spring.
+        """
+        if law.key.degree() == 0:
+            raise InputError(f"spring '{law.text}' does not depend on the extension {law.variable}: it is no spring")
+        low, high = law.range()
+        rest, level = law.rest(), 1.0 - self.load
+        rises = float(law(rest)) < level
+        extensions, forces = _sampled_from_rest(law, rest, away=1.0 if rises else -1.0)
+        if float(forces[0]) == level:
+            return self._checked(law, rest)
+        beyond = np.flatnonzero((forces >= level) == rises)
+        if not len(beyond):
+            extreme = f"largest tension {forces.max():.4g}" if rises else f"least force {forces.min():.4g}"
+            within = f" within [{low:g}, {high:g}]" if np.isfinite(high) or np.isfinite(low) else ""
+            reached = f"never reaches {self.name} ({extreme}{within})"
+            raise NoOrbit(f"spring '{law.text}' {reached}: nothing leaves the ground")
+        low, high = np.sort(extensions[beyond[0] - 1 : beyond[0] + 1])[:, None]
+        return self._checked(law, float(_level_crossings(law, np.array([level]), low, high)[0]))
+
+    def extensions_at(self, law: Law, damping: float, alpha: ArrayLike) -> np.ndarray:
+        """The extensions (m,) at lift-off with speeds `alpha` (m,), with a damper of this coefficient.
+
+        They lie on the rising branch of the force that passes the level at rest; NaN where that branch ends before.
+        """
+        static, alpha = self.extension(law), np.asarray(alpha, dtype=float)
+        if damping == 0.0:
+            return np.full(alpha.shape, static)
+        level, result = 1.0 - self.load - damping * alpha, np.full(alpha.shape, np.nan)
+        extensions, forces = _rising_branch(law, static, up=damping < 0)
+        cell = np.searchsorted(forces, level, side="right") - 1
+        inside = (cell >= 0) & (cell < len(extensions) - 1)
+        if inside.any():
+            ends = extensions[cell[inside]], extensions[cell[inside] + 1]
+            result[inside] = _level_crossings(law, level[inside], *ends)
+        return result
+
+    def _checked(self, law: Law, liftoff: float) -> float:
+        """The extension at lift-off; raises `NoOrbit` where the force only touches the level there."""
+        slope = float(law.with_slope(liftoff)[1])
+        if slope > FLATTEST_LIFTOFF:
+            return liftoff
+        where = f"at extension {liftoff:.6g}, with slope {slope:.1e}"
+        raise NoOrbit(f"spring '{law.text}' only just reaches {self.name} {where}: nothing lifts off cleanly")
+
+
+def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, np.ndarray]:
+    """Extensions (n,) away from rest, as far as the force is finite, with its turning points, and the forces there."""
+    extensions = np.clip(rest + away * SAMPLED_DISTANCES, *law.range())
+    forces, slopes = law.with_slope(extensions)
+    count = int(np.argmin(np.append(np.isfinite(forces), False)))
+    if count == 0:
+        raise InputError(f"spring '{law.text}' has no force at rest (r = {rest:g})")
+    extensions, forces, slopes = extensions[:count], forces[:count], slopes[:count]
+    cells = np.flatnonzero((slopes[:-1] > 0) & (slopes[1:] <= 0))
+    if not len(cells):
+        return extensions, forces
+    turns = _end_of_rise(law, extensions[cells], extensions[cells + 1])
+    return np.insert(extensions, cells + 1, turns), np.insert(forces, cells + 1, law(turns))
+
+
+def _rising_branch(law: Law, static: float, up: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Extensions and forces (n,), ascending, from the static lift-off up or down to where the force turns or ends."""
+    side = 1.0 if up else -1.0
+    extensions = np.unique(np.clip(static + side * SAMPLED_DISTANCES, *law.range()))[:: int(side)]
+    forces, slopes = law.with_slope(extensions)
+    with np.errstate(invalid="ignore"):
+        rises = np.append(True, side * np.diff(forces) > 0)
+    fails = np.flatnonzero(~(rises & (slopes > 0) & np.isfinite(forces)))
+    if len(fails):
+        count = max(int(fails[0]), 1)
+        turn = _end_of_rise(law, extensions[count - 1], extensions[count])
+        extensions, forces = np.append(extensions[:count], turn), np.append(forces[:count], law(turn))
+    return extensions[:: int(side)], forces[:: int(side)]
+
+
+def _end_of_rise(law: Law, inner: ArrayLike, outer: ArrayLike) -> np.ndarray:
+    """The last extensions (m,) with a finite, rising force between `inner` (m,), where it rises, and `outer` (m,)."""
+    inner, outer = np.asarray(inner), np.asarray(outer)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (inner + outer)
+        force, slope = law.with_slope(middle)
+        rises = (slope > 0) & np.isfinite(force)
+        inner, outer = np.where(rises, middle, inner), np.where(rises, outer, middle)
+    return inner
+
+
+def _level_crossings(law: Law, level: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Where the force rises through levels (m,) between extensions (m,): Newton's method safeguarded by bisection."""
+    r = 0.5 * (low + high)
+    for _ in range(200):
+        force, slope = law.with_slope(r)
+        low, high = np.where(force < level, r, low), np.where(force < level, high, r)
+        new = np.divide(level - force, slope, out=low - r, where=slope != 0) + r
+        if (np.abs(new - r) <= 4e-16 * np.abs(r)).all():
+            break
+        r = np.where((low < new) & (new < high), new, 0.5 * (low + high))
+    return np.clip(new, low, high)
+
+
+class _Sample(NamedTuple):
+    """The equation at a launch speed: the time by which the family's turn comes after mid-flight (infinite when it
+    never comes, with the reason), and half the period of the extension."""
+
+    alpha: float
+    lateness: float
+    half_period: float = np.inf
+    reason: str = ""
+
+
+def lowest_launch_speed(
+    phase: Phase, p: dict[str, float], liftoff: float, family: int, scale: float, what: str
+) -> float:
+    """The lowest launch speed whose half flight ends on the family's turn: alpha = first turn + family half periods.
+
+    The time of that turn depends on alpha alone, so this is one scalar equation for any spring, and the family is right
+    by construction.
+
+    phase : the relative motion r'' = -F(r)
+    scale : the speed in whose multiples the search goes
+    what : the spring, in words
+
+    Raises `NoOrbit` when there is no such speed.
+    """
+    sample, samples = partial(_sample, phase, p, liftoff, family), [_Sample(0.0, 1.0)]
+    fastest, slowest = FASTEST * family * scale, SLOWEST * scale
+    no_return = np.inf  # the lowest speed from which the extension does not come back
+    alpha, reason = 2 * family * scale, ""  # rather low for most springs; where it is too fast, from the slowest
+    while alpha < fastest and samples[-1].alpha < (1 - 1e-4) * no_return:
+        new = sample(alpha)
+        reason = new.reason or reason
+        if len(samples) == 1 and alpha > slowest and not 0 < new.lateness < np.inf:
+            alpha, reason = slowest, ""
+            continue
+        if new.lateness <= 0:
+            return _estimated_root(sample, samples[-1], new)
+        if np.isfinite(new.lateness):
+            samples.append(new)
+        elif alpha > slowest:
+            no_return = alpha
+        else:
+            break
+        # Near a fold, a pair of roots lies between samples; the start at speed 0 does not count.
+        if len(samples) > 3 and samples[-3].lateness > samples[-2].lateness <= samples[-1].lateness:
+            lowest = _golden_section(sample, samples[-3].alpha, samples[-1].alpha)
+            if lowest.lateness <= 0:
+                return _estimated_root(sample, samples[-3], lowest)
+        alpha = _next_speed(samples, scale, no_return)
+    reason = reason or f"none up to launch speed {fastest:g}"
+    raise NoOrbit(f"{what} has no lossless orbit of family {family} under constant gravity: {reason}")
+
+
+def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
+    """Time from lift-off to the first turn of the extension, and half its period.
+
+    Both are infinite when it does not return within `LONGEST_FLIGHT`. Raises `FlowError` when the motion ends before.
+    """
+    turns, clock, crossings = [], [0.0], Crossings()
+
+    def second_turn(coefficients, steps):
+        for i, t in crossings(coefficients[:, 1], steps):
+            turns.append(clock[0] + steps[:i].sum() + t)
+            if len(turns) == 2:
+                return i, t
+        clock[0] += steps.sum()
+        return None
+
+    longest = LONGEST_FLIGHT * (1 + alpha)
+    flow_of(phase, tuple(p)).run([liftoff, alpha], list(p.values()), longest, stop=second_turn)
+    return (turns[0], turns[1] - turns[0]) if len(turns) == 2 else (np.inf, np.inf)
+
+
+def _sample(phase: Phase, p: dict[str, float], liftoff: float, family: int, alpha: float) -> _Sample:
+    try:
+        first, half_period = half_oscillations(phase, p, liftoff, alpha)
+    except OutOfRange as error:
+        return _Sample(alpha, np.inf, reason=f"beyond launch speed {alpha:.4g} {error}")
+    except FlowError as error:
+        return _Sample(alpha, np.inf, reason=f"at launch speed {alpha:.4g} the extension does not come back: {error}")
+    if np.isfinite(first):
+        return _Sample(alpha, first + family * half_period - alpha, half_period)
+    return _Sample(alpha, np.inf, reason=f"at launch speed {alpha:.4g} the extension does not come back")
+
+
+def _estimated_root(sample: Callable, early: _Sample, late: _Sample) -> float:
+    """The root between a sample where the turn comes too late and a faster one where it comes too early."""
+    enough = min(ACCURACY * late.half_period, DEPTH * abs(late.lateness))
+    return bracketed_root(
+        lambda alpha: sample(alpha).lateness, early.alpha, late.alpha, early.lateness, late.lateness, enough
+    )
+
+
+def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float:
+    """The next speed of the search: just past where the last two samples point, so that it brackets the root."""
+    before, last = samples[-2:]
+    slope = (last.lateness - before.lateness) / (last.alpha - before.alpha) if len(samples) > 2 else 0.0
+    ahead = 1.2 * last.lateness / max(-slope, 0.3) if slope < 0 else last.lateness / 1.5
+    alpha = last.alpha + max(ahead, SHORTEST_STEP * (scale + last.alpha))
+    return alpha if alpha < no_return else 0.5 * (last.alpha + no_return)
+
+
+def _golden_section(sample: Callable, a: float, b: float) -> _Sample:
+    """A minimum between speeds a and b, to half the digits (no more are determined), or a sample not above zero."""
+    ratio = (np.sqrt(5) - 1) / 2
+    left, right = sample(b - ratio * (b - a)), sample(a + ratio * (b - a))
+    while abs(b - a) > 1e-8 * (abs(a) + abs(b)) and min(left.lateness, right.lateness) > 0:
+        if left.lateness < right.lateness:
+            b, right = right.alpha, left
+            left = sample(b - ratio * (b - a))
+        else:
+            a, left = left.alpha, right
+            right = sample(a + ratio * (b - a))
+    return left if left.lateness < right.lateness else right
