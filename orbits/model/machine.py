@@ -31,7 +31,7 @@ class Machine(Protocol):
         """The same machine with other values of some parameters; raises `InputError` for what it cannot have."""
 
     def describe(self) -> dict[str, Any]:
-        """The machine in words and numbers for JSON, with the keys of `orbits.periodic.orbit_file.MACHINE_FIELDS`."""
+        """The machine in words and numbers for JSON, with the keys of `orbits.periodic.orbit.MACHINE_FIELDS`."""
 
 
 @runtime_checkable
