@@ -13,7 +13,7 @@ from ..numerics.roots import Array
 from ..periodic.single_shooting import STALLED_RATIO, Evaluation, settles
 from ..symbolic.calls import room_for
 from .curve import Curve, CurvePoint
-from .newton_batch import around
+from .predictor import around
 
 # Motions of more Taylor steps are evaluated one by one: to build a function of so many takes longer than it saves.
 MOST_STEPS = 512

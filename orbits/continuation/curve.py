@@ -21,7 +21,8 @@ from ..periodic.formulations import equations_of, interpret, or_none
 from ..periodic.orbit import Orbit
 from ..periodic.single_shooting import Evaluation, joined
 from .family import RESERVED_NAMES, Point
-from .newton_batch import NewtonBatch, around, newton_batch
+from .newton_batch import NewtonBatch, newton_batch
+from .predictor import around
 
 # The tangent of a fold has a smaller share along the parameter, whose value does not fix the orbit there: errors are
 # measured across the curve.

@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from .corrector import MEMORY, Counts, correct, correct_all, larger_counts, predict_and_correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, Watch, interpolated
-from .newton_batch import around
+from .predictor import around
 
 # Events that are no test function's, whose names the functions of a user cannot have.
 OTHER_EVENTS = ("fold", "branch point", "family", "asked")

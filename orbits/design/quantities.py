@@ -17,8 +17,8 @@ from ..errors import InputError, NoOrbit
 from ..model.model import Model
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..numerics.roots import bracketed_root
-from ..periodic.certificate import by_launch_speed, launch_power, loss_coefficient
 from ..periodic.formulations import half_orbit
+from ..periodic.local_law import by_launch_speed, launch_power, loss_coefficient
 from ..periodic.orbit import Orbit
 
 # Quantities of every orbit and the powers of length, time and force in their units. The loss coefficient is a loss of

@@ -13,7 +13,7 @@ from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
 from ..model.machine import ImpactingMachine
-from ..periodic.certificate import loss_coefficient
+from ..periodic.local_law import loss_coefficient
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts
 
 TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, is tangential

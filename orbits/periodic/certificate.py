@@ -1,9 +1,8 @@
 """The certificate of an orbit: what its motions alone say of it after it was solved, and what makes it no motion."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -18,6 +17,7 @@ from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import ElementwiseFunction
 from .error_bound import DOUBTFUL_RATIO, EPS, NARROW, ends_of_steps
 from .formulations import CONTACT_FORCE, NONE, Cycles, columns, or_none
+from .local_law import by_launch_speed, launch_power, loss_coefficient
 
 # An energy drift beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a
 # feature of a law.
@@ -27,8 +27,6 @@ MIDDLE = 1e-7
 # The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
 # share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
 STATIONARY = 1e-6
-# The imaginary part of a complex step: so small that its square vanishes beside any number.
-COMPLEX_STEP = 1e-30
 Violation = tuple[int, str]  # the index of the orbit, and what is wrong in words
 
 
@@ -107,28 +105,6 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
         loss = loss_coefficient(mass, jerk[defined], np.abs(cycles.gap_slope[defined]), power[defined])
         found[defined] = np.where(loss == np.inf, np.nan, loss)  # a number too large is not `NONE`
     return found
-
-
-def loss_coefficient(impact_mass: Any, jerk: Any, gap_slope: Any, power: Any) -> Any:
-    """C of the one-step map alpha + d -> alpha + d - C d**(4/3), of numbers, arrays or CasADi expressions.
-
-    Beside a lossless landing the gap goes like gap_slope d - jerk t**3/6. The speed that it has left where it vanishes
-    is lost, and the launch energy changes by `power` with alpha.
-    """
-    return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
-
-
-def launch_power(gradient: Iterable, direction: Iterable) -> Any:
-    """Derivative by alpha of the energy at launch, from the energy's gradient and the state's derivative there."""
-    return sum(g * d for g, d in zip(gradient, direction, strict=True))
-
-
-def by_launch_speed(function: Callable[[Mapping], Sequence], u: Mapping) -> list:
-    """Derivatives by alpha of arithmetic expressions of the unknowns, where the alpha of `u` is a symbol, a number
-    or an array; for numbers a complex step is exact."""
-    if isinstance(u["alpha"], ca.SX):
-        return ca.vertsplit(ca.densify(ca.jacobian(ca.vertcat(*function(u)), u["alpha"])))
-    return [np.imag(x) / COMPLEX_STEP for x in function({**u, "alpha": u["alpha"] + 1j * COMPLEX_STEP})]
 
 
 @lru_cache(maxsize=64)

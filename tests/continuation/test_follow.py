@@ -14,7 +14,8 @@ from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow,
 from orbits.continuation.corrector import correct, correct_all, predict_and_correct
 from orbits.continuation.curve import Curve, CurvePoint, interpolated
 from orbits.continuation.events import watched
-from orbits.continuation.newton_batch import NewtonBatch, around
+from orbits.continuation.newton_batch import NewtonBatch
+from orbits.continuation.predictor import around
 from orbits.periodic.certificate import certify
 from orbits.periodic.find import solve_family
 from orbits.periodic.single_shooting import Shooting

@@ -13,8 +13,8 @@ from orbits.continuation.corrector import correct_all
 from orbits.continuation.curve import Curve
 from orbits.flow.flow import flow_of
 from orbits.numerics.roots import solve
-from orbits.periodic.certificate import by_launch_speed, launch_power
 from orbits.periodic.formulations import landing_gap_slope
+from orbits.periodic.local_law import by_launch_speed, launch_power
 from problems import HeavyHand, Hopper, Juggler, springs
 
 mpmath.mp.dps = 30

@@ -1,0 +1,32 @@
+"""How hops beside a lossless one come back: with a loss of C d**(4/3) on the stable side, and 10 C on the other."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+# The imaginary part of a complex step: so small that its square vanishes beside any number.
+COMPLEX_STEP = 1e-30
+
+
+def loss_coefficient(impact_mass: Any, jerk: Any, gap_slope: Any, power: Any) -> Any:
+    """C of the one-step map alpha + d -> alpha + d - C d**(4/3), of numbers, arrays or CasADi expressions.
+
+    Beside a lossless landing the gap goes like gap_slope d - jerk t**3/6. The speed that it has left where it vanishes
+    is lost, and the launch energy changes by `power` with alpha.
+    """
+    return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
+
+
+def launch_power(gradient: Iterable, direction: Iterable) -> Any:
+    """Derivative by alpha of the energy at launch, from the energy's gradient and the state's derivative there."""
+    return sum(g * d for g, d in zip(gradient, direction, strict=True))
+
+
+def by_launch_speed(function: Callable[[Mapping], Sequence], u: Mapping) -> list:
+    """Derivatives by alpha of arithmetic expressions of the unknowns, where the alpha of `u` is a symbol, a number
+    or an array; for numbers a complex step is exact."""
+    if isinstance(u["alpha"], ca.SX):
+        return ca.vertsplit(ca.densify(ca.jacobian(ca.vertcat(*function(u)), u["alpha"])))
+    return [np.imag(x) / COMPLEX_STEP for x in function({**u, "alpha": u["alpha"] + 1j * COMPLEX_STEP})]
