@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,10 @@ import numpy as np
 
 from .errors import InputError
 
-__version__ = version("persistent-orbits")
+try:
+    __version__ = version("persistent-orbits")
+except PackageNotFoundError:  # the sources are used without being installed
+    __version__ = "unknown"
 
 
 def to_json(value: Any) -> str:

@@ -30,7 +30,7 @@ BISECTIONS = 60
 FASTEST, SLOWEST = 1e4, 1e-3
 # Accuracy of the estimate, as a share of half an oscillation; Newton's method does the rest.
 ACCURACY = 1e-3
-# And as a share of how far the equation goes beyond zero, for another root may be close above.
+# The estimate is as accurate as this share of how far the equation goes beyond zero, as another root may be close.
 DEPTH = 0.01
 # Shortest step of the search, as a share of the speed.
 SHORTEST_STEP = 0.02

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .machine import TwoMassMachine
 
 
-def together(*options: Callable) -> Callable:
+def combined(*options: Callable) -> Callable:
     """Several options as one decorator, shown in this order."""
 
     return lambda command: reduce(lambda decorated, option: option(decorated), reversed(options), command)
@@ -24,7 +24,7 @@ def together(*options: Callable) -> Callable:
 
 IN_UNITS = ", in the machine's units."
 POSITIVE = click.FloatRange(0, min_open=True)
-machine_options = together(
+machine_options = combined(
     click.option("--machine", metavar="hopper|juggler|FILE.toml", help="Kind of machine, or a file that states it."),
     click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
     click.option("--rest-length", type=POSITIVE, metavar="L", help="Of the spring; default: long enough."),
@@ -32,7 +32,7 @@ machine_options = together(
     click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
     click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter; repeatable."),
 )
-loss_options = together(
+loss_options = combined(
     click.option("--restitution", type=click.FloatRange(0, 1), metavar="e", help="Of the impacts; default 0, plastic."),
     click.option("--damping", type=click.FloatRange(0), metavar="c", help="Of the damper beside the spring."),
     click.option("--drag", type=click.FloatRange(0), metavar="d", help="On each mass, against its motion."),

@@ -148,9 +148,9 @@ def test_a_top_level_name_means_one_thing():
     assert not twice
 
 
-# Names that mean the same in each module that has them: what a package hands on, what an event is in its own room, and
-# the laws that springs and gravity have alike.
-SAME_IN_EACH = {"__all__", "__getattr__", "Event", "NAMED", "formula", "function", "linear", "STATES"}
+# Names that mean the same in each module that has them: what a package hands on, and the
+# laws that springs and gravity have alike.
+SAME_IN_EACH = {"__all__", "__getattr__", "NAMED", "formula", "function", "linear"}
 
 
 def public_functions(tree: ast.Module):

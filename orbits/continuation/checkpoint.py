@@ -22,7 +22,7 @@ ShareDone = Callable[[float], None]
 
 @cache
 def versions() -> dict[str, str]:
-    """Of the packages that compute."""
+    """The versions of the packages that compute."""
     found = {name: version(name) for name in ("persistent-orbits", "casadi", "numpy")}
     return {**found, "python": platform.python_version()}
 

@@ -1,7 +1,7 @@
 """The corrector: Newton's method back to the curve, at one point or at many.
 
 A point of the curve solves F(X) = 0, row . X = level, where the row says how the length along the curve is measured.
-Numbers of Taylor steps that suffice at one point are tried first at its neighbours: `counts`.
+The `counts` of Taylor steps that suffice at one point are tried first at its neighbours.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from .predictor import around
 
 # Motions of more Taylor steps are evaluated one by one: to build a function of so many takes longer than it saves.
 MOST_STEPS = 512
-# Neighbours may take this many Taylor steps more. Where that is not enough, the number grows once by this factor.
+# A neighbour is given this many Taylor steps more, and where these do not suffice, once more by this factor.
 SPARE_STEPS, MORE = 1, 1.5
 # Points of the curve that the predictor uses for a step.
 MEMORY = 4

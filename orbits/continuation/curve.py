@@ -24,8 +24,8 @@ from .family import RESERVED_NAMES, Point
 from .newton_batch import NewtonBatch, newton_batch
 from .predictor import around
 
-# The tangent of a fold has a smaller share along the parameter, whose value does not fix the orbit there: errors are
-# measured across the curve.
+# A point is at a fold where the tangent has a smaller share than this along the parameter. The value of the parameter
+# does not fix the orbit there, and its error is measured across the curve.
 AT_A_FOLD = 1e-3
 # Functions of an orbit whose zeros are events, by name.
 Watch = Mapping[str, Callable[[Orbit], float]]
@@ -186,11 +186,11 @@ class Curve:
     def _certificates(self, points: Sequence[CurvePoint], us, ps, evaluation: Evaluation, errors) -> list[Point]:
         """The orbits at `solutions`, certified; raises `NoOrbit` about the first that cannot be."""
         model = self.machine.model
-        cases = interpret(model, self.method, self.orbits, us, ps, evaluation, errors)
-        also = {name: cases.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
+        cycles = interpret(model, self.method, self.orbits, us, ps, evaluation, errors)
+        also = {name: cycles.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
-        figures = cases.u["alpha"].tolist(), cases.u["liftoff"].tolist(), cases.flight_times.tolist()
-        columns = *figures, or_none(cases.contact_times), certify(model, cases), others
+        figures = cycles.u["alpha"].tolist(), cycles.u["liftoff"].tolist(), cycles.flight_times.tolist()
+        columns = *figures, or_none(cycles.contact_times), certify(model, cycles), others
         places = [(point.value, tuple(point.x[:-1].tolist()), tuple(point.tangent.tolist())) for point in points]
         return [Point(*place, *row) for place, *row in zip(places, *columns, strict=True)]
 

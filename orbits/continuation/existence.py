@@ -15,7 +15,7 @@ from .family import Family
 from .follow import follow, start_tracer
 from .step_control import Options, StepControl, checked_options
 
-Stretch = tuple[float, float, bool]
+Interval = tuple[float, float, bool]
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class Existence:
     rows: tuple[tuple[Family, ...], ...]
     spine: tuple[Family, ...]
 
-    def stretches(self, row: int) -> Iterator[Stretch]:
+    def stretches(self, row: int) -> Iterator[Interval]:
         """Where a row has orbits: (from, to, whether they are motions), to rounding; sheets may overlap."""
-        return (stretch for family in self.rows[row] for stretch in stretches(family))
+        return (interval for family in self.rows[row] for interval in intervals_of(family))
 
     def unknown(self, row: int) -> bool:
         """Whether a row may be incomplete: one of its families was cut short or lost, or the spine did not reach it."""
@@ -58,7 +58,7 @@ class Existence:
         return plot_existence(self, axes)
 
 
-def stretches(family: Family) -> Iterator[Stretch]:
+def intervals_of(family: Family) -> Iterator[Interval]:
     """The stretches of a family's parameter on which it has orbits, each with whether they are motions.
 
     A stretch ends at a fold, or at an event from which on the orbits become motions or cease to be.

@@ -23,10 +23,10 @@ MOST_KEPT = 64
 # The outputs for an arc of N Taylor steps of order K with n states: its duration; the derivatives of `Evaluation` (of
 # its end by its start, of its start, of its duration, and of the residual by its end); the Taylor coefficients of the
 # states (K + 1, n N) and of their variations (K + 1, n (n + 1) N); and the lengths of the Taylor steps (1, N).
-EVALUATED = "duration", "transition", "start", "longer", "holds", "c", "dc", "lengths"
+EVALUATED = "duration", "transition", "start", "longer", "residual_by_end", "c", "dc", "lengths"
 # The same after a Newton step, to first order in it: the arc's end time instead of its duration, and of the variations
 # only those at the start of each Taylor step (1, n (n + 1) N).
-SOLVED = "end", "transition", "start", "longer", "holds", "c", "nodes", "lengths"
+SOLVED = "end", "transition", "start", "longer", "residual_by_end", "c", "variations", "lengths"
 
 
 class NewtonBatch:
@@ -88,10 +88,12 @@ class NewtonBatch:
             taken[:, 0] |= ~enough  # even a motion that fails keeps one step, as `Trajectories` needs it
             some, starts = slice(None) if taken.all() else taken.ravel(), lengths.cumsum(1) - lengths
             c = arc["c"].swapaxes(1, 2).reshape(size * count, n, -1)[some]
-            nodes = arc["nodes"].reshape(size * count, n + 1, n)[some].swapaxes(1, 2)[..., None]
-            motions = Trajectories(starts.ravel()[some], arc["end"][:, 0, 0], c, taken.sum(1), flow.names[:n], nodes)
+            variations = arc["variations"].reshape(size * count, n + 1, n)[some].swapaxes(1, 2)[..., None]
+            motions = Trajectories(
+                starts.ravel()[some], arc["end"][:, 0, 0], c, taken.sum(1), flow.names[:n], variations
+            )
             enough &= motions.steps[motions.last] > 0
-            arcs.append((motions, arc["transition"], arc["start"], arc["longer"][:, 0], arc["holds"]))
+            arcs.append((motions, arc["transition"], arc["start"], arc["longer"][:, 0], arc["residual_by_end"]))
             used.append(count - taken[:, ::-1].argmax(1))
         evaluation = Evaluation(residual[:, :, 0], jacobian, *zip(*arcs, strict=True))
         return vectors[:, :, 0], vectors[:, :, 1], evaluation, enough, used
@@ -112,8 +114,8 @@ class NewtonBatch:
         last, dlast = ca.MX(0, 1), ca.MX(0, n + 1)
         residuals, jacobians, enough, results = [], [], [], []
         arcs = zip(equations.flows, counts, steppers, equations.ends, seeds, strict=True)
-        for flow, count, stepper, (depart, arrive), (dx, dq) in arcs:
-            size, (value, slope) = flow.size, depart.function(u, last, q)
+        for flow, count, stepper, (departure, arrival), (dx, dq) in arcs:
+            size, (value, slope) = flow.size, departure.function(u, last, q)
             dvalue = slope @ ca.vertcat(du, dlast, dp)
             start, duration, dstart, longer = value[:-1], value[-1], ca.vertcat(dvalue[:-1, :], own), dvalue[-1, :]
             data = ca.repmat(ca.vertcat(q, ca.vec(ca.DM(dq[[self.index]]))), 1, count)
@@ -121,8 +123,8 @@ class NewtonBatch:
             z, c, dc, made = stepper.step_function.mapaccum(count)(begin, data)
             end, transition, left = z[:size, -1], ca.reshape(z[size:-2, -1], size, size + 1), z[-2, -1]
             dend = transition @ dstart + flow.vector_field.field(end, q)[0] @ longer
-            holds, slope = arrive.function(u, start, end, q, ca.MX(0, 1))
-            residuals.append(holds)
+            residual, slope = arrival.function(u, start, end, q, ca.MX(0, 1))
+            residuals.append(residual)
             jacobians.append(slope @ ca.vertcat(du, dstart[:size, :], dend, dp))
             enough += [duration > 0, left == 0]
             results += [duration, transition, dstart, longer, slope[:, n + size : n + 2 * size], c, dc, made[0, :]]
@@ -147,11 +149,11 @@ class NewtonBatch:
             c += ca.reshape(ca.reshape(dc, order * size, (size + 1) * count) @ change, order, size * count)
             longer = arc["longer"] @ step
             ends.append(_value(order, size)(c[:, -size:], lengths[-1] + longer))
-            arc |= {"end": arc["duration"] + longer, "c": c, "nodes": dc[0, :]}
+            arc |= {"end": arc["duration"] + longer, "c": c, "variations": dc[0, :]}
             results += [arc[name] for name in SOLVED]
         new = x + step
-        arrived = equations.arrivals.function(new[:-1], self._parameters(p, new[-1]), *ends)
-        return dense("newton", [x, row, target, p], [step_and_direction, enough, arrived, jacobian, *results])
+        residual = equations.arrivals.function(new[:-1], self._parameters(p, new[-1]), *ends)
+        return dense("newton", [x, row, target, p], [step_and_direction, enough, residual, jacobian, *results])
 
     @staticmethod
     def _step_function(memory: int, evaluation: ca.Function, newton: ca.Function) -> ca.Function:

@@ -255,9 +255,9 @@ def _check_escape(search: LocalSearch, machine: Machine, orbit: Orbit, ratio: fl
     problem = search.problem
     for name in ("alpha", "contact_time"):
         value = getattr(orbit, name)
-        growth = value / getattr(search.first, name)
-        if not 1 / ratio < growth < ratio:
-            end, relation = ("escapes", "<=") if growth > 1 else ("shrinks to nothing", ">=")
+        change = value / getattr(search.first, name)
+        if not 1 / ratio < change < ratio:
+            end, relation = ("escapes", "<=") if change > 1 else ("shrinks to nothing", ">=")
             raise Unbounded(
                 f"the objective has no {'least' if problem.sign > 0 else 'largest'} value: '{problem.text}' gets "
                 f"better as the orbit {end}, {name} = {value:.4g} at {problem.where(machine)} and still going; bound "
@@ -279,9 +279,9 @@ def _at_trust_region(search: LocalSearch, x: np.ndarray) -> bool:
     theta, (low, high) = x[:k], problem.within(point.theta, reach)
     # A bound of the problem itself does not count.
     below, above = np.where(low > problem.low, theta - low, np.inf), np.where(high < problem.high, high - theta, np.inf)
-    growth = np.abs(np.log(x[k + 1 : k + n] / point.u[1:]))
+    changes = np.abs(np.log(x[k + 1 : k + n] / point.u[1:]))
     near = np.minimum(below, above) < 1e-3 * reach * problem.units(point.theta)
-    return bool(near.any() or (growth > 0.999 * np.log1p(min(reach, 1.0))).any())
+    return bool(near.any() or (changes > 0.999 * np.log1p(min(reach, 1.0))).any())
 
 
 def _infeasible(search: LocalSearch, violations: np.ndarray) -> Infeasible:

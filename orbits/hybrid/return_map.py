@@ -190,7 +190,7 @@ class ResolvedMap:
         """The intervals of launch speeds that come to one of the `lossless` ones, of which the lowest begins the grid,
         within `hops` hops, in a range of this width."""
         pairs = zip(lossless, [*lossless[1:], float(self.grid[-1])], strict=True)
-        intervals, total = [(star, self._end_of_descent(star, end)) for star, end in pairs], 0.0
+        intervals, total = [(star, self._end_of_basin(star, end)) for star, end in pairs], 0.0
         for _ in range(hops):
             intervals = self.preimages(intervals)
             total, last = float(np.diff(intervals).sum()), total
@@ -198,7 +198,7 @@ class ResolvedMap:
                 break
         return intervals
 
-    def _end_of_descent(self, star: float, end: float) -> float:
+    def _end_of_basin(self, star: float, end: float) -> float:
         """The launch speed from which on the map falls below the lossless one, `star`; `end` if not before."""
         grid, excess = self.grid, self.following - star
         i = np.flatnonzero((grid > star) & (grid < end) & (excess < 0))[:1]

@@ -176,20 +176,20 @@ def interpret(
 
 def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Evaluation):
     """The `flight`, the `halves` and the `gap_slope` of `Cycles`."""
-    motions = evaluation.trajectories[0]
+    motions, alpha = evaluation.trajectories[0], list(u).index("alpha")
     if reduction := reduction_of(model, method):
         of_steps = ({name: values[motions.owner] for name, values in each.items()} for each in (u, p))
         coefficients = reduction.complete(motions.starts, motions.coefficients, *of_steps)
         flight = Trajectories(motions.starts, motions.ends, coefficients, motions.counts, model.flight.states)
-        landing = _landing_by_alpha(evaluation, reduction.reversor)
+        landing = _landing_by(alpha, evaluation, reduction.reversor)
         return flight, flight, reduction.gap_slope(2 * flight.ends, landing.T, p)
     flight = motions.only(model.flight.states)
     if model.reversor:
-        return flight, flight, landing_gap_slope(model, _landing_by_alpha(evaluation, model.reversor).T, p)
+        return flight, flight, landing_gap_slope(model, _landing_by(alpha, evaluation, model.reversor).T, p)
     for i in np.flatnonzero(np.abs(u["unfolding"]) * u["duration"] > LARGEST_UNFOLDING).tolist():
         reason = f"with the energy pumped at the rate {u['unfolding'][i]:.3g}: this model has no lossless orbit here"
         raise NoOrbit(f"the landing conditions hold only {reason}").about(i)
-    landing = (evaluation.transitions[0] @ evaluation.starts[0])[:, :, 1]
+    landing = (evaluation.transitions[0] @ evaluation.starts[0])[:, :, alpha]
     return flight, halved(flight), landing_gap_slope(model, landing.T, p)
 
 
@@ -203,10 +203,10 @@ def halved(flights: Trajectories) -> Trajectories:
     return Trajectories.of([half for path in flights for half in path.split(path.times[-1] / 2)])
 
 
-def _landing_by_alpha(evaluation: Evaluation, reversor: tuple[int, ...]) -> ndarray:
-    """Derivatives (m, states) of the state at landing by alpha, the second unknown; the second half of the motion is
+def _landing_by(alpha: int, evaluation: Evaluation, reversor: tuple[int, ...]) -> ndarray:
+    """Derivatives (m, states) of the state at landing by the unknown number `alpha`; the second half of the motion is
     the mirror image of the first, and so is its transition matrix."""
-    first, start, mirror = evaluation.transitions[0], evaluation.starts[0][:, :, [1]], np.array(reversor)[:, None]
+    first, start, mirror = evaluation.transitions[0], evaluation.starts[0][:, :, [alpha]], np.array(reversor)[:, None]
     return (mirror * solve(first[:, :, : first.shape[1]], mirror * (first @ start)))[:, :, 0]
 
 

@@ -95,10 +95,10 @@ def _combined(evaluations: Sequence[Evaluation], combine_arrays: Callable, combi
     return Evaluation(**combined)
 
 
-def settles(size: Any, last: Any, growth: Any) -> Any:
+def settles(size: Any, last: Any, amplification: Any) -> Any:
     """Whether a relative Newton step of this size, or each of (m,), is the last one worth taking, where `last` is the
-    size of the step before, and `growth` that of a small change of the state over the motion."""
-    return (size * np.maximum(growth, 1.0) < LAST_STEP) | ((size < SMALL_STEP) & (size > STALLED_RATIO * last))
+    size of the step before, and `amplification` that of a small change of the state over the motion."""
+    return (size * np.maximum(amplification, 1.0) < LAST_STEP) | ((size < SMALL_STEP) & (size > STALLED_RATIO * last))
 
 
 class Shooting:

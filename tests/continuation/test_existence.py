@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError, existence, follow, follow_fold
-from orbits.continuation.existence import stretches
+from orbits.continuation.existence import intervals_of
 from problems import Hopper
 
 MACHINE = Hopper("r + beta*r**3 + delta*r**5", rest_length=30.0, parameters={"beta": 0.0, "delta": 0.0})
@@ -34,7 +34,7 @@ def test_the_edge_moves_as_the_fold_does(diagram):
 
 def test_stretches_cover_a_family_once():
     family = follow(MACHINE, "beta", -0.02)
-    found = list(stretches(family))
+    found = list(intervals_of(family))
     assert [motion for *_, motion in found] == [True, False, False]  # a motion, collapsing, on the second sheet
     (a, b, _), (c, d, _), (e, f, _) = found
     assert b == 0.0
