@@ -19,16 +19,6 @@ DATA = Path(__file__).parent / "data"
 REFERENCES = json.loads((DATA / "orbits.json").read_text(encoding="utf-8"))
 
 
-@pytest.fixture(scope="session", autouse=True)
-def cache(tmp_path_factory):
-    """Compiled code is kept in a temporary folder, which the workers share."""
-    folder = tmp_path_factory.getbasetemp()
-    folder = (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "cache"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(folder))
-        yield
-
-
 def machine_of(reference: dict) -> Hopper:
     """The hopper of a reference orbit."""
     return Hopper(

@@ -21,7 +21,6 @@ from ..periodic.formulations import equations_of, interpret, or_none
 from ..periodic.orbit import Orbit
 from ..periodic.single_shooting import Evaluation, joined
 from .family import RESERVED_NAMES, Point
-from .newton_batch import NewtonBatch, newton_batch
 from .predictor import around
 
 # A point is at a fold where the tangent has a smaller share than this along the parameter. The value of the parameter
@@ -51,7 +50,6 @@ class CurvePoint:
     tangent : (n + 1,), of length 1 in units of the curve's size
     branch_test : determinant of the Jacobian bordered by the tangent, which changes its sign at a branch point
     evaluation, index : the equations at several points, to first order from the last Newton step, and this one's place
-    counts : Taylor steps that suffice for each arc, as in `NewtonBatch`; None where motions are evaluated one by one
     length : length of the curve from the point before
     parts : number of points that the step ending here is divided into; 0 at a point that does not end a step
     certified : the orbit without its motion, None before it is certified
@@ -62,7 +60,6 @@ class CurvePoint:
     branch_test: float
     evaluation: Evaluation
     index: int
-    counts: tuple[int, ...] | None = None
     length: float = 0.0
     parts: int = 0
     certified: Point | None = None
@@ -92,7 +89,7 @@ class CurvePoint:
 
     def with_orbit(self, orbit: Point) -> "CurvePoint":
         """The same point, certified; this is faster than `replace`, and done for every point."""
-        solved = self.x, self.tangent, self.branch_test, self.evaluation, self.index, self.counts
+        solved = self.x, self.tangent, self.branch_test, self.evaluation, self.index
         return CurvePoint(*solved, self.length, self.parts, orbit)
 
 
@@ -122,13 +119,8 @@ class Curve:
         """The parameters (np,) that vary along the curve, by name."""
         return {self.along: float(p[self.place])}
 
-    @cached_property
-    def batch(self) -> NewtonBatch | None:
-        """The equations at many points in one call; None where a motion can only be followed by itself."""
-        return newton_batch(self.equations, self.along) if self.equations.smooth else None
-
     def evaluate(self, xs: np.ndarray) -> Evaluation:
-        """The equations at points (m, n + 1), stacked, each motion with Taylor steps of its own."""
+        """The equations at points (m, n + 1)."""
         return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
 
     def certify(self, point: CurvePoint) -> CurvePoint:

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number
 from ..numerics.roots import bracketed_root
 from ..periodic.orbit import Orbit
-from .corrector import correct, larger_counts
+from .corrector import correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, Watch, interpolated
 
 # An event is located to this share of the chord between two points, where rounding begins to show.
@@ -47,7 +47,7 @@ class Segment:
         return self._correct(guess, self.row, level)
 
     def _correct(self, guess, row, level: float) -> CurvePoint:
-        return correct(self.curve, guess, row, level, self.a.tangent, larger_counts(self.a.counts, self.b.counts))
+        return correct(self.curve, guess, row, level, self.a.tangent)
 
     def sheets(self) -> list["Segment"]:
         """The segments between the ends and a fold between them."""

@@ -7,14 +7,12 @@ through the ends of the steps must lead to the curve.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from itertools import accumulate, groupby, pairwise
-from operator import ge
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
-from .corrector import MEMORY, Counts, correct, correct_all, larger_counts, predict_and_correct
+from .corrector import MEMORY, correct, correct_all, predict_and_correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, Watch, interpolated
 from .predictor import around
 
@@ -49,7 +47,6 @@ class StepControl:
     steepest_rate : share of the parameter in the tangent above which Ipopt may solve at a fixed value of the parameter
     largest_batch : points in one batch; it is reduced to one after a rejection
     batch_growth : factor by which a batch grows after each one without a rejection
-    similar_counts : points are solved in one call when that needs at most this many times their own Taylor steps
     neighbours : ends of steps on either side that the points between two of them are interpolated from
     separation : least distance of a regular point from a value asked for, as a share of the points' distance
     most_rejections, recovery : a run ends after so many rejections, each of which is offset by so many accepted points
@@ -72,7 +69,6 @@ class StepControl:
     steepest_rate: float = _between(0.0, 1.0, 0.1)
     largest_batch: int = _between(1, 100_000, 160)
     batch_growth: int = _between(1, 1000, 4)
-    similar_counts: float = _between(1.0, 100.0, 1.1)
     neighbours: int = _between(1, 8, 3)
     separation: float = _between(0.0, 0.5, 0.1)
     most_rejections: int = _between(0, 100_000, 16)
@@ -195,7 +191,7 @@ class Stepper:
         guess = interpolated([last], row, np.array([row @ last.x + length]))
         u, _ = curve.equations.multiple_shooting(guess[0, :-1], curve.parameters_at(guess)[0])
         x, along_parameter = np.append(u, guess[0, -1]), np.eye(len(last.x))[-1]
-        point = correct(curve, x, along_parameter, x[-1], last.tangent, last.counts)
+        point = correct(curve, x, along_parameter, x[-1], last.tangent)
         self._correction(last, [point], guess, np.array([length]))
         return replace(point, length=length, parts=1)
 
@@ -219,15 +215,7 @@ class Stepper:
         tangents = np.array([point.tangent for point in chain[first:-1]])[steps]
         stops = np.searchsorted(steps, np.arange(len(new)), side="right").tolist()
         lengths = np.array([end.length for end in new])[steps].tolist()
-        needed = [larger_counts(a.counts, b.counts) for a, b in pairwise(chain[first:])]
-        counts = list(accumulate(reversed(needed), self._similar))[::-1]
-        solved: list[CurvePoint] = []
-        for _, group in groupby(range(len(new)), key=counts.__getitem__):
-            *_, step = group
-            if len(solved) < stops[step]:
-                part = slice(len(solved), stops[step])
-                places = guesses[part], rows[part], levels[part], tangents[part]
-                solved += correct_all(self.curve, *places, counts[step], lengths[part])
+        solved = correct_all(self.curve, guesses, rows, levels, tangents, lengths) if len(steps) else []
         parts = zip([0, *stops], stops, new, strict=False)
         points = [point for start, stop, end in parts for point in (*solved[start:stop], end)]
         guesses = np.insert(guesses, stops, [end.x for end in new], axis=0)
@@ -264,9 +252,3 @@ class Stepper:
         a, b, onward = values[:-1, None], values[1:, None], (rates[:-1] * rates[1:] > 0)[:, None]
         steps, which = np.nonzero((np.minimum(a, b) < asked) & (asked < np.maximum(a, b)) & onward)
         return steps, asked[which]
-
-    def _similar(self, later: Counts, counts: Counts) -> Counts:
-        """The `later` step's numbers of Taylor steps, where they suffice here and are not many more, for one call."""
-        if not later or not counts or not all(map(ge, later, counts)):
-            return counts
-        return later if sum(later) <= self.control.similar_counts * sum(counts) else counts

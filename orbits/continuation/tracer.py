@@ -1,6 +1,6 @@
 """A run along a curve of orbits: batches of points, their certificates, the events between them, and the end.
 
-In one batch `step_control` takes several steps, which `newton_batch` predicts and `corrector` solves. Then `curve`
+In one batch `step_control` takes several steps, which `predictor` and `corrector` find. Then `curve`
 certifies the points, `events` locates what happens between them, `limits` tests for the end, `checkpoint` collects.
 """
 

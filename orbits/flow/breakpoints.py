@@ -99,6 +99,11 @@ class ActivePieces:
         return np.ones(len(self.index), bool) if self.pieces is None else self._nearest == self.index
 
     @property
+    def ends(self) -> Array:
+        """The two breakpoints (m, 2) of the piece that each motion is on."""
+        return self.breaks[self._nearest[:, None] + [0, 1]]
+
+    @property
     def _nearest(self) -> Array:
         return np.clip(self.index, 0, len(self.table) - 1)
 
@@ -108,23 +113,24 @@ class ActivePieces:
         data = np.tile(self.p, (len(self.index), 1))
         return data if self.pieces is None else np.hstack([data, self.table[self._nearest]])
 
-    def cut(self, c: Array, steps: Array) -> Array:
-        """Steps (m, 1) with coefficients (m, 1, rows, K + 1), shortened to the ends of their pieces."""
+    def cut(self, c: Array, steps: Array, entering: Array) -> Array:
+        """Steps (m,) with coefficients (m, rows, K + 1), shortened to the ends of their pieces; some (m,) begin where
+        their pieces are entered."""
         self.crossed = np.zeros(len(steps), int)
         if self.pieces is None:
             return steps
-        lengths = steps[:, 0].copy()
-        coordinate = np.einsum("i,mik->mk", self.weights, c[:, 0, : len(self.weights)])
+        lengths = steps.copy()
+        coordinate = np.einsum("i,mik->mk", self.weights, c[:, : len(self.weights)])
         for side in (0, 1):
             level = self.breaks[self._nearest + side]
             distance = coordinate.copy()
             distance[:, 0] -= level
             distance[~np.isfinite(level)] = 1.0
-            orders = np.where(level == self.level, (distance[:, 1:] != 0).argmax(1) + 1, 0)
+            orders = np.where(entering & (level == self.level), (distance[:, 1:] != 0).argmax(1) + 1, 0)
             owner, _, t = PiecewisePolynomials(distance, lengths, np.ones(len(lengths), int)).first_roots(orders)
             hit = t < lengths[owner]
             lengths[owner[hit]], self.crossed[owner[hit]] = t[hit], 2 * side - 1
-        return lengths[:, None]
+        return lengths
 
     def enter(self, which: Array) -> None:
         """Keep the motions `which`, on the next pieces where they have crossed a breakpoint."""

@@ -20,7 +20,7 @@ from ..symbolic.calls import BufferedFunction, ElementwiseFunction
 from .breakpoints import ActivePiece
 from .runge_kutta import RungeKuttaStepper
 from .taylor import TaylorStepper
-from .trajectory import Trajectories, Trajectory
+from .trajectory import Trajectories, Trajectory, begins_of_steps
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField
 
 # Shares of a duration that are rounding: what is no step of its own in closed form, and no difference of two times.
@@ -48,8 +48,6 @@ class Flow:
         self.phase, self.parameters = phase, tuple(parameters)
         self.size, self.names = len(phase.states), (*phase.states, *phase.watch)
         self.steppers: dict[tuple, TaylorStepper | RungeKuttaStepper] = {}
-        # Steps in the first block of motions up to a zero: one more than the most that recent ones took.
-        self.expected_steps = self.control.look_ahead
 
     def run(
         self,
@@ -78,6 +76,40 @@ class Flow:
             return self._run_in_closed_form(x, p, duration, seeds, stop)
         return self._integrate(x, p, duration, seeds, parameter_seeds, stop)
 
+    def run_all(
+        self, starts: Array, ps: Array, durations: Array, seeds: Array, parameter_seeds: Array
+    ) -> tuple[Trajectories, Array]:
+        """`run` of several motions with sensitivities, from states (m, n) with parameters (m, np) for times (m,).
+
+        All have the same seeds (n, columns) and parameter seeds (np, columns). Returns the motions and the derivatives
+        (m, n, columns) of their ends. Raises the `FlowError` of the first that cannot be followed.
+        """
+        if not self.smooth or (self.phase.closed_form and not parameter_seeds.any()):
+            return self._run_each(starts, ps, durations, seeds, parameter_seeds)
+        stepper = self.stepper(seeds.shape[1], tuple(map(int, np.flatnonzero(parameter_seeds.any(1)))))
+        assert isinstance(stepper, TaylorStepper)
+        found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.max_block)
+        begins = begins_of_steps(found.steps, found.counts)
+        vanishing = found.steps <= self.control.shortest_step * np.maximum(begins, 1.0)
+        owner = np.repeat(np.arange(len(starts)), found.counts)
+        done = (found.left == 0) & (durations > 0) & (np.bincount(owner[vanishing], minlength=len(starts)) == 0)
+        arrays = begins, found.coefficients, found.slopes
+        if done.all():
+            begins, c, slopes = arrays
+            return Trajectories(begins, durations, c, found.counts, self.names, slopes), found.variations
+        others, variations = self._run_each(starts[~done], ps[~done], durations[~done], seeds, parameter_seeds)
+        order = np.argsort(np.append(np.flatnonzero(done), np.flatnonzero(~done)))
+        parts = [others]
+        if done.any():
+            begins, c, slopes = (array[done[owner]] for array in arrays)
+            parts = [Trajectories(begins, durations[done], c, found.counts[done], self.names, slopes), others]
+        return Trajectories.joined(parts)[order], np.concatenate([found.variations[done], variations])[order]
+
+    def _run_each(self, starts, ps, durations, *seeds) -> tuple[Trajectories, Array]:
+        """`run_all` of one motion after the other."""
+        found = [self.run(*one, *seeds) for one in zip(starts, ps, durations.tolist(), strict=True)]
+        return Trajectories.of([path for path, _ in found]), np.array([variations for _, variations in found])
+
     def _run_in_closed_form(self, start, p, duration: float, seeds, stop: StopTest | None):
         """Polynomials of the exact flow, each from the exact state at its start, so that no error accumulates."""
         form, control = self.closed_form(p), self.control
@@ -105,21 +137,21 @@ class Flow:
         columns = variations.shape[1]
         piece = ActivePiece(self, p, x, columns, parameter_seeds)
         stepper = self.stepper(columns, piece.varied())
-        coefficients, slopes, times, h = [], [], [0.0], None
+        coefficients, slopes, times, h, taken = [], [], [0.0], None, 0
+        block = 1 if self.phase.pieces else self.control.look_ahead if stop else self.control.max_block
         while times[-1] < duration:
             interrupts.check()
             left = duration - times[-1]
-            block = self._block_size(stepper, stop, left, h)
             steps, c, dc = stepper.advance(x, piece.data, variations, piece.seeds, block, left, h)
-            steps, c = self._accepted_steps(steps, c, times[-1], len(coefficients))
+            steps, c = self._accepted_steps(steps, c, times[-1], taken)
             count, last, side, stopped = self._block_end(piece, c, steps, left, stop)
-            for step in (*steps[: count - 1], last):
-                times.append(times[-1] + step)
-            coefficients.extend(c[:count])
+            times.extend((times[-1] + np.cumsum([*steps[: count - 1], last])).tolist())
+            coefficients.append(c[:count])
+            taken += count
             power = last ** np.arange(1, c.shape[2])
             x = c[count - 1, : self.size, 0] + c[count - 1, : self.size, 1:] @ power
             if dc is not None and columns:
-                slopes.extend(dc[:count])
+                slopes.append(dc[:count])
                 variations = dc[count - 1, ..., 0] + dc[count - 1, ..., 1:] @ power
             h = steps[count - 1]
             if np.abs(x).max() > self.control.runaway:
@@ -131,19 +163,8 @@ class Flow:
                 times[-1] = duration
             if side:
                 variations = piece.enter(side, x, variations)
-        if not stop:
-            stepper.expected_steps = min(len(coefficients), self.control.max_block)
-        path = Trajectory(np.array(times), np.array(coefficients), self.names, np.array(slopes) if columns else None)
-        return path, variations
-
-    def _block_size(self, stepper, stop: StopTest | None, left: float, h: float | None) -> int:
-        """How many steps to take in the next call, after a step of length `h` if there has been one."""
-        if self.phase.pieces or stop:
-            return 1 if self.phase.pieces else self.control.look_ahead
-        if not h:
-            return stepper.expected_steps
-        # A power of two, about as many steps as are left, since each number of steps has a function of its own.
-        return int(2 ** np.ceil(np.log2(np.clip(left / h, 1, self.control.look_ahead))))
+        moving = np.concatenate(slopes) if columns else None
+        return Trajectory(np.array(times), np.concatenate(coefficients), self.names, moving), variations
 
     def _accepted_steps(self, steps, c, t: float, taken: int) -> tuple[Array, Array]:
         """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""

@@ -1,14 +1,16 @@
-"""Taylor steps of a flow with their sensitivities, interpreted at first and compiled once there are many."""
+"""Taylor steps of a flow with their sensitivities, of one motion or of many, in kernels."""
 
-import threading
+from functools import lru_cache
+from itertools import pairwise
+from math import comb
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ..numerics.bernstein import TINY
 from ..numerics.roots import Array
-from ..symbolic.calls import BufferedFunction, MappedFunction
-from ..symbolic.kernels import compile_function, compile_seconds, compiled_before, lengths
+from ..symbolic.kernels import Kernel
 from ..symbolic.taylor_series import variations
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Steps, VectorField, symbolic_powers
 
@@ -20,13 +22,30 @@ LARGEST_DEFECT = 1e-10
 LONGEST_STEP = 1e9
 # Where less than this many steps are left of the duration, the last two share it evenly, so that none is tiny.
 SHARED_STEPS = 1.5
-# About the time that the CasADi virtual machine takes for one instruction. Interpretation may take this share of the
-# time to compile before the cache of compiled functions is searched.
-SECONDS_PER_INSTRUCTION, SEARCH_SHARE = 2e-9, 0.02
+# The highest order of a zero at the start of a motion that a search divides out.
+HIGHEST_ORDER = 3
+
+
+class Motions(NamedTuple):
+    """Motions of given durations, in N Taylor steps altogether.
+
+    ends, variations : states (m, n) at their ends, and their derivatives (m, n, columns)
+    steps, coefficients, slopes : (N,), (N, rows, K + 1) and (N, n, columns, K + 1) of one motion after the other
+    counts : (m,), how many steps each takes
+    left : (m,), the time that is left, 0 where a motion has not broken down
+    """
+
+    ends: Array
+    variations: Array
+    steps: Array
+    coefficients: Array
+    slopes: Array
+    counts: Array
+    left: Array
 
 
 class TaylorStepper:
-    """Takes Taylor steps, several in one call, with the sensitivities of the states.
+    """Takes Taylor steps with the sensitivities of the states.
 
     `step_function` makes one step: (z, data) -> (z after it, coefficients (K + 1, n + m) of the n states and m watched
     quantities, those of the sensitivities (K + 1, n columns), lengths taken and tried (2,)). Its argument z holds the
@@ -40,83 +59,146 @@ class TaylorStepper:
     def __init__(self, graph: VectorField, columns: int, varied: tuple[int, ...] = ()):
         self.n, self.columns, self.varied = graph.size, columns, list(varied)
         self.rows = graph.size + graph.field.numel_out(1)
-        self.step_function, instructions = _step_function(graph, columns, varied)
-        self.seconds_per_step = instructions * SECONDS_PER_INSTRUCTION
-        # Compiled once its interpretation took as long as that will, a function costs at most twice the best time.
-        self.interpretation_budget = SEARCH_SHARE * compile_seconds(self.step_function)
-        self.cache_searched = self.compiled = False
-        self.lock = threading.RLock()  # One thread may compile while others step.
-        self.expected_steps = 4  # Steps of a motion of given duration, updated by each that is integrated.
-        self._calls, self._batch_calls = dict[int, BufferedFunction](), dict[int, MappedFunction]()
+        self.step_function = _step_function(graph, columns, varied)
+        self.kernel = Kernel(self._motion_function())
+        self._watching: dict[int, Kernel] = {}  # the kernels of `watch`, by the number of functions
+
+    @property
+    def compiled(self) -> bool:
+        """Whether motions take their steps in machine code."""
+        return any(kernel.compiled for kernel in (self.kernel, *self._watching.values()))
 
     def advance(self, x: Array, p: Array, dx: Array, dp: Array, count: int, left: float, hint: float | None) -> Steps:
-        """The accepted ones of `count` steps, which together last no longer than `left`; the `hint` is not used.
+        """At most `count` steps of one motion, which last no longer than `left`; the `hint` is not used.
 
         Returns steps (m,), coefficients (m, rows, K + 1) and sensitivities (m, n, columns, K + 1). A single NaN is
         returned for the steps when none is accepted.
         """
-        with self.lock:
-            self.count_steps(count)
-            if (call := self._calls.get(count)) is None:
-                chain = self.step_function if count == 1 else self.step_function.mapaccum(count)
-                call = self._calls[count] = BufferedFunction(chain)
-        with call.lock:
-            start, data = call.arguments[0], call.arguments[1].reshape(count, -1)
-            start[: self.n], start[-2], start[-1] = x, left, LONGEST_STEP
-            data[:, : len(p)] = p
-            if self.columns:
-                start[self.n : -2] = dx.T.ravel()
-                data[:, len(p) :] = dp[self.varied].T.ravel()
-            call.trigger()
-            ends, c, dc, (steps, tried) = call.results
-            while not steps.any() and tried[-1] > FLOW_CONTROL.shortest_step and np.isfinite(c).all():
-                start[-1] = ends[-1, -1]
-                call.trigger()
-            c, dc = self.unfold(c.copy(order="K"), dc.copy(order="K"))
-            taken = steps > 0
-            steps = steps[taken]
-        if not taken.any():
-            return np.full(1, np.nan), c[:1], None
-        return (steps, c, dc) if taken.all() else (steps, c[taken], dc[taken])
+        found = self.advance_all(x[None], p[None], np.array([left]), dx, dp, count)
+        if not len(found.steps):
+            return np.full(1, np.nan), x[None, :, None], None
+        if found.left[0] == 0:  # the time was counted down, with other roundings than those of the sum of the steps
+            found.steps[-1] += left - np.cumsum(found.steps)[-1]
+        return found.steps, found.coefficients, found.slopes
 
-    def unfold(self, c: Array, dc: Array) -> tuple[Array, Array]:
-        """Coefficients (..., count, rows, K + 1) and sensitivities (..., count, n, columns, K + 1) of `count` steps."""
-        c = c.swapaxes(-1, -2).reshape(*c.shape[:-2], -1, self.rows, TAYLOR_ORDER + 1)
-        dc = dc.swapaxes(-1, -2).reshape(*c.shape[:-2], self.columns, self.n, TAYLOR_ORDER + 1)
-        return c, dc.swapaxes(-2, -3)
+    def advance_all(
+        self, x: Array, p: Array, durations: Array, dx: Array, dp: Array, count: int = FLOW_CONTROL.max_steps
+    ) -> Motions:
+        """Motions from states (m, n) with parameters (m, np) or (1, np), each for its duration (m,) or at most so many
+        steps; dx (n, columns) and dp (np, columns) are their seeds."""
+        size, n, columns = len(x), self.n, self.columns
+        z = np.empty((size, n * (1 + columns) + 2))
+        z[:, :n], z[:, -2], z[:, -1] = x, durations, LONGEST_STEP
+        if columns:
+            z[:, n:-2] = dx.T.ravel()
+            p = np.hstack([p, np.tile(dp[self.varied].T.ravel(), (len(p), 1))])
+        z, (c, dc, steps), counts, _ = self.kernel(z, p, most=count)
+        orders = TAYLOR_ORDER + 1
+        variations, slopes = z[:, n:-2].reshape(size, columns, n), dc.reshape(len(c), columns, n, orders)
+        c = c.reshape(-1, self.rows, orders)
+        return Motions(z[:, :n], variations.swapaxes(1, 2), steps[:, 0], c, slopes.swapaxes(1, 2), counts, z[:, -2])
 
-    def advance_all(self, x: Array, p: Array, count: int) -> tuple[Array, Array, Array]:
-        """`count` steps of each of several motions without sensitivities, from states (m, n) with parameters (m, np).
+    def watch(
+        self, z: Array, p: Array, weights: Array, offsets: Array, limits: Array, most: int = 0
+    ) -> tuple[Array, Array, Array, Array]:
+        """Motions until an affine function may change its sign, or until their times reach the `limits` (m,).
 
-        Returns steps (m, count), 0 where they are rejected; coefficients (m, count, rows, K + 1); and which steps
-        (m, count) are numbers and not vanishing.
+        z : (m, n + 5 + q) as `watched_state` makes it; p (m, np) or (1, np)
+        weights, offsets : (m, q, rows) and (m, q), of the q functions
+
+        Returns z when each has ended; the coefficients (N, rows, K + 1) of the steps in which a function may change its
+        sign, by Bernstein exclusion, or of all steps, at most so many where a number is given; what z was before each
+        of them beyond the state, with the length in the place of the time left; and the number (m,) of these steps of
+        each motion.
         """
-        with self.lock:
-            self.count_steps(count * len(x))
-            if (call := self._batch_calls.get(count)) is None:
-                call = self._batch_calls[count] = MappedFunction(self.step_function.mapaccum(count))
-        limits = np.tile([np.inf, LONGEST_STEP], (len(x), 1))
-        _, c, dc, made = call(np.concatenate([x, limits], axis=1), np.tile(p, count))
-        steps, tried = made.swapaxes(0, 1)
-        c, _ = self.unfold(c, dc)
-        return steps, c, np.isfinite(c).all((2, 3)) & (tried > FLOW_CONTROL.shortest_step)
+        count, size = offsets.shape
+        if size not in self._watching:
+            self._watching[size] = Kernel(_watch_function(self, size))
+        data = [np.broadcast_to(p, (count, p.shape[1])), weights.reshape(count, -1), offsets, limits[:, None]]
+        data.append(np.full((count, 1), float(most > 0)))
+        z, (c, before), counts, _ = self._watching[size](z, np.hstack(data), most=most or 1)
+        return z, c.reshape(-1, self.rows, TAYLOR_ORDER + 1), before, counts
 
-    def count_steps(self, count: int) -> None:
-        """Count steps to be taken; after enough of them, search the cache for the compiled function or make it."""
-        with self.lock:
-            self.interpretation_budget -= count * self.seconds_per_step
-            if self.interpretation_budget >= 0:
-                return
-            faster = (compile_function if self.cache_searched else compiled_before)(self.step_function)
-            again = not (faster or self.cache_searched)
-            self.interpretation_budget = (1 - SEARCH_SHARE) * compile_seconds(self.step_function) if again else np.inf
-            self.cache_searched = True
-            if faster is not None:
-                self.step_function, self._calls, self._batch_calls, self.compiled = faster, {}, {}, True
+    def watched_state(self, x: Array, times: Array, orders: Array, signs: Array) -> Array:
+        """The argument z of `watch`: states (m, n); the time left, which is not limited; the longest step to try; the
+        times (m,); the orders (m,) of the zeros of the first function there, which are divided out; whether a step may
+        hold a zero; and signs (m, q) of the functions, 0 where they begin."""
+        limits = np.full((len(x), 2), (np.inf, LONGEST_STEP))
+        return np.column_stack([x, limits, times, orders, np.zeros(len(x)), signs])
+
+    def _motion_function(self) -> ca.Function:
+        """The steps of a motion as a `Kernel` iterates them: recorded are coefficients, sensitivities and the length of
+        an accepted step; it goes on until no time is left, the state runs away or no step is accepted."""
+        z, data = (ca.MX.sym(name, self.step_function.numel_in(i)) for i, name in enumerate("zp"))
+        after, c, dc, made = self.step_function(z, data)
+        limits = ca.vertcat(after[: self.n], after[-2:])
+        taken, goes = _progress(self.n, c.numel())(limits, ca.vec(c), made)
+        return ca.Function("motion", [z, data], [after, c, dc, made[0], taken, goes])
 
 
-def _step_function(graph: VectorField, columns: int, varied: tuple[int, ...]) -> tuple[ca.Function, int]:
-    """The `step_function` of a `TaylorStepper`, and how many instructions a step takes."""
+def _progress(n: int, size: int) -> ca.Function:
+    """(state and limits after a step, its `size` coefficients, lengths taken and tried) -> whether the step counts, and
+    whether another one is to be taken."""
+    z, c, made = ca.SX.sym("z", n + 2), ca.SX.sym("c", size), ca.SX.sym("made", 2)
+    finite = ca.fabs(ca.sum1(c)) < np.inf
+    inside = ca.logic_and(ca.mmax(ca.fabs(z[:n])) < FLOW_CONTROL.runaway, made[1] > FLOW_CONTROL.shortest_step)
+    goes = ca.logic_and(ca.logic_and(finite, inside), z[-2] > 0)
+    return ca.Function("progress", [z, c, made], [ca.logic_and(finite, made[0] > 0), goes])
+
+
+def _watch_function(stepper: TaylorStepper, size: int) -> ca.Function:
+    """A step of `TaylorStepper.watch` with so many functions, as a `Kernel` iterates it."""
+    n, rows = stepper.n, stepper.rows
+    count = stepper.step_function.numel_in(1)
+    z, data = ca.MX.sym("z", n + 5 + size), ca.MX.sym("p", count + size * (rows + 1) + 2)
+    p, tests, limit, all_steps = data[:count], data[count:-2], data[-2], data[-1]
+    after, c, _, made = stepper.step_function(z[: n + 2], p)
+    kept, goes = _progress(n, c.numel())(after, ca.vec(c), made)
+    inside = ca.logic_and(kept, ca.mmax(ca.fabs(after[:n])) < FLOW_CONTROL.runaway)
+    changes, signs = _sign_changes(rows, size)(c, made[0], tests, z[n + 3], z[n + 5 :])
+    found = ca.logic_and(inside, changes)
+    time = z[n + 2] + made[0]
+    # A motion that runs away stays where it was, so that it can be followed from there by itself.
+    new = ca.if_else(inside, ca.vertcat(after, time, 0, found, signs), ca.vertcat(z[:n], after[n:], z[n + 2 :]))
+    goes = ca.logic_and(ca.logic_and(goes, ca.logic_not(found)), new[n + 2] < limit)
+    goes = ca.logic_and(goes, made[1] > FLOW_CONTROL.shortest_step * z[n + 2])
+    before = ca.vertcat(made[0], z[n + 1 :])
+    return ca.Function("watch", [z, data], [new, c, before, ca.logic_and(inside, ca.logic_or(found, all_steps)), goes])
+
+
+@lru_cache(maxsize=16)
+def _sign_changes(rows: int, size: int) -> ca.Function:
+    """(coefficients (K + 1, rows), step, weights (rows, size) and offsets (size,), order of the first function's zero,
+    signs (size,) before) -> whether an affine function may change its sign in the step, and the signs after it.
+
+    As in `numerics.bernstein`: a polynomial has no zero where its Bernstein coefficients have one sign, and the sign at
+    the start is that at the end of the step before.
+    """
+    c, h, order = ca.SX.sym("c", TAYLOR_ORDER + 1, rows), ca.SX.sym("h"), ca.SX.sym("order")
+    tests, before = ca.SX.sym("w", size * (rows + 1)), ca.SX.sym("s", size)
+    powers, change, after = ca.vertsplit(symbolic_powers(h)), ca.SX(0), []
+    for i in range(size):
+        series = ca.vertsplit(c @ tests[i * rows : (i + 1) * rows])
+        series[0] += tests[size * rows + i]
+        for skipped in range(1, HIGHEST_ORDER + 1) if i == 0 else ():
+            shifted = [*series[1:], ca.SX(0)]
+            series = [ca.if_else(order >= skipped, b, a) for a, b in zip(series, shifted, strict=True)]
+        rise = [a * power / comb(TAYLOR_ORDER, k) for k, (a, power) in enumerate(zip(series, powers, strict=True))]
+        values = []
+        while rise:  # differences of the Bernstein coefficients, added up
+            values.append(rise[0])
+            rise = [a + b for a, b in pairwise(rise)]
+        begins = ca.if_else(before[i] == 0, values[0], before[i]) >= 0
+        rest = ca.vertcat(*values[1:])
+        same = ca.if_else(begins, ca.mmin(rest) >= 0, ca.mmax(rest) < 0)
+        same = ca.logic_and(same, ca.fabs(values[-1]) < np.inf)
+        change = ca.logic_or(change, ca.logic_not(same))
+        after.append(ca.if_else(values[-1] >= 0, 1.0, -1.0))
+    return ca.Function("signs", [c, h, tests, order, before], [change, ca.vertcat(*after)])
+
+
+def _step_function(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.Function:
+    """The `step_function` of a `TaylorStepper`."""
     n, size = graph.size, graph.p.numel()
     z, data = ca.MX.sym("z", n * (1 + columns) + 2), ca.MX.sym("p", size + len(varied) * columns)
     x, dx = z[:n], ca.reshape(z[n:-2], n, columns)
@@ -125,14 +207,12 @@ def _step_function(graph: VectorField, columns: int, varied: tuple[int, ...]) ->
         series, column = variations(graph.field, varied, TAYLOR_ORDER)
         c, slopes = series(x, p)
         dc = ca.horzcat(*[column(slopes, dx[:, j], dp[:, j]) for j in range(columns)])
-        repeated = (columns - 1) * column.n_instructions()
     else:
         c = ca.Function("series", [graph.x, graph.p], [ca.densify(graph.series.T)])(x, p)
-        dc, repeated = ca.MX(TAYLOR_ORDER + 1, 0), 0
+        dc = ca.MX(TAYLOR_ORDER + 1, 0)
     powers, limits, made = _length_function(graph, columns, len(varied))(c[:, :n], dc, p, ca.vec(dp), z[-2:])
     ends = (powers.T @ ca.horzcat(c[:, :n], dc)).T
-    function = ca.Function("taylor", [z, data], [ca.vertcat(ends, limits), c, dc, made])
-    return function, sum(lengths(function)) + repeated
+    return ca.Function("taylor", [z, data], [ca.vertcat(ends, limits), c, dc, made])
 
 
 def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Function:

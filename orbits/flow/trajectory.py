@@ -60,6 +60,14 @@ class Trajectory:
         return self.coefficients[:, self.names.index(name)]
 
 
+def begins_of_steps(steps: Array, counts: Array) -> Array:
+    """The times (N,) at which steps (N,) begin, of motions of so many steps (m,) each, one after the other."""
+    lengths = np.zeros((len(counts), int(counts.max(initial=0)) + 1))
+    inside = np.arange(1, lengths.shape[1]) <= counts[:, None]
+    lengths[:, 1:][inside] = steps
+    return lengths.cumsum(1)[:, :-1][inside]
+
+
 @dataclass(eq=False)
 class Trajectories:
     """Several motions of one phase, the N steps of all in one array, so that they are evaluated together.

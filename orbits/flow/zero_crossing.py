@@ -10,8 +10,8 @@ from ..numerics.roots import Array
 from ..symbolic import interrupts
 from .breakpoints import ActivePieces
 from .flow import Flow, StopTest
-from .taylor import TaylorStepper
-from .trajectory import Trajectories
+from .taylor import LONGEST_STEP, TaylorStepper
+from .trajectory import Trajectories, begins_of_steps
 
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
 # this order are below rounding there, 1 / 19! = 8e-18. So many expansions are searched in one call.
@@ -25,12 +25,6 @@ def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> S
     return lambda c, steps: next(iter(crossings(quantity.series(c), steps)), None)
 
 
-def series_along(quantity: Affine, c: Array, steps: Array) -> PiecewisePolynomials:
-    """An affine function along several motions of as many steps each, coefficients (m, count, rows, K + 1)."""
-    series = quantity.series(c).reshape(-1, c.shape[3])
-    return PiecewisePolynomials(series, steps.ravel(), np.full(len(steps), steps.shape[1]))
-
-
 def until_zero(
     flow: Flow, starts: Array, ps: Array, quantity: Affine, skip_start: int = 0
 ) -> tuple[Array, Trajectories | None]:
@@ -40,37 +34,18 @@ def until_zero(
     no motion does, and where motions are better followed one by one: on a piecewise field, without a Taylor series, and
     for a single start in closed form. `skip_start` is that of `first_zero`.
     """
-    remaining, found = np.arange(len(starts)), []
     if (flow.phase.closed_form and len(starts) == 1) or not flow.smooth:
-        return remaining[:0], None
-    count, most, stepper = flow.expected_steps, flow.control.max_block, flow.stepper(0)
-    assert isinstance(stepper, TaylorStepper)
-    while len(remaining) and count <= most:
-        steps, c, accepted = stepper.advance_all(starts[remaining], ps[remaining], count)
-        accepted = np.logical_and.accumulate(accepted, axis=1)
-        if not accepted.all():  # The steps after a rejected one start from the state that it does.
-            steps, c = np.where(accepted, steps, 0.0), np.where(np.isfinite(c), c, 0.0)
-        owner, last, t = series_along(quantity, c, steps).first_roots(skip_start)
-        reached = accepted[owner, last] & (steps[owner, last] > 0)
-        owner, last, t = owner[reached], last[reached], t[reached]
-        if len(owner):
-            lengths = steps[owner]
-            begins = np.hstack([np.zeros((len(owner), 1)), np.cumsum(lengths, axis=1)[:, :-1]])
-            used = (np.arange(count) <= last[:, None]) & (lengths > 0)
-            ends = begins[np.arange(len(owner)), last] + t
-            motions = Trajectories(begins[used], ends, c[owner][used], used.sum(1), flow.names)
-            found.append((remaining[owner], motions))
-            if len(starts) > 1:
-                flow.expected_steps = min(int(last.max()) + 2, most)
-        accepted[owner] = False
-        remaining, count = remaining[accepted.all(1)], 2 * count
-    if not found:
-        return remaining[:0], None
-    if len(found) == 1:
-        return found[0]
-    which, parts = zip(*found, strict=True)
-    order = np.argsort(np.concatenate(which))
-    return np.concatenate(which)[order], Trajectories.joined(parts)[order]
+        return np.zeros(0, int), None
+    search = _ZeroSearch(flow, starts, ps, quantity, np.inf, skip_start, all_steps=True)
+    search.by_taylor_steps()
+    if not len(which := np.flatnonzero(np.isfinite(search.times))):
+        return which, None
+    owners, steps, coefficients = map(np.concatenate, zip(*search.steps, strict=True))
+    reached = np.isfinite(search.times)[owners]
+    order = np.flatnonzero(reached)[np.argsort(owners[reached], kind="stable")]
+    counts = np.bincount(owners[order], minlength=len(starts))[which]
+    begins = begins_of_steps(steps[order], counts)
+    return which, Trajectories(begins, search.times[which], coefficients[order], counts, flow.names)
 
 
 def first_zeros(
@@ -95,32 +70,37 @@ def first_zeros(
     Returns times (m,), NaN where it does not happen in time and infinity where it never will; the rows (m, rows) at
     these times; and by index the `FlowError` of each motion that breaks off before.
     """
-    search = _ZeroSearch(flow, np.asarray(starts, dtype=float), p, quantity, limit, skip, rising, over)
+    ps = np.reshape(p, (1, -1))
+    search = _ZeroSearch(flow, np.asarray(starts, dtype=float), ps, quantity, limit, skip, rising, over)
     if flow.phase.closed_form:
         search.in_closed_form()
     elif isinstance(flow.stepper(0), TaylorStepper):
         search.by_taylor_steps()
     else:
-        search.one_by_one(np.arange(len(search.starts)), search.starts, np.zeros(len(search.starts)))
+        everything = np.arange(len(search.starts))
+        search.one_by_one(everything, search.starts, np.zeros(len(everything)), search.skip)
     return search.times, search.rows, search.failed
 
 
 class _ZeroSearch:
-    """The search of `first_zeros`, with its arguments and its results `times`, `rows` and `failed`."""
+    """The search of `first_zeros`, with its arguments and its results `times`, `rows` and `failed`; the parameters are
+    (m, np), or (1, np) for all."""
 
-    def __init__(self, flow, starts, p, quantity, limit, skip, rising, over):
+    def __init__(self, flow, starts, ps, quantity, limit, skip=0, rising=False, over=None, all_steps=False):
         count = len(starts)
-        self.flow, self.starts, self.p, self.quantity, self.rising, self.over = flow, starts, p, quantity, rising, over
+        self.flow, self.starts, self.ps, self.over = flow, starts, ps, over
+        self.quantity, self.rising, self.all_steps = quantity, rising, all_steps
         self.limit, self.skip = np.broadcast_to(limit, count), np.broadcast_to(skip, count)
-        self.signs = np.zeros(count)  # Signs of the quantity at the ends of the last block, 0 before the first.
-        self.over_signs, self.over_changes = np.zeros(count), np.zeros(count, int)
+        self.over_changes = np.zeros(count, int)
         self.times, self.rows = np.full(count, np.nan), np.full((count, len(flow.names)), np.nan)
         self.failed: dict[int, FlowError] = {}
+        self.steps: list[tuple] = []  # the motion, length and coefficients of `all_steps` up to the zeros
 
     def in_closed_form(self):
         """Search motions in closed form, some expansions at a time."""
-        form = self.flow.closed_form(self.p)
+        form = self.flow.closed_form(self.ps[0])
         length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), 0.0
+        signs = np.zeros(len(self.starts))  # at the ends of the last block
         while len(remaining):
             interrupts.check()
             times = began + length * np.arange(CLOSED_BLOCK)
@@ -129,8 +109,8 @@ class _ZeroSearch:
             c[:, 0] += self.quantity.offset
             polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), CLOSED_BLOCK))
             skip = self.skip[remaining] if began == 0 else 0
-            owner, piece, t = polynomials.first_roots(skip, self.rising, self.signs[remaining])
-            self.signs[remaining] = polynomials.after
+            owner, piece, t = polynomials.first_roots(skip, self.rising, signs[remaining])
+            signs[remaining] = polynomials.after
             found, hits = began + length * piece + t, remaining[owner]
             self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
             self.rows[hits, : self.flow.size] = form.state(self.starts[hits].T, found).T
@@ -140,75 +120,100 @@ class _ZeroSearch:
             self.rows[:, i] = slope * self.rows[:, 0] + value
 
     def by_taylor_steps(self):
-        """Search motions by equal numbers of Taylor steps, and one by one from a step on that cannot be used."""
-        flow, control, stepper = self.flow, self.flow.control, self.flow.stepper(0)
-        remaining, x, began = np.arange(len(self.starts)), self.starts, np.zeros(len(self.starts))
-        pieces = ActivePieces(flow, self.p, x)
-        for _ in range(control.max_steps):
+        """Search motions in lanes, each to the next step in which something may happen, and one by one from a step on
+        that cannot be used."""
+        flow, stepper, n = self.flow, self.flow.stepper(0), self.flow.size
+        most = flow.control.max_block if self.all_steps else 0
+        pieces = ActivePieces(flow, self.ps[0], self.starts)
+        remaining, signs = np.arange(len(self.starts)), np.zeros((len(self.starts), self._tests(pieces)[1].shape[1]))
+        z = stepper.watched_state(self.starts, np.zeros(len(signs)), self.skip, signs)
+        for _ in range(flow.control.max_steps):
             inside = pieces.inside
             for i in np.flatnonzero(~inside):
-                self.failed[int(remaining[i])] = flow.out_of_range(self.p, x[i])
-            remaining, x, began = (part[inside] for part in (remaining, x, began))
+                self.failed[int(remaining[i])] = flow.out_of_range(self.ps[0], z[i, :n])
+            remaining, z = remaining[inside], z[inside]
             pieces.keep(inside)
             if not len(remaining):
                 return
             interrupts.check()
-            block = 1 if flow.phase.pieces else control.look_ahead
-            steps, c, accepted = stepper.advance_all(x, pieces.data, block)
-            steps = pieces.cut(c, steps)
-            ends = evaluate(c[:, -1, : flow.size], steps[:, -1:])
-            # A zero that is divided out must lie at the start of an accepted step.
-            plain = steps.any(1) & ((steps[:, 0] > 0) | (began > 0) | (self.skip[remaining] == 0))
-            plain &= accepted.all(1) & (np.abs(ends).max(1) < control.runaway)
-            if not plain.all():
-                self.one_by_one(remaining[~plain], x[~plain], began[~plain])
-                remaining, ends, began, steps, c = (part[plain] for part in (remaining, ends, began, steps, c))
-                pieces.keep(plain)
-            reached = np.cumsum(steps, axis=1)
-            left = self._search_block(remaining, began, steps, reached, c)
-            began = began + reached[:, -1]
-            left &= began < self.limit[remaining]
-            if self.over:
-                left &= ~self._given_up(self.over, remaining, left, steps, c)
-            remaining, x, began = remaining[left], ends[left], began[left]
+            p = pieces.data if flow.phase.pieces else self.ps[remaining] if len(self.ps) > 1 else self.ps
+            z, c, before, counts = stepper.watch(z, p, *self._tests(pieces), self.limit[remaining], most)
+            found = z[:, n + 4] > 0
+            late = ~found & (z[:, n + 2] >= self.limit[remaining])
+            broken = ~(found | late)
+            if not self.all_steps:
+                self.one_by_one(remaining[broken], z[broken, :n], z[broken, n + 2], z[broken, n + 3])
+            else:
+                self._keep(remaining, c, before, counts, found)
+                last = np.cumsum(counts)[found] - 1
+                c, before = c[last], before[last]
+            remaining, z = remaining[found], z[found]
+            pieces.keep(found)
+            left = self._search_steps(pieces, remaining, z, c, before)
+            remaining, z = remaining[left], z[left]
             pieces.enter(left)
         for i in remaining:
             self.failed[int(i)] = FlowError(f"the {flow.phase.name} takes too many steps")
 
-    def one_by_one(self, indices, x, began):
-        """Search the motions `indices` one after the other, from the states `x` at the times `began`."""
-        for index, start, before in zip(indices, x, began, strict=True):
-            left, order = self.limit[index] - before, int(self.skip[index]) if before == 0 else 0
-            stop = first_zero(self.quantity, order, self.rising)
+    def _keep(self, remaining, c, before, counts, found):
+        """Keep the steps of the motions that have `found` one that may hold a zero."""
+        owners = np.repeat(remaining, counts)
+        kept = np.repeat(found, counts)
+        self.steps.append((owners[kept], before[kept, 0], c[kept]))
+
+    def _tests(self, pieces: ActivePieces) -> tuple[Array, Array]:
+        """Weights (m, q, rows) and offsets (m, q) of what may happen: the zero, the breakpoints, and the zero of
+        `over`."""
+        count, rows = len(pieces.index), len(self.flow.names)
+        tests = [self.quantity] + ([self.over[0]] if self.over else [])
+        weights, offsets = np.zeros((count, len(tests), rows)), np.zeros((count, len(tests)))
+        for i, test in enumerate(tests):
+            weights[:, i, : len(test.weights)], offsets[:, i] = test.weights, test.offset
+        if self.flow.phase.pieces is None:
+            return weights, offsets
+        ends, coordinate = pieces.ends, np.zeros((count, 2, rows))
+        coordinate[:, :, : self.flow.size] = np.isfinite(ends)[:, :, None] * self.flow.coordinate
+        levels = np.where(np.isfinite(ends), -ends, 1.0)
+        return np.concatenate([weights, coordinate], axis=1), np.concatenate([offsets, levels], axis=1)
+
+    def one_by_one(self, indices, x, began, orders):
+        """Search the motions `indices` one after the other, from the states `x` at the times `began`, with zeros of
+        these orders there."""
+        for index, start, before, order in zip(indices, x, began, orders.astype(int), strict=True):
+            left, stop = self.limit[index] - before, first_zero(self.quantity, int(order), self.rising)
             try:
-                path, _ = self.flow.run(start, self.p, left, stop=stop)
+                path, _ = self.flow.run(start, self.ps[0], left, stop=stop)
             except FlowError as error:
                 self.failed[int(index)] = error
                 continue
             if path.times[-1] < left:
                 self.times[index], self.rows[index] = before + path.times[-1], path.end
 
-    def _search_block(self, remaining, began, steps, reached, c) -> Array:
-        """Search a block of steps, whose ends are at `reached` in it; returns which motions have no zero there."""
-        skip = np.where(began == 0, self.skip[remaining], 0)
-        polynomials = series_along(self.quantity, c, steps)
-        owner, piece, t = polynomials.first_roots(skip, self.rising, self.signs[remaining])
-        self.signs[remaining] = polynomials.after
-        found = began[owner] + np.where(piece > 0, reached[owner, piece - 1], 0.0) + t
-        hits = remaining[owner]
+    def _search_steps(self, pieces: ActivePieces, remaining, z, c, before) -> Array:
+        """Search one step of each motion, whose z before and after it are those of `TaylorStepper.watch`; returns which
+        motions have no zero there, with z where these go on."""
+        n, count = self.flow.size, len(remaining)
+        steps = pieces.cut(c, before[:, 0], before[:, -1] == 0)
+        times, orders, signs = before[:, 2], before[:, 3].astype(int), before[:, 5:]
+        each = np.ones(count, int)
+        polynomials = PiecewisePolynomials(self.quantity.series(c), steps, each)
+        owner, _, t = polynomials.first_roots(orders, self.rising, signs[:, 0])
+        hits, found = remaining[owner], times[owner] + t
         self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
-        self.rows[hits] = evaluate(c[owner, piece], t[:, None])
-        left = np.ones(len(remaining), bool)
+        self.rows[hits] = evaluate(c[owner], t[:, None])
+        left = np.ones(count, bool)
         left[owner] = False
-        return left
-
-    def _given_up(self, over: tuple[Affine, int], remaining, left, steps, c) -> Array:
-        """Which of the motions `left` never have a zero, since the function of `over` has changed its sign so often."""
-        quantity, most = over
-        polynomials = series_along(quantity, c, steps)
-        owner = polynomials.roots(before=self.over_signs[remaining])[0]
-        self.over_changes[remaining] += np.bincount(owner, minlength=len(remaining))
-        self.over_signs[remaining] = polynomials.after
-        never = left & (self.over_changes[remaining] >= most)
-        self.times[remaining[never]] = np.inf
-        return never
+        z[:, n + 3 : n + 5], z[:, n + 5] = 0.0, polynomials.after
+        if len(cut := np.flatnonzero(pieces.crossed)):
+            z[cut, :n] = evaluate(c[cut, :n], steps[cut, None])
+            z[cut, n + 1], z[cut, n + 2], z[cut, n + 6 :] = LONGEST_STEP, times[cut] + steps[cut], 0.0
+        if self.over:
+            quantity, most = self.over
+            polynomials = PiecewisePolynomials(quantity.series(c), steps, each)
+            changes = np.bincount(polynomials.roots(before=signs[:, 1])[0], minlength=count)
+            z[:, n + 6] = polynomials.after
+            self.over_changes[remaining] += changes
+            never = left & (self.over_changes[remaining] >= most)
+            self.times[remaining[never]] = np.inf
+            left &= ~never
+        return left & (z[:, n + 2] < self.limit[remaining])

@@ -285,6 +285,6 @@ def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str
         "search: Newton on a few unknowns from a measured guess, no Ipopt": few,
         f"contact: {'closed form' if model.contact.closed_form else integrated}": True,
         "separation of the masses: no rest length given": model.separation(p) is None,
-        "compilation: nothing that repays it, or no compiler": not compiled,
+        "compilation: nothing that repays it": not compiled,
     }
     return tuple(words for words, applies in skipped.items() if applies)

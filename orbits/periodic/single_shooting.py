@@ -162,7 +162,34 @@ class Shooting:
 
     def evaluate_all(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
         """`evaluate` at points (m, n) with parameters (m, np)."""
-        return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
+        if len(us) == 1 or not self.smooth:
+            return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
+        (size, n), k = us.shape, len(vary)
+        du, dp, dvaried, seeds = self.seeds(vary)
+        before, dbefore, nothing = np.zeros((size, 0)), np.zeros((size, 0, n + k)), np.zeros((size, 0))
+        residuals, jacobians, arcs = [], [], []
+        for flow, (departure, arrival), arc_seeds in zip(self.flows, self.mapped_ends, seeds, strict=True):
+            value, slope = departure(us, before, ps)
+            dvalue = _chain(slope, du, dbefore, dp)
+            start, duration, dduration = value[:, :-1, 0], value[:, -1, 0], dvalue[:, -1]
+            dstart = np.concatenate([dvalue[:, :-1], np.broadcast_to(dvaried, (size, *dvaried.shape))], axis=1)
+            paths, transition = flow.run_all(start, ps, duration, *arc_seeds)
+            end = paths.finals[:, : flow.size]
+            last = paths.coefficients[paths.last, : flow.size]
+            speed = evaluate(derivative(last), paths.steps[paths.last, None])
+            dend = transition @ dstart + speed[:, :, None] * dduration[:, None]
+            residual, slope = arrival(us, start, end, ps, nothing)
+            residuals.append(residual[:, :, 0])
+            jacobians.append(_chain(slope, du, dstart[:, : flow.size], dend, dp))
+            arcs.append((paths, transition, dstart, dduration, slope[:, :, n + flow.size : n + 2 * flow.size]))
+            before, dbefore = end, dend
+        per_arc: list[Any] = list(zip(*arcs, strict=True))
+        return Evaluation(np.concatenate(residuals, axis=1), np.concatenate(jacobians, axis=1), *per_arc)
+
+    @cached_property
+    def mapped_ends(self) -> list[tuple[MappedFunction, MappedFunction]]:
+        """The functions of `ends` at several points."""
+        return [(MappedFunction(start.function), MappedFunction(end.function)) for start, end in self.ends]
 
     def newton_steps(
         self, vary: str, evaluation: Evaluation, xs: np.ndarray, ps: np.ndarray, rows: np.ndarray, targets: np.ndarray
@@ -276,9 +303,11 @@ def _with_derivatives(function: ca.Function) -> BufferedFunction:
 
 def _chain(slope: np.ndarray, *inner: np.ndarray) -> np.ndarray:
     """The chain rule without the derivatives that nothing needs, since some are not numbers (r**n by n where r < 0)."""
-    inner_slopes = np.vstack(inner)
-    used = inner_slopes.any(1)
-    return slope[:, used] @ inner_slopes[used]
+    if len(shape := slope.shape[:-2]):
+        inner = tuple(np.broadcast_to(part, (*shape, *part.shape[-2:])) for part in inner)
+    inner_slopes = np.concatenate(inner, axis=-2)
+    used = inner_slopes.any(axis=(*range(len(shape)), -1))
+    return slope[..., used] @ inner_slopes[..., used, :]
 
 
 def dense(name: str, arguments: list, results: list) -> ca.Function:

@@ -1,86 +1,194 @@
-"""CasADi functions compiled to machine code, where a C compiler is found, and kept on disk for later processes."""
+"""Kernels: a CasADi function iterated at many points until each is done, interpreted at first, then in machine code."""
 
-import hashlib
+import ctypes
 import os
-import platform
-import shutil
-import subprocess
-import sys
-import tempfile
-from pathlib import Path
+import threading
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import casadi as ca
+import numpy as np
 
-# From this many instructions on, optimising takes the compiler longer than the faster code repays.
-LONG = 20_000
+from . import interrupts
+from .calls import BufferedFunction
+from .machine_code import MachineCode, target
 
+# About the seconds that CasADi's virtual machine takes for one instruction, and LLVM to compile one (measured on a
+# server core of 2024).
+SECONDS_INTERPRETED, SECONDS_COMPILED = 2e-9, 1e-4
+# So many numbers are recorded at a time, at most.
+SCRATCH = 2_000_000
+# Records of a point for which there is room at first; points that need more go on where they stopped.
+FIRST_CAPACITY = 16
 
-def compiler() -> str | None:
-    """The C compiler's path: the environment's CC, else cc, gcc or clang; None when there is none."""
-    names = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
-    return next((path for name in names if (path := shutil.which(name))), None)
-
-
-def lengths(function: ca.Function) -> list[int]:
-    """The number of instructions of each straight-line (SX) function in a function."""
-    return [part.n_instructions() for part in (function, *function.find_functions()) if part.is_a("SXFunction")]
-
-
-def _optimisation(function: ca.Function) -> str:
-    """The compiler's option: beyond -O1, straight-line code gets no faster, and -O1 takes quadratic time."""
-    return "-O1" if max(lengths(function), default=0) < LONG else "-O0"
+_memory = threading.local()  # the array that records are written to, kept by each thread because new memory is slow
 
 
-def compile_seconds(function: ca.Function) -> float:
-    """About how long `compile_function` takes (fitted to gcc 12 on a server core of 2024)."""
-    if _optimisation(function) == "-O0":
-        return 6e-5 * sum(lengths(function))
-    return 0.05 + sum(n * (6e-5 + 3e-9 * n) for n in lengths(function))
+class Iterated(NamedTuple):
+    """What a `Kernel` returns."""
+
+    z: np.ndarray  # (m, size), the last z
+    records: list[np.ndarray]  # (N, size), of one point after the other
+    counts: np.ndarray  # (m,), how many of them belong to each point
+    going: np.ndarray  # (m,), which points would go on beyond the most records
 
 
-def _library(function: ca.Function, path: str) -> Path:
-    """Where the machine code of a function is kept: the name is a hash of its graph, the compiler and the machine."""
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    machine = [platform.machine(), sys.platform]
-    key = "\n".join([function.serialize(), ca.CasadiMeta.version(), path, _optimisation(function), *machine])
-    return root / "persistent-orbits" / f"{hashlib.sha256(key.encode()).hexdigest()[:40]}.so"
+def threads() -> int:
+    """How many threads share the points of a call: the environment's ORBITS_THREADS, 1 where it says nothing."""
+    text = os.environ.get("ORBITS_THREADS", "1")
+    return max(1, int(text)) if text.isdigit() else 1
 
 
-def compiled_before(function: ca.Function) -> ca.Function | None:
-    """The same function as machine code that an earlier process has kept; None when there is none."""
-    path = compiler()
-    try:
-        if path and (library := _library(function, path)).exists():
-            return ca.external(function.name(), str(library))
-    except (OSError, RuntimeError):
-        pass  # There is no home directory, or the library cannot be loaded: the function is compiled again.
-    return None
+class Kernel:
+    """A function of vectors iterated at several points, at each until it says that it is done.
 
+    The function takes (z, data, ...) to (z after it, what is to be recorded ..., whether to record it, whether to go
+    on), all dense. Its iterations are interpreted until that has taken as long as compiling it, so that it costs at
+    most twice the best time and nothing is compiled for a few points. Each number is the same with any number of
+    threads.
+    """
 
-def compile_function(function: ca.Function) -> ca.Function | None:
-    """The same function compiled, kept for later processes and loaded; None when there is no compiler or it fails."""
-    if (path := compiler()) is None:
-        return None
-    with tempfile.TemporaryDirectory(prefix="orbits-") as folder:
-        generator = ca.CodeGenerator(function.name() + ".c")
-        generator.add(function)
-        generator.generate(folder + os.sep)
-        source, built = (Path(folder) / (function.name() + ending) for ending in (".c", ".so"))
-        command = [path, _optimisation(function), "-fPIC", "-shared", "-w", str(source), "-o", str(built), "-lm"]
-        try:
-            subprocess.run(command, check=True, capture_output=True, timeout=60)
-            return ca.external(function.name(), str(_kept(built, _library(function, path))))
-        except (subprocess.SubprocessError, OSError, RuntimeError):
-            return None
+    def __init__(self, function: ca.Function):
+        self.function = function
+        self.sizes_in = [function.nnz_in(i) for i in range(function.n_in())]
+        self.sizes_out = [function.nnz_out(i) for i in range(function.n_out())]
+        parts = [part for part in (function, *function.find_functions()) if part.is_a("SXFunction")]
+        instructions = sum(part.n_instructions() for part in parts)
+        self.seconds_per_step = instructions * SECONDS_INTERPRETED
+        self.interpretation_budget = instructions * SECONDS_COMPILED
+        self.lock = threading.RLock()  # One thread may compile while others ask.
+        self._interpreted: BufferedFunction | None = None
+        self._code: MachineCode | None = None
+        self._capacity = FIRST_CAPACITY
 
+    @property
+    def compiled(self) -> bool:
+        """Whether machine code is used."""
+        return self._code is not None
 
-def _kept(built: Path, library: Path) -> Path:
-    """Move a library to the cache in one atomic step, as other processes may read it; return where it is."""
-    try:
-        library.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=library.parent, delete=False) as file:
-            file.write(built.read_bytes())
-        os.replace(file.name, library)
-        return library
-    except OSError:
-        return built
+    def compile(self) -> bool:
+        """Make machine code now, where that is possible; return whether there is some."""
+        with self.lock:
+            if self._code is None and self.interpretation_budget < np.inf:
+                self.interpretation_budget = np.inf  # It is tried once.
+                if target():
+                    expanded = self.function.expand()
+                    arguments = expanded.sx_in()
+                    options = {"cse": True}
+                    merged = ca.Function(self.function.name(), arguments, expanded.call(arguments), options)
+                    try:
+                        self._code = MachineCode(merged)
+                    except (NotImplementedError, RuntimeError):
+                        return False
+        return self.compiled
+
+    def __call__(self, *arguments: np.ndarray, most: int = 2**31) -> Iterated:
+        """Iterate from arguments (m, size), or (1, size) for all points, to at most so many records of a point."""
+        inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
+        count = max(map(len, inputs))
+        if len(inputs[0]) < count:
+            inputs[0] = np.tile(inputs[0], (count, 1))
+        capacity = min(self._capacity, most)
+        found = Iterated(*self._iterated(inputs, capacity))
+        if (found.going & (found.counts < most)).any():
+            found = self._continued(inputs, found, capacity, most)
+        largest = int(found.counts.max(initial=0)) + 2
+        self._capacity = min(max(largest, FIRST_CAPACITY), 4 * FIRST_CAPACITY)
+        return found
+
+    def _continued(self, inputs: list[np.ndarray], found: Iterated, capacity: int, most: int) -> Iterated:
+        """Iterate those points to their ends that had room for too few records."""
+        (z, records, counts, going), owners = found, [np.repeat(np.arange(len(found.z)), found.counts)]
+        parts = [records]
+        while len(left := np.flatnonzero(going & (counts < most))):  # all of them have as many records
+            interrupts.check()
+            capacity = min(2 * capacity, most - int(counts[left[0]]))
+            part = [z[left], *(array[left] if len(array) == len(z) else array for array in inputs[1:])]
+            z[left], records, taken, going[left] = self._iterated(part, capacity)
+            counts[left] += taken
+            owners.append(np.repeat(left, taken))
+            parts.append(records)
+        order = np.argsort(np.concatenate(owners), kind="stable")
+        return Iterated(z, [np.concatenate(pieces)[order] for pieces in zip(*parts, strict=True)], counts, going)
+
+    def _iterated(self, inputs: list[np.ndarray], capacity: int) -> tuple:
+        """(last z, records, counts, going) with room for so many records of each point."""
+        count, first, parts = len(inputs[0]), 0, list[tuple]()
+        while self._code is None and first < count:
+            if self.interpretation_budget < 0 and self.compile():
+                break
+            parts.append(self._interpret([array[first if len(array) == count else 0] for array in inputs], capacity))
+            first += 1
+        if first < count:
+            parts += self._in_lanes([array if len(array) < count else array[first:] for array in inputs], capacity)
+        if len(parts) == 1:
+            return parts[0]
+        z, records, counts, going = zip(*parts, strict=True)
+        joined = [np.concatenate(pieces) for pieces in zip(*records, strict=True)]
+        return np.concatenate(z), joined, np.concatenate(counts), np.concatenate(going)
+
+    def _interpret(self, inputs: Sequence[np.ndarray], capacity: int) -> tuple:
+        """`_iterated` at one point, by CasADi's virtual machine."""
+        with self.lock:
+            call = self._interpreted = self._interpreted or BufferedFunction(self.function)
+        records: list[np.ndarray] = []
+        with call.lock:
+            for memory, array in zip(call.arguments, inputs, strict=True):
+                memory[:] = array
+            after, *values, recorded, goes = call.flat
+            going, tried = True, 0
+            while going and len(records) < capacity * len(values):
+                call.trigger()
+                tried += 1
+                call.arguments[0][:] = after
+                going = bool(goes[0])
+                if recorded[0]:
+                    records += [value.copy() for value in values]
+            self.interpretation_budget -= tried * self.seconds_per_step
+            z = after[None].copy()
+        sizes, step = self.sizes_out[1:-2], len(values)
+        packed = [np.array(records[i::step]).reshape(len(records) // step, size) for i, size in enumerate(sizes)]
+        return z, packed, np.array([len(records) // step]), np.array([going])
+
+    def _in_lanes(self, inputs: list[np.ndarray], capacity: int) -> list[tuple]:
+        """`_iterated` by machine code, in parts that the threads share."""
+        assert self._code is not None
+        count, lanes = max(map(len, inputs)), self._code.lanes
+        room, workers = SCRATCH // (capacity * max(1, sum(self.sizes_out[1:-2]))), threads()
+        size = max(lanes, -(-min(room, -(-count // workers)) // lanes) * lanes)
+
+        def run(first: int) -> tuple:
+            last = min(first + size, count)
+            part = [array if len(array) == 1 < count else array[first:last] for array in inputs]
+            return self._chunk(part, last - first, capacity)
+
+        firsts = range(0, count, size)
+        if workers > 1 and len(firsts) > 1:
+            with ThreadPoolExecutor(workers) as pool:
+                return list(pool.map(run, firsts))
+        return [run(first) for first in firsts]
+
+    def _chunk(self, inputs: list[np.ndarray], count: int, capacity: int) -> tuple:
+        """`_iterated` by one call of the machine code, at so many points."""
+        assert self._code is not None
+        size, *sizes = self.sizes_out[:-2]
+        lengths = [capacity * size for size in sizes]
+        records, used = [], 0
+        memory = getattr(_memory, "records", None)
+        if memory is None or len(memory) < count * sum(lengths):
+            memory = _memory.records = np.empty(count * sum(lengths))
+        for length in lengths:
+            records.append(memory[used : used + count * length].reshape(count, capacity, length // capacity))
+            used += count * length
+        z, ends = np.empty((count, size)), np.empty((count, 2))
+        arrays = [*inputs, z, *records, ends]
+        strides = [size if len(array) == count else 0 for array, size in zip(inputs, self.sizes_in, strict=True)]
+        strides += [size, *lengths, 2]
+        pointers = (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
+        self._code.run(pointers, (ctypes.c_int64 * len(arrays))(*strides), 0, count, capacity)
+        counts = ends[:, 0].astype(int)
+        if count == 1:
+            return z, [record[0, : counts[0]].copy() for record in records], counts, ends[:, 1] != 0
+        kept = np.arange(capacity) < ends[:, :1]
+        return z, [record[kept] for record in records], counts, ends[:, 1] != 0

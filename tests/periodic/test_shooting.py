@@ -12,11 +12,12 @@ import pytest
 from conftest import REFERENCES, machine_of
 
 from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find
+from orbits.flow.flow import flow_of
 from orbits.model.closed_form import Oscillator
+from orbits.periodic.formulations import equations_of
 from orbits.periodic.single_shooting import Shooting
 from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.ipopt import solve_equations
-from orbits.symbolic.kernels import compile_function, compiled_before, compiler
 
 
 def across_contact(model) -> Statement:
@@ -168,37 +169,25 @@ class TestCalls:
         call(2 * a, b)
         assert first == pytest.approx(np.array(f(a, b)[0]))  # results are the caller's own
 
-    @pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
-    def test_compiled_is_the_same(self):
-        x = ca.SX.sym("x", 3)
-        f = ca.Function("f", [x], [ca.sin(x) / (1 + x**2)])
-        compiled = compile_function(f)
-        assert np.array(compiled([0.1, 0.2, 0.3])) == pytest.approx(np.array(f([0.1, 0.2, 0.3])), rel=1e-15)
 
-    @pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
-    def test_machine_code_is_kept(self, monkeypatch, tmp_path):
-        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-        x = ca.SX.sym("x")
-        f, g = (ca.Function("f", [x], [n * ca.sin(x)]) for n in (2, 3))
-        assert compiled_before(f) is None
-        compile_function(f)
-        (library,) = (tmp_path / "persistent-orbits").iterdir()
-        assert float(compiled_before(f)(0.5)) == pytest.approx(2 * np.sin(0.5))
-        assert compiled_before(g) is None
-        library.write_text("not a library")
-        assert compiled_before(ca.Function("h", [x], [x])) is None
-        monkeypatch.setenv("XDG_CACHE_HOME", str(library))  # a file: nothing can be kept, all the same it compiles
-        assert float(compile_function(g)(0.5)) == pytest.approx(3 * np.sin(0.5))
-
-    def test_without_a_compiler_nothing_is_missed(self, monkeypatch):
-        monkeypatch.setenv("CC", "no-such-compiler")
-        x = ca.SX.sym("x")
-        assert compile_function(ca.Function("f", [x], [x])) is None
-        monkeypatch.setattr("orbits.flow.taylor.compile_seconds", lambda function: 0.0)
-        from orbits.flow.flow import Flow
-
-        flow = Flow(Phase("free", ("x", "v"), lambda x, p, q: [x[1], -x[0]]), ())
-        assert flow.run([1.0, 0.0], [], 3.0)[0].end == pytest.approx([np.cos(3), -np.sin(3)], abs=1e-14)
+def test_in_machine_code_it_is_the_same():
+    """The equations with their derivatives, from lanes of the processor and from the virtual machine."""
+    machine = machine_of(REFERENCES[4])
+    names, values = tuple(machine.values), np.array(list(machine.values.values()))
+    us = np.array([1.0, 2.5, 2.4]) * (1 + 0.01 * np.random.default_rng(2).normal(size=(20, 3)))
+    found = []
+    for compiled in (False, True):
+        flow_of.cache_clear()
+        equations = Shooting(equations_of(machine.model, "half orbit", names).statement, names)
+        kernel = equations.flows[0].stepper(5, (names.index("beta"),)).kernel
+        kernel.interpretation_budget = -1.0 if compiled else np.inf
+        found.append(equations.evaluate_all(us, np.tile(values, (20, 1)), ("beta",)))
+        assert kernel.compiled == compiled
+    assert found[1].residual == pytest.approx(found[0].residual, rel=1e-14, abs=1e-14)
+    assert found[1].jacobian == pytest.approx(found[0].jacobian, rel=1e-13, abs=1e-13)
+    for one, other in zip(*(each.trajectories[0] for each in found), strict=True):
+        assert one.coefficients == pytest.approx(other.coefficients, rel=1e-12, abs=1e-12)
+        assert one.variations == pytest.approx(other.variations, rel=1e-11, abs=1e-11)
 
 
 def test_methods_are_refused_by_name():

@@ -8,16 +8,15 @@ from conftest import REFERENCES, machine_of
 from scipy.integrate import solve_ivp
 
 from orbits import FlowError, OutOfRange, ReturnMap, find, simulate
-from orbits.continuation.corrector import correct, newton_steps, predict_and_correct
+from orbits.continuation.corrector import correct, predict_and_correct
 from orbits.continuation.curve import Curve, interpolated
-from orbits.continuation.newton_batch import newton_batch
 from orbits.flow.flow import flow_of
 from orbits.flow.vector_field import FlowControl
 from orbits.flow.zero_crossing import first_zero, first_zeros, until_zero
 from orbits.hybrid.impacts import Impacts
 from orbits.model.phase import Affine
 from orbits.periodic.formulations import equations_of
-from orbits.periodic.single_shooting import Shooting, joined
+from orbits.periodic.single_shooting import Shooting, joined, stacked
 from orbits.symbolic.calls import BufferedFunction, ElementwiseFunction
 from orbits.symbolic.taylor_series import variations
 from problems import Hopper, springs
@@ -94,7 +93,6 @@ def test_motions_of_too_many_steps_leave_the_others_alone(monkeypatch):
     monkeypatch.setattr("orbits.flow.flow.Flow.control", FlowControl(max_block=6))
     rules, back = Impacts(MACHINES["cubic"]), Affine((1.0, 0.0, 0.0))
     starts = np.random.default_rng(8).normal(0, 4, (40, 2))
-    monkeypatch.setattr(rules.contact, "expected_steps", 6)
     for _ in range(2):
         which, motions = until_zero(rules.contact, starts, np.tile(rules.p, (40, 1)), back)
         assert 0 < len(which) < 40
@@ -235,12 +233,11 @@ def test_newton_steps_of_many_points():
     equations, xs, ps, count = cubics(9)
     rows = np.random.default_rng(6).normal(size=xs.shape)
     targets = np.einsum("mi,mi->m", rows, xs) + 1e-6
-    *found, enough, (used,) = newton_batch(equations, "beta").newton_steps((count + 3,), xs, ps, rows, targets)
     there = equations.evaluate_all(xs[:, :3], ps, ("beta",))
+    found = equations.newton_steps("beta", there, xs, ps, rows, targets)
+    there = stacked([equations.evaluate(x, p, ("beta",)) for x, p in zip(xs[:, :3], ps, strict=True)])
     steps, directions, here = equations.newton_steps("beta", there, xs, ps, rows, targets)
-    assert enough.all()
-    assert (used == found[2].trajectories[0].counts).all()
-    assert used[0] == count
+    assert found[2].trajectories[0].counts[0] == count
     assert found[0] == pytest.approx(steps, rel=1e-10)
     assert found[1] == pytest.approx(directions, rel=1e-10)
     assert np.einsum("mi,mi->m", rows, xs + steps) == pytest.approx(targets, rel=1e-12)
@@ -255,35 +252,19 @@ def test_newton_steps_of_many_points():
         assert path.end == pytest.approx(true.end[:4], abs=30 * np.max(np.abs(steps[i])) ** 2)
 
 
-def test_steps_that_are_not_enough():
-    """Too few Taylor steps are told, although a Newton step may lead to a motion so short that they suffice."""
-    equations, xs, ps, count = cubics(1)
-    row, on = np.eye(4)[2], newton_batch(equations, "beta")
-    for few in (1, 2, count - 1):
-        assert not on.newton_steps((few,), xs, ps, row[None], np.array([1e-3]))[3].any()
-        assert on.step((few,), xs, row[None], np.ones(1), row, xs[:, 2], row, xs[:, 2], np.ones(4), ps) is None
-    backwards = xs * [1, 1, -1, 1]
-    assert not on.newton_steps((count,), backwards, ps, row[None], xs[:, 2])[3].any()
-    assert on.newton_steps((count,), xs, ps, row[None], xs[:, 2])[3].all()
-    last = equations.evaluate(xs[0, :3], ps[0], ("beta",)).trajectories[0].steps[-1]
-    shorter = xs[:, 2] - 1.1 * last  # the last step would end before it begins
-    assert not on.newton_steps((count,), xs, ps, row[None], shorter)[3].any()
-
-
-def test_some_take_more_steps_than_are_tried():
-    """Motions that need more Taylor steps are tried again by more, or one by one; all come in their order."""
-    curve = Curve(Hopper("cubic"), "beta", "relative", 1.0)
-    xs, rows = np.array([[1.0, 4.49, beta] for beta in (0.0, 0.01, 0.05)]), np.tile(np.eye(3)[2], (3, 1))
-    xs[1, 1] = 40.0  # far more
-    *one_by_one, there, _ = newton_steps(curve, xs, rows, xs[:, 2])
-    for counts in ((6,), (8,), (80,)):
-        steps, directions, here, enough = newton_steps(curve, xs, rows, xs[:, 2], counts)
-        assert enough[0] >= counts[0]
-        assert steps == pytest.approx(one_by_one[0], rel=1e-9)
-        assert directions == pytest.approx(one_by_one[1], rel=1e-9)
-        for i in range(3):
-            assert here.transitions[0][i] == pytest.approx(there.transitions[0][i], rel=1e-9)
-            assert here.trajectories[0][i].end == pytest.approx(there.trajectories[0][i].end, rel=1e-9)
+def test_motions_of_many_steps_among_others(monkeypatch):
+    """Motions of more steps than there is room for are followed by themselves; all come in their order."""
+    equations = equations_of(Hopper("cubic").model, "relative", tuple(Hopper("cubic").values))
+    us, ps = np.array([[1.0, 4.49], [1.0, 40.0], [0.9, 4.6]]), np.tile(list(Hopper("cubic").values.values()), (3, 1))
+    here = equations.evaluate_all(us, ps, ("beta",))
+    monkeypatch.setattr("orbits.flow.flow.Flow.control", FlowControl(max_block=8))
+    there = equations.evaluate_all(us, ps, ("beta",))
+    assert (here.trajectories[0].counts == there.trajectories[0].counts).all()
+    assert there.residual == pytest.approx(here.residual, abs=1e-10)
+    assert there.jacobian == pytest.approx(here.jacobian, rel=1e-9, abs=1e-9)
+    assert there.trajectories[0].finals == pytest.approx(here.trajectories[0].finals, abs=1e-9)
+    with pytest.raises(FlowError, match="cannot start"):
+        equations.evaluate_all(us * [[1, 1], [1, -1], [1, 1]], ps, ("beta",))
 
 
 def test_steps_share_the_time_and_are_halved_in_vain():
@@ -319,8 +300,9 @@ def test_a_zero_before_a_step_in_vain(height):
     rules, foot = Impacts(Hopper("r - log(1 + exp(-20*(r + 2)))/10")), Affine((0.0, 0.0, 1.0, 0.0))
     starts = np.array([[r + height, v, height, w] for r in (2.0, 4.0, 6.0) for v in (-2.0, 1.0) for w in (0.3, 2.0)])
     ps = np.tile(rules.p, (len(starts), 1))
-    steps, _, _ = rules.flight.stepper(0).advance_all(starts, ps, 6)
-    assert (steps[:, 0] == 0).any()
+    stepper = rules.flight.stepper(0)
+    states = np.column_stack([starts, np.full((len(starts), 2), (np.inf, 1e9))])
+    assert any(stepper.step_function(z, p)[3][0] == 0 for z, p in zip(states, ps, strict=True))
     times, _, failed = first_zeros(rules.flight, starts, rules.p, foot, 50.0, 1)
     which, motions = until_zero(rules.flight, starts, ps, foot, 1)
     landings = [rules.flight.run(start, rules.p, stop=first_zero(foot, 1))[0].times[-1] for start in starts]
@@ -332,9 +314,10 @@ def test_a_zero_before_a_step_in_vain(height):
 def test_motions_at_rest_and_of_many_steps():
     """What does not move has steps of any length; a motion of a given time ends then, however many steps it takes."""
     along, p = flow_of(Hopper("cubic").model.reduction.statement.arcs[0].phase, ("beta",)), np.array([1.0])
-    steps, _, trusted = along.stepper(0).advance_all(np.zeros((2, 2)), np.ones((2, 1)), 6)
-    assert trusted.all()
-    assert (steps > 1e8).all()
+    nothing = np.zeros((2, 0)), np.zeros((1, 0))
+    still = along.stepper(0).advance_all(np.zeros((2, 2)), np.ones((2, 1)), np.full(2, 1e10), *nothing)
+    assert (still.left == 0).all()
+    assert (still.steps > 1e8).all()
     for time in np.random.default_rng(3).uniform(1, 300, 30):
         path, _ = along.run([3.0, 0.0], p, time)
         assert path.times[-1] == time

@@ -1,0 +1,296 @@
+"""CasADi functions as vector machine code: several points side by side, each in a lane of the processor's vectors.
+
+An SX function is written as LLVM's intermediate code, one instruction of its graph in one line, and compiled in this
+process by llvmlite; no C compiler is needed and nothing is kept on disk. Sums and products are neither contracted nor
+reordered, so that the results are those of CasADi's virtual machine.
+"""
+
+import ctypes
+import struct
+import threading
+import warnings
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+
+import casadi as ca
+
+from .calls import single_assignment
+
+_BINARY = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
+_COMPARED = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
+_INTRINSIC = {ca.OP_FABS: "fabs", ca.OP_SQRT: "sqrt", ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil"}
+_INTRINSIC_OF_TWO = {ca.OP_FMIN: "minnum", ca.OP_FMAX: "maxnum", ca.OP_COPYSIGN: "copysign"}
+# Functions of the C library are called lane by lane; a Taylor step has few of them.
+_TRIGONOMETRIC = [kind + name + end for name in ("sin", "cos", "tan") for kind in ("", "a") for end in ("", "h")]
+_NAMES = [*_TRIGONOMETRIC, "exp", "log", "expm1", "log1p", "erf"]
+_LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _NAMES}
+_NAMES_OF_TWO = ["pow", "atan2", "fmod", "hypot", "remainder"]
+_LIBRARY_OF_TWO = {getattr(ca, f"OP_{name.upper()}"): name for name in _NAMES_OF_TWO} | {ca.OP_CONSTPOW: "pow"}
+# LLVM compiles one function at a time, whichever thread asks for it.
+_lock = threading.RLock()
+# (arrays, lengths of their rows, first point, last point and one, most records of a point)
+Run = Callable[[Any, Any, int, int, int], None]
+
+
+@cache
+def target() -> tuple[Any, int] | None:
+    """The module of LLVM and how many numbers a vector of this processor holds; None, said once, without either."""
+    try:
+        import llvmlite.binding as llvm
+
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+        features = llvm.get_host_cpu_features()
+        return llvm, 8 if features.get("avx512f") else 4 if features.get("avx2") else 2
+    except (ImportError, OSError, RuntimeError) as error:
+        warnings.warn(
+            f"no machine code can be made here ({error}): motions are interpreted, which takes many times as long; "
+            "install llvmlite 0.45 or newer",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return None
+
+
+class MachineCode:
+    """An SX function iterated at several points, as in `Kernel`, in machine code; `lanes` of them go side by side.
+
+    Raises `NotImplementedError` for an operation that has no machine code, and `RuntimeError` where LLVM fails.
+    """
+
+    def __init__(self, function: ca.Function):
+        found = target()
+        if found is None:
+            raise RuntimeError("LLVM is not available")
+        llvm, self.lanes = found
+        text = _Iteration(self.lanes).text(function)
+        with _lock:
+            # The module lives in a context of its own and is dropped once it is compiled, as its graph is large.
+            module = llvm.parse_assembly(text, llvm.create_context())
+            compiled = self._processor(llvm).emit_object(module)
+            # An engine owns its description of the processor, so that each needs one of its own.
+            self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._processor(llvm))
+            self._engine.add_object_file(llvm.ObjectFileRef.from_data(compiled))
+            self._engine.finalize_object()
+        kind = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)  # it releases the interpreter lock
+        self.run: Run = kind(self._engine.get_function_address("run"))
+
+    @staticmethod
+    def _processor(llvm: Any) -> Any:
+        features = llvm.get_host_cpu_features().flatten()
+        triple = llvm.Target.from_default_triple()
+        return triple.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=1, jit=True)
+
+
+class _Code:
+    """The lines of LLVM code on vectors of `lanes` numbers, with the functions that they declare."""
+
+    def __init__(self, lanes: int):
+        self.lanes, self.vector = lanes, f"<{lanes} x double>"
+        self.masks, self.indices, self.pointers = (f"<{lanes} x {kind}>" for kind in ("i1", "i64", "ptr"))
+        self.lines: list[str] = []
+        self.declared: set[str] = set()
+
+    def __call__(self, text: str) -> str:
+        """Append an instruction; return the name of its result."""
+        name = f"%v{len(self.lines)}"
+        self.lines.append(f"{name} = {text}")
+        return name
+
+    def do(self, *lines: str) -> None:
+        """Append instructions without a result or with a name of their own, and labels."""
+        self.lines.extend(lines)
+
+    @staticmethod
+    def splat(value: float) -> str:
+        """The vector with one number in every lane."""
+        return f"splat (double 0x{struct.pack('>d', float(value)).hex().upper()})"
+
+    def call(self, name: str, kind: str, values: Sequence[str]) -> str:
+        """Call a function whose result and arguments are of one kind."""
+        self.declared.add(f"declare {kind} @{name}({', '.join([kind] * len(values))})")
+        return self(f"call {kind} @{name}({', '.join(f'{kind} {value}' for value in values)})")
+
+    def intrinsic(self, name: str, *values: str) -> str:
+        """Call an operation of LLVM's own on vectors."""
+        return self.call(f"llvm.{name}.v{self.lanes}f64", self.vector, values)
+
+    def library(self, name: str, *values: str) -> str:
+        """Call a function of the C library lane by lane."""
+        vector = "poison"
+        for lane in range(self.lanes):
+            numbers = [self(f"extractelement {self.vector} {value}, i32 {lane}") for value in values]
+            number = self.call(name, "double", numbers)
+            vector = self(f"insertelement {self.vector} {vector}, double {number}, i32 {lane}")
+        return vector
+
+    def number(self, mask: str) -> str:
+        """A mask as a vector of ones and zeros."""
+        return self(f"uitofp {self.masks} {mask} to {self.vector}")
+
+    def compare(self, comparison: str, x: str, y: str) -> str:
+        """The mask of the lanes in which a comparison holds."""
+        return self(f"fcmp {comparison} {self.vector} {x}, {y}")
+
+    def nonzero(self, x: str) -> str:
+        """The mask of the lanes with another number than zero."""
+        return self.compare("une", x, self.splat(0))
+
+    def choose(self, mask: str, x: str, y: str) -> str:
+        """`x` in the lanes of a mask and `y` elsewhere."""
+        return self(f"select {self.masks} {mask}, {self.vector} {x}, {self.vector} {y}")
+
+    def operation(self, op: int, x: str, y: str) -> str:
+        """One operation of a graph, on its first and its last argument."""
+        if op in _BINARY:
+            return self(f"{_BINARY[op]} {self.vector} {x}, {y}")
+        if op in _COMPARED:
+            return self.number(self.compare(_COMPARED[op], x, y))
+        if op in _INTRINSIC:
+            return self.intrinsic(_INTRINSIC[op], x)
+        if op in _INTRINSIC_OF_TWO:
+            return self.intrinsic(_INTRINSIC_OF_TWO[op], x, y)
+        if op in _LIBRARY:
+            return self.library(_LIBRARY[op], x)
+        if op in _LIBRARY_OF_TWO:
+            return self.library(_LIBRARY_OF_TWO[op], x, y)
+        return self._other_operation(op, x, y)
+
+    def _other_operation(self, op: int, x: str, y: str) -> str:
+        one, zero = self.splat(1), self.splat(0)
+        match op:
+            case ca.OP_ASSIGN:
+                return x
+            case ca.OP_NEG:
+                return self(f"fneg {self.vector} {x}")
+            case ca.OP_SQ:
+                return self(f"fmul {self.vector} {x}, {x}")
+            case ca.OP_TWICE:
+                return self(f"fadd {self.vector} {x}, {x}")
+            case ca.OP_INV:
+                return self(f"fdiv {self.vector} {one}, {x}")
+            case ca.OP_NOT:
+                return self.number(self.compare("oeq", x, zero))
+            case ca.OP_AND | ca.OP_OR:
+                name = "and" if op == ca.OP_AND else "or"
+                return self.number(self(f"{name} {self.masks} {self.nonzero(x)}, {self.nonzero(y)}"))
+            case ca.OP_IF_ELSE_ZERO:
+                return self.choose(self.nonzero(x), y, zero)
+            case ca.OP_SIGN:
+                sign = self.choose(self.compare("olt", x, zero), self.splat(-1), x)
+                return self.choose(self.compare("ogt", x, zero), one, sign)
+        raise NotImplementedError(f"operation {op}")
+
+    def graph(self, function: ca.Function, arguments: Sequence[Sequence[str]]) -> list[list[str]]:
+        """The results of an SX function by output and element, from its arguments by input and element."""
+        results = [[self.splat(0)] * function.nnz_out(i) for i in range(function.n_out())]
+        values: list[str] = []
+        for op, places, constant in single_assignment(function):
+            if op == ca.OP_OUTPUT:
+                results[places[1]][places[2]] = values[places[0]]
+                values.append("")
+            elif op == ca.OP_INPUT:
+                values.append(arguments[places[0]][places[1]])
+            elif constant is not None:
+                values.append(self.splat(constant))
+            else:
+                values.append(self.operation(op, values[places[0]], values[places[-1]]))
+        return results
+
+    def rows(self, array: int, index: str) -> str:
+        """Pointers to the rows that the lanes have in an array of the call: row index times row length."""
+        pointer = self(f"getelementptr ptr, ptr %arrays, i64 {array}")
+        stride = self(f"getelementptr i64, ptr %strides, i64 {array}")
+        base, length = self(f"load ptr, ptr {pointer}"), self.spread(self(f"load i64, ptr {stride}"))
+        offset = self(f"mul {self.indices} {index}, {length}")
+        return self(f"getelementptr double, ptr {base}, {self.indices} {offset}")
+
+    def spread(self, name: str) -> str:
+        """The vector with one whole number in every lane."""
+        first = self(f"insertelement {self.indices} poison, i64 {name}, i32 0")
+        same = f"<{self.lanes} x i32> zeroinitializer"
+        return self(f"shufflevector {self.indices} {first}, {self.indices} poison, {same}")
+
+    def load(self, rows: str, element: int) -> str:
+        """The vector of one element of each lane's row."""
+        places = self(f"getelementptr double, {self.pointers} {rows}, i64 {element}")
+        name = f"@llvm.masked.gather.v{self.lanes}f64.v{self.lanes}p0"
+        self.declared.add(f"declare {self.vector} {name}({self.pointers}, i32, {self.masks}, {self.vector})")
+        mask = f"{self.masks} splat (i1 1)"
+        return self(f"call {self.vector} {name}({self.pointers} {places}, i32 8, {mask}, {self.vector} poison)")
+
+    def store(self, rows: str, element: int, vector: str, mask: str = "splat (i1 1)") -> None:
+        """Store a vector as one element of each lane's row, in the lanes of a mask."""
+        places = self(f"getelementptr double, {self.pointers} {rows}, i64 {element}")
+        name = f"@llvm.masked.scatter.v{self.lanes}f64.v{self.lanes}p0"
+        self.declared.add(f"declare void {name}({self.vector}, {self.pointers}, i32, {self.masks})")
+        self.do(f"call void {name}({self.vector} {vector}, {self.pointers} {places}, i32 8, {self.masks} {mask})")
+
+
+class _Iteration(_Code):
+    """The code of `run(arrays, strides, first, last, capacity)`, which iterates a function at points first to last - 1.
+
+    The arrays are the function's inputs, its last z, its records, and (count, flag) of each point: how many records
+    there are, and whether the point would go on.
+    """
+
+    def text(self, function: ca.Function) -> str:
+        """The module of LLVM with the one function `run`."""
+        sizes, n_in = [function.nnz_out(i) for i in range(function.n_out())], function.n_in()
+        self.do("br label %block", "block:", "%i = phi i64 [%first, %entry], [%next, %end]")
+        index = self._points()
+        inputs = [self.rows(i, index) for i in range(n_in)]
+        start = [self.load(inputs[0], j) for j in range(sizes[0])]
+        given = [[self.load(rows, j) for j in range(function.nnz_in(i))] for i, rows in enumerate(inputs) if i]
+        ends, *records, counts = (self.rows(n_in + i, index) for i in range(len(sizes) - 1))
+        most = self.spread("%capacity")
+        self._step(function, start, given, records, most)
+        self.do("end:")
+        for j in range(sizes[0]):
+            self.store(ends, j, f"%n{j}")
+        self.store(counts, 0, self(f"uitofp {self.indices} %taken_next to {self.vector}"))
+        self.store(counts, 1, self.number("%went_next"))
+        self.do(f"%next = add i64 %i, {self.lanes}")
+        self.do(f"br i1 {self('icmp slt i64 %next, %last')}, label %block, label %leave", "leave:", "ret void")
+        head = "define void @run(ptr %arrays, ptr %strides, i64 %first, i64 %last, i64 %capacity) {\nentry:\n"
+        return "\n".join([*sorted(self.declared), head + "\n".join(self.lines), "}\n"])
+
+    def _points(self) -> str:
+        """The points of the lanes from %i on; lanes beyond the last point repeat it, and write the same numbers to the
+        same place."""
+        steps = f"<{', '.join(f'i64 {lane}' for lane in range(self.lanes))}>"
+        ahead = self(f"add {self.indices} {self.spread('%i')}, {steps}")
+        final = self.spread(self("sub i64 %last, 1"))
+        inside = self(f"icmp slt {self.indices} {ahead}, {final}")
+        return self(f"select {self.masks} {inside}, {self.indices} {ahead}, {self.indices} {final}")
+
+    def _step(self, function: ca.Function, start: list[str], given: list, records: list[str], most: str) -> None:
+        """The loop over steps, which ends when no lane is alive."""
+        self.do("br label %step", "step:")
+        z = [f"%z{j}" for j in range(len(start))]
+        self.do(*(f"%z{j} = phi {self.vector} [{value}, %block], [%n{j}, %go]" for j, value in enumerate(start)))
+        self.do(f"%alive = phi {self.masks} [splat (i1 1), %block], [%alive_next, %go]")
+        self.do(f"%went = phi {self.masks} [zeroinitializer, %block], [%went_next, %go]")
+        self.do(f"%taken = phi {self.indices} [zeroinitializer, %block], [%taken_next, %go]")
+        after, *values, recorded, going = self.graph(function, [z, *given])
+        taken = self(f"and {self.masks} %alive, {self.nonzero(recorded[0])}")
+        goes = self(f"and {self.masks} %alive, {self.nonzero(going[0])}")
+        self.do(f"br i1 {self.any(taken)}, label %record, label %go", "record:")
+        for rows, numbers in zip(records, values, strict=True):
+            offsets = self(f"mul {self.indices} %taken, splat (i64 {len(numbers)})")
+            places = self(f"getelementptr double, {self.pointers} {rows}, {self.indices} {offsets}")
+            for j, number in enumerate(numbers):
+                self.store(places, j, number, taken)
+        self.do("br label %go", "go:")
+        for j, value in enumerate(after):
+            self.do(f"%n{j} = select {self.masks} %alive, {self.vector} {value}, {self.vector} %z{j}")
+        self.do(f"%taken_next = add {self.indices} %taken, {self(f'zext {self.masks} {taken} to {self.indices}')}")
+        self.do(f"%went_next = select {self.masks} %alive, {self.masks} {goes}, {self.masks} %went")
+        room = self(f"icmp slt {self.indices} %taken_next, {most}")
+        self.do(f"%alive_next = and {self.masks} {goes}, {room}")
+        self.do(f"br i1 {self.any('%alive_next')}, label %step, label %end")
+
+    def any(self, mask: str) -> str:
+        """Whether a mask has a lane."""
+        return self(f"icmp ne i{self.lanes} {self(f'bitcast {self.masks} {mask} to i{self.lanes}')}, 0")
