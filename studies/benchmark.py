@@ -31,7 +31,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from orbits import METHODS, InputError, ReturnMap, find, follow, orbit_at
-from orbits.continuation.corrector import newton_steps
 from orbits.continuation.curve import Curve
 from orbits.flow.flow import Flow
 from orbits.flow.runge_kutta import RungeKuttaStepper
@@ -145,7 +144,7 @@ def orbits_of(machine, family: int, exact: str, rates: Callable, seconds: float,
 
 def flow_of(machine, way: str, *vary: str) -> Callable | None:
     """Flights with their derivatives by the four states and by varied parameters, (start, parameters, time) -> motion,
-    derivatives; None where that takes a compiler and there is none."""
+    derivatives; None where it cannot be compiled."""
     names, columns = tuple(machine.values), 4 + len(vary)
     along, places = Flow(replace(machine.model.flight, closed_form=None), names), tuple(map(names.index, vary))
     seeds, parameter_seeds = np.eye(4, columns), np.zeros((len(names), columns))
@@ -191,12 +190,11 @@ def flows_of(machine, orbit, seconds: float, tolerances) -> list[dict]:
 
 
 def _compiled(stepper, wanted: bool) -> bool:
-    """Have a scheme compiled, or see that it never is; False when it should be and there is no compiler."""
-    stepper.interpretation_budget, asked = np.inf, False
-    while wanted and not stepper.compiled and (stepper.interpretation_budget < np.inf or not asked):
-        stepper.interpretation_budget, asked = -1.0, True
-        stepper.count_steps(0)
-    return stepper.compiled or not wanted
+    """Have a scheme compiled, or see that it never is; False when it should be and cannot."""
+    if wanted:
+        return stepper.kernel.compile()
+    stepper.kernel.interpretation_budget = np.inf
+    return True
 
 
 def _warmed(call: Callable, seconds: float):
@@ -281,8 +279,9 @@ def _followed(machine, along: str, stop: float, number: int, golden: dict[float,
     points = family.points[-40:]
     xs, rows = np.array([[*point.u, point.value] for point in points]), np.array([point.tangent for point in points])
     levels = np.einsum("mi,mi->m", rows, xs)
-    *_, counts = newton_steps(curve, xs, rows, levels)
-    once, _ = timed(lambda: newton_steps(curve, xs, rows, levels, counts), seconds)
+    equations, ps = curve.equations, curve.parameters_at(xs)
+    newton = lambda: equations.newton_steps(along, curve.evaluate(xs), xs, ps, rows, levels)  # noqa: E731
+    once, _ = timed(newton, seconds)
     rows = [
         {"way": "follow, certified", "seconds": took / len(family), "error": error, "points": len(family)},
         {"way": NEWTON, "seconds": once / len(points), "error": 0.0},

@@ -91,12 +91,12 @@ class Flow:
         found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.max_block)
         begins = begins_of_steps(found.steps, found.counts)
         vanishing = found.steps <= self.control.shortest_step * np.maximum(begins, 1.0)
-        owner = np.repeat(np.arange(len(starts)), found.counts)
-        done = (found.left == 0) & (durations > 0) & (np.bincount(owner[vanishing], minlength=len(starts)) == 0)
-        arrays = begins, found.coefficients, found.slopes
-        if done.all():
+        done, arrays = (found.left == 0) & (durations > 0), (begins, found.coefficients, found.slopes)
+        if done.all() and not vanishing.any():
             begins, c, slopes = arrays
             return Trajectories(begins, durations, c, found.counts, self.names, slopes), found.variations
+        owner = np.repeat(np.arange(len(starts)), found.counts)
+        done[owner[vanishing]] = False
         others, variations = self._run_each(starts[~done], ps[~done], durations[~done], seeds, parameter_seeds)
         order = np.argsort(np.append(np.flatnonzero(done), np.flatnonzero(~done)))
         parts = [others]

@@ -125,6 +125,8 @@ class Shooting:
     def evaluate(self, u: ArrayLike, p: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
         """Residual, Jacobian and motion at one point, with steps that the error control of the flow chooses; raises
         `FlowError` when the motion cannot be integrated."""
+        if self._in_lanes(vary):
+            return self.evaluate_all(np.reshape(u, (1, -1)), np.reshape(p, (1, -1)), vary)[0]
         n, k = self.size, len(vary)
         du, dp, dvaried, seeds = self.seeds(vary)
         before, dbefore = np.zeros(0), np.zeros((0, n + k))
@@ -162,34 +164,57 @@ class Shooting:
 
     def evaluate_all(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
         """`evaluate` at points (m, n) with parameters (m, np)."""
-        if len(us) == 1 or not self.smooth:
+        if not self._in_lanes(vary):
             return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
-        (size, n), k = us.shape, len(vary)
-        du, dp, dvaried, seeds = self.seeds(vary)
-        before, dbefore, nothing = np.zeros((size, 0)), np.zeros((size, 0, n + k)), np.zeros((size, 0))
-        residuals, jacobians, arcs = [], [], []
-        for flow, (departure, arrival), arc_seeds in zip(self.flows, self.mapped_ends, seeds, strict=True):
-            value, slope = departure(us, before, ps)
-            dvalue = _chain(slope, du, dbefore, dp)
-            start, duration, dduration = value[:, :-1, 0], value[:, -1, 0], dvalue[:, -1]
-            dstart = np.concatenate([dvalue[:, :-1], np.broadcast_to(dvaried, (size, *dvaried.shape))], axis=1)
-            paths, transition = flow.run_all(start, ps, duration, *arc_seeds)
-            end = paths.finals[:, : flow.size]
-            last = paths.coefficients[paths.last, : flow.size]
-            speed = evaluate(derivative(last), paths.steps[paths.last, None])
-            dend = transition @ dstart + speed[:, :, None] * dduration[:, None]
-            residual, slope = arrival(us, start, end, ps, nothing)
-            residuals.append(residual[:, :, 0])
-            jacobians.append(_chain(slope, du, dstart[:, : flow.size], dend, dp))
-            arcs.append((paths, transition, dstart, dduration, slope[:, :, n + flow.size : n + 2 * flow.size]))
-            before, dbefore = end, dend
-        per_arc: list[Any] = list(zip(*arcs, strict=True))
-        return Evaluation(np.concatenate(residuals, axis=1), np.concatenate(jacobians, axis=1), *per_arc)
+        before, motions, transitions = np.zeros((len(us), 0)), list[Trajectories](), []
+        for flow, begin, seeds in zip(self.flows, self._beginnings, self.seeds(vary)[3], strict=True):
+            start = begin(us, before, ps)[0][:, :, 0]
+            paths, transition = flow.run_all(start[:, :-1], ps, start[:, -1], *seeds)
+            before = paths.finals[:, : flow.size]
+            motions.append(paths)
+            transitions.append(transition)
+        ends = [paths.finals[:, : flow.size] for flow, paths in zip(self.flows, motions, strict=True)]
+        flat = [transition.swapaxes(1, 2).reshape(len(us), -1) for transition in transitions]
+        residual, jacobian, *rest = self._closing(vary)(us, ps, *ends, *flat)
+        starts, durations, by_ends = rest[::3], [longer[:, 0] for longer in rest[1::3]], rest[2::3]
+        arcs = motions, transitions, starts, durations, by_ends
+        return Evaluation(residual[:, :, 0], jacobian, *map(tuple, arcs))
+
+    def _in_lanes(self, vary: tuple[str, ...]) -> bool:
+        """Whether many motions are integrated together, as those in closed form and on smooth pieces are not."""
+        return self.smooth and not (any(flow.phase.closed_form for flow in self.flows) and not vary)
 
     @cached_property
-    def mapped_ends(self) -> list[tuple[MappedFunction, MappedFunction]]:
-        """The functions of `ends` at several points."""
-        return [(MappedFunction(start.function), MappedFunction(end.function)) for start, end in self.ends]
+    def _beginnings(self) -> list[MappedFunction]:
+        """The start and the duration of each arc, (u, end of the arc before, p)."""
+        functions = []
+        for departure, _ in self.ends:
+            arguments = departure.function.sx_in()
+            functions.append(MappedFunction(dense("beginning", arguments, [departure.function(*arguments)[0]])))
+        return functions
+
+    @lru_cache(maxsize=8)  # noqa: B019 - the equations themselves are kept as long
+    def _closing(self, vary: tuple[str, ...]) -> MappedFunction:
+        """The equations from the ends of all arcs and their transitions, (u, p, end, ..., transition, ...) -> residual,
+        jacobian, and for each arc the derivatives of its start, of its duration, and of the residuals by its end."""
+        n, k = self.size, len(vary)
+        du, dp, dvaried, _ = (ca.sparsify(ca.DM(each)) if i < 3 else each for i, each in enumerate(self.seeds(vary)))
+        u, p, before, dbefore = ca.SX.sym("u", n), ca.SX.sym("p", len(self.parameters)), ca.SX(0, 1), ca.SX(0, n + k)
+        ends = [ca.SX.sym("x", flow.size) for flow in self.flows]
+        transitions = [ca.SX.sym("T", flow.size, flow.size + k) for flow in self.flows]
+        residuals, jacobians, results = [], [], []
+        for flow, end, transition, (departure, arrival) in zip(self.flows, ends, transitions, self.ends, strict=True):
+            value, slope = departure.function(u, before, p)
+            dvalue = slope @ ca.vertcat(du, dbefore, dp)
+            dstart, longer = ca.vertcat(dvalue[:-1, :], dvaried), dvalue[-1, :]
+            dend = transition @ dstart + flow.vector_field.field(end, p)[0] @ longer
+            residual, slope = arrival.function(u, value[:-1], end, p, ca.SX(0, 1))
+            residuals.append(residual)
+            jacobians.append(slope @ ca.vertcat(du, dstart[: flow.size, :], dend, dp))
+            results += [dstart, longer, slope[:, n + flow.size : n + 2 * flow.size]]
+            before, dbefore = end, dend
+        whole = [ca.vertcat(*residuals), ca.vertcat(*jacobians), *results]
+        return MappedFunction(dense("closing", [u, p, *ends, *transitions], whole))
 
     def newton_steps(
         self, vary: str, evaluation: Evaluation, xs: np.ndarray, ps: np.ndarray, rows: np.ndarray, targets: np.ndarray
@@ -303,11 +328,9 @@ def _with_derivatives(function: ca.Function) -> BufferedFunction:
 
 def _chain(slope: np.ndarray, *inner: np.ndarray) -> np.ndarray:
     """The chain rule without the derivatives that nothing needs, since some are not numbers (r**n by n where r < 0)."""
-    if len(shape := slope.shape[:-2]):
-        inner = tuple(np.broadcast_to(part, (*shape, *part.shape[-2:])) for part in inner)
-    inner_slopes = np.concatenate(inner, axis=-2)
-    used = inner_slopes.any(axis=(*range(len(shape)), -1))
-    return slope[..., used] @ inner_slopes[..., used, :]
+    inner_slopes = np.vstack(inner)
+    used = inner_slopes.any(1)
+    return slope[:, used] @ inner_slopes[used]
 
 
 def dense(name: str, arguments: list, results: list) -> ca.Function:

@@ -185,7 +185,7 @@ class Kernel:
         arrays = [*inputs, z, *records, ends]
         strides = [size if len(array) == count else 0 for array, size in zip(inputs, self.sizes_in, strict=True)]
         strides += [size, *lengths, 2]
-        pointers = (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
+        pointers = (ctypes.c_void_p * len(arrays))(*(array.__array_interface__["data"][0] for array in arrays))
         self._code.run(pointers, (ctypes.c_int64 * len(arrays))(*strides), 0, count, capacity)
         counts = ends[:, 0].astype(int)
         if count == 1:
