@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from orbits.errors import InputError, NoOrbit
 from orbits.model.closed_form import Oscillator, ThrownOscillator
-from orbits.model.model import Model, Reduction, Units
+from orbits.model.model import NOISE, Model, Reduction, Units
 from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
 from orbits.symbolic.formula import suggest
 
@@ -145,7 +145,7 @@ class TwoMassMachine:
             "rest_length": None if self.rest_length is None else float(self.rest_length),
             "restitution": float(self.restitution),
             **({name: float(getattr(self, name)) for name in DAMPERS} if self.damped else {}),
-            "parameters": {name: float(value) for name, value in self.parameters.items()},
+            "parameters": {n: float(value) for n, value in self.parameters.items() if not n.startswith(NOISE)},
             "laws_in": "SI" if self.units else "units of the machine",
             **({f"unit_{name}": value for name, value in asdict(self.units).items()} if self.units else {}),
         }

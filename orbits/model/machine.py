@@ -3,7 +3,7 @@
 from typing import Any, Protocol, Self, runtime_checkable
 
 from ..errors import InputError
-from .model import Model, Units
+from .model import NOISE, Model, Units
 
 
 @runtime_checkable
@@ -57,7 +57,7 @@ def check_machine(machine: Any, *also: str) -> None:
 def check_parameters(machine: Machine, *names: str) -> None:
     """Raise `InputError` where something is no machine whose parameters can be changed, or lacks one of these names."""
     check_machine(machine, "with_values")
-    free = [name for name in machine.values if name != machine.model.homotopy]
+    free = [name for name in machine.values if name != machine.model.homotopy and not name.startswith(NOISE)]
     for name in names:
         if name not in free:
             raise InputError(f"the machine has no parameter '{name}' to follow; it has {', '.join(free)}")

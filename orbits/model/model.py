@@ -7,6 +7,10 @@ import numpy as np
 
 from .phase import Affine, Phase, Statement
 
+# Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
+# deviation of what noise does to it, independently of the others.
+NOISE = "_noise"
+
 
 @dataclass(frozen=True)
 class Units:

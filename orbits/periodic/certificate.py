@@ -49,6 +49,7 @@ class Certificate:
     stable_side : "above" or "below" alpha
     violations : what makes it no motion, in words; empty for an admissible orbit
     unfolding : multiple of the energy gradient that the equations needed, None where they had no such unknown
+    alpha_noise : standard deviation of alpha from the noise of measured laws; None without, and along a family
     """
 
     family: int
@@ -64,6 +65,7 @@ class Certificate:
     stable_side: str | None
     violations: tuple[str, ...]
     unfolding: float | None = None
+    alpha_noise: float | None = None
 
 
 def certify(model: Model, cycles: Cycles) -> list[Certificate]:

@@ -27,6 +27,8 @@ STEPS_PER_CALL = 32
 WORST_ERROR, DOUBTFUL_RATIO = 1e-11, 1e4
 # Order-8 steps are so short that the ninth Taylor term, their error, is below this share of rounding.
 NINTH_TERM = 0.01
+# So many standard deviations of noise change an orbit linearly, and by far more than rounding.
+SMALL_NOISE = 1e-3
 EPS = float(np.finfo(float).eps)
 Rows = ndarray | None
 NARROW = (
@@ -84,6 +86,22 @@ def _bounds_of_residuals(equations: Shooting, us, evaluation: Evaluation, closin
         off = f"launch speed {alpha[i]:.6g} may be off by {found[i]:.1e}"
         doubtful[i] = NoOrbit(f"the orbit cannot be certified: {off}{NARROW}")
     return found + floor, doubtful
+
+
+def noise_of_alpha(equations: Shooting, u: ndarray, p: ndarray, evaluation: Evaluation, noise: list[str]) -> float:
+    """The standard deviation of alpha at a solution `u` (n,) when the parameters `noise` have theirs, 1, independently.
+
+    The residuals that changed laws leave come from one integration each, and go through the inverse Jacobian.
+    """
+
+    def residual(values: ndarray) -> ndarray:
+        return equations.residual(u, values, evaluation[0].trajectories, _end_by_another_method)
+
+    places = [equations.parameters.index(name) for name in noise]
+    rows = SMALL_NOISE * np.eye(len(p))[places]
+    changes = np.array([residual(p + row) for row in rows]) - residual(p)
+    moves = solve(evaluation.jacobian[0], changes.T / SMALL_NOISE)
+    return float(np.linalg.norm(moves[equations.statement.unknowns.index("alpha")]))
 
 
 def ends_of_steps(motions: Trajectories, n: int) -> ndarray:

@@ -2,17 +2,18 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.machine import Machine, check_machine
-from ..model.model import Model
+from ..model.model import NOISE, Model
 from ..numerics.roots import solve
 from ..symbolic import interrupts
 from .certificate import certify, count_families
-from .error_bound import error_bounds
+from .error_bound import error_bounds, noise_of_alpha
 from .formulations import contact_reversor, equations_of, halved, interpret, or_none, vector
 from .orbit import Orbit, Shape
 from .single_shooting import Evaluation, Shooting
@@ -149,6 +150,8 @@ def certified_orbit(
             raise refused[0]
     cycles = interpret(model, method, equations, us, ps, evaluation, errors)
     (certificate,) = certify(model, cycles)
+    if noise := [name for name in p if name.startswith(NOISE)]:
+        certificate = replace(certificate, alpha_noise=noise_of_alpha(equations, us[0], ps[0], evaluation, noise))
     reversor = contact_reversor(model.reversor, model.embed) if model.reversor else None
     return Orbit(
         machine=machine.describe(),

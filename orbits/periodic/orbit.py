@@ -25,7 +25,7 @@ MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "
 DOCUMENT_FIELDS = (
     *("family", "alpha", "flight_time", "contact_time", "admissible", "violations"),
     *("residual", "error", "energy_drift", "clearance", "smallest_separation", "smallest_contact_force"),
-    *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "stable_side", "unfolding"),
+    *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "stable_side", "unfolding", "alpha_noise"),
     *("liftoff_extension", "state_mid_flight", "method", "skipped", "seconds"),
 )
 
@@ -195,6 +195,7 @@ class Orbit:
             f"{machine['gravity']}",
             "  " + ", ".join(f"{name} = {value:g}" for name, value in numbers.items() if value is not None),
             row("alpha", self.alpha, length and length / time, "m/s") + f"   +- {c.error:.1e}",
+            *([] if c.alpha_noise is None else [row("  by the table's noise", f"+- {c.alpha_noise:.1e}")]),
             row("flight time", self.flight_time, time, "s"),
             row("contact time", self.contact_time, time, "s"),
             row("lift-off extension", self.liftoff_extension, length, "m"),
@@ -250,7 +251,7 @@ class Orbit:
             if data["format"] != ORBIT_FORMAT:
                 raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
             motion = data["motion"]
-            checked = {name: data[name] for name in Certificate.__dataclass_fields__ if name != "violations"}
+            known = Certificate.__dataclass_fields__.keys() & data.keys() - {"violations"}
             return cls(
                 machine={name: data[name] for name in MACHINE_FIELDS},
                 **{name: _float_of(data[name]) for name in ("alpha", "liftoff_extension", "flight_time")},
@@ -258,7 +259,7 @@ class Orbit:
                 flight=_path_of(motion["flight"]),
                 contact=motion["contact"] and _path_of(motion["contact"]),
                 shape=_shape_of(motion["shape"]),
-                certificate=Certificate(**checked, violations=tuple(data["violations"])),
+                certificate=Certificate(**{name: data[name] for name in known}, violations=tuple(data["violations"])),
                 method=data["method"],
                 skipped=tuple(data["skipped"]),
                 seconds=data["seconds"],
