@@ -72,7 +72,7 @@ class Chain:
         given = self.springs if isinstance(self.springs, list | tuple) else [self.springs] * (len(masses) - 1)
         if len(given) != len(masses) - 1:
             raise InputError(f"{len(masses)} masses are joined by {len(masses) - 1} springs, not {len(given)}")
-        springs = tuple(as_spring(law, self.parameters) for law in given)
+        springs = tuple(as_spring(law, self.parameters, shared=True) for law in given)
         if piecewise := [law.text for law in springs if law.pieces]:
             raise InputError(f"spring '{piecewise[0]}' is piecewise; a chain takes smooth ones")
         parameters = self._common_parameters(springs, _mass_names(len(masses)))

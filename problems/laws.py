@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.errors import InputError, OutOfRange
+from orbits.model.model import NOISE
 from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.formula import CONSTANTS, parse, suggest
 from orbits.symbolic.taylor_series import has_taylor_series
@@ -22,6 +23,11 @@ Parameters = Mapping[str, Any]
 # What users give for the parameters of a law, and laws by name.
 Given = Mapping[str, float] | None
 Named = Mapping[str, Callable]
+# Names by which formulas of a spring ask for the speed of its extension.
+SPEEDS = ("v", "vel", "velocity", "speed", "rdot", "r_dot", "dr", "drdt", "dr_dt", "xdot", "x_dot", "dx", "dxdt")
+# Distances from 0 at which a formula without a value there is looked at. Its values come together where those at a
+# tenth of a distance differ by less than this share.
+NEAR_ZERO, COMES_TOGETHER = (1e-2, 1e-3, 1e-4, 1e-5), 0.2
 HOW_TO_WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
 
 
@@ -109,7 +115,7 @@ class Law:
         """The same law with other values of some parameters."""
         for name in values:
             if name not in self.parameters:
-                raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, self.parameters)}")
+                raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, stated(self.parameters))}")
         return replace(self, parameters={**self.parameters, **values})
 
     def scaled(self, length: float, force: float) -> "Law":
@@ -126,11 +132,36 @@ def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
     parameters = dict(parameters or {})
     names = parse(text).names - {variable}
     if missing := sorted(names - parameters.keys()):
+        if variable == "r" and (speeds := [name for name in missing if name.lower() in SPEEDS]):
+            alone = f"'{text[:60]}' uses '{speeds[0]}', but a spring's force depends on the extension r alone"
+            raise InputError(f"{alone}: for a force of its speed give damping; a constant needs its value")
         raise InputError(f"'{text}' uses {', '.join(map(repr, missing))} without a value: set {missing[0]}=VALUE")
     if unused := sorted(parameters.keys() - names):
         hint = suggest(unused[0], sorted(names)) if names else ""
         raise InputError(f"'{text}' does not use {', '.join(map(repr, unused))}{hint}")
-    return Law(text, variable, _formula_expression(text, variable), {name: parameters[name] for name in sorted(names)})
+    law = Law(text, variable, _formula_expression(text, variable), {name: parameters[name] for name in sorted(names)})
+    _refuse_removable(law)
+    return law
+
+
+def _refuse_removable(law: Law) -> None:
+    """Raise `InputError` for a formula that is 0/0 at 0 but has a limit there: near 0 it loses all its digits."""
+    values, h = {name: np.float64(value) for name, value in law.parameters.items()}, np.array(NEAR_ZERO)
+    with np.errstate(all="ignore"):
+        if not np.isnan(law.expression(np.float64(0.0), values, [])):
+            return
+        up, down, further = (law.expression(x, values, []) for x in (h, -h, 2 * h))
+        apart = np.maximum(abs(up - down), abs(up - further))
+        together = np.flatnonzero(apart[1:] <= COMES_TOGETHER * apart[:-1])
+    if together.size:
+        limit = f"its limit there is about {(up + down)[together[-1] + 1] / 2:.3g}, but near it digits are lost"
+        remedy = "write it without that division, or as a table of its values, springs.table((r, force), noise=0)"
+        raise InputError(f"'{law.text[:60]}' is 0/0 at {law.variable} = 0; {limit}: {remedy}")
+
+
+def stated(names: Iterable[str]) -> list[str]:
+    """The names of parameters that users state: not those that stand for the noise of a table."""
+    return [name for name in names if not name.startswith(NOISE)]
 
 
 def from_potential(text: str, variable: str, parameters: Given = None) -> Law:
@@ -159,14 +190,16 @@ def from_function(function: Callable, variable: str, parameters: Given = None, b
     return law
 
 
-def from_any(law: Any, variable: str, given: Given, table: Named, what: str) -> Law:
+def from_any(law: Any, variable: str, given: Given, table: Named, what: str, shared: bool = True) -> Law:
     """A law from a law, a Python function, the name of one in `table`, a formula or "potential:FORMULA".
 
-    given : the values of its parameters; others among them are left aside
+    given : the values of its parameters; others among them are left aside where they are `shared` with another law
     what : "gravity" or "a spring", for the `InputError` that anything else raises
     """
 
     def own(names):
+        if not shared and (unused := sorted((given or {}).keys() - set(names))):
+            raise InputError(f"this law has no parameter '{unused[0]}'{suggest(unused[0], stated(names))}")
         return {name: value for name, value in (given or {}).items() if name in names}
 
     if isinstance(law, Law):
@@ -276,7 +309,8 @@ def _function_expression(function: Callable, variable: str, names: tuple[str, ..
             ca.GlobalOptions.setNumpyMode(1)  # NumPy's functions then give CasADi expressions, without a warning
         value = ca.SX(function(x, **p))
     except Exception as error:
-        kind = type(error).__name__
+        said = " ".join(str(error).split())[:80]
+        kind = type(error).__name__ + (f": {said}" if said else "")
         raise InputError(f"the law '{name}' fails on a symbolic argument ({kind}); {HOW_TO_WRITE}") from error
     finally:
         if mode is not None:

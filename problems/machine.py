@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike
 
 from orbits.errors import InputError, NoOrbit
 from orbits.model.closed_form import Oscillator, ThrownOscillator
-from orbits.model.model import NOISE, Model, Reduction, Units
+from orbits.model.model import Model, Reduction, Units
 from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
 from orbits.symbolic.formula import suggest
 
 from .gravity import as_gravity
 from .launch import Liftoff, lowest_launch_speed
-from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number
+from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number, stated
 from .springs import as_spring
 
 # Beyond these bounds one of the two masses is lost in rounding, or the lengths of lift-off overflow or vanish.
@@ -80,12 +80,12 @@ class TwoMassMachine:
         if not isinstance(self.parameters, Mapping):
             raise InputError(f"parameters = {self.parameters!r}; they are a mapping of names to numbers")
         given = {name: number(name, value) for name, value in self.parameters.items()}
-        spring, gravity = as_spring(self.spring, given), as_gravity(self.gravity, given)
+        spring, gravity = as_spring(self.spring, given, shared=True), as_gravity(self.gravity, given, shared=True)
         known = {**spring.parameters, **gravity.parameters}
         if taken := [name for name in (*OWN_PARAMETERS, "gravity_share") if name in known or name in given]:
             raise InputError(f"'{taken[0]}' is the machine's own name; call the formula's parameter something else")
         if unknown := [name for name in given if name not in known]:
-            raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], list(known))}")
+            raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], stated(known))}")
         for name in spring.parameters.keys() & gravity.parameters.keys():
             if spring.parameters[name] != gravity.parameters[name]:
                 raise InputError(f"spring and gravity both have a parameter '{name}' with different values; rename one")
@@ -145,7 +145,7 @@ class TwoMassMachine:
             "rest_length": None if self.rest_length is None else float(self.rest_length),
             "restitution": float(self.restitution),
             **({name: float(getattr(self, name)) for name in DAMPERS} if self.damped else {}),
-            "parameters": {n: float(value) for n, value in self.parameters.items() if not n.startswith(NOISE)},
+            "parameters": {name: float(self.parameters[name]) for name in stated(self.parameters)},
             "laws_in": "SI" if self.units else "units of the machine",
             **({f"unit_{name}": value for name, value in asdict(self.units).items()} if self.units else {}),
         }

@@ -28,7 +28,12 @@ machine_options = combined(
     click.option("--machine", metavar="hopper|juggler|FILE.toml", help="Kind of machine, or a file that states it."),
     click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
     click.option("--rest-length", type=POSITIVE, metavar="L", help="Of the spring; default: long enough."),
-    click.option("--spring", metavar="LAW", help="Formula of r, a law's name, table:FILE.csv or potential:FORMULA."),
+    click.option(
+        "--spring",
+        metavar="LAW",
+        help="Formula of r, a law's name, potential:FORMULA, or measured rows with a header of extension and force, "
+        "table:FILE[?branch=loading|unloading|mean][&noise=SD]; see 'A spring of your own' in the README.",
+    ),
     click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
     click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter; repeatable."),
 )

@@ -22,10 +22,12 @@ from orbits.symbolic.formula import suggest
 
 from . import laws
 from .laws import Law, number, positive
-from .tables import FEWEST_ROWS, Curve, branch_of, curve_of, read_table
+from .tables import FEWEST_ROWS, SmoothCurve, branch_of, curve_of, read_table, short
 
 # A sample to try tables with: a leg's spring in mm and N, with noise as from a bench.
 SAMPLE = Path(__file__).with_name("bench.csv")
+# Extensions that differ by this share of their range or less are the same.
+SAME_EXTENSION = 1e-9
 TABLE_OPTIONS = ("branch", "noise")
 
 
@@ -153,7 +155,7 @@ def table(
         raise InputError(f"noise = {noise:g} is below 0; it is the standard deviation of a row's force")
     label, pairs, sense = "table", source, 1.0
     if isinstance(source, str | Path):
-        label = Path(source).name
+        label = short(Path(source).name)
         pairs, sense = read_table(Path(source), in_si)
     r, force = _columns_of(pairs, label)
     rows = branch_of(r, force, sense, branch, label)
@@ -168,16 +170,20 @@ NAMED = {
 }
 
 
-def as_spring(law: Any, given: Mapping[str, float] | None = None, in_si: bool = False) -> Law:
+def as_spring(law: Any, given: Mapping[str, float] | None = None, in_si: bool = False, shared: bool = False) -> Law:
     """A spring from a law, a formula, a law's name, "table:FILE", "table:FILE?branch=loading&noise=0.5",
-    "potential:FORMULA" or a Python function, with those of the given parameters that it takes."""
+    "potential:FORMULA" or a Python function, with the given parameters.
+
+    shared : whether the given parameters are another law's too; this one then takes those that it has, while otherwise
+        one that it has not is an `InputError`
+    """
     kind, colon, rest = law.partition(":") if isinstance(law, str) else ("", "", "")
     if colon and kind == "table":
         path, options = _table_options(rest)
         if not path.strip():
             raise InputError(f"spring '{law}' names no file after the colon")
-        return table(path, in_si=in_si, **options)
-    return laws.from_any(law, "r", given, NAMED, "a spring")
+        law = table(path, in_si=in_si, **options)
+    return laws.from_any(law, "r", given, NAMED, "a spring", shared)
 
 
 def _line_expression(x, p, q):
@@ -201,7 +207,7 @@ def _piece_expression(x, p, q):
     return value
 
 
-def _table_pieces(curve: Curve) -> tuple[dict[str, float], tuple[int, Callable]]:
+def _table_pieces(curve: SmoothCurve) -> tuple[dict[str, float], tuple[int, Callable]]:
     """The parameters of a table's law, one for each change that noise makes, and its pieces."""
     x, y = curve.extensions, curve.forces
     breaks, data = x.tolist(), _quintic_pieces(x, y)
@@ -251,12 +257,15 @@ def _columns_of(source: Any, label: str) -> tuple[np.ndarray, np.ndarray]:
 
 def _averaged(r: np.ndarray, force: np.ndarray, label: str) -> tuple[np.ndarray, np.ndarray]:
     """Ascending extensions (n,) and the mean force (n,) at each; raises `InputError` where no law goes through them."""
-    grid, place = np.unique(r, return_inverse=True)
-    if len(grid) < FEWEST_ROWS:
-        raise InputError(f"{label}: {len(grid)} different extensions; a table needs at least {FEWEST_ROWS}")
-    if np.diff(grid).min() < 1e-9 * np.ptp(grid) or np.abs(force).max() > 1e100:
-        raise InputError(f"{label}: rows too close together or too large to compute with")
-    return grid, np.bincount(place, force) / np.bincount(place)
+    if max(np.abs(r).max(initial=0), np.abs(force).max(initial=0)) > 1e100:
+        raise InputError(f"{label}: extensions or forces too large to compute with; they lie below 1e100")
+    order = np.argsort(r, kind="stable")
+    r, force = r[order], force[order]
+    place = np.cumsum(np.diff(r, prepend=r[:1]) > SAME_EXTENSION * np.ptp(r)) if len(r) else np.zeros(0, int)
+    counts = np.bincount(place)
+    if len(counts) < FEWEST_ROWS:
+        raise InputError(f"{label}: {len(counts)} different extensions; a table needs at least {FEWEST_ROWS}")
+    return np.bincount(place, r) / counts, np.bincount(place, force) / counts
 
 
 def _quintic_pieces(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ EXTENSION_NAMES = (
     *("extension", "deflection", "displacement", "elongation", "travel", "stroke", "compression", "weg", "r", "x"),
 )
 FORCE_NAMES = ("force", "tension", "load", "kraft", "f")
+GERMAN = ("weg", "kraft")
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "in": 0.0254}
 NEWTONS = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "n": 1.0, "kn": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
 NO_UNIT = ("", "-", "1")
@@ -33,16 +34,16 @@ TURN = 0.02
 LOOP_SIGNIFICANCE, LOOP_WIDTH = 6.0, 5e-3
 # Rows are noisy where a smoothing spline with fewer degrees of freedom than this share of the rows is likelier than
 # the interpolating one, twice the logarithm by this much; noise below the last share of the range is rounding.
-FREEDOM, LIKELIER, ROUNDING = 0.5, 15.0, 1e-9
+FREEDOM, LIKELIER, EXACT_ROWS = 0.8, 15.0, 1e-9
 # Below so many rows noise and shape cannot be told apart.
 FEWEST_NOISY = 12
 # A smoothed curve goes on through so many nodes per degree of freedom, at least and at most so many.
-NODES_PER_FREEDOM, NODES = 3, (16, 64)
+NODES_PER_FREEDOM, NODES = 2, (16, 128)
 # Directions of the noise in the curve, the smoothest first: all later ones add a tenth to what an orbit is moved by.
 MOST_DIRECTIONS = 24
 
 
-class Curve(NamedTuple):
+class SmoothCurve(NamedTuple):
     """A smooth curve through rows: forces (n,) at ascending extensions (n,), and what noise does to them.
 
     changes : (k, n), independent changes of the forces by one standard deviation each
@@ -83,9 +84,9 @@ def read_table(path: Path, in_si: bool) -> tuple[tuple[np.ndarray, np.ndarray], 
                 continue
             except (ValueError, IndexError):
                 problem = "mixes decimal commas with points" if len(marks) > 1 else problem
-        raise InputError(f"the table {_short(path)}, row {line + 1}: {_short(lines[line])!r} {problem}")
+        raise InputError(f"the table {short(path)}, row {line + 1}: {short(lines[line])!r} {problem}")
     if not values:
-        raise InputError(f"the table {_short(path)} has no rows; it needs a header and at least {FEWEST_ROWS} rows")
+        raise InputError(f"the table {short(path)} has no rows; it needs a header and at least {FEWEST_ROWS} rows")
     sense = -1.0 if "compression" in _words(header.cells[header.columns[0]]) else 1.0
     extensions, forces = np.array(values).T
     return (sense * scales[0] * extensions, sense * scales[1] * forces), sense
@@ -118,7 +119,7 @@ def branch_of(r: np.ndarray, force: np.ndarray, sense: float, branch: str | None
     return np.arange(len(r))
 
 
-def curve_of(r: np.ndarray, force: np.ndarray, noise: float | None) -> Curve:
+def curve_of(r: np.ndarray, force: np.ndarray, noise: float | None) -> SmoothCurve:
     """The curve through rows of ascending, different extensions r (n,): the rows themselves, or a smoothing spline.
 
     noise : standard deviation of a row's force; None to see from the rows whether they are noisy, 0 for exact ones
@@ -132,12 +133,12 @@ def curve_of(r: np.ndarray, force: np.ndarray, noise: float | None) -> Curve:
     if fit is not None:
         return fit
     if len(r) <= MOST_ROWS:
-        return Curve(r, force, np.zeros((0, len(r))), "")
+        return SmoothCurve(r, force, np.zeros((0, len(r))), "")
     kept = np.linspace(0, len(r) - 1, MOST_ROWS).round().astype(int)
-    return Curve(r[kept], force[kept], np.zeros((0, MOST_ROWS)), f"{MOST_ROWS} of {len(r)} rows")
+    return SmoothCurve(r[kept], force[kept], np.zeros((0, MOST_ROWS)), f"{MOST_ROWS} of {len(r)} rows")
 
 
-def _smoothed(r: np.ndarray, force: np.ndarray, noise: float | None) -> Curve | None:
+def _smoothed(r: np.ndarray, force: np.ndarray, noise: float | None) -> SmoothCurve | None:
     """The smoothing spline; None where the rows are not known to be noisy and do not look it."""
     from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
     from scipy.linalg import eigh
@@ -161,28 +162,28 @@ def _smoothed(r: np.ndarray, force: np.ndarray, noise: float | None) -> Curve | 
     best = int(deviance.argmin())
     kept = np.r_[1.0, 1.0, 1 - lost[best]]
     sigma = float(np.sqrt(squares[best] / (n - 2))) if noise is None else noise
-    smooth = kept.sum() < FREEDOM * n and deviance[0] - deviance[best] > LIKELIER and sigma > ROUNDING * np.ptp(force)
+    smooth = kept.sum() < FREEDOM * n and deviance[0] - deviance[best] > LIKELIER and sigma > EXACT_ROWS * np.ptp(force)
     if noise is None and not smooth:
         return None
     nodes = np.linspace(r[0], r[-1], int(np.clip(NODES_PER_FREEDOM * kept.sum(), *NODES)))
     at_nodes = CubicSpline(x, modes / root[:, None], bc_type="natural")(nodes)
     changes = sigma * (np.sqrt(kept) * at_nodes).T[:MOST_DIRECTIONS]
     how = "estimated" if noise is None else "stated"
-    return Curve(nodes, at_nodes @ (kept * z), changes, f"{len(r)} rows smoothed, noise {sigma:.3g} {how}")
+    return SmoothCurve(nodes, at_nodes @ (kept * z), changes, f"{len(r)} rows smoothed, noise {sigma:.3g} {how}")
 
 
 def _text(path: Path) -> str:
     """The text of a file of bounded size; raises `InputError` for what is no regular file or no text."""
     try:
         if path.exists() and not path.is_file():
-            raise InputError(f"the table {_short(path)} cannot be read: it is no regular file")
+            raise InputError(f"the table {short(path)} cannot be read: it is no regular file")
         with open(path, "rb") as file:
             data = file.read(MOST_BYTES + 1)
         if len(data) > MOST_BYTES:
             bound = f"is larger than {MOST_BYTES // 10**6} MB"
-            raise InputError(f"the table {_short(path)} {bound}: keep every tenth row, or fewer")
+            raise InputError(f"the table {short(path)} {bound}: keep every tenth row, or fewer")
         if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-            return data.decode("utf-16")
+            return data.decode("utf-16").removeprefix("\ufeff")
         try:
             return data.decode("utf-8-sig")
         except UnicodeDecodeError:
@@ -190,7 +191,7 @@ def _text(path: Path) -> str:
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"the table {_short(path)!r} cannot be read: {_short(error)}") from None
+        raise InputError(f"the table {short(path)!r} cannot be read: {short(error)}") from None
 
 
 def _find_header(path: Path, lines: list[str]) -> _Header:
@@ -209,13 +210,13 @@ def _find_header(path: Path, lines: list[str]) -> _Header:
     if found:
         return found[0]
     if len([text for text in lines if text.strip(" \t,;")]) < 2:
-        raise InputError(f"the table {_short(path)} has no rows; it needs a header and at least {FEWEST_ROWS} rows")
+        raise InputError(f"the table {short(path)} has no rows; it needs a header and at least {FEWEST_ROWS} rows")
     cells = re.split(r"[\t;,]|\s+", first.strip())
     if _are_numbers(cells, range(len(cells))):
-        raise InputError(f"the table {_short(path)} has no header; name its columns in the first row")
+        raise InputError(f"the table {short(path)} has no header; name its columns in the first row")
     names = FORCE_NAMES if any(_names(cell, EXTENSION_NAMES) for cell in cells) else EXTENSION_NAMES
-    has = f"its header is {_short(first)!r}, known names are {', '.join(names)}"
-    raise InputError(f"the table {_short(path)} has no column {names[0]}: {has}")
+    has = f"its header is {short(first)!r}, known names are {', '.join(names)}"
+    raise InputError(f"the table {short(path)} has no column {names[0]}: {has}")
 
 
 def _headers(lines: list[str], line: int, text: str) -> Iterator[_Header]:
@@ -248,18 +249,18 @@ def _scales(path: Path, header: _Header, in_si: bool) -> tuple[float, float]:
             scales.append(1.0)  # without brackets, an unknown word belongs to the name
         elif not in_si:
             raise InputError(
-                f"the table {_short(path)} gives {_short(name)!r} in {_short(plain)}, but this machine has no units: "
+                f"the table {short(path)} gives {short(name)!r} in {short(plain)}, but this machine has no units: "
                 "state it with hopper_in_si (a file's [si]), or take the units out of the table's header"
             )
         elif scale is None:
-            raise InputError(f"the table {_short(path)}: unknown unit {_short(plain)!r}; known: {', '.join(known)}")
+            raise InputError(f"the table {short(path)}: unknown unit {short(plain)!r}; known: {', '.join(known)}")
         else:
             scales.append(scale)
     return scales[0], scales[1]
 
 
-def _short(text: object) -> str:
-    """Text for a message, of bounded length, its end kept."""
+def short(text: object) -> str:
+    """Text for a message: of a long one, its beginning and its end."""
     shown = str(text)
     return shown if len(shown) <= 60 else f"{shown[:20]}...{shown[-37:]}"
 
@@ -284,9 +285,10 @@ def _words(cell: str) -> list[str]:
 
 
 def _names(cell: str, names: tuple[str, ...]) -> bool:
-    """Whether a cell names a column: by its first word, or by a whole word later on."""
+    """Whether a cell names a column: by its first word, or by a longer one later on."""
     words = _words(cell)
-    return bool(words) and (words[0] in names or any(len(word) > 1 and word in names for word in words))
+    compound = tuple(name for name in GERMAN if name in names)  # Federweg, Standardkraft
+    return any(word.endswith(compound) or (word in names and (len(word) > 1 or i == 0)) for i, word in enumerate(words))
 
 
 def _unit_in(cell: str, names: tuple[str, ...]) -> str:
@@ -294,7 +296,7 @@ def _unit_in(cell: str, names: tuple[str, ...]) -> str:
     if bracketed := re.search(r"[\[(][^\])]*[\])]", cell):
         return bracketed[0]
     last = [word for word in re.split(r"[\s_/,:]+", cell.strip()) if word][-1]
-    return "" if last.lower() in names else last
+    return "" if _names(last, names) else last
 
 
 def _number(cell: str, marks: set[str]) -> float:

@@ -11,7 +11,7 @@ from . import gravity as gravities
 from .gravity import as_gravity
 from .hopper import Hopper
 from .juggler import Juggler
-from .laws import Law, number
+from .laws import Law, number, stated
 from .machine import TwoMassMachine
 from .springs import as_spring
 
@@ -70,7 +70,7 @@ def machine_in_si(
     law = _gravity_law(gravity, body_radius, given)
     known = [*spring.parameters, *law.parameters]
     if unknown := [name for name in given if name not in known]:
-        raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], known)}")
+        raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], stated(known))}")
     return kind(
         spring=spring.scaled(length, weight) if force is not None else "r",
         gravity=law.scaled(length, 1.0) if law.key.degree() > 0 else law,
@@ -86,7 +86,7 @@ def machine_in_si(
 def _gravity_law(gravity: Any, body_radius: float | None, given: Mapping[str, float]) -> Law:
     """The law of gravity in SI."""
     if body_radius is None:
-        return as_gravity("1" if gravity is None else gravity, given)
+        return as_gravity("1" if gravity is None else gravity, given, shared=True)
     if gravity is not None:
         raise InputError("give body_radius or gravity, not both")
     return gravities.formula("1/(1 + z/body_radius)**2", body_radius=number("body_radius", body_radius, low=0))
@@ -98,7 +98,7 @@ def _spring(force: Any, stiffness: float | None, given: Mapping[str, float]) -> 
         if stiffness is None:
             raise InputError("a spring in SI needs its stiffness (N/m) or its force law")
         return as_spring("r"), number("stiffness", stiffness, low=0)
-    law = as_spring(force, given, in_si=True)
+    law = as_spring(force, given, in_si=True, shared=True)
     slope = float(law.with_slope(0.0)[1])
     if stiffness is not None:
         k = number("stiffness", stiffness, low=0)

@@ -434,6 +434,8 @@ TABLES = {
     "binary.csv": (bytes(range(256)), 2, "cannot be read"),
     "nul.csv": (b"r,f\n\x00,\x00\n1,1\n2,2\n3,3\n4,4\n", 2, "row 2"),
     "short.csv": ("r,f\n-1,-1\n0,0\n1,1\n2,2\n3,3\n", 1, "[-1, 3]"),
+    "loop.csv": ("r,f\n" + "".join(f"{r},{r + 1}\n" for r in range(9)) + "8,7\n6,5\n4,3\n2,1\n0,-1\n", 2, "is a loop"),
+    "units.csv": ("r (mm),f\n0,0\n1,1\n2,2\n3,3\n", 2, "hopper_in_si"),
     "flat.csv": ("r,f\n-9,0\n-1,0\n0,0\n1,0\n9,0\n", 1, "never reaches"),
 }
 SI = "[si]\nbody_mass = 1\nfoot_mass = 1\n"
@@ -492,6 +494,10 @@ FILES = [
     ("find --spring table:folder.csv", 2, "folder.csv"),
     ("find --spring table:", 2, "table:"),
     ("find --spring table:short.csv --set b=1", 2, "'b'"),
+    ("find --spring table:short.csv?branch=up", 2, "'loading', 'unloading' or 'mean'"),
+    ("find --spring table:loop.csv", 2, "table:FILE?branch=loading"),
+    ("find --spring table:units.csv", 2, "hopper_in_si"),
+    ("find --spring 'r + c*v' --set c=1", 2, "damping"),
     ("find --machine none.toml", 2, "none.toml"),
     ("find --machine folder.toml", 2, "folder.toml"),
     ("find --machine si_good.toml --mass-ratio 2", 2, "'mass_ratio' beside [si]"),
@@ -612,6 +618,7 @@ def test_help_and_version(orbits):
         assert (done.code, done.err) == (0, "")
         assert "Usage: orbits" in done.out
     assert "version" in orbits("--version").out
+    assert "table:FILE" in orbits("find --help").out
 
 
 def test_the_progress_display_shows_on_a_terminal_and_clears_itself(monkeypatch):
