@@ -151,7 +151,7 @@ def table(
     table there is no force: an orbit that needs one is refused with the range. Raises `InputError` for a table that
     cannot be read or interpolated, and for a loop of which no branch is named.
     """
-    if noise is not None and number("noise", noise) < 0:
+    if noise is not None and number("noise", noise, high=1e100) < 0:
         raise InputError(f"noise = {noise:g} is below 0; it is the standard deviation of a row's force")
     label, pairs, sense = "table", source, 1.0
     if isinstance(source, str | Path):
@@ -216,14 +216,14 @@ def _table_pieces(curve: SmoothCurve) -> tuple[dict[str, float], tuple[int, Call
     if not names:
         return {}, (7, lambda p: (breaks, data.tolist()))
     # The curve is cut back where it would overshoot: differences follow that, one standard deviation to both sides.
-    sides = (
-        [_quintic_pieces(curve.extensions, curve.forces + s * change) for s in (1, -1)] for change in curve.changes
-    )
-    changes = {name: ca.DM((up - down) / 2) for name, (up, down) in zip(names, sides, strict=True)}
+    sides = ([_quintic_pieces(x, y + sign * change) for sign in (1, -1)] for change in curve.changes)
+    changes = {name: (up - down) / 2 for name, (up, down) in zip(names, sides, strict=True)}
 
     def pieces(p):
-        changed = ca.DM(data) + sum(p[name] * change for name, change in changes.items())
-        return breaks, [ca.horzsplit(row) for row in ca.vertsplit(changed)]
+        if not isinstance(p[names[0]], ca.SX):
+            return breaks, (data + sum(p[name] * change for name, change in changes.items())).tolist()
+        rows = ca.DM(data) + sum(p[name] * ca.DM(change) for name, change in changes.items())
+        return breaks, [ca.horzsplit(row) for row in ca.vertsplit(rows)]
 
     return dict.fromkeys(names, 0.0), (7, pieces)
 

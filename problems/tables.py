@@ -21,8 +21,8 @@ NEWTONS = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "n": 1.0, "kn": 1e3, "kgf
 NO_UNIT = ("", "-", "1")
 COMMENTS = ("#", "%", "//")
 FEWEST_ROWS = 4
-# The header is among the first lines, and a file that is longer than this (some million rows) is no table.
-MOST_LINES_BEFORE_HEADER, MOST_BYTES = 200, 32_000_000
+# The header is among the first lines, and what is longer than this takes more than some ten seconds to read.
+MOST_LINES_BEFORE_HEADER, MOST_LINES, MOST_BYTES = 200, 1_000_000, 32_000_000
 # Each row between which a spline runs ends an integration step: more would cost minutes and add no digit.
 MOST_ROWS = 500
 # A smoothing spline is found from the means of at most so many neighbouring rows, by an eigendecomposition.
@@ -68,22 +68,24 @@ def read_table(path: Path, in_si: bool) -> tuple[tuple[np.ndarray, np.ndarray], 
     """Extensions and forces (n,), tension positive, in the order of a file's rows, in SI in m and N; and -1.0 where the
     file counts compression, else 1.0."""
     lines = _text(path).splitlines()
-    header = _find_header(path, lines)
+    if len(lines) > MOST_LINES:
+        raise InputError(f"the table {short(path)} has more than {MOST_LINES} lines: keep every tenth row, or fewer")
+    header = _find_header(path, lines[: 2 * MOST_LINES_BEFORE_HEADER])
     scales = _scales(path, header, in_si)
     values, marks = [], set[str]()
     for line in range(header.line, len(lines)):
         if _is_empty(lines[line], header.delimiter):
             continue
         cells = _cells(lines[line], header.delimiter)
-        problem = "does not hold two numbers"
-        if len(cells) > len(header.cells) and "".join(cells[len(header.cells) :]).strip():
-            problem = "has more cells than the header: decimal commas need another separator, ; or tab"
+        more = len(cells) - len(header.cells)
+        if (header.delimiter == "," and more > 0 and "".join(cells[-more:]).strip()) or (not header.delimiter and more):
+            problem = f"has {len(cells)} cells, the header {len(header.cells)}: separate the columns by ; or tab"
         else:
             try:
                 values.append([_number(cells[column], marks) for column in header.columns])
                 continue
             except (ValueError, IndexError):
-                problem = "mixes decimal commas with points" if len(marks) > 1 else problem
+                problem = "mixes decimal commas with points" if len(marks) > 1 else "does not hold two numbers"
         raise InputError(f"the table {short(path)}, row {line + 1}: {short(lines[line])!r} {problem}")
     if not values:
         raise InputError(f"the table {short(path)} has no rows; it needs a header and at least {FEWEST_ROWS} rows")
@@ -156,13 +158,14 @@ def _smoothed(r: np.ndarray, force: np.ndarray, noise: float | None) -> SmoothCu
     multiples = np.geomspace(1e-6 / stiffness[-1], 1e6 / stiffness[2], 400)
     lost = 1 - 1 / (1 + multiples[:, None] * stiffness[2:])
     squares = lost @ z[2:] ** 2
-    with np.errstate(divide="ignore"):
+    with np.errstate(all="ignore"):  # rows on a straight line leave nothing, and no best penalty
         size = (n - 2) * np.log(squares) if noise is None else squares / noise**2
-    deviance = size - np.log(lost).sum(1)
-    best = int(deviance.argmin())
+        deviance = size - np.log(lost).sum(1)
+        best = int(deviance.argmin())
+        gain = deviance[0] - deviance[best]
     kept = np.r_[1.0, 1.0, 1 - lost[best]]
     sigma = float(np.sqrt(squares[best] / (n - 2))) if noise is None else noise
-    smooth = kept.sum() < FREEDOM * n and deviance[0] - deviance[best] > LIKELIER and sigma > EXACT_ROWS * np.ptp(force)
+    smooth = kept.sum() < FREEDOM * n and gain > LIKELIER and sigma > EXACT_ROWS * np.ptp(force)
     if noise is None and not smooth:
         return None
     nodes = np.linspace(r[0], r[-1], int(np.clip(NODES_PER_FREEDOM * kept.sum(), *NODES)))
@@ -250,7 +253,7 @@ def _scales(path: Path, header: _Header, in_si: bool) -> tuple[float, float]:
         elif not in_si:
             raise InputError(
                 f"the table {short(path)} gives {short(name)!r} in {short(plain)}, but this machine has no units: "
-                "state it with hopper_in_si (a file's [si]), or take the units out of the table's header"
+                "state it with hopper_in_si (a file's [si]; in a table, in_si=True), or take the units out of the header"
             )
         elif scale is None:
             raise InputError(f"the table {short(path)}: unknown unit {short(plain)!r}; known: {', '.join(known)}")

@@ -46,8 +46,9 @@ def test_files_of_test_machines(name, encoding, tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("r,f\n0,5,1,5\n1,5,2,5\n", "decimal commas need another separator"),
+        ("r,f\n0,5,1,5\n1,5,2,5\n", "4 cells, the header 2: separate the columns by ; or tab"),
         ("r;f\n0;1.000,5\n1;2.000,5\n", "mixes decimal commas with points"),
+        ("load cell displacement\n1 2\n2 3\n", "2 cells, the header 3"),
         ("r [furlong],f\n0,1\n1,2\n", "unknown unit 'furlong'"),
         ("r;f\nmm;tons\n0;1\n", "unknown unit 'tons'"),
     ],
@@ -80,6 +81,9 @@ def test_only_regular_files_of_bounded_size_are_read(tmp_path):
         file.truncate(10**12)
     with pytest.raises(InputError, match="larger than 32 MB"):
         springs.table(tmp_path / "sparse.csv")
+    (tmp_path / "long.csv").write_text("r,f\n" + "1,1\n" * 1_000_000)
+    with pytest.raises(InputError, match="more than 1000000 lines"):
+        springs.table(tmp_path / "long.csv")
 
 
 @pytest.mark.parametrize("content", ["r,f\n0,0\n" + "9" * 9999 + "x,1\n", "s" * 9999 + ",f\n0,0\n1,1\n"])
