@@ -253,7 +253,7 @@ def _scales(path: Path, header: _Header, in_si: bool) -> tuple[float, float]:
         elif not in_si:
             raise InputError(
                 f"the table {short(path)} gives {short(name)!r} in {short(plain)}, but this machine has no units: "
-                "state it with hopper_in_si (a file's [si]; in a table, in_si=True), or take the units out of the header"
+                "state it with hopper_in_si (a file's [si]; a table in_si=True), or take the units out of the header"
             )
         elif scale is None:
             raise InputError(f"the table {short(path)}: unknown unit {short(plain)!r}; known: {', '.join(known)}")
