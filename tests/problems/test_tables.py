@@ -186,6 +186,7 @@ class TestNoise:
         exact = springs.table((r, noisy), noise=0)
         assert exact(r) == pytest.approx(noisy, abs=1e-12)
 
+    @pytest.mark.slow
     def test_moves_alpha_by_what_the_certificate_says(self):
         """Against the same hop solved anew for laws drawn within the noise, and against the true spring's."""
         truth, r = find(Hopper("r + 0.02*r**3")).alpha, np.linspace(-12, 8, 200)
