@@ -14,11 +14,13 @@ from typing import Any, cast
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.model.model import Model, Units
+from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
+from orbits.model.units import SPEED, Units
 
 from .laws import Key
 from .machine import DAMPERS, TwoMassMachine
+from .units import MachineInSI
 
 END, RATE = "u", "w"
 
@@ -27,12 +29,17 @@ END, RATE = "u", "w"
 class Actuated:
     """A machine whose spring's end is moved, as `simulate` takes it; the last state is u.
 
-    machine : a `Hopper` or `Juggler` with a smooth spring law
+    machine : a `Hopper` or `Juggler` with a smooth spring law, or one in SI; its dimensionless self is kept
+    units : of the machine in SI, None where there are none
     """
 
     machine: TwoMassMachine
+    units: Units | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.machine, MachineInSI):
+            object.__setattr__(self, "units", self.machine.units)
+            object.__setattr__(self, "machine", self.machine.dimensionless())
         if not isinstance(self.machine, TwoMassMachine):
             kind = type(self.machine).__name__
             raise InputError(f"a {kind} is no machine whose spring can be moved, as problems.Hopper()")
@@ -63,14 +70,18 @@ class Actuated:
         return self.machine.restitution
 
     @property
-    def units(self) -> Units | None:
-        """The machine's units."""
-        return self.machine.units
-
-    @property
     def rest_length(self) -> float | None:
         """The machine's rest length."""
         return self.machine.rest_length
+
+    @property
+    def scheduled(self) -> dict[str, float]:
+        """The unit of the actuator's rate, which a simulation may vary in time."""
+        return {RATE: 1.0 if self.units is None else self.units.of(SPEED)}
+
+    def dimensionless(self) -> "Actuated":
+        """The same without units."""
+        return replace(self, units=None)
 
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""

@@ -22,6 +22,8 @@ Parameters = Mapping[str, Any]
 # What users give for the parameters of a law, and laws by name.
 Given = Mapping[str, float] | None
 Named = Mapping[str, Callable]
+# Parameters of a law in SI that is brought to a dimensionless machine's units.
+UNIT_LENGTH, UNIT_FORCE = "unit_length", "unit_force"
 HOW_TO_WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
 
 
@@ -105,10 +107,12 @@ class Law:
                 raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, self.parameters)}")
         return replace(self, parameters={**self.parameters, **values})
 
-    def scaled(self, length: float, force: float) -> "Law":
-        """The law in units of `length` and `force`: the dimensionless form of one in metres and newtons."""
-        pieces = self.pieces and _scaled_pieces(self.pieces, length)
-        return replace(self, expression=_scaled(self.expression, length, force), pieces=pieces)
+    def scaled(self, length: float, force: float | None = None) -> "Law":
+        """The law in units of `length` and `force`, which become parameters of it; None leaves the values as they are."""
+        pieces = self.pieces and _scaled_pieces(self.pieces)
+        units = {UNIT_LENGTH: length} | ({} if force is None else {UNIT_FORCE: force})
+        expression = _scaled(self.expression, force is not None)
+        return replace(self, expression=expression, pieces=pieces, parameters={**self.parameters, **units})
 
 
 def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
@@ -319,14 +323,18 @@ def _graph_expression(graph: str, names: tuple[str, ...]) -> Callable:
 
 
 @lru_cache(maxsize=256)
-def _scaled(expression: Callable, length: float, force: float) -> Callable:
-    return lambda x, p, q: expression(length * x, p, q) / force
+def _scaled(expression: Callable, has_force: bool) -> Callable:
+    def scaled(x, p, q):
+        value = expression(p[UNIT_LENGTH] * x, p, q)
+        return value / p[UNIT_FORCE] if has_force else value
+
+    return scaled
 
 
 @lru_cache(maxsize=256)
-def _scaled_pieces(pieces: tuple[int, Callable], length: float) -> tuple[int, Callable]:
+def _scaled_pieces(pieces: tuple[int, Callable]) -> tuple[int, Callable]:
     def table(p):
         breaks, data = pieces[1](p)
-        return [b / length for b in breaks], data
+        return [b / p[UNIT_LENGTH] for b in breaks], data
 
     return pieces[0], table

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..io import write_json
 from ..model.machine import Machine
-from ..periodic.orbit import Orbit
+from ..periodic.orbit import Orbit, orbit_of
 from .nlp import DesignPoint
 from .problem import DesignProblem
 
@@ -139,7 +139,7 @@ def optimum_at(
     multipliers, rest = _multipliers(problem.sign * point.slopes[0] * units / size, rows)
     return Design(
         machine,
-        orbit,
+        orbit_of(machine, orbit),
         parameters={name: machine.values[name] for name in problem.names},
         verb=problem.verb,
         text=problem.text,
@@ -166,12 +166,12 @@ def _active_constraints(problem: DesignProblem, point: DesignPoint, scales: np.n
     rows, violation, units = [], 0.0, problem.units(point.theta)
     stated = [(c.text, c.low, c.high) for c in problem.constraints]
     stated += [(f"{name} > 0", 0.0, np.inf) for name in ("-landing_jerk", *point.demands)]
-    results = point.scaled_values[1:], point.slopes[1:], scales[1:]
-    for (text, low, high), value, slope, scale in zip(stated, *results, strict=False):
+    results = point.scaled_values[1:], point.slopes[1:], scales[1:], [*(1.0 for _ in problem.constraints), *point.sizes]
+    for (text, low, high), value, slope, scale, size in zip(stated, *results, strict=False):
         violation = max(violation, max(low - value, value - high, 0.0) / scale)
         for side, bound in ((-1.0, low), (1.0, high)):
             if abs(value - bound) <= ACTIVE * scale:
-                rows.append(_ActiveRow(text, side * slope * units / scale, scale, low == high))
+                rows.append(_ActiveRow(text, side * slope * units / scale, scale * size, low == high))
                 break
     return rows, violation
 

@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.machine import Machine, check_machine
 from ..model.model import Model
+from ..model.units import LENGTH, SPEED, TIME, without_units
 from ..numerics.roots import solve
 from ..symbolic import interrupts
 from .admissibility import count_families
@@ -16,7 +17,7 @@ from .certificate import certify
 from .error_bound import error_bounds
 from .formulations import contact_reversor, equations_of, halved, interpret, or_none, vector
 from .newton import Evaluation
-from .orbit import Orbit, Shape
+from .orbit import Orbit, Shape, orbit_of
 from .single_shooting import Shooting
 
 METHODS = ("closed form", "relative", "half orbit", "shooting")
@@ -69,6 +70,11 @@ def find(
     cannot be.
     """
     check_machine(machine)
+    if machine.units is not None:
+        start = _dimensionless_start(start, machine)
+        with without_units():
+            orbit = find(machine.dimensionless(), family, start=start, method=method, progress=progress)
+        return orbit_of(machine, orbit)
     began = time.perf_counter()
     with interrupts.deferred():
         if start is None:
@@ -129,7 +135,7 @@ def solve_family(
 def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> tuple[str, Root]:
     """The method, and the solution that it finds from a start, as in `find`."""
     model, p = machine.model, machine.values
-    method = _possible_method(model, method)
+    start, method = _dimensionless_start(start, machine), _possible_method(model, method)
     method = "relative" if method == "closed form" else method
     equations = equations_of(model, method, tuple(p))
     stated = _stated_unknowns(model, start)
@@ -176,7 +182,6 @@ def certified_orbit(
         method=method,
         skipped=_skipped(model, p, method, equations.compiled),
         seconds=time.perf_counter() - began,
-        units=machine.units,
     )
 
 
@@ -205,6 +210,19 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
         if not 0 < stated.get(name, 1.0) < LONGEST_START:
             raise InputError(f"start '{name}' = {stated[name]:g}; it lies between 0 and {LONGEST_START:g}")
     return stated
+
+
+def _dimensionless_start(start: Any, machine: Machine) -> Any:
+    """A start in the units of the engine: those of a machine in SI are in SI."""
+    if isinstance(start, Orbit):
+        return start.dimensionless()
+    if machine.units is None or not isinstance(start, Mapping):
+        return start
+    times = dict.fromkeys(("duration", "contact_duration"), TIME) | {"alpha": SPEED, "liftoff": LENGTH, "unfolding": ()}
+    names = [name for name in start if name not in times]
+    sizes = dict(zip(names, machine.units.of_states(names).tolist(), strict=True))
+    sizes |= {name: machine.units.of(dimension) for name, dimension in times.items()}
+    return {name: finite_number(f"start '{name}'", value) / sizes[name] for name, value in start.items()}
 
 
 def _unknowns_of(orbit: Orbit) -> dict[str, float]:
