@@ -1,7 +1,7 @@
 """Follow a family of lossless orbits along a parameter, past folds, to its end; or another one from a branch point."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +81,14 @@ def trace(
     if unknown := options.keys() - set(known):
         raise InputError(f"trace has no option '{min(unknown)}'; it knows orbit, {', '.join(known)} and method")
     tracer = _begin(machine, along, start, stop, family, orbit, method, checked_options(**options), None)
-    return (tracer.curve.orbit(item) if isinstance(item, CurvePoint) else item for item in _interruptible(tracer))
+    return (_presented(tracer.curve, item) for item in _interruptible(tracer))
+
+
+def _presented(curve: Curve, item: CurvePoint | Event | End) -> Orbit | Event | End:
+    """An item of a run as its user gets it."""
+    if isinstance(item, CurvePoint):
+        return curve.orbit(item)
+    return replace(item, point=curve.in_units(item.point)) if isinstance(item, Event) else item
 
 
 def _interruptible(tracer: Tracer):
@@ -219,7 +226,7 @@ def _resumed(machine, along: str, behind: float, stop: float, resume: Family, op
     row = tangent / curve.size(x) ** 2
     with interrupts.deferred():
         first = curve.certify_at(correct(curve, x, row, row @ x, tangent), last.value)
-    return Tracer(curve, first, behind, stop, options, resume.points[:-1])
+    return Tracer(curve, first, behind, stop, options, [curve.dimensionless(point) for point in resume.points[:-1]])
 
 
 def _check_resumable(machine: Machine, along: str, behind: float, stop: float, resume: Family) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..io import write_json
 from ..model.machine import Machine
-from ..periodic.orbit import Orbit
+from ..periodic.orbit import Orbit, orbit_of
 from .nlp import DesignPoint
 from .problem import DesignProblem
 
@@ -138,7 +138,8 @@ def optimum_at(
     active = tuple(Active(r.text, float(x * size / r.unit)) for r, x in zip(rows, multipliers, strict=True) if x)
     idle = _idle(problem, flat & ~point.slopes[: len(scales)].any(0))
     found, kkt = (float(point.values[0]), point.quantities), max(float(np.abs(rest).max()), violation)
-    return Design(machine, orbit, parameters, problem.verb, problem.text, *found, active, idle, kkt)
+    stated = orbit_of(machine, orbit)
+    return Design(machine, stated, parameters, problem.verb, problem.text, *found, active, idle, kkt)
 
 
 def _active_bounds(problem: DesignProblem, theta: np.ndarray) -> list[_ActiveRow]:
@@ -156,12 +157,12 @@ def _active_constraints(problem: DesignProblem, point: DesignPoint, scales: np.n
     rows, violation, units = [], 0.0, problem.units(point.theta)
     stated = [(c.text, c.low, c.high) for c in problem.constraints]
     stated += [(f"{name} > 0", 0.0, np.inf) for name in ("-landing_jerk", *point.demands)]
-    results = point.scaled_values[1:], point.slopes[1:], scales[1:]
-    for (text, low, high), value, slope, scale in zip(stated, *results, strict=False):
+    results = point.scaled_values[1:], point.slopes[1:], scales[1:], [*(1.0 for _ in problem.constraints), *point.sizes]
+    for (text, low, high), value, slope, scale, size in zip(stated, *results, strict=False):
         violation = max(violation, max(low - value, value - high, 0.0) / scale)
         for side, bound in ((-1.0, low), (1.0, high)):
             if abs(value - bound) <= ACTIVE * scale:
-                rows.append(_ActiveRow(text, side * slope * units / scale, scale, low == high))
+                rows.append(_ActiveRow(text, side * slope * units / scale, scale * size, low == high))
                 break
     return rows, violation
 
