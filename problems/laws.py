@@ -115,7 +115,7 @@ class Law:
         return replace(self, parameters={**self.parameters, **values})
 
     def scaled(self, length: float, force: float | None = None) -> "Law":
-        """The law in units of `length` and `force`, which become parameters of it; None leaves the values as they are."""
+        """The law in units of `length` and `force`, which become its parameters; None keeps the values as they are."""
         expression, pieces = _scaled(self.expression, self.pieces, force is not None)
         units = {UNIT_LENGTH: length} | ({} if force is None else {UNIT_FORCE: force})
         return replace(self, expression=expression, pieces=pieces, parameters={**self.parameters, **units})

@@ -5,10 +5,13 @@ m2 g, times in sqrt(m2/k) and, for the hopper, over sqrt(1 + m2/m1) (eq. 2). The
 these change; k is the spring's stiffness at rest as first stated, and stays, since it is free to choose.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, Self, TypeAlias
+
+import casadi as ca
 
 from orbits.errors import InputError
 from orbits.model.model import Model, reparametrised
@@ -19,7 +22,7 @@ from . import gravity as gravities
 from .gravity import as_gravity
 from .hopper import Hopper
 from .juggler import Juggler
-from .laws import UNIT_FORCE, UNIT_LENGTH, Law, number
+from .laws import UNIT_FORCE, UNIT_LENGTH, Key, Law, number
 from .machine import DAMPERS, TwoMassMachine
 from .springs import as_spring
 
@@ -152,15 +155,18 @@ class MachineInSI:
     @cached_property
     def units(self) -> Units:
         """The units of its dimensionless self, in SI."""
-        return _units_by(self.base, tuple(self.masses), self._stiffness_name)(self._scale_values)
+        scales = {**self.masses, "surface_gravity": self.surface_gravity, self._stiffness_name: self.stiffness}
+        return _units_by(*self._names)(scales)
 
     @property
     def _stiffness_name(self) -> str:
         return "stiffness" if self.spring is None else GAUGE
 
     @property
-    def _scale_values(self) -> dict[str, float]:
-        return {**self.masses, "surface_gravity": self.surface_gravity, self._stiffness_name: self.stiffness}
+    def _names(self) -> tuple[bool, str, str, str]:
+        """What tells the units as functions of the parameters, see `_units_by`."""
+        upper, lower = self.masses
+        return issubclass(self.base, Hopper), upper, lower, self._stiffness_name
 
     @property
     def scheduled(self) -> dict[str, float]:
@@ -170,7 +176,7 @@ class MachineInSI:
     @property
     def model(self) -> Model:
         """The dimensionless machine's model with parameters in SI; machines that differ only in numbers share it."""
-        return _model_in_si(self.dimensionless().model, self.base, tuple(self.masses), self._stiffness_name)
+        return _model_in_si(self.dimensionless().model, *self._names)
 
     def dimensionless(self) -> TwoMassMachine:
         """The same machine in units of its own; the coefficients of its laws stay in SI, beside the laws' units."""
@@ -181,9 +187,7 @@ class MachineInSI:
         units = self.units
         for name, unit in (("length", units.length), ("time", units.time), ("force", units.force)):
             number(f"the unit of {name}", unit, low=0)
-        stated = _restated(
-            self._stiffness_name, units, {name: getattr(self, name) for name in ("rest_length", *DAMPERS)}
-        )
+        stated = _restated(units, {name: getattr(self, name) for name in ("rest_length", *DAMPERS)})
         return self.base(
             spring="r" if self.spring is None else self.spring.scaled(units.length, units.force),
             gravity=self.gravity.scaled(units.length) if self.gravity.key.degree() > 0 else self.gravity,
@@ -232,31 +236,48 @@ class MachineInSI:
             **{name: float(value) for name, value in self.masses.items()},
             "surface_gravity": float(self.surface_gravity),
             **{f"unit_{name}": value for name, value in asdict(self.units).items()},
-            "units": {name: self.unit_of(name) for name in self.values if name in DIMENSIONS_OF_PARAMETERS},
+            "units": self.units_of_parameters(),
         }
 
-    def unit_of(self, name: str) -> str:
-        """The unit of one of its parameters, "" where the formula alone tells it."""
-        return unit_text(DIMENSIONS_OF_PARAMETERS[name]) if name in DIMENSIONS_OF_PARAMETERS else ""
+    def units_of_parameters(self) -> dict[str, str]:
+        """The units of the parameters by name; not of a coefficient that a law's formula does not tell the unit of."""
+        laws = {} if self.spring is None else coefficient_dimensions(self.spring.key)
+        known = {**laws, **DIMENSIONS_OF_PARAMETERS}
+        return {name: unit_text(known[name]) for name in self.values if name in known}
+
+
+@lru_cache(maxsize=256)
+def coefficient_dimensions(spring: Key) -> dict[str, Dimension]:
+    """Dimensions of those parameters of a spring's law in SI that are coefficients of powers of the extension."""
+    x, p = ca.SX.sym("x"), {name: ca.SX.sym(name) for name in spring.names}
+    found: dict[str, Dimension] = {}
+    if spring.pieces is None:
+        for name, symbol in p.items():
+            power = ca.jacobian(ca.SX(spring.expression(x, p, [])), symbol)
+            if ca.depends_on(power, ca.vertcat(*p.values())):
+                continue
+            low, middle, high = (float(ca.evalf(ca.substitute(power, x, place))) for place in (0.5, 1.0, 2.0))
+            if low > 0 and middle > 0 and abs(high * low / middle**2 - 1) < 1e-12:
+                found[name] = (-round(math.log2(high / middle), 9), 0, 1)
+    return found
 
 
 AnyMachine: TypeAlias = TwoMassMachine | MachineInSI
 
 
-def _units_by(base: type[TwoMassMachine], masses: tuple[str, ...], stiffness: str) -> Callable[[Mapping], Units]:
-    """p -> units of a machine with these names of its masses, upper and lower, and of the stiffness that sets them."""
-    upper, lower = masses
+def _units_by(hopper: bool, upper: str, lower: str, stiffness: str) -> Callable[[Mapping], Units]:
+    """p -> units of a hopper or a juggler with these names of its masses and of the stiffness that sets them."""
 
     def units(p: Mapping[str, Any]) -> Units:
         weight, k = p[lower] * p["surface_gravity"], p[stiffness]
         length, clock = weight / k, p[lower] / k
-        time = (clock / (1 + p[lower] / p[upper]) if issubclass(base, Hopper) else clock) ** 0.5
+        time = (clock / (1 + p[lower] / p[upper]) if hopper else clock) ** 0.5
         return Units(length, time, weight, p[upper] * p["surface_gravity"] * length)
 
     return units
 
 
-def _restated(stiffness: str, units: Units, p: Mapping[str, Any]) -> dict[str, Any]:
+def _restated(units: Units, p: Mapping[str, Any]) -> dict[str, Any]:
     """Rest length and dampers in these units, of those that are stated."""
     damper = units.of(DIMENSIONS_OF_PARAMETERS["damping"])
     sizes = {"rest_length": units.length, **dict.fromkeys(DAMPERS, damper)}
@@ -264,14 +285,14 @@ def _restated(stiffness: str, units: Units, p: Mapping[str, Any]) -> dict[str, A
 
 
 @lru_cache(maxsize=64)
-def _model_in_si(model: Model, base: type[TwoMassMachine], masses: tuple[str, ...], stiffness: str) -> Model:
+def _model_in_si(model: Model, hopper: bool, upper: str, lower: str, stiffness: str) -> Model:
     """The model of a dimensionless machine, with parameters in SI."""
-    units, (upper, lower) = _units_by(base, masses, stiffness), masses
+    units = _units_by(hopper, upper, lower, stiffness)
 
     def own(p: Mapping[str, Any]) -> dict[str, Any]:
         these = units(p)
         scales = {"mass_ratio": p[lower] / p[upper], UNIT_LENGTH: these.length, UNIT_FORCE: these.force}
-        return {**p, **scales, **_restated(stiffness, these, p)}
+        return {**p, **scales, **_restated(these, p)}
 
     return reparametrised(model, own, units=units, gauge=GAUGE if stiffness == GAUGE else None)
 

@@ -273,7 +273,7 @@ def _modernised(family: Family) -> Family:
     if "units" in family.machine:
         return family
     units = Units(*(family.machine[f"unit_{name}"] for name in ("length", "time", "force")))
-    events = tuple(replace(event, point=in_units(event.point, units)) for event in family.events)
+    events = tuple(replace(event, point=point_in_units(event.point, units)) for event in family.events)
     points = tuple(point_in_units(point, units) for point in family.points)
     return replace(family, machine={**family.machine, "units": {}}, points=points, events=events)
 

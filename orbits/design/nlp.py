@@ -105,9 +105,9 @@ class DesignProgram:
 
 
 def _results(model, statement, names, outputs, places):
-    """(u, p, end of each arc ...) -> the formulas; minus the landing jerk and the demands, dimensionless; the quantities
-    in use; and the differences between two places of an extreme. Formulas and quantities are in SI for a model in SI,
-    whose units vary with its parameters."""
+    """(u, p, end of each arc ...) -> the formulas; minus the landing jerk and the demands, without dimensions; the
+    quantities in use; and the differences between two places of an extreme. Formulas and quantities are in SI for a
+    model in SI, whose units vary with its parameters."""
     u, p = ca.SX.sym("u", len(statement.unknowns)), ca.SX.sym("p", len(names))
     ends = [ca.SX.sym("x", len(arc.phase.states)) for arc in statement.arcs]
     unknowns = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))

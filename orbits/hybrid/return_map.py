@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
 from ..flow.zero_crossing import first_zeros
-from ..model.machine import ImpactingMachine
+from ..model.machine import ImpactingMachine, dimensionless
 from ..model.units import SPEED, SPEED_SQUARED, Units, without_units
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
@@ -84,17 +84,13 @@ class ReturnMap:
     """
 
     def __init__(self, machine: ImpactingMachine, inject: float = 0.0, cap: int = CAP):
-        self.inject, self.cap, self.machine = (
-            finite_number("inject", inject),
-            whole_number("cap", cap, "impacts"),
-            machine,
-        )
+        self.inject, self.cap = finite_number("inject", inject), whole_number("cap", cap, "impacts")
+        self.machine, self._units = machine, getattr(machine, "units", None) or Units(1.0, 1.0, 1.0)
         self._bare: ReturnMap | None = None  # of the dimensionless machine, where this one has units
-        self._speed = 1.0
-        if units := getattr(machine, "units", None):
-            self._speed = units.of(SPEED)
-            self._bare = ReturnMap(machine.dimensionless(), self.inject / self._speed, self.cap)
-        self.impacts = self._bare.impacts if self._bare else Impacts(machine)
+        self._speed: float = self._units.of(SPEED)
+        if getattr(machine, "units", None):
+            self._bare = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap)
+        self.impacts: Impacts = self._bare.impacts if self._bare else Impacts(machine)
         if not self.impacts.model.one_speed:
             raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
 
@@ -108,7 +104,7 @@ class ReturnMap:
             raise InputError(f"alpha = {wrong[0]:g}; launch speeds are above 0")
         if self._bare:
             with without_units():
-                return replace(self._bare(alpha / self._speed).in_units(self.machine.units), alpha=alpha)
+                return replace(self._bare(alpha / self._speed).in_units(self._units), alpha=alpha)
         if not alpha.size:
             return Hops(alpha, alpha, alpha, alpha.astype(int), alpha.astype(STATUS))
         batches = np.array_split(alpha.ravel(), -(-alpha.size // BATCH_SIZE))
@@ -125,7 +121,7 @@ class ReturnMap:
         low, high = _speed_range(low, high)
         if self._bare:
             found = self._bare.fixed_points(low / self._speed, high / self._speed, samples)
-            return tuple(self.machine.units.convert(point) for point in found)
+            return tuple(self._units.convert(point) for point in found)
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative:
             return tuple(FixedPoint(alpha, "lossless") for alpha in lossless)
@@ -136,7 +132,7 @@ class ReturnMap:
         """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
         and the next launch speed is not continuous."""
         if self._bare:
-            return self._bare.jumps(hops.in_units(self.machine.units.inverse()))
+            return self._bare.jumps(hops.in_units(self._units.inverse()))
         change = np.abs(np.diff(np.nan_to_num(hops.next)))
         beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
         # A jump that is smaller than the changes beside it would not be seen in a plot.

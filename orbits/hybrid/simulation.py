@@ -4,6 +4,7 @@ Events are zeros of the motion's Taylor polynomials, found by Bernstein exclusio
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Real
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..errors import FlowError, InputError, finite_number, whole_number
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
-from ..model.machine import ImpactingMachine
+from ..model.machine import ImpactingMachine, dimensionless
 from ..model.phase import Affine
 from ..model.units import ENERGY, SPEED, TIME, Units, without_units
 from ..numerics.bernstein import lowest
@@ -206,13 +207,11 @@ def simulate(
 
 def _simulate_in(units: Units, machine, alpha, state, hops, time, inject, cap, schedule) -> Simulation:
     """The simulation of a machine with units: that of its dimensionless self, its arguments and results converted."""
-    speed, bare = units.of(SPEED), machine.dimensionless()
+    speed, bare = units.of(SPEED), dimensionless(machine)
     start = alpha if alpha is None else finite_number("alpha", alpha) / speed
     if state is not None:
-        try:
+        with suppress(TypeError, ValueError):  # what is no state is refused with its value
             state = np.array(state, dtype=float) / units.of_states(machine.model.flight.states)
-        except (TypeError, ValueError):
-            pass  # it is refused with its value
     if schedule is not None:
         (times, changes), sizes = schedule, machine.scheduled
         if unknown := [name for name in changes if name not in sizes]:

@@ -68,6 +68,11 @@ def check_parameters(machine: Machine, *names: str) -> None:
             raise InputError(f"the machine has no parameter '{name}' to follow; it has {', '.join(free)}")
 
 
+def dimensionless(machine: Any) -> Any:
+    """The machine without its units; itself where it has none."""
+    return machine if machine.units is None else machine.dimensionless()
+
+
 def free_parameters(machine: Machine) -> list[str]:
     """The names of the parameters that may be varied."""
     return [name for name in machine.values if name not in (machine.model.homotopy, machine.model.gauge)]

@@ -107,10 +107,10 @@ class Model:
         return len(self.launch_unknowns) == 2
 
 
-def reparametrised(model: Model, own: Callable[[Mapping[str, Any]], Mapping[str, Any]], **changes: Any) -> Model:
+def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, Any]], **changes: Any) -> Any:
     """A model whose parameters are functions `own`, p -> parameters of the model given, of other parameters."""
 
-    def at(place: int, function: Callable | None) -> Callable | None:
+    def at(place: int, function: Any) -> Any:
         """A function whose argument at this place is the parameters."""
         return function and (lambda *given: function(*given[:place], own(given[place]), *given[place + 1 :]))
 

@@ -32,7 +32,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "loss_coefficient": (-1 / 3, 1 / 3, 0),
 }
 # Names of composed dimensions.
-_NAMES = {MASS: "kg", ENERGY: "J"}
+_NAMES: dict[Dimension, str] = {MASS: "kg", ENERGY: "J"}
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..model.machine import Machine, check_machine
+from ..model.machine import Machine, check_machine, dimensionless
 from ..model.model import Model
 from ..model.units import LENGTH, SPEED, TIME, without_units
 from ..numerics.roots import solve
@@ -67,7 +67,7 @@ def find(
     if machine.units is not None:
         start = _dimensionless_start(start, machine)
         with without_units():
-            orbit = find(machine.dimensionless(), family, start=start, method=method, progress=progress)
+            orbit = find(dimensionless(machine), family, start=start, method=method, progress=progress)
         return orbit_of(machine, orbit)
     began = time.perf_counter()
     with interrupts.deferred():

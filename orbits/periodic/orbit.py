@@ -202,7 +202,7 @@ class Orbit:
             return f"  {name:<24}{text}{unit and f' {unit}'}{after}"
 
         stated = {name: machine[name] for name in own if name in machine}
-        numbers = {"mass ratio": machine["mass_ratio"], "rest length": machine["rest_length"]} if not stated else stated
+        numbers = stated or {"mass ratio": machine["mass_ratio"], "rest length": machine["rest_length"]}
         numbers |= machine["parameters"]
         attracts = f"   (attracts from {c.stable_side})" if c.stable_side else ""
         said = [
@@ -272,7 +272,9 @@ class Orbit:
             units, stated = motion["units"] and Units(**motion["units"]), data.get("units")
             orbit = cls(
                 machine=_machine_of(data),
-                **{name: _float_of(data[name]) for name in ("alpha", "liftoff_extension", "flight_time")},
+                alpha=_float_of(data["alpha"]),
+                liftoff_extension=_float_of(data["liftoff_extension"]),
+                flight_time=_float_of(data["flight_time"]),
                 contact_time=data["contact_time"] and _float_of(data["contact_time"]),
                 flight=_path_of(motion["flight"]),
                 contact=motion["contact"] and _path_of(motion["contact"]),
@@ -287,11 +289,8 @@ class Orbit:
             # A file of an orbit in SI that says no units has dimensionless numbers, from before results were in SI.
             if stated is None:
                 return orbit_in_units(orbit, units, orbit.machine)
-            return replace(
-                orbit,
-                units=units,
-                bare=replace(orbit_in_units(orbit, units.inverse(), orbit.machine), units=None, bare=None),
-            )
+            bare = orbit_in_units(orbit, units.inverse(), orbit.machine)
+            return replace(orbit, units=units, bare=replace(bare, units=None, bare=None))
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(f"{path} is not a saved orbit: {error}") from None
 
