@@ -192,7 +192,9 @@ def plot_front(front: Any, axes: Axes | None = None) -> Axes:
     axes = axes or new_axes(5.4, 4.2)
     signs = [-1 if text.lstrip().startswith("-") else 1 for text in front.texts]
     axes.plot(*(front.values * signs).T, "o-", color=COLOURS[0], ms=4)
-    labels = [text.lstrip().lstrip("-").strip().replace("_", " ") for text in front.texts]
+    texts = [text.lstrip().lstrip("-").strip() for text in front.texts]
+    units = [front.designs[0].unit_of(text) for text in texts]
+    labels = [text.replace("_", " ") + (unit and f" ({unit})") for text, unit in zip(texts, units, strict=True)]
     return _finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 

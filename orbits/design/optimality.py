@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..io import write_json
 from ..model.machine import Machine
+from ..model.units import UNIT_TEXTS
 from ..periodic.orbit import Orbit, orbit_of
 from .nlp import DesignPoint
 from .problem import DesignProblem
@@ -77,6 +78,7 @@ class Design:
 
     def document(self) -> dict[str, Any]:
         """The design as the JSON document of the command line."""
+        named = [*self.parameters, *self.quantities]
         return {
             "verb": self.verb,
             "objective": {"formula": self.text, "value": self.objective},
@@ -87,14 +89,16 @@ class Design:
             "kkt": self.kkt,
             "starts": [{**vars(start), "parameters": dict(start.parameters)} for start in self.starts],
             "units": "SI" if self.orbit.units else "units of the machine",
+            **({"units_by_name": {name: self.unit_of(name) for name in named}} if self.orbit.units else {}),
             "seconds": self.seconds,
             "orbit": self.orbit.document(),
         }
 
     def __str__(self) -> str:
         lines = [f"{self.verb} {self.text}: {self.objective:.12g}" + (" (SI)" if self.orbit.units else "")]
-        lines += [f"  {name:<24}{value:.12g}" for name, value in self.parameters.items()]
-        lines += [f"  {name:<24}{value:.12g}" for name, value in self.quantities.items() if name not in self.parameters]
+        figures = {**self.quantities, **self.parameters}
+        named = dict.fromkeys([*self.parameters, *self.quantities])
+        lines += [f"  {name:<24}{figures[name]:.12g} {self.unit_of(name)}".rstrip() for name in named]
         lines += [f"  {'held by':<24}{a.text}   (gains {a.multiplier:.4g} per unit)" for a in self.active]
         lines += [f"  {'without effect':<24}{name}" for name in self.idle]
         successes = sum(start.objective is not None for start in self.starts)
@@ -102,6 +106,13 @@ class Design:
         lines.append(f"  {'starts':<24}{successes} of {len(self.starts)} led to an optimum, {self.seconds:.2f} s")
         lines += [f"  {'a start led to none':<24}{s.reason}" for s in self.starts if s.objective is None]
         return "\n".join([*lines, "", str(self.orbit)])
+
+    def unit_of(self, name: str) -> str:
+        """The SI unit of a quantity or parameter, "" where there is none."""
+        if not self.orbit.units:
+            return ""
+        known = {**UNIT_TEXTS, **self.orbit.machine.get("units", {})}
+        return known.get(name, "m" if name.endswith("_rise") else "")
 
     def save(self, path: str | Path) -> Path:
         """Write the document to a JSON file; returns the path."""
