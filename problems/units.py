@@ -104,6 +104,7 @@ class MachineInSI:
     def __post_init__(self) -> None:
         for name, mass in self.masses.items():
             number(name, mass, low=0)
+        number("mass_ratio", self.mass_ratio, low=0)
         number("surface_gravity", self.surface_gravity, low=0)
         if self.rest_length is not None:
             number("rest_length", self.rest_length, low=0)
@@ -191,7 +192,7 @@ class MachineInSI:
         return self.base(
             spring="r" if self.spring is None else self.spring.scaled(units.length, units.force),
             gravity=self.gravity.scaled(units.length) if self.gravity.key.degree() > 0 else self.gravity,
-            mass_ratio=number("mass_ratio", self.mass_ratio, low=0),
+            mass_ratio=self.mass_ratio,
             restitution=self.restitution,
             **stated,
         )

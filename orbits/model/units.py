@@ -101,12 +101,12 @@ def unit_text(dimension: Dimension) -> str:
     if dimension in _NAMES:
         return _NAMES[dimension]
     powers = dict(zip(("N", "m", "s"), (dimension[2], *dimension[:2]), strict=True))
-    above = [_power(name, power) for name, power in powers.items() if power > 0]
-    below = [_power(name, -power) for name, power in powers.items() if power < 0]
+    above = [_text_of_power(name, power) for name, power in powers.items() if power > 0]
+    below = [_text_of_power(name, -power) for name, power in powers.items() if power < 0]
     return " ".join(above or ["1"]) + "".join(f"/{part}" for part in below)
 
 
-def _power(name: str, power: float) -> str:
+def _text_of_power(name: str, power: float) -> str:
     if power == 1:
         return name
     return f"{name}^{power:g}" if power == round(power) else f"{name}^({round(3 * power)}/3)"
