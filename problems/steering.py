@@ -63,7 +63,7 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., C
             if isinstance(stated.get(name), Real):
                 stated[name] = stated[name] / units.of(dimension)
         stated |= {name: stated[name].dimensionless() for name in ("orbit", "guess") if stated.get(name) is not None}
-        with without_units():
+        with without_units(units):
             control = function(**stated)
         parameters = {name: x * units.of(ADDED[name]) for name, x in control.parameters.items() if name in ADDED}
         cost = COSTS[stated.get("cost", "effort")]
@@ -154,7 +154,7 @@ def rerun(machine: TwoMassMachine, control: Control, hops: int = 0) -> Simulatio
     hops : how many more follow, with the spring's end at rest
     """
     if machine.units is not None:
-        with without_units():
+        with without_units(machine.units):
             run = rerun(machine.dimensionless(), control.dimensionless(), hops)
         return run_in_units(run, machine.units, Actuated(machine))
     driven, schedule = Actuated(machine), control.schedule(RATE)

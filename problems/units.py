@@ -108,13 +108,18 @@ class MachineInSI:
         number("surface_gravity", self.surface_gravity, low=0)
         if self.rest_length is not None:
             number("rest_length", self.rest_length, low=0)
-        laws = {} if self.spring is None else dict(self.spring.parameters)
-        for name, value in self.gravity.parameters.items():
-            if laws.get(name, value) != value:
-                raise InputError(f"spring and gravity both have a parameter '{name}' with different values; rename one")
-        if taken := sorted(RESERVED & (laws.keys() | self.gravity.parameters.keys())):
+        for name in DAMPERS:
+            if not number(name, getattr(self, name)) >= 0:
+                raise InputError(f"{name} = {getattr(self, name):g} is below 0: it would drive the machine")
+        laws = [] if self.spring is None else [*self.spring.parameters]
+        if taken := sorted(RESERVED & {*laws, *self.gravity.parameters}):
             raise InputError(f"'{taken[0]}' is the machine's own name; call the formula's parameter something else")
         self.dimensionless()  # raises the errors of the machine itself
+
+    def __repr__(self) -> str:
+        units, laws = self.units_of_parameters(), self.describe()
+        values = [f"{name} = {x:g} {units.get(name, '')}".rstrip() for name, x in self.values.items() if name != GAUGE]
+        return f"{self.kind} in SI, spring {laws['spring']}, gravity {laws['gravity']}: {', '.join(values)}"
 
     @property
     def kind(self) -> str:

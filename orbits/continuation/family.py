@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..io import check_ending, to_json
 from ..model.units import UNIT_TEXTS, Units
 from ..periodic.certificate import Certificate
+from ..periodic.orbit import certificate_in_units
 
 FAMILY_FORMAT = "persistent-orbits family 1"
 # Endings of the files that a family is saved to; the first two are lines of JSON.
@@ -65,7 +66,9 @@ class Point:
 
 def point_in_units(point: Point, units: Units | None) -> Point:
     """A dimensionless point in these units; the point itself for None."""
-    return point if units is None else replace(units.convert(point), certificate=units.convert(point.certificate))
+    if units is None:
+        return point
+    return replace(units.convert(point), certificate=certificate_in_units(point.certificate, units))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
+from ..model.units import without_units
 from ..periodic.find import another_family, solve_family, solve_near
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
@@ -196,7 +197,7 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
             which = f"number {resume.settings['family']}, by the method '{resume.settings['method']}'"
             raise InputError(f"the family to resume is {which}: ask for the same")
         return _resumed(machine, along, behind, stop, resume, options)
-    with interrupts.deferred():
+    with interrupts.deferred(), without_units(machine.units):
         family = 1 if family is None else family
         method, root = solve_family(machine, family, method) if orbit is None else solve_near(machine, orbit, method)
         curve = Curve(machine, along, "relative" if method == "closed form" else method, abs(stop - behind))

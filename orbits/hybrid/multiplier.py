@@ -29,7 +29,7 @@ def multiplier(machine: ImpactingMachine, alpha: float) -> float:
     if alpha <= 0:
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
     if units := getattr(machine, "units", None):
-        with without_units():
+        with without_units(units):
             return multiplier(dimensionless(machine), alpha / units.of(SPEED))
     impacts = Impacts(machine)
     x, order = impacts.launch(np.array([alpha]))[0], LIFTOFF_ORDER

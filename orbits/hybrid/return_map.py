@@ -103,7 +103,7 @@ class ReturnMap:
         if len(wrong := alpha[~(np.isfinite(alpha) & (alpha > 0))]):
             raise InputError(f"alpha = {wrong[0]:g}; launch speeds are above 0")
         if self._bare:
-            with without_units():
+            with without_units(self._units):
                 return replace(self._bare(alpha / self._speed).in_units(self._units), alpha=alpha)
         if not alpha.size:
             return Hops(alpha, alpha, alpha, alpha.astype(int), alpha.astype(STATUS))

@@ -19,7 +19,7 @@ from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
 from ..model.machine import ImpactingMachine, dimensionless
 from ..model.phase import Affine
-from ..model.units import ENERGY, SPEED, TIME, Units, without_units
+from ..model.units import ENERGY, SPEED, TIME, Units, noted, without_units
 from ..numerics.bernstein import lowest
 from ..symbolic import interrupts
 from .impacts import CAP, LIFTOFF_ORDER, Impacts, status_of_failure
@@ -222,7 +222,7 @@ def _simulate_in(units: Units, machine, alpha, state, hops, time, inject, cap, s
         schedule = np.asarray(times, dtype=float) / units.time, changes
     until = time / units.time if isinstance(time, Real) else time
     inject = finite_number("inject", inject) / speed
-    with without_units():
+    with without_units(units):
         run = simulate(bare, start, state=state, hops=hops, time=until, inject=inject, cap=cap, schedule=schedule)
     return run_in_units(run, units, machine)
 
@@ -236,7 +236,8 @@ def run_in_units(run: Simulation, units: Units, machine: ImpactingMachine) -> Si
     pairs = zip(run.events, states, strict=True)
     events = tuple(replace(units.convert(event, **energies), **changed) for event, changed in pairs)
     launches, end = run.launches * units.of(SPEED), run.end * units.time
-    return replace(run, legs=legs, events=events, launches=launches, end=end, machine=machine)
+    reason = noted(run.reason)
+    return replace(run, legs=legs, events=events, launches=launches, end=end, machine=machine, reason=reason)
 
 
 class _Schedule:

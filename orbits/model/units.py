@@ -31,6 +31,8 @@ DIMENSIONS: dict[str, Dimension] = {
     "landing_sensitivity": TIME,
     "loss_coefficient": (-1 / 3, 1 / 3, 0),
 }
+# What follows a message whose numbers are without dimensions.
+NOTE = " (numbers in the units of machine.dimensionless())"
 # Names of composed dimensions.
 _NAMES: dict[Dimension, str] = {MASS: "kg", ENERGY: "J"}
 
@@ -86,14 +88,20 @@ class Units:
 
 
 @contextmanager
-def without_units() -> Iterator[None]:
-    """Where a machine in SI is computed without dimensions: an error that tells a number says that it has none."""
+def without_units(units: Units | None) -> Iterator[None]:
+    """Where a machine with units is computed without: an error that tells a number says what its units are."""
     try:
         yield
     except OrbitsError as error:
-        if not re.search(r"[=(,] ?-?\d", str(error)):
+        if units is None or (text := noted(str(error))) == str(error):
             raise
-        raise type(error)(f"{error} (numbers in the units of machine.dimensionless())") from error
+        raise type(error)(text) from error
+
+
+def noted(text: str) -> str:
+    """A message of the engine about a machine in SI: where it tells a number, with a note on its units, once."""
+    told = re.search(r"[=(, ] ?-?\d", text) and not text.endswith(NOTE)
+    return text + NOTE if told else text
 
 
 def unit_text(dimension: Dimension) -> str:

@@ -66,7 +66,7 @@ def find(
     check_machine(machine)
     if machine.units is not None:
         start = _dimensionless_start(start, machine)
-        with without_units():
+        with without_units(machine.units):
             orbit = find(dimensionless(machine), family, start=start, method=method, progress=progress)
         return orbit_of(machine, orbit)
     began = time.perf_counter()

@@ -14,7 +14,7 @@ from ..flow.trajectory import Trajectory
 from ..io import to_json
 from ..model.machine import Machine
 from ..model.phase import Affine
-from ..model.units import UNIT_TEXTS, Units
+from ..model.units import UNIT_TEXTS, Units, noted
 from ..numerics.bernstein import lowest
 from ..plot import animate_orbit, plot_orbit, plot_phase_portrait
 from .certificate import Certificate
@@ -309,10 +309,15 @@ def orbit_in_units(orbit: Orbit, units: Units, machine: Mapping[str, Any]) -> Or
         flight=units.convert_motion(orbit.flight),
         contact=orbit.contact and units.convert_motion(orbit.contact),
         shape=replace(orbit.shape, heights=heights),
-        certificate=units.convert(orbit.certificate),
+        certificate=certificate_in_units(orbit.certificate, units),
         units=units,
         bare=orbit,
     )
+
+
+def certificate_in_units(certificate: Certificate, units: Units) -> Certificate:
+    """A dimensionless certificate in these units; its words keep their numbers, with a note."""
+    return replace(units.convert(certificate), violations=tuple(map(noted, certificate.violations)))
 
 
 def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:
