@@ -18,9 +18,11 @@ from orbits import Input
 from orbits.errors import InputError, finite_number
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
+from orbits.model.units import SPEED, Units
 
 from .laws import Key
 from .machine import DAMPERS, TwoMassMachine
+from .units import MachineInSI
 
 END, RATE = "u", "w"
 
@@ -29,12 +31,17 @@ END, RATE = "u", "w"
 class Actuated:
     """A machine whose spring's end is moved, as `simulate` takes it; the last state is u.
 
-    machine : a `Hopper` or `Juggler` with a smooth spring law
+    machine : a `Hopper` or `Juggler` with a smooth spring law, or one in SI; its dimensionless self is kept
+    units : of the machine in SI, None where there are none
     """
 
     machine: TwoMassMachine
+    units: Units | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.machine, MachineInSI):
+            object.__setattr__(self, "units", self.machine.units)
+            object.__setattr__(self, "machine", self.machine.dimensionless())
         if not isinstance(self.machine, TwoMassMachine):
             kind = type(self.machine).__name__
             raise InputError(f"a {kind} is no machine whose spring can be moved, as problems.Hopper()")
@@ -60,8 +67,16 @@ class Actuated:
         return {**self.machine.values, **{name: float(getattr(self.machine, name)) for name in DAMPERS}}
 
     restitution = property(attrgetter("machine.restitution"))
-    units = property(attrgetter("machine.units"))
     rest_length = property(attrgetter("machine.rest_length"))
+
+    @property
+    def scheduled(self) -> dict[str, float]:
+        """The unit of the actuator's rate, which a simulation may vary in time."""
+        return {RATE: 1.0 if self.units is None else self.units.of(SPEED)}
+
+    def dimensionless(self) -> "Actuated":
+        """The same without units."""
+        return replace(self, units=None)
 
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""

@@ -23,6 +23,8 @@ Parameters = Mapping[str, Any]
 # What users give for the parameters of a law, and laws by name.
 Given = Mapping[str, float] | None
 Named = Mapping[str, Callable]
+# Parameters of a law in SI that is brought to a dimensionless machine's units.
+UNIT_LENGTH, UNIT_FORCE = "unit_length", "unit_force"
 # Names by which formulas of a spring ask for the speed of its extension.
 SPEEDS = ("v", "vel", "velocity", "speed", "rdot", "r_dot", "dr", "drdt", "dr_dt", "xdot", "x_dot", "dx", "dxdt")
 # Distances from 0 at which a formula without a value there is looked at. Its values come together where those at a
@@ -118,10 +120,11 @@ class Law:
                 raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, stated(self.parameters))}")
         return replace(self, parameters={**self.parameters, **values})
 
-    def scaled(self, length: float, force: float) -> "Law":
-        """The law in units of `length` and `force`: the dimensionless form of one in metres and newtons."""
-        expression, pieces = _scaled(self.expression, self.pieces, length, force)
-        return replace(self, expression=expression, pieces=pieces)
+    def scaled(self, length: float, force: float | None = None) -> "Law":
+        """The law in units of `length` and `force`, which become its parameters; None keeps the values as they are."""
+        expression, pieces = _scaled(self.expression, self.pieces, force is not None)
+        units = {UNIT_LENGTH: length} | ({} if force is None else {UNIT_FORCE: force})
+        return replace(self, expression=expression, pieces=pieces, parameters={**self.parameters, **units})
 
 
 def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
@@ -333,11 +336,15 @@ def _graph_expression(graph: str, names: tuple[str, ...]) -> Callable:
 
 
 @lru_cache(maxsize=256)
-def _scaled(expression, pieces, length: float, force: float) -> tuple[Callable, tuple[int, Callable] | None]:
-    """The expression and the pieces of a law in units of `length` and `force`."""
+def _scaled(expression, pieces, has_force: bool) -> tuple[Callable, tuple[int, Callable] | None]:
+    """The expression and the pieces of a law in units that are its parameters."""
 
     def table(p):
         breaks, data = pieces[1](p)
-        return [b / length for b in breaks], data
+        return [b / p[UNIT_LENGTH] for b in breaks], data
 
-    return lambda x, p, q: expression(length * x, p, q) / force, pieces and (pieces[0], table)
+    def scaled(x, p, q):
+        value = expression(p[UNIT_LENGTH] * x, p, q)
+        return value / p[UNIT_FORCE] if has_force else value
+
+    return scaled, pieces and (pieces[0], table)

@@ -7,7 +7,7 @@ problem in two states (section 8 of the paper, for a linear spring).
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, Self
 
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from orbits.errors import InputError, NoOrbit
 from orbits.model.closed_form import Oscillator, ThrownOscillator
-from orbits.model.model import Model, Reduction, Units
+from orbits.model.model import Model, Reduction
 from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
 from orbits.symbolic.formula import suggest
 
@@ -44,7 +44,6 @@ class TwoMassMachine:
     damping : of the damper beside the spring, force over speed, from 0
     drag : force over speed on each mass, against its motion, from 0
     parameters : values of the formulas' other names
-    units : of the numbers in SI, see `units.machine_in_si`; the parameters of the laws are then in SI themselves
     """
 
     spring: Any = "r"
@@ -55,9 +54,10 @@ class TwoMassMachine:
     damping: float = 0.0
     drag: float = 0.0
     parameters: Mapping[str, float] = field(default_factory=dict)
-    units: Units | None = field(default=None, kw_only=True)
 
     kind = ""
+    # A machine with units is a `units.MachineInSI`.
+    units = None
 
     def __post_init__(self) -> None:
         number("mass_ratio", self.mass_ratio, *MASS_RATIOS)
@@ -128,10 +128,8 @@ class TwoMassMachine:
     def with_values(self, **values: float) -> Self:
         """The same machine with other values of mass_ratio, rest_length, damping, drag or the formulas' parameters.
 
-        Raises `InputError` for an unknown name, and for masses and lengths of a machine in SI: they set the units.
+        Raises `InputError` for an unknown name.
         """
-        if self.units and (fixed := values.keys() & {"mass_ratio", "rest_length"}):
-            raise InputError(f"'{min(fixed)}' of a machine in SI follows from its masses and lengths: state it anew")
         own: dict[str, Any] = {name: values.pop(name) for name in OWN_PARAMETERS if name in values}
         return replace(self, parameters={**self.parameters, **values}, **own)
 
@@ -146,8 +144,7 @@ class TwoMassMachine:
             "restitution": float(self.restitution),
             **({name: float(getattr(self, name)) for name in DAMPERS} if self.damped else {}),
             "parameters": {name: float(self.parameters[name]) for name in stated(self.parameters)},
-            "laws_in": "SI" if self.units else "units of the machine",
-            **({f"unit_{name}": value for name, value in asdict(self.units).items()} if self.units else {}),
+            "laws_in": "units of the machine",
         }
 
 

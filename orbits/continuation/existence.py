@@ -38,6 +38,10 @@ class Existence:
         """Where a row has orbits: (from, to, whether they are motions), to rounding; sheets may overlap."""
         return (interval for family in self.rows[row] for interval in intervals_of(family))
 
+    def heading(self, name: str) -> str:
+        """The name of a parameter with its unit, if it has one."""
+        return self.spine[0].heading(name) if self.spine else name
+
     def unknown(self, row: int) -> bool:
         """Whether a row may be incomplete: one of its families was cut short or lost, or the spine did not reach it."""
         return any(family.end.kind in ("stopped", "stuck") for family in self.rows[row] or self.spine)

@@ -153,7 +153,7 @@ def follow_fold(
     curve = _FoldCurve(machine, along, across, method, abs(stop - start))
     names, tangent = curve.orbits.statement.unknowns, np.array(fold.tangent[:-1])
     alpha = tangent[names.index("alpha")]
-    if not abs(fold.tangent[-1]) * fold.alpha < STEEPEST * abs(alpha) * max(abs(fold.value), 1e-3):
+    if not abs(fold.tangent[-1]) * fold.u[names.index("alpha")] < STEEPEST * abs(alpha) * max(abs(fold.value), 1e-3):
         raise NoOrbit(f"this point is no fold: {along} changes along its family")
     direction = [d / alpha for name, d in zip(names, tangent, strict=True) if name != "alpha"]
     x = np.array([*fold.u, *direction, fold.value, start])

@@ -1,7 +1,7 @@
 """Follow a family of lossless orbits along a parameter, past folds, to its end; or another one from a branch point."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
+from ..model.units import without_units
 from ..periodic.find import another_family, solve_family, solve_near
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
@@ -81,7 +82,14 @@ def trace(
     if unknown := options.keys() - set(known):
         raise InputError(f"trace has no option '{min(unknown)}'; it knows orbit, {', '.join(known)} and method")
     tracer = _begin(machine, along, start, stop, family, orbit, method, checked_options(**options), None)
-    return (tracer.curve.orbit(item) if isinstance(item, CurvePoint) else item for item in _interruptible(tracer))
+    return (_presented(tracer.curve, item) for item in _interruptible(tracer))
+
+
+def _presented(curve: Curve, item: CurvePoint | Event | End) -> Orbit | Event | End:
+    """An item of a run as its user gets it."""
+    if isinstance(item, CurvePoint):
+        return curve.orbit(item)
+    return replace(item, point=curve.in_units(item.point)) if isinstance(item, Event) else item
 
 
 def _interruptible(tracer: Tracer):
@@ -189,7 +197,7 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
             which = f"number {resume.settings['family']}, by the method '{resume.settings['method']}'"
             raise InputError(f"the family to resume is {which}: ask for the same")
         return _resumed(machine, along, behind, stop, resume, options)
-    with interrupts.deferred():
+    with interrupts.deferred(), without_units(machine.units):
         family = 1 if family is None else family
         method, root = solve_family(machine, family, method) if orbit is None else solve_near(machine, orbit, method)
         curve = Curve(machine, along, "relative" if method == "closed form" else method, abs(stop - behind))
@@ -219,7 +227,7 @@ def _resumed(machine, along: str, behind: float, stop: float, resume: Family, op
     row = tangent / curve.size(x) ** 2
     with interrupts.deferred():
         first = curve.certify_at(correct(curve, x, row, row @ x, tangent), last.value)
-    return Tracer(curve, first, behind, stop, options, resume.points[:-1])
+    return Tracer(curve, first, behind, stop, options, [curve.dimensionless(point) for point in resume.points[:-1]])
 
 
 def _check_resumable(machine: Machine, along: str, behind: float, stop: float, resume: Family) -> None:

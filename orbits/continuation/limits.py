@@ -119,7 +119,7 @@ class Endings:
     def lost(self, reason: str, last: CurvePoint, history: History) -> End:
         """The end of a curve that cannot be followed beyond its last point."""
         alpha, value = last.point.alpha, last.value
-        where = f"{reason}, at {self.curve.along} = {value:.10g}, alpha = {alpha:.10g}"
+        where = f"{reason}, at {self.curve.along} = {value:.10g}, alpha = {self.curve.in_units(last.point).alpha:.10g}"
         if alpha > self.control.running_ratio * self.origin.alpha and (found := limit(history, self.bounds, -1)):
             return End("escaped", f"the launch speed grows, and the curve is lost: {where}", *found)
         if abs(value - self.start) < self.control.least_progress * self.curve.span:

@@ -93,7 +93,7 @@ def best_design(
         values = {name: point[name] for name in problem.names}
         try:
             varied = machine.with_values(**values)
-            optima.append(local_optimum(varied, point.get("orbit") or find(varied, family), problem))
+            optima.append(local_optimum(varied, (point.get("orbit") or find(varied, family)).dimensionless(), problem))
             tried.append(Start(values, optima[-1].objective))
         except InputError:
             raise

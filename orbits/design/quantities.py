@@ -16,22 +16,14 @@ import numpy as np
 from ..errors import InputError, NoOrbit
 from ..model.model import Model
 from ..model.phase import Affine, Arc, Phase, Statement
+from ..model.units import DIMENSIONS
 from ..numerics.roots import bracketed_root
 from ..periodic.formulations import half_orbit
 from ..periodic.local_law import by_launch_speed, launch_power, loss_coefficient
 from ..periodic.orbit import Orbit
 
-# Quantities of every orbit and the powers of length, time and force in their units. The loss coefficient is a loss of
-# speed per speed to the power 4/3.
-DIMENSIONS = {
-    "alpha": (1, -1, 0),
-    **dict.fromkeys(("flight_time", "contact_time", "period"), (0, 1, 0)),
-    **dict.fromkeys(("liftoff_extension", "stroke", "clearance", "smallest_separation"), (1, 0, 0)),
-    **dict.fromkeys(("smallest_contact_force", "largest_contact_force", "largest_spring_force"), (0, 0, 1)),
-    "landing_jerk": (1, -3, 0),
-    "landing_sensitivity": (0, 1, 0),
-    "loss_coefficient": (-1 / 3, 1 / 3, 0),
-}
+# Quantities of every orbit.
+QUANTITIES = tuple(name for name in DIMENSIONS if name != "error")
 VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
 # The extremes that a quantity is the sum of, each with its sign; a rise has one of its own name.
 COMPOSITION = {
@@ -77,7 +69,7 @@ def quantity_names(model: Model, p: Mapping) -> list[str]:
     """The quantities of a model's orbits."""
     missing = [] if model.tension else ["largest_spring_force"]
     missing += [] if model.separation(p) is not None else ["smallest_separation"]
-    return [name for name in DIMENSIONS if name not in missing] + list(rises(model, p))
+    return [name for name in QUANTITIES if name not in missing] + list(rises(model, p))
 
 
 def extremes_of(name: str) -> tuple[str, ...]:

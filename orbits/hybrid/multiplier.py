@@ -12,7 +12,8 @@ import numpy as np
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
-from ..model.machine import ImpactingMachine
+from ..model.machine import ImpactingMachine, dimensionless
+from ..model.units import SPEED, without_units
 from ..periodic.local_law import loss_coefficient
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts
 
@@ -24,9 +25,13 @@ def multiplier(machine: ImpactingMachine, alpha: float) -> float:
 
     Raises `NoOrbit` where there is none: the machine does not lift off again, or lands tangentially.
     """
-    impacts, alpha = Impacts(machine), finite_number("alpha", alpha)
+    alpha = finite_number("alpha", alpha)
     if alpha <= 0:
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
+    if units := getattr(machine, "units", None):
+        with without_units(units):
+            return multiplier(dimensionless(machine), alpha / units.of(SPEED))
+    impacts = Impacts(machine)
     x, order = impacts.launch(np.array([alpha]))[0], LIFTOFF_ORDER
     step = 1e-5 * alpha  # The extension of the launch state depends on the launch speed too where there is damping.
     low, high = impacts.launch(np.array([alpha - step, alpha + step]))

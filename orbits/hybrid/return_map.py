@@ -7,7 +7,7 @@ the power 4/3 of the distance, and the difference would be rounding.
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any
 
@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
 from ..flow.zero_crossing import first_zeros
-from ..model.machine import ImpactingMachine
+from ..model.machine import ImpactingMachine, dimensionless
+from ..model.units import SPEED, SPEED_SQUARED, Units, without_units
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
 from ..periodic.find import certified_orbit, find
@@ -52,6 +53,10 @@ class Hops:
     impacts: np.ndarray
     status: np.ndarray
 
+    def in_units(self, units: Units) -> "Hops":
+        """Dimensionless hops in these units."""
+        return units.convert(self, next=SPEED, loss=SPEED_SQUARED)
+
     def document(self) -> dict[str, Any]:
         """The hops as the JSON document of the command line."""
         columns = {name: np.ravel(values).tolist() for name, values in vars(self).items()}
@@ -80,7 +85,12 @@ class ReturnMap:
 
     def __init__(self, machine: ImpactingMachine, inject: float = 0.0, cap: int = CAP):
         self.inject, self.cap = finite_number("inject", inject), whole_number("cap", cap, "impacts")
-        self.machine, self.impacts = machine, Impacts(machine)
+        self.machine, self._units = machine, getattr(machine, "units", None) or Units(1.0, 1.0, 1.0)
+        self._bare: ReturnMap | None = None  # of the dimensionless machine, where this one has units
+        self._speed: float = self._units.of(SPEED)
+        if getattr(machine, "units", None):
+            self._bare = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap)
+        self.impacts: Impacts = self._bare.impacts if self._bare else Impacts(machine)
         if not self.impacts.model.one_speed:
             raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
 
@@ -92,6 +102,9 @@ class ReturnMap:
             raise InputError(f"alpha = {alpha!r}; launch speeds are numbers") from None
         if len(wrong := alpha[~(np.isfinite(alpha) & (alpha > 0))]):
             raise InputError(f"alpha = {wrong[0]:g}; launch speeds are above 0")
+        if self._bare:
+            with without_units(self._units):
+                return replace(self._bare(alpha / self._speed).in_units(self._units), alpha=alpha)
         if not alpha.size:
             return Hops(alpha, alpha, alpha, alpha.astype(int), alpha.astype(STATUS))
         batches = np.array_split(alpha.ravel(), -(-alpha.size // BATCH_SIZE))
@@ -106,6 +119,9 @@ class ReturnMap:
         neighbours of a grid of `samples` launches, refined toward lossless ones and toward extrema.
         """
         low, high = _speed_range(low, high)
+        if self._bare:
+            found = self._bare.fixed_points(low / self._speed, high / self._speed, samples)
+            return tuple(self._units.convert(point) for point in found)
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative:
             return tuple(FixedPoint(alpha, "lossless") for alpha in lossless)
@@ -115,6 +131,8 @@ class ReturnMap:
     def jumps(self, hops: Hops) -> np.ndarray:
         """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
         and the next launch speed is not continuous."""
+        if self._bare:
+            return self._bare.jumps(hops.in_units(self._units.inverse()))
         change = np.abs(np.diff(np.nan_to_num(hops.next)))
         beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
         # A jump that is smaller than the changes beside it would not be seen in a plot.
@@ -130,8 +148,14 @@ class ReturnMap:
         edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in edges]
         if wrong := [pair for pair in edges if not 0 < pair[0] <= pair[1]]:
             raise InputError(f"edges = {wrong[0]}; the launch speeds of an interval are above 0 and ascend")
+        if self._bare:
+            speeds = [(a / self._speed, b / self._speed) for a, b in edges]
+            return self._in_units(self._bare.preimages(speeds, low / self._speed, high / self._speed, samples))
         lossless = lossless_speeds(self.impacts, low, high)
         return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
+
+    def _in_units(self, intervals: Intervals) -> Intervals:
+        return [(a * self._speed, b * self._speed) for a, b in intervals]
 
     def basin(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> Intervals:
         """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
@@ -144,6 +168,8 @@ class ReturnMap:
         if self.inject != 0 or not self.impacts.model.conservative:
             raise InputError("with injection or damping no hop is lossless, and none comes to one")
         hops = whole_number("hops", hops, "hops", 0)
+        if self._bare:
+            return self._in_units(self._bare.basin(low / self._speed, high / self._speed, hops, samples))
         lossless = lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high)
         if not lossless or lossless[0] >= high:
             return []

@@ -3,19 +3,20 @@
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..model.machine import Machine, check_machine
+from ..model.machine import Machine, check_machine, dimensionless
 from ..model.model import NOISE, Model
+from ..model.units import LENGTH, SPEED, TIME, without_units
 from ..numerics.roots import solve
 from ..symbolic import interrupts
 from .certificate import certify, count_families
 from .error_bound import error_bounds, noise_of_alpha
 from .formulations import contact_reversor, equations_of, halved, interpret, or_none, vector
-from .orbit import Orbit, Shape
+from .orbit import Orbit, Shape, orbit_of
 from .single_shooting import Evaluation, Shooting
 
 METHODS = ("closed form", "relative", "half orbit", "shooting")
@@ -64,6 +65,11 @@ def find(
     there is none or a solve ends on another family, and `InputError` for a family or a method that cannot be.
     """
     check_machine(machine)
+    if machine.units is not None:
+        start = _dimensionless_start(start, machine)
+        with without_units(machine.units):
+            orbit = find(dimensionless(machine), family, start=start, method=method, progress=progress)
+        return orbit_of(machine, orbit)
     began = time.perf_counter()
     with interrupts.deferred():
         if start is None:
@@ -116,7 +122,8 @@ def solve_family(
 def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> tuple[str, Root]:
     """The method, and the solution that it finds from a start, as in `find`."""
     method, equations, correct = _opening(machine, method, closed_form="relative")
-    stated, names = _stated_unknowns(machine.model, start), equations.statement.unknowns
+    stated = _stated_unknowns(machine.model, _dimensionless_start(start, machine))
+    names = equations.statement.unknowns
     if missing := [name for name in names if name not in stated]:
         raise InputError(f"start has no '{missing[0]}'; the unknowns are {', '.join(names)}")
     try:
@@ -166,7 +173,6 @@ def certified_orbit(
         method=method,
         skipped=_skipped(model, p, method, any(flow.compiled for flow in equations.flows)),
         seconds=time.perf_counter() - began,
-        units=machine.units,
     )
 
 
@@ -200,6 +206,19 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
         if not 0 < stated.get(name, 1.0) < LONGEST_START:
             raise InputError(f"start '{name}' = {stated[name]:g}; it lies between 0 and {LONGEST_START:g}")
     return stated
+
+
+def _dimensionless_start(start: Any, machine: Machine) -> Any:
+    """A start in the units of the engine: those of a machine in SI are in SI."""
+    if isinstance(start, Orbit):
+        return start.dimensionless()
+    if machine.units is None or not isinstance(start, Mapping):
+        return start
+    times = dict.fromkeys(("duration", "contact_duration"), TIME) | {"alpha": SPEED, "liftoff": LENGTH, "unfolding": ()}
+    names = [name for name in start if name not in times]
+    sizes = dict(zip(names, machine.units.of_states(names).tolist(), strict=True))
+    sizes |= {name: machine.units.of(dimension) for name, dimension in times.items()}
+    return {name: finite_number(f"start '{name}'", value) / sizes[name] for name, value in start.items()}
 
 
 def _family_number(family: int) -> int:

@@ -250,15 +250,27 @@ def test_a_machine_in_si(orbits, tmp_path):
     done = orbits("find --json --machine", path)
     length, time = 3 * 9.81 / 8000, math.sqrt(3 / 8000 / (1 + 3 / 60))
     assert done.code == 0
-    assert done.document["alpha"] == pytest.approx(ALPHA, rel=1e-15, abs=0)
+    assert done.document["alpha"] == pytest.approx(ALPHA * length / time, rel=1e-15, abs=0)
     assert done.document["mass_ratio"] == pytest.approx(0.05, rel=1e-15)
-    assert done.document["rest_length"] == pytest.approx(0.8 / length, rel=1e-15)
+    assert done.document["rest_length"] == 0.8
+    assert done.document["units"]["alpha"] == "m/s"
     si = done.document["si"]
     assert si["launch_speed_m_per_s"] == pytest.approx(ALPHA * length / time, rel=1e-14)
     assert si["flight_time_s"] == pytest.approx(2 * ALPHA * time, rel=1e-14)
-    assert si["contact_time_s"] == pytest.approx(done.document["contact_time"] * time, rel=1e-14)
+    assert si["contact_time_s"] == done.document["contact_time"]
     assert si["liftoff_extension_m"] == pytest.approx(length, rel=1e-14)
     assert "m/s" in orbits("find --machine", path).out
+    done = orbits("follow --json --along body_mass --from 60 --to 50 --machine", path).document
+    assert done["points"][-1]["body_mass"] == 50
+    longer = math.sqrt(3 / 8000 / (1 + 3 / 50))
+    assert done["points"][-1]["alpha"] == pytest.approx(ALPHA * length / longer, rel=1e-14)
+    assert done["units"]["body_mass"] == "kg"
+    hop = orbits("map --json --alpha 0.9 --machine", path).document
+    assert hop["units"]["next"] == "m/s"
+    assert hop["next"][0] ** 2 == pytest.approx(0.81 - hop["loss"][0], rel=1e-14)
+    assert "launch speed (m/s)" in orbits("map --alpha 0.9 --machine", path).out
+    run = orbits("simulate --json --alpha 0.9 --hops 1 --machine", path).document
+    assert run["launches"] == pytest.approx([0.9, hop["next"][0]], rel=1e-13)
 
 
 def test_a_spring_in_si_is_its_dimensionless_self(orbits, tmp_path):
@@ -273,7 +285,8 @@ def test_a_spring_in_si_is_its_dimensionless_self(orbits, tmp_path):
     si = orbits("find --json --machine", path)
     dimensionless = orbits(f"find --json --spring cubic --set beta={beta!r} --mass-ratio 0.05")
     assert si.code == dimensionless.code == 0
-    assert si.document["alpha"] == pytest.approx(dimensionless.document["alpha"], rel=1e-12)
+    speed = weight / 8000 / math.sqrt(3 / 8000 / 1.05)
+    assert si.document["alpha"] == pytest.approx(dimensionless.document["alpha"] * speed, rel=1e-12)
 
 
 # Files written.
