@@ -19,6 +19,7 @@ from ..flow.zero_crossing import first_zero
 from ..model.machine import ImpactingMachine
 from ..numerics.bernstein import lowest
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .impacts import CAP, LIFTOFF_ORDER, Impacts, status_of_failure
 
 TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
@@ -140,6 +141,7 @@ class Simulation:
         return states
 
 
+@exclusive
 def simulate(
     machine: ImpactingMachine, alpha: float | Mapping[str, float] | None = None, *, state: ArrayLike | None = None,
     hops: int | None = None, time: float = np.inf, inject: float = 0.0, cap: int = CAP,

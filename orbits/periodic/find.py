@@ -11,6 +11,7 @@ from ..model.machine import Machine, check_machine
 from ..model.model import Model
 from ..numerics.roots import solve
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .certificate import certify, count_families
 from .error_bound import error_bounds
 from .formulations import contact_reversor, equations_of, halved, interpret, or_none, vector
@@ -40,6 +41,7 @@ class Root(NamedTuple):
     error: float | None = None
 
 
+@exclusive
 def find(
     machine: Machine,
     family: int | None = None,
