@@ -42,10 +42,10 @@ class exclusive_property(cached_property):
             return super().__get__(instance, owner)
 
 
-_dying: deque = deque()  # What CasADi objects refer to that ended in threads without the lock.
+_DYING: deque = deque()  # What CasADi objects refer to that ended in threads without the lock.
 
 
-def _end(self: Any, dying: deque = _dying, lock: Any = LOCK) -> None:
+def _end(self: Any, dying: deque = _DYING, lock: Any = LOCK) -> None:
     """Release what a CasADi object refers to under the lock, or keep it until the next one ends under the lock.
 
     The garbage collector ends objects in any thread. It must not wait there, since the thread may hold other locks.
