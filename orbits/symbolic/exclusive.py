@@ -16,7 +16,8 @@ from typing import Any, ParamSpec, TypeVar
 import casadi as ca
 
 LOCK = threading.RLock()
-_P, _R = ParamSpec("_P"), TypeVar("_R")
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 
 def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -58,7 +59,8 @@ def _end(self: Any, dying: deque = _DYING, lock: Any = LOCK) -> None:
             lock.release()
 
 
-for _kind in (ca.SX, ca.MX, ca.DM, ca.Sparsity, ca.Function, ca.FunctionBuffer, ca.Callback):
+_KINDS: tuple[Any, ...] = (ca.SX, ca.MX, ca.DM, ca.Sparsity, ca.Function, ca.FunctionBuffer, ca.Callback)
+for _kind in _KINDS:
     _kind.__del__ = _end
 
 if hasattr(os, "register_at_fork"):
