@@ -20,21 +20,26 @@ from problems import Hopper
 HERE = Path(__file__).parent
 
 
-def run_in_threads(threads: int, calls: int) -> None:
+def run(script: str, *numbers: int) -> None:
     environment = {**os.environ, "PYTHONPATH": str(HERE.parent.parent)}
-    command = [sys.executable, str(HERE / "concurrent_calls.py"), str(threads), str(calls)]
+    command = [sys.executable, str(HERE / script), *map(str, numbers)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=HERE.parent.parent, env=environment)
     assert done.returncode == 0, done.stdout[-500:] + done.stderr[-3000:]
 
 
 def test_calls_in_threads_and_a_child_give_the_sequential_answers():
-    run_in_threads(8, 24)
+    run("concurrent_calls.py", 8, 24)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("run", range(20))
-def test_many_calls_in_threads_give_the_sequential_answers(run):
-    run_in_threads(8, 400)
+@pytest.mark.parametrize("repeat", range(20))
+def test_many_calls_in_threads_give_the_sequential_answers(repeat):
+    run("concurrent_calls.py", 8, 400)
+
+
+@pytest.mark.slow
+def test_many_laws_take_little_memory():
+    run("many_laws.py", 300, 400)
 
 
 def in_thread(function):
