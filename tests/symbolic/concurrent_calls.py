@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from orbits import ReturnMap, find, follow, optimize, sensitivities, simulate, trace
 from problems import Chain, Hopper, Juggler
 
-LONGEST = 900  # Seconds after which a process that hangs is ended by a signal.
+LONGEST = 600  # Seconds after which a process that hangs is ended by a signal.
 SPRINGS = ("r + 0.1*r**3", "sinh(r)", "tanh(0.2*r)/0.2", "r", "r + 0.05*r**2 + 0.3*r**3", "atan(0.1*r)/0.1")
 
 

@@ -21,7 +21,7 @@ def use(k: int) -> None:
     free = Hopper(f"r + b*r**3 + 0.00{100 + k}*r**5", parameters={"b": 0.1})
     optimize(free, minimise="alpha", over={"b": (0.05, 0.2)}, starts=1)
     steering.keep_hopping(Hopper(law, damping=0.01), intervals=14)
-    chain = Chain([1.0] * (3 + k % 8), f"{100 + k}*r/100")
+    chain = Chain([1.0] * (3 + k % 3), f"{100 + k}*r/100")
     find_all(chain, chain.starts(2.0, 4.0)[:1])
 
 
