@@ -8,7 +8,7 @@ does.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from operator import attrgetter
 from typing import Any, cast
 
@@ -19,6 +19,7 @@ from orbits.errors import InputError, finite_number
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 from orbits.model.units import SPEED, Units
+from orbits.symbolic.exclusive import exclusive_property
 
 from .laws import Key
 from .machine import DAMPERS, TwoMassMachine
@@ -50,7 +51,7 @@ class Actuated:
         if taken := {END, RATE, "peak"} & self.machine.parameters.keys():
             raise InputError(f"'{min(taken)}' is the actuator's own name; call the formula's parameter something else")
 
-    @cached_property
+    @exclusive_property
     def model(self) -> Model:
         """The machine's own model with u beside each state; machines that differ only in numbers share it."""
         m, kind = self.machine, cast(type, type(self.machine))

@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 from orbits.errors import InputError, OutOfRange
 from orbits.model.model import NOISE
 from orbits.symbolic.calls import BufferedFunction
+from orbits.symbolic.exclusive import exclusive
 from orbits.symbolic.formula import CONSTANTS, parse, suggest
+from orbits.symbolic.kept import kept
 from orbits.symbolic.taylor_series import has_taylor_series
 
 # What expressions are made of: CasADi scalars or numbers, in sequences and by name.
@@ -42,6 +44,7 @@ class Key(NamedTuple):
     names: tuple[str, ...]
     pieces: tuple[int, Callable] | None
 
+    @exclusive
     @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the answer
     def degree(self) -> int:
         """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
@@ -84,6 +87,7 @@ class Law:
         """Values at `x` (any shape), NaN where the law has none; a table raises `OutOfRange` outside its range."""
         return self.with_slope(x)[0]
 
+    @exclusive
     def with_slope(self, x: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Values and derivatives at `x` (any shape)."""
         x = np.asarray(x, dtype=float)
@@ -167,6 +171,7 @@ def stated(names: Iterable[str]) -> list[str]:
     return [name for name in names if not name.startswith(NOISE)]
 
 
+@exclusive
 def from_potential(text: str, variable: str, parameters: Given = None) -> Law:
     """The law whose potential energy is the formula: its derivative with respect to the variable."""
     potential = from_formula(text, variable, parameters)
@@ -174,6 +179,7 @@ def from_potential(text: str, variable: str, parameters: Given = None) -> Law:
     return replace(potential, text=f"potential:{text}", expression=force)
 
 
+@exclusive
 def from_function(function: Callable, variable: str, parameters: Given = None, breakpoints: Sequence = ()) -> Law:
     """A law from a Python function (x, **parameters) written with operators and NumPy or CasADi functions.
 
@@ -270,7 +276,7 @@ def from_key(key: Key, p: Mapping[str, float]) -> Law:
     return Law(key.text, key.variable, key.expression, {name: p[name] for name in key.names}, key.pieces)
 
 
-@lru_cache(maxsize=256)
+@kept
 def _numeric(key: Key):
     """The function (x, p, q) -> (value, slope), and p -> (breaks, data) for a piecewise law."""
     (x, p), pieces = _symbols(key.variable, key.names), key.pieces

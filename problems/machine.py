@@ -8,7 +8,7 @@ problem in two states (section 8 of the paper, for a linear spring).
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -18,6 +18,7 @@ from orbits.errors import InputError, NoOrbit
 from orbits.model.closed_form import Oscillator, ThrownOscillator
 from orbits.model.model import Model, Reduction
 from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
+from orbits.symbolic.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
 
 from .gravity import as_gravity
@@ -59,6 +60,7 @@ class TwoMassMachine:
     # A machine with units is a `units.MachineInSI`.
     units = None
 
+    @exclusive
     def __post_init__(self) -> None:
         number("mass_ratio", self.mass_ratio, *MASS_RATIOS)
         coefficient_of_restitution(self.restitution)
@@ -91,7 +93,7 @@ class TwoMassMachine:
                 raise InputError(f"spring and gravity both have a parameter '{name}' with different values; rename one")
         return spring, gravity
 
-    @cached_property
+    @exclusive_property
     def model(self) -> Model:
         """The phases and orbits of the machine; machines that differ only in numbers share it."""
         return self.build(self.spring.key, self.varying_gravity, self.rest_length is not None, self.damped)

@@ -8,7 +8,7 @@ these change; k is the spring's stiffness at rest as first stated, and stays, si
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any, Self, TypeAlias
 
 import casadi as ca
@@ -16,6 +16,7 @@ import casadi as ca
 from orbits.errors import InputError
 from orbits.model.model import Model, reparametrised
 from orbits.model.units import ACCELERATION, LENGTH, MASS, Dimension, Units, unit_text
+from orbits.symbolic.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
 
 from . import gravity as gravities
@@ -101,6 +102,7 @@ class MachineInSI:
     damping: float = 0.0
     drag: float = 0.0
 
+    @exclusive
     def __post_init__(self) -> None:
         for name, mass in self.masses.items():
             number(name, mass, low=0)
@@ -144,7 +146,7 @@ class MachineInSI:
         own = {"stiffness": self.stiffness} if self.spring is None else self.spring.parameters
         return {**own, **self.gravity.parameters}
 
-    @cached_property
+    @exclusive_property
     def values(self) -> dict[str, float]:
         """Every parameter of the model by name, in SI."""
         values = {**self.masses, "surface_gravity": self.surface_gravity}
@@ -159,7 +161,7 @@ class MachineInSI:
             values[homotopy] = 1.0
         return {name: float(value) for name, value in values.items()}
 
-    @cached_property
+    @exclusive_property
     def units(self) -> Units:
         """The units of its dimensionless self, in SI."""
         scales = {**self.masses, "surface_gravity": self.surface_gravity, self._stiffness_name: self.stiffness}
@@ -189,7 +191,7 @@ class MachineInSI:
         """The same machine in units of its own; the coefficients of its laws stay in SI, beside the laws' units."""
         return self._dimensionless
 
-    @cached_property
+    @exclusive_property
     def _dimensionless(self) -> TwoMassMachine:
         units = self.units
         for name, unit in (("length", units.length), ("time", units.time), ("force", units.force)):
@@ -253,6 +255,7 @@ class MachineInSI:
         return {name: unit_text(known[name]) for name in self.values if name in known}
 
 
+@exclusive
 @lru_cache(maxsize=256)
 def coefficient_dimensions(spring: Key) -> dict[str, Dimension]:
     """Dimensions of those parameters of a spring's law in SI that are coefficients of powers of the extension."""

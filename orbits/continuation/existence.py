@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InputError, finite_number
 from ..model.machine import Machine
+from ..symbolic.exclusive import exclusive
 from .checkpoint import collect_family
 from .curve import Curve, check_followed, machine_at
 from .family import Family
@@ -78,6 +79,7 @@ def intervals_of(family: Family) -> Iterator[Interval]:
             inside.append(point.admissible)
 
 
+@exclusive
 def existence(
     machine: Machine,
     along: str,

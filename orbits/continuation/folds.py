@@ -16,6 +16,7 @@ from ..model.machine import Machine
 from ..model.phase import Arc, Phase, Statement
 from ..periodic.formulations import columns
 from ..periodic.single_shooting import Evaluation, shooting_equations
+from ..symbolic.exclusive import exclusive
 from .checkpoint import collect_family
 from .curve import Curve, CurvePoint, check_followed, machine_at
 from .family import Family, Point
@@ -121,6 +122,7 @@ class _FoldCurve(Curve):
         return us, ps, evaluation, closing
 
 
+@exclusive
 def follow_fold(
     machine: Machine,
     fold: Point,

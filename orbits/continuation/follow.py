@@ -13,6 +13,7 @@ from ..model.units import without_units
 from ..periodic.find import another_family, solve_family, solve_near
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
+from ..symbolic.exclusive import LOCK, exclusive
 from .checkpoint import collect_family
 from .corrector import correct
 from .curve import Curve, CurvePoint, Watch, check_followed, machine_at
@@ -26,6 +27,7 @@ Stop = float | tuple[float, float]
 LONGEST_FIRST_STEP = 10.0
 
 
+@exclusive
 def follow(
     machine: Machine,
     along: str,
@@ -72,6 +74,7 @@ def follow(
     return collect_family(tracer, resume, output, progress)
 
 
+@exclusive
 def trace(
     machine: Machine, along: str, stop: Stop, start: float | None = None, family: int = 1, **options: Any
 ) -> Iterator[Orbit | Event | End]:
@@ -82,7 +85,7 @@ def trace(
     if unknown := options.keys() - set(known):
         raise InputError(f"trace has no option '{min(unknown)}'; it knows orbit, {', '.join(known)} and method")
     tracer = _begin(machine, along, start, stop, family, orbit, method, checked_options(**options), None)
-    return (_presented(tracer.curve, item) for item in _interruptible(tracer))
+    return _orbits(tracer)
 
 
 def _presented(curve: Curve, item: CurvePoint | Event | End) -> Orbit | Event | End:
@@ -92,15 +95,17 @@ def _presented(curve: Curve, item: CurvePoint | Event | End) -> Orbit | Event | 
     return replace(item, point=curve.in_units(item.point)) if isinstance(item, Event) else item
 
 
-def _interruptible(tracer: Tracer):
-    """The items of a run; an interrupt is raised between two of them."""
+def _orbits(tracer: Tracer) -> Iterator[Orbit | Event | End]:
+    """The items of a run, its points as orbits; between two, an interrupt is raised and other threads may compute."""
     items, item = iter(tracer), None
     while not isinstance(item, End):
-        with interrupts.deferred():
+        with LOCK, interrupts.deferred():
             item = next(items)
-        yield item
+            found = _presented(tracer.curve, item)
+        yield found
 
 
+@exclusive
 def follow_branch(
     machine: Machine,
     branch: Point,
@@ -160,6 +165,7 @@ def _first_point(curve: Curve, x, direction, row, first_step: float) -> CurvePoi
     raise NoOrbit(f"no other curve is found beside {curve.along} = {x[-1]:.10g}")
 
 
+@exclusive
 def orbit_at(machine: Machine, point: Point, along: str, method: str | None = None) -> Orbit:
     """The whole orbit at a point of a family, with its motion; machine, parameter and method are those that the family
     was followed with, the simplest method where None is given."""

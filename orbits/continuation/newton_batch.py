@@ -16,6 +16,7 @@ from ..flow.trajectory import Trajectories
 from ..numerics.roots import Array
 from ..periodic.single_shooting import Evaluation, Shooting, dense
 from ..symbolic.calls import MappedFunction
+from ..symbolic.kept import kept
 from .predictor import hermite
 
 # Functions for so many different numbers of Taylor steps are kept.
@@ -176,7 +177,7 @@ class NewtonBatch:
 
 
 # The equations at many points, kept for the next call with the same equations.
-newton_batch = lru_cache(maxsize=64)(NewtonBatch)
+newton_batch = kept(NewtonBatch)
 
 
 def _arcs(results: Sequence, names: tuple[str, ...]) -> list[dict]:

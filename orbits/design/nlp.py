@@ -7,7 +7,7 @@ stay sparse, and small changes do not grow along the trajectory.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import casadi as ca
@@ -21,6 +21,7 @@ from ..numerics.roots import solve
 from ..periodic.multiple_shooting import MeshTrajectory, ShootingMesh, trajectory_on_mesh
 from ..periodic.orbit import Orbit
 from ..symbolic.ipopt import Minimiser, Minimum
+from ..symbolic.kept import kept
 from .problem import Outputs
 from .quantities import ABSENT, Place, expressions, extreme_values, extremes_of, locate
 
@@ -129,7 +130,7 @@ def _results(model, statement, names, outputs, places):
 
 
 # The nonlinear program, kept for the next call with the same arguments.
-design_program = lru_cache(maxsize=64)(DesignProgram)
+design_program = kept(DesignProgram)
 
 
 @dataclass(frozen=True, eq=False)

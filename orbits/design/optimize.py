@@ -14,6 +14,7 @@ from ..errors import InputError, NoOrbit, OrbitsError, whole_number
 from ..model.machine import Machine
 from ..periodic.find import find
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .local import Infeasible, Unbounded, local_optimum
 from .optimality import Design, Start
 from .problem import DesignProblem, design_problem
@@ -27,6 +28,7 @@ class NoOptimum(NoOrbit):
     """No start leads to an optimum."""
 
 
+@exclusive
 def optimize(
     machine: Machine,
     *,

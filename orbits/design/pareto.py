@@ -13,6 +13,7 @@ from ..io import write_json
 from ..model.machine import Machine
 from ..periodic.find import find
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .optimality import Design
 from .optimize import Progress, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
@@ -74,6 +75,7 @@ class Front:
         return "\n".join([*lines, f"{len(self.designs)} certified designs, {self.seconds:.2f} s"])
 
 
+@exclusive
 def pareto(
     machine: Machine,
     *,

@@ -21,6 +21,7 @@ from ..numerics.roots import bracketed_root
 from ..periodic.formulations import half_orbit
 from ..periodic.local_law import by_launch_speed, launch_power, loss_coefficient
 from ..periodic.orbit import Orbit
+from ..symbolic.kept import kept
 
 # Quantities of every orbit.
 QUANTITIES = tuple(name for name in DIMENSIONS if name != "error")
@@ -106,7 +107,7 @@ def _value_and_rate(phase, function, x, p):
     return value, ca.jacobian(value, ca.vertcat(*x)) @ ca.vertcat(*phase.field(x, p, []))
 
 
-@lru_cache(maxsize=256)
+@kept
 def _compiled(model, names, extreme, index):
     """(x, p) -> value of a function of an extreme, and its rate of change along the motion."""
     name, function = extreme_of(model, extreme)[index]

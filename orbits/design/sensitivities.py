@@ -8,6 +8,7 @@ from ..model.machine import Machine, check_parameters, free_parameters
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .nlp import DesignPoint, design_point
 from .problem import Outputs, formula_names, known_formula
 from .quantities import extremes_of, locate, quantity_names
@@ -16,6 +17,7 @@ from .quantities import extremes_of, locate, quantity_names
 Names: TypeAlias = Sequence[str] | None
 
 
+@exclusive
 def quantities(machine: Machine, orbit: Orbit, names: Names = None) -> dict[str, float]:
     """Quantities of a machine's orbit, or formulas of them, by their text; None for all that the orbit has.
 
@@ -27,6 +29,7 @@ def quantities(machine: Machine, orbit: Orbit, names: Names = None) -> dict[str,
     return dict(zip(names, _formulas_at(machine, orbit, names, ()).values.tolist(), strict=False))
 
 
+@exclusive
 def sensitivities(
     machine: Machine, orbit: Orbit | int = 1, names: Names = None, quantities: Names = None
 ) -> dict[str, dict[str, float]]:

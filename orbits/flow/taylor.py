@@ -1,13 +1,12 @@
 """Taylor steps of a flow with their sensitivities, interpreted at first and compiled once there are many."""
 
-import threading
-
 import casadi as ca
 import numpy as np
 
 from ..numerics.bernstein import TINY
 from ..numerics.roots import Array
 from ..symbolic.calls import BufferedFunction, MappedFunction
+from ..symbolic.exclusive import LOCK
 from ..symbolic.kernels import compile_function, compile_seconds, compiled_before, lengths
 from ..symbolic.taylor_series import variations
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Steps, VectorField, symbolic_powers
@@ -45,8 +44,9 @@ class TaylorStepper:
         # Compiled once its interpretation took as long as that will, a function costs at most twice the best time.
         self.interpretation_budget = SEARCH_SHARE * compile_seconds(self.step_function)
         self.cache_searched = self.compiled = False
-        self.lock = threading.RLock()  # One thread may compile while others step.
-        self.expected_steps = 4  # Steps of a motion of given duration, updated by each that is integrated.
+        # Steps in the first block of a motion of given duration. A number learned from earlier motions would change
+        # the last digits from call to call, as states are rounded between blocks.
+        self.expected_steps = 4
         self._calls, self._batch_calls = dict[int, BufferedFunction](), dict[int, MappedFunction]()
 
     def advance(self, x: Array, p: Array, dx: Array, dp: Array, count: int, left: float, hint: float | None) -> Steps:
@@ -55,12 +55,12 @@ class TaylorStepper:
         Returns steps (m,), coefficients (m, rows, K + 1) and sensitivities (m, n, columns, K + 1). A single NaN is
         returned for the steps when none is accepted.
         """
-        with self.lock:
+        with LOCK:
             self.count_steps(count)
             if (call := self._calls.get(count)) is None:
                 chain = self.step_function if count == 1 else self.step_function.mapaccum(count)
                 call = self._calls[count] = BufferedFunction(chain)
-        with call.lock:
+        with LOCK:
             start, data = call.arguments[0], call.arguments[1].reshape(count, -1)
             start[: self.n], start[-2], start[-1] = x, left, LONGEST_STEP
             data[:, : len(p)] = p
@@ -91,7 +91,7 @@ class TaylorStepper:
         Returns steps (m, count), 0 where they are rejected; coefficients (m, count, rows, K + 1); and which steps
         (m, count) are numbers and not vanishing.
         """
-        with self.lock:
+        with LOCK:
             self.count_steps(count * len(x))
             if (call := self._batch_calls.get(count)) is None:
                 call = self._batch_calls[count] = MappedFunction(self.step_function.mapaccum(count))
@@ -103,7 +103,7 @@ class TaylorStepper:
 
     def count_steps(self, count: int) -> None:
         """Count steps to be taken; after enough of them, search the cache for the compiled function or make it."""
-        with self.lock:
+        with LOCK:
             self.interpretation_budget -= count * self.seconds_per_step
             if self.interpretation_budget >= 0:
                 return

@@ -15,11 +15,13 @@ from ..flow.zero_crossing import first_zero
 from ..model.machine import ImpactingMachine, dimensionless
 from ..model.units import SPEED, without_units
 from ..periodic.local_law import loss_coefficient
+from ..symbolic.exclusive import exclusive
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts
 
 TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, is tangential
 
 
+@exclusive
 def multiplier(machine: ImpactingMachine, alpha: float) -> float:
     """d(next launch speed)/d(launch speed) over the hop that starts with `alpha`.
 

@@ -24,6 +24,7 @@ from ..numerics.roots import enclosed_sign_changes, resolved
 from ..periodic.find import certified_orbit, find
 from ..periodic.formulations import equations_of
 from ..periodic.orbit import Orbit
+from ..symbolic.exclusive import exclusive
 from .impacts import CAP, LIFTOFF_ORDER, STATUS, Impacts, status_of_failure
 
 BATCH_SIZE = 1000  # launch speeds in one batch: few enough to stay in a processor's cache
@@ -83,6 +84,7 @@ class ReturnMap:
     each other: see `Simulation.smallest_separation`. Raises `InputError` where a launch is more than a speed.
     """
 
+    @exclusive
     def __init__(self, machine: ImpactingMachine, inject: float = 0.0, cap: int = CAP):
         self.inject, self.cap = finite_number("inject", inject), whole_number("cap", cap, "impacts")
         self.machine, self._units = machine, getattr(machine, "units", None) or Units(1.0, 1.0, 1.0)
@@ -94,6 +96,7 @@ class ReturnMap:
         if not self.impacts.model.one_speed:
             raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
 
+    @exclusive
     def __call__(self, alpha: ArrayLike) -> Hops:
         """The next launch speeds after launch speeds (...)."""
         try:
@@ -111,6 +114,7 @@ class ReturnMap:
         hops = [vars(_hops_from(self.impacts, batch, self.inject, self.cap)) for batch in batches]
         return Hops(**{name: np.concatenate([part[name] for part in hops]).reshape(alpha.shape) for name in hops[0]})
 
+    @exclusive
     def fixed_points(self, low: float, high: float, samples: int = 2000) -> tuple[FixedPoint, ...]:
         """The fixed points of the map between two launch speeds, ascending.
 
@@ -128,6 +132,7 @@ class ReturnMap:
         crossings = ResolvedMap(self, lossless, low, high, samples, True).crossings()
         return tuple(FixedPoint(float(alpha), "crossing") for alpha in crossings)
 
+    @exclusive
     def jumps(self, hops: Hops) -> np.ndarray:
         """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
         and the next launch speed is not continuous."""
@@ -141,6 +146,7 @@ class ReturnMap:
         a, b, _, _ = enclosed_sign_changes(same, hops.alpha[i], hops.alpha[i + 1], np.ones(len(i)), -np.ones(len(i)))
         return i[np.abs(np.nan_to_num(self(a).next) - np.nan_to_num(self(b).next)) > JUMP * a]
 
+    @exclusive
     def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
         """The intervals of launch speeds between `low` and `high`, ascending, whose next one lies in one of the
         intervals `edges`. They end where the map passes an edge, or jumps; the grid is as in `fixed_points`."""
@@ -157,6 +163,7 @@ class ReturnMap:
     def _in_units(self, intervals: Intervals) -> Intervals:
         return [(a * self._speed, b * self._speed) for a, b in intervals]
 
+    @exclusive
     def basin(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> Intervals:
         """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
 

@@ -22,6 +22,7 @@ from ..model.phase import Affine
 from ..model.units import ENERGY, SPEED, TIME, Units, noted, without_units
 from ..numerics.bernstein import lowest
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .impacts import CAP, LIFTOFF_ORDER, Impacts, status_of_failure
 
 TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
@@ -168,6 +169,7 @@ class Simulation:
         return states
 
 
+@exclusive
 def simulate(
     machine: ImpactingMachine, alpha: float | Mapping[str, float] | None = None, *, state: ArrayLike | None = None,
     hops: int | None = None, time: float = np.inf, inject: float = 0.0, cap: int = CAP,

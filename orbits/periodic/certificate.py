@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -15,6 +14,7 @@ from ..model.phase import Phase
 from ..numerics.bernstein import derivative, evaluate
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import ElementwiseFunction
+from ..symbolic.kept import kept
 from .error_bound import DOUBTFUL_RATIO, EPS, NARROW, ends_of_steps
 from .formulations import CONTACT_FORCE, NONE, Cycles, columns, or_none
 from .local_law import by_launch_speed, launch_power, loss_coefficient
@@ -109,7 +109,7 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
     return found
 
 
-@lru_cache(maxsize=64)
+@kept
 def gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> ElementwiseFunction:
     """An energy gradient of a model at several points, (x, parameters with the data of a piece)."""
     flow = flow_of(phase, parameters)

@@ -1,7 +1,5 @@
 """How far the launch speed of a solved orbit can be off; only the inverse Jacobian of its equations is reused."""
 
-from functools import lru_cache
-
 import casadi as ca
 import numpy as np
 from numpy import ndarray
@@ -14,6 +12,7 @@ from ..numerics.bernstein import powers
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction
+from ..symbolic.kept import kept
 from .single_shooting import Evaluation, Shooting
 
 # Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are equal
@@ -152,7 +151,7 @@ def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Traject
     return x
 
 
-@lru_cache(maxsize=64)
+@kept
 def _order_eight(flow: Flow, count: int) -> BufferedFunction:
     """`count` Runge-Kutta steps as a call (start, lengths, parameters with data) -> states (n, count)."""
     field, h = flow.vector_field, ca.SX.sym("h")

@@ -13,6 +13,7 @@ from ..model.model import NOISE, Model
 from ..model.units import LENGTH, SPEED, TIME, without_units
 from ..numerics.roots import solve
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .certificate import certify, count_families
 from .error_bound import error_bounds, noise_of_alpha
 from .formulations import contact_reversor, equations_of, halved, interpret, or_none, vector
@@ -42,6 +43,7 @@ class Root(NamedTuple):
     error: float | None = None
 
 
+@exclusive
 def find(
     machine: Machine,
     family: int | None = None,

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -17,6 +17,7 @@ from ..numerics.bernstein import derivative, evaluate
 from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.ipopt import solve_equations
+from ..symbolic.kept import kept
 from .multiple_shooting import MultipleShooting, boundary_functions
 
 # A relative Newton step is the last one when it changes the end of the motion by less than this: the next one, its
@@ -148,7 +149,7 @@ class Shooting:
         per_arc: list[Any] = list(zip(*arcs, strict=True))
         return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *per_arc)
 
-    @lru_cache(maxsize=8)  # noqa: B019 - the equations themselves are kept as long
+    @kept
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
         """Derivatives of the unknowns (n, n + k), of the parameters (np, n + k) and of the varied ones (k, n + k) by
         the unknowns and the varied parameters; and for each arc the seeds of its start and of the parameters."""
@@ -264,7 +265,7 @@ class Shooting:
 
 
 # The equations of a statement, kept for the next call with the same statement.
-shooting_equations = lru_cache(maxsize=64)(Shooting)
+shooting_equations = kept(Shooting)
 
 
 def _with_derivatives(function: ca.Function) -> BufferedFunction:
