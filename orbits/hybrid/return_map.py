@@ -24,6 +24,7 @@ from ..periodic.find import certified_orbit, find
 from ..periodic.formulations import equations_of
 from ..periodic.orbit import Orbit
 from .impacts import CAP, LIFTOFF_ORDER, STATUS, Impacts, status_of_failure
+from .multiplier import multiplier
 
 BATCH_SIZE = 1000  # launch speeds in one batch: few enough to stay in a processor's cache
 SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
@@ -55,15 +56,18 @@ class Hops:
     def document(self) -> dict[str, Any]:
         """The hops as the JSON document of the command line."""
         columns = {name: np.ravel(values).tolist() for name, values in vars(self).items()}
-        return {**columns, "next": [None if np.isnan(value) else value for value in columns["next"]]}
+        names = ("alpha", "next", "loss")  # what is no number has none in a document
+        return columns | {name: [value if np.isfinite(value) else None for value in columns[name]] for name in names}
 
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """A launch speed that comes back; kind "lossless" or "crossing", where the map crosses the identity line."""
+    """A launch speed that comes back; kind "lossless" or "crossing", where the map crosses the identity line, and the
+    map's slope there, None where it has none: at a lossless hop, and where the hop lands tangentially."""
 
     alpha: float
     kind: str
+    multiplier: float | None = None
 
 
 class ReturnMap:
@@ -74,8 +78,9 @@ class ReturnMap:
         the injection moves the machine to that of the new speed
     cap : impacts of one hop after which it is given up, with the status "cap"
 
-    Called with launch speeds (...), all above 0, it gives `Hops`. It does not check whether the masses pass through
-    each other: see `Simulation.smallest_separation`. Raises `InputError` where a launch is more than a speed.
+    Called with launch speeds (...), it gives `Hops`; in an array, one that is not a number above 0 has the status
+    "invalid". It does not check whether the masses pass through each other: see `Simulation.smallest_separation`.
+    Raises `InputError` where a launch is more than a speed, and for a single speed that is not above 0.
     """
 
     def __init__(self, machine: ImpactingMachine, inject: float = 0.0, cap: int = CAP):
@@ -87,16 +92,20 @@ class ReturnMap:
     def __call__(self, alpha: ArrayLike) -> Hops:
         """The next launch speeds after launch speeds (...)."""
         try:
-            alpha = np.asarray(alpha, dtype=float)
+            alpha = np.array(alpha, dtype=float)
         except (TypeError, ValueError):
             raise InputError(f"alpha = {alpha!r}; launch speeds are numbers") from None
-        if len(wrong := alpha[~(np.isfinite(alpha) & (alpha > 0))]):
-            raise InputError(f"alpha = {wrong[0]:g}; launch speeds are above 0")
-        if not alpha.size:
-            return Hops(alpha, alpha, alpha, alpha.astype(int), alpha.astype(STATUS))
-        batches = np.array_split(alpha.ravel(), -(-alpha.size // BATCH_SIZE))
-        hops = [vars(_hops_from(self.impacts, batch, self.inject, self.cap)) for batch in batches]
-        return Hops(**{name: np.concatenate([part[name] for part in hops]).reshape(alpha.shape) for name in hops[0]})
+        launches = np.isfinite(alpha) & (alpha > 0)
+        if not (alpha.ndim or launches):
+            raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
+        nothing = np.full(alpha.shape, np.nan)
+        hops = Hops(alpha, nothing, nothing.copy(), np.zeros(alpha.shape, int), np.full(alpha.shape, "invalid", STATUS))
+        places = np.flatnonzero(launches)
+        for batch in np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else ():
+            found = _hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)
+            for name in ("next", "loss", "impacts", "status"):
+                getattr(hops, name).flat[batch] = getattr(found, name)
+        return hops
 
     def fixed_points(self, low: float, high: float, samples: int = 2000) -> tuple[FixedPoint, ...]:
         """The fixed points of the map between two launch speeds, ascending.
@@ -110,7 +119,14 @@ class ReturnMap:
         if self.inject == 0 and self.impacts.model.conservative:
             return tuple(FixedPoint(alpha, "lossless") for alpha in lossless)
         crossings = ResolvedMap(self, lossless, low, high, samples, True).crossings()
-        return tuple(FixedPoint(float(alpha), "crossing") for alpha in crossings)
+        return tuple(FixedPoint(alpha, "crossing", self._slope(alpha)) for alpha in crossings.tolist())
+
+    def _slope(self, alpha: float) -> float | None:
+        """The slope of the map at a launch speed, None where it has none."""
+        try:
+            return multiplier(self.machine, alpha)
+        except NoOrbit:
+            return None
 
     def jumps(self, hops: Hops) -> np.ndarray:
         """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
