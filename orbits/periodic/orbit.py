@@ -25,7 +25,8 @@ MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "
 DOCUMENT_FIELDS = (
     *("family", "alpha", "flight_time", "contact_time", "admissible", "violations"),
     *("residual", "error", "energy_drift", "clearance", "smallest_separation", "smallest_contact_force"),
-    *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "stable_side", "unfolding"),
+    *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "loss_error"),
+    *("stable_side", "unfolding"),
     *("liftoff_extension", "state_mid_flight", "method", "skipped", "seconds"),
 )
 
@@ -190,6 +191,7 @@ class Orbit:
 
         numbers = {"mass ratio": machine["mass_ratio"], "rest length": machine["rest_length"], **machine["parameters"]}
         attracts = f"   (attracts from {c.stable_side})" if c.stable_side else ""
+        within = f"   +- {c.loss_error:.1e}" if c.loss_error else ""
         lines = [
             f"lossless orbit of family {c.family}: {machine['machine']}, spring {machine['spring']}, gravity "
             f"{machine['gravity']}",
@@ -204,7 +206,7 @@ class Orbit:
             row("smallest contact force", c.smallest_contact_force, force, "N"),
             row("largest contact force", c.largest_contact_force, force, "N"),
             row("landing jerk", c.landing_jerk),
-            row("loss coefficient C", c.loss_coefficient) + attracts,
+            row("loss coefficient C", c.loss_coefficient) + within + attracts,
             f"  {'residual':<24}{c.residual:.1e}",
             f"  {'energy drift':<24}{c.energy_drift:.1e}",
             f"  {'found by':<24}{self.method}, {1e3 * self.seconds:.1f} ms",
@@ -250,7 +252,8 @@ class Orbit:
             if data["format"] != ORBIT_FORMAT:
                 raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
             motion = data["motion"]
-            checked = {name: data[name] for name in Certificate.__dataclass_fields__ if name != "violations"}
+            names = Certificate.__dataclass_fields__.keys() - {"violations"}
+            checked = {name: data.get(name) if name == "loss_error" else data[name] for name in names}
             return cls(
                 machine={name: data[name] for name in MACHINE_FIELDS},
                 **{name: _float_of(data[name]) for name in ("alpha", "liftoff_extension", "flight_time")},

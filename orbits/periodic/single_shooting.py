@@ -46,6 +46,7 @@ class Evaluation:
     starts : derivatives (states + k, n + k) of the same, by the unknowns and the varied parameters
     durations : derivatives (n + k,) of each arc's duration
     residual_by_end : derivatives (rows, states) of the residuals that belong to each arc by its end
+    correction : (n + k,), the last Newton step, after which the derivatives were not taken again
     """
 
     residual: np.ndarray
@@ -55,11 +56,13 @@ class Evaluation:
     starts: tuple[np.ndarray, ...]
     durations: tuple[np.ndarray, ...]
     residual_by_end: tuple[np.ndarray, ...]
+    correction: np.ndarray
 
     def __getitem__(self, i: int | np.ndarray) -> "Evaluation":
         """The evaluation at one of the points, or at several in an order (k,)."""
         per_arc = self.trajectories, self.transitions, self.starts, self.durations, self.residual_by_end
-        return Evaluation(self.residual[i], self.jacobian[i], *(tuple(part[i] for part in each) for each in per_arc))
+        parts = (tuple(part[i] for part in each) for each in per_arc)
+        return Evaluation(self.residual[i], self.jacobian[i], *parts, self.correction[i])
 
     def replaced(self, i: np.ndarray, others: "Evaluation") -> "Evaluation":
         """The evaluation with the points i (k,), ascending, replaced by others."""
@@ -146,7 +149,7 @@ class Shooting:
             arcs.append((path, transition, dstart, dduration, slope[:, n + flow.size : n + 2 * flow.size]))
             before, dbefore = end, dend
         per_arc: list[Any] = list(zip(*arcs, strict=True))
-        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *per_arc)
+        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *per_arc, np.zeros(n + k))
 
     @lru_cache(maxsize=8)  # noqa: B019 - the equations themselves are kept as long
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
@@ -198,7 +201,7 @@ class Shooting:
             residual = np.array([self.residual(u, p, paths, lambda *arc: arc[-1].end) for u, p, paths in points])
         else:
             residual = self.arrivals(us, ps, *(motions.finals for motions in moved))[0][:, :, 0]
-        return replace(evaluation, residual=residual, trajectories=moved)
+        return replace(evaluation, residual=residual, trajectories=moved, correction=steps)
 
     @cached_property
     def arrivals(self) -> MappedFunction:

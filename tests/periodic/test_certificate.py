@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of, name_of
 
-from orbits import METHODS, NoOrbit, find
+from orbits import METHODS, NoOrbit, find, follow, orbit_at
 from orbits.continuation.corrector import correct_all
 from orbits.continuation.curve import Curve
 from orbits.flow.flow import flow_of
@@ -303,3 +303,45 @@ def test_one_singular_system_of_several():
     found = solve(square, np.array([[1.0], [3.0]]))
     assert found[[0, 2], :, 0] == pytest.approx(np.array([[1.0, 3.0], [0.5, 1.5]]))
     assert np.isnan(found[1]).all()
+
+
+@pytest.mark.parametrize("mass_ratio", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("family", [1, 2])
+def test_the_loss_coefficient_of_the_linear_spring_in_closed_form(mass_ratio, family):
+    """r = cos t + alpha sin t and tan alpha = alpha; the flight lasts 2 alpha, J = alpha, q = 2 alpha - sin 2 alpha."""
+    alpha = mpmath.findroot(lambda a: mpmath.sin(a) - a * mpmath.cos(a), find(Hopper(), family).alpha)
+    m, q = mpmath.mpf(mass_ratio), 2 * alpha - mpmath.sin(2 * alpha)
+    c = m * alpha**2 * (6 * q / alpha) ** (mpmath.mpf(4) / 3) / (8 * alpha * (1 + m) ** 2)
+    for method in (None, "relative", "half orbit"):
+        found = find(Hopper(mass_ratio=mass_ratio), family, method=method).certificate
+        assert abs(found.loss_coefficient - c) <= found.loss_error <= 1e-11 * c
+
+
+def _loss_of_cubic(b, orbit):
+    """The loss coefficient with M = 1, from Taylor steps of the variational equations in 30 digits: r'' = -r - b r**3,
+    s'' = -(1 + 3 b r**2) s."""
+    b, alpha = mpmath.mpf(b), mpmath.mpf(orbit.alpha)
+    rho = mpmath.findroot(lambda r: r + b * r**3 - 1, orbit.liftoff_extension)
+    rates = lambda t, x: [x[1], -x[0] - b * x[0] ** 3, x[3], -(1 + 3 * b * x[0] ** 2) * x[2]]  # noqa: E731
+    for _ in range(2):  # Newton's method on r'(alpha) = 0
+        r, v, _, s = mpmath.odefun(rates, 0, [rho, alpha, mpmath.mpf(0), mpmath.mpf(1)])(alpha)
+        alpha -= v / (s - r - b * r**3)
+    q = 2 * alpha - mpmath.odefun(rates, 0, [rho, alpha, mpmath.mpf(0), mpmath.mpf(1)])(2 * alpha)[2]
+    jerk = (1 + 3 * b * rho**2) * alpha
+    return jerk**2 * (6 * q / jerk) ** (mpmath.mpf(4) / 3) / (32 * alpha)
+
+
+def test_the_loss_coefficient_of_the_cubic_spring_has_all_its_digits():
+    """In an orbit; in a family the derivatives are those before the last corrector step, and the figure says so."""
+    machine = Hopper("r + b*r**3", parameters={"b": 0.0})
+    family, worst = follow(machine, "b", 1.0, at=[0.25]), 0.0
+    (point,) = family.at(0.25)
+    orbit = find(machine.with_values(b=0.25))
+    c = _loss_of_cubic(0.25, orbit)
+    for found in (orbit.certificate, orbit_at(machine, "b", point).certificate):
+        assert abs(found.loss_coefficient - c) <= found.loss_error <= 1e-11 * c
+    for point in family.points[::8]:
+        exact = find(machine.with_values(b=point.value)).certificate.loss_coefficient
+        assert abs(point.certificate.loss_coefficient - exact) <= point.certificate.loss_error <= 1e-6 * exact
+        worst = max(worst, abs(point.certificate.loss_coefficient / exact - 1))
+    assert worst < 1e-7
