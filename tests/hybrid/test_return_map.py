@@ -189,6 +189,20 @@ def test_bounces_that_accumulate_end_in_contact():
     assert float(ReturnMap(Hopper(restitution=1e-6))(4.6).next) == pytest.approx(float(plastic.next), abs=1e-5)
 
 
+def test_many_bounces_that_rounding_decides_are_undecided():
+    """Launches that differ by some roundings have the same outcome wherever one is said."""
+    machine = Hopper("r + a*r**2 + b*r**3", parameters={"a": 0.15, "b": 0.05}, restitution=0.9)
+    step, alpha = ReturnMap(machine), np.array([7.485824031735839, 5.792085553758281, 7.545707509368034, 2.0, 3.1, 6.0])
+    rows = [step(alpha * (1 + 4e-15 * k)) for k in (-3, 0, 2)]
+    assert (rows[1].status[:3] == "undecided").all()
+    assert not (rows[1].status[3:] == "undecided").any()
+    assert np.isnan(rows[1].next[:3]).all()
+    for one, two in ((rows[0], rows[1]), (rows[1], rows[2])):
+        told = (one.status != "undecided") & (two.status != "undecided")
+        assert (one.status[told] == two.status[told]).all()
+        assert one.next[told] == pytest.approx(two.next[told], abs=1e-3, nan_ok=True)
+
+
 def test_preimages_map_onto_their_interval():
     step = ReturnMap(Hopper())
     for low, high in step.preimages([(4.4, 4.45)], 3.0, 12.0):
