@@ -152,12 +152,16 @@ class ReturnMap:
         lossless = lossless_speeds(self.impacts, low, high)
         return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
 
-    def basin(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> Intervals:
+    def basin(
+        self, low: float, high: float, hops: int = 1000, samples: int = 2000,
+        progress: Callable[[float], None] | None = None,
+    ) -> Intervals:  # fmt: skip
         """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
 
         All launches just above a lossless one come down to it, up to where the map falls below it; all others enter
         one of these intervals before, within at most `hops` hops. Intervals that would add only some 1e-5 of the range
-        are left out. Raises `InputError` with injection or damping.
+        are left out. Called after every hop, `progress` is given the share of the range that is found. Raises
+        `InputError` with injection or damping.
         """
         low, high = _speed_range(low, high)
         if self.inject != 0 or not self.impacts.model.conservative:
@@ -166,7 +170,8 @@ class ReturnMap:
         lossless = lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high)
         if not lossless or lossless[0] >= high:
             return []
-        intervals = ResolvedMap(self, lossless, lossless[0], high, samples, False).basin(lossless, hops, high - low)
+        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False)
+        intervals = resolved_map.basin(lossless, hops, high - low, progress)
         return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
 
 
@@ -185,6 +190,7 @@ class ResolvedMap:
         self.grid, values = resolved(lambda alpha: return_map(alpha).next - slope * alpha, grid, identity)
         self.following = np.nan_to_num(values + slope * self.grid)
         self.next = lambda alpha: np.nan_to_num(return_map(alpha).next)
+        self._passages = dict[float, np.ndarray]()  # where the map passes a level: the levels of a basin come again
 
     def crossings(self) -> np.ndarray:
         """Launch speeds (k,) at which the map crosses the identity line."""
@@ -195,17 +201,20 @@ class ResolvedMap:
     def preimages(self, edges: Intervals) -> Intervals:
         """The intervals of launch speeds whose next one lies in one of `edges`."""
         levels, grid = np.unique(edges), self.grid
-        excess = self.following[:, None] - levels
+        new = levels[[level not in self._passages for level in levels.tolist()]]
+        excess = self.following[:, None] - new
         i, k = np.nonzero((excess[1:] >= 0) != (excess[:-1] >= 0))
         above = grid[i], grid[i + 1], excess[i, k], excess[i + 1, k]
-        ends, *_ = enclosed_sign_changes(lambda alpha, which: self.next(alpha) - levels[k[which]], *above)
-        ends = np.unique([grid[0], *ends, grid[-1]])
+        ends, *_ = enclosed_sign_changes(lambda alpha, which: self.next(alpha) - new[k[which]], *above)
+        self._passages |= {level: ends[k == j] for j, level in enumerate(new.tolist())}
+        ends = np.concatenate([grid[[0, -1]], *(self._passages[level] for level in levels.tolist())])
+        ends = np.unique(ends)
         ends = ends[np.append(True, np.diff(ends) > 1e-15 * ends[1:])]
         inside = within(self.next(0.5 * (ends[1:] + ends[:-1])), edges)
         switches = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
         return list(zip(ends[switches[::2]].tolist(), ends[switches[1::2]].tolist(), strict=True))
 
-    def basin(self, lossless: list[float], hops: int, width: float) -> Intervals:
+    def basin(self, lossless: list[float], hops: int, width: float, progress: Callable | None = None) -> Intervals:
         """The intervals of launch speeds that come to one of the `lossless` ones, of which the lowest begins the grid,
         within `hops` hops, in a range of this width."""
         pairs = zip(lossless, [*lossless[1:], float(self.grid[-1])], strict=True)
@@ -213,6 +222,8 @@ class ResolvedMap:
         for _ in range(hops):
             intervals = self.preimages(intervals)
             total, last = float(np.diff(intervals).sum()), total
+            if progress:
+                progress(min(total / width, 1.0))
             if total - last <= SETTLED * width:
                 break
         return intervals

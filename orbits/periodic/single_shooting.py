@@ -61,8 +61,8 @@ class Evaluation:
     def __getitem__(self, i: int | np.ndarray) -> "Evaluation":
         """The evaluation at one of the points, or at several in an order (k,)."""
         per_arc = self.trajectories, self.transitions, self.starts, self.durations, self.residual_by_end
-        parts = (tuple(part[i] for part in each) for each in per_arc)
-        return Evaluation(self.residual[i], self.jacobian[i], *parts, self.correction[i])
+        parts: Any = (tuple(part[i] for part in each) for each in per_arc)
+        return Evaluation(self.residual[i], self.jacobian[i], *parts, correction=self.correction[i])
 
     def replaced(self, i: np.ndarray, others: "Evaluation") -> "Evaluation":
         """The evaluation with the points i (k,), ascending, replaced by others."""
@@ -149,7 +149,7 @@ class Shooting:
             arcs.append((path, transition, dstart, dduration, slope[:, n + flow.size : n + 2 * flow.size]))
             before, dbefore = end, dend
         per_arc: list[Any] = list(zip(*arcs, strict=True))
-        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *per_arc, np.zeros(n + k))
+        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *per_arc, correction=np.zeros(n + k))
 
     @lru_cache(maxsize=8)  # noqa: B019 - the equations themselves are kept as long
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
