@@ -95,8 +95,7 @@ class NewtonBatch:
             enough &= motions.steps[motions.last] > 0
             arcs.append((motions, arc["transition"], arc["start"], arc["longer"][:, 0], arc["residual_by_end"]))
             used.append(count - taken[:, ::-1].argmax(1))
-        per_arc: list[Any] = list(zip(*arcs, strict=True))
-        evaluation = Evaluation(residual[:, :, 0], jacobian, *per_arc, correction=vectors[:, :, 0])
+        evaluation = Evaluation(residual[:, :, 0], jacobian, vectors[:, :, 0], *zip(*arcs, strict=True))
         return vectors[:, :, 0], vectors[:, :, 1], evaluation, enough, used
 
     def _parameters(self, p: ca.MX, value: ca.MX) -> ca.MX:

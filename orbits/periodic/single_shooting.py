@@ -40,29 +40,29 @@ class Evaluation:
 
     residual : (n,)
     jacobian : (n, n + k), with respect to the unknowns and to the k varied parameters
+    correction : (n + k,), the last Newton step, after which the derivatives were not taken again
     trajectories : one `Trajectory`, of m points one `Trajectories`, per arc, with its sensitivities to its start and to
         the varied parameters
     transitions : derivatives (states, states + k) of each arc's end at fixed duration, by the same
     starts : derivatives (states + k, n + k) of the same, by the unknowns and the varied parameters
     durations : derivatives (n + k,) of each arc's duration
     residual_by_end : derivatives (rows, states) of the residuals that belong to each arc by its end
-    correction : (n + k,), the last Newton step, after which the derivatives were not taken again
     """
 
     residual: np.ndarray
     jacobian: np.ndarray
+    correction: np.ndarray
     trajectories: tuple[Any, ...]
     transitions: tuple[np.ndarray, ...]
     starts: tuple[np.ndarray, ...]
     durations: tuple[np.ndarray, ...]
     residual_by_end: tuple[np.ndarray, ...]
-    correction: np.ndarray
 
     def __getitem__(self, i: int | np.ndarray) -> "Evaluation":
         """The evaluation at one of the points, or at several in an order (k,)."""
         per_arc = self.trajectories, self.transitions, self.starts, self.durations, self.residual_by_end
-        parts: Any = (tuple(part[i] for part in each) for each in per_arc)
-        return Evaluation(self.residual[i], self.jacobian[i], *parts, correction=self.correction[i])
+        parts = (tuple(part[i] for part in each) for each in per_arc)
+        return Evaluation(self.residual[i], self.jacobian[i], self.correction[i], *parts)
 
     def replaced(self, i: np.ndarray, others: "Evaluation") -> "Evaluation":
         """The evaluation with the points i (k,), ascending, replaced by others."""
@@ -149,7 +149,7 @@ class Shooting:
             arcs.append((path, transition, dstart, dduration, slope[:, n + flow.size : n + 2 * flow.size]))
             before, dbefore = end, dend
         per_arc: list[Any] = list(zip(*arcs, strict=True))
-        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *per_arc, correction=np.zeros(n + k))
+        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), np.zeros(n + k), *per_arc)
 
     @lru_cache(maxsize=8)  # noqa: B019 - the equations themselves are kept as long
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
