@@ -135,6 +135,8 @@ def return_map(alpha: str, inject: float, as_json: bool, plot: str | None, cobwe
     from orbits.plot import plot_map, save_figure
 
     speeds = options.launch_speeds(alpha)
+    if not 0 < speeds[0] < float("inf"):
+        raise InputError(f"--alpha {alpha}; launch speeds are above 0")
     if plot is not None:
         if len(speeds) < 2:
             raise InputError(f"--plot needs a range, --alpha A:B:N, not --alpha {alpha}")

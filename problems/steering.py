@@ -85,7 +85,8 @@ def keep_hopping(
     lossless : whether the landing has to be lossless; else it is plastic, see the module
     intervals : of flight and contact together, on each of which the actuator's rate is held; with few, about 12,
         the contact force after a lossless landing may be too small for an answer to be found
-    rate, stroke : bounds of the actuator's rate, without which no least work exists, and displacement
+    rate, stroke : bounds of the actuator's rate, without which no least work exists, and of its displacement from where
+        it is at lift-off, either way
     orbit : the lossless orbit, found if it is not given
     guess : the answer for a machine nearby
 
@@ -352,8 +353,8 @@ def _hop_stages(model, gap, impact, intervals, times, limits, cost, lossless, pe
         return along(Affine(gap.weights), model.flight.field(x, {**p, RATE: 0.0}, []))
 
     def lifted(x, before, p):
-        if periodic:
-            return _difference(x, product(model.embed, before))
+        if periodic:  # Spring's end and motion could be moved together: the end is at 0 where the cycle begins.
+            return [*_difference(x, product(model.embed, before)), x[-1]]
         return _difference(x, model.launch({"liftoff": p["liftoff"], "alpha": p["launch"]}, p))
 
     def landed(x, p):

@@ -96,7 +96,7 @@ class NewtonBatch:
             enough &= motions.steps[motions.last] > 0
             arcs.append((motions, arc["transition"], arc["start"], arc["longer"][:, 0], arc["residual_by_end"]))
             used.append(count - taken[:, ::-1].argmax(1))
-        evaluation = Evaluation(residual[:, :, 0], jacobian, *zip(*arcs, strict=True))
+        evaluation = Evaluation(residual[:, :, 0], jacobian, vectors[:, :, 0], *zip(*arcs, strict=True))
         return vectors[:, :, 0], vectors[:, :, 1], evaluation, enough, used
 
     def _parameters(self, p: ca.MX, value: ca.MX) -> ca.MX:

@@ -24,7 +24,7 @@ from ..periodic.orbit import Orbit
 from ..symbolic.kept import kept
 
 # Quantities of every orbit.
-QUANTITIES = tuple(name for name in DIMENSIONS if name != "error")
+QUANTITIES = tuple(name for name in DIMENSIONS if name not in ("error", "alpha_noise", "loss_error"))
 VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
 # The extremes that a quantity is the sum of, each with its sign; a rise has one of its own name.
 COMPOSITION = {

@@ -29,7 +29,7 @@ DIMENSIONS: dict[str, Dimension] = {
     **dict.fromkeys(("smallest_contact_force", "largest_contact_force", "largest_spring_force"), FORCE),
     "landing_jerk": (1, -3, 0),
     "landing_sensitivity": TIME,
-    "loss_coefficient": (-1 / 3, 1 / 3, 0),
+    **dict.fromkeys(("loss_coefficient", "loss_error"), (-1 / 3, 1 / 3, 0)),
 }
 # What follows a message whose numbers are without dimensions.
 NOTE = " (numbers in the units of machine.dimensionless())"

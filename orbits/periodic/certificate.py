@@ -27,6 +27,8 @@ MIDDLE = 1e-7
 # The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
 # share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
 STATIONARY = 1e-6
+# Roundings of the loss coefficient beside those that its parts share with alpha, in units of the last place.
+LOSS_ROUNDING = 16
 Violation = tuple[int, str]  # the index of the orbit, and what is wrong in words
 
 
@@ -48,6 +50,7 @@ class Certificate:
     loss_coefficient : C of the one-step map alpha + d -> alpha + d - C d**(4/3) on the stable side, 10 C on the other
     stable_side : "above" or "below" alpha
     violations : what makes it no motion, in words; empty for an admissible orbit
+    loss_error : estimate of the error of `loss_coefficient`, None where there is none
     unfolding : multiple of the energy gradient that the equations needed, None where they had no such unknown
     alpha_noise : standard deviation of alpha from the noise of measured laws; None without, and along a family
     """
@@ -66,6 +69,7 @@ class Certificate:
     violations: tuple[str, ...]
     unfolding: float | None = None
     alpha_noise: float | None = None
+    loss_error: float | None = None
 
 
 def certify(model: Model, cycles: Cycles) -> list[Certificate]:
@@ -95,7 +99,11 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
     families = count_families(model, cycles.halves, cycles.halves_per_flight)
     figures = (cycles.residual, cycles.error, drift, clearance, separation, smallest_force, largest_force, -jerk, loss)
     unfolding = cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles)
-    rows = zip(families, *map(or_none, figures), sides.tolist(), violations, unfolding, strict=True)
+    with np.errstate(all="ignore"):
+        share = 4 / 3 * cycles.slope_error / np.abs(cycles.gap_slope) + LOSS_ROUNDING * EPS
+        losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, loss * share)
+    others = sides.tolist(), violations, unfolding, or_none(losses_off)
+    rows = zip(families, *map(or_none, figures), *others, strict=True)
     return [Certificate(*row) for row in rows]
 
 

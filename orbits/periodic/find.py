@@ -153,6 +153,8 @@ def certified_orbit(
     model, p = machine.model, machine.values
     equations = equations_of(model, method, tuple(p))
     us, ps, errors = np.reshape(u, (1, -1)), vector(p)[None], np.array([error])
+    fresh = equations.evaluate_all(us, ps)  # with the derivatives at the solution itself
+    evaluation = replace(evaluation, transitions=fresh.transitions, starts=fresh.starts, correction=fresh.correction)
     if error is None:
         errors, refused = error_bounds(equations, us, ps, evaluation)
         if refused:

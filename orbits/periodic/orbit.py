@@ -26,7 +26,8 @@ MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "
 DOCUMENT_FIELDS = (
     *("family", "alpha", "flight_time", "contact_time", "admissible", "violations"),
     *("residual", "error", "energy_drift", "clearance", "smallest_separation", "smallest_contact_force"),
-    *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "stable_side", "unfolding", "alpha_noise"),
+    *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "loss_error"),
+    *("stable_side", "unfolding", "alpha_noise"),
     *("liftoff_extension", "state_mid_flight", "method", "skipped", "seconds"),
 )
 # What is in the file of an orbit beside the machine.
@@ -205,6 +206,7 @@ class Orbit:
         numbers = stated or {"mass ratio": machine["mass_ratio"], "rest length": machine["rest_length"]}
         numbers |= machine["parameters"]
         attracts = f"   (attracts from {c.stable_side})" if c.stable_side else ""
+        within = f"   +- {c.loss_error:.1e}" if c.loss_error else ""
         said = [
             f"{name} = {value:g} {own.get(name, '')}".rstrip() for name, value in numbers.items() if value is not None
         ]
@@ -223,7 +225,7 @@ class Orbit:
             row("smallest contact force", c.smallest_contact_force, "smallest_contact_force"),
             row("largest contact force", c.largest_contact_force, "largest_contact_force"),
             row("landing jerk", c.landing_jerk, "landing_jerk"),
-            row("loss coefficient C", c.loss_coefficient, "loss_coefficient", attracts),
+            row("loss coefficient C", c.loss_coefficient, "loss_coefficient", within + attracts),
             f"  {'residual':<24}{c.residual:.1e}",
             f"  {'energy drift':<24}{c.energy_drift:.1e}",
             f"  {'found by':<24}{self.method}, {1e3 * self.seconds:.1f} ms",

@@ -396,6 +396,8 @@ def test_phase_that_collapses():
     endless = soft.with_values(beta=-0.0072)
     with pytest.raises(NoOrbit, match="the spring collapses"):
         quantities(endless, find(endless))
+    with pytest.raises(NoOrbit, match="the spring collapses"):
+        sensitivities(Hopper("tanh(b*r)/b", mass_ratio=0.05, parameters={"b": 0.1}), 2)
 
 
 FILE = """machine = "hopper"
