@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,21 @@ class Units:
     length: float
     time: float
     force: float
+
+
+class Search(NamedTuple):
+    """How to search for all orbits of a family.
+
+    scale : of launch speeds and times: the inverse root of the spring's slope at rest
+    spacing, fastest : of the launch speeds where the search begins, and the last of them for family 1, in multiples of
+        the scale
+    single : whether the laws bend so seldom that the orbit to which the guess leads is taken for the lowest
+    """
+
+    scale: float
+    spacing: float
+    fastest: float
+    single: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +86,7 @@ class Model:
     homotopy : name of the parameter that leads from the scene of the guess (0) to this one (1); None where they are one
     reduction : the smaller statement that this scene allows; None where there is none
     tension : (x, p, q) -> force of the spring in a flight state; None where it is not stated
+    search : p -> `Search`; None for a model whose families are not searched for all of their orbits
     """
 
     name: str
@@ -99,6 +116,7 @@ class Model:
     conservative: bool = True
     reduction: Reduction | None = None
     tension: Callable | None = None
+    search: Callable | None = None
 
     @property
     def half_unknowns(self) -> tuple[str, ...]:

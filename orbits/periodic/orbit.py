@@ -23,7 +23,7 @@ ORBIT_FORMAT = "persistent-orbits orbit 1"
 MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
 # What follows in the document of an orbit.
 DOCUMENT_FIELDS = (
-    *("family", "alpha", "flight_time", "contact_time", "admissible", "violations"),
+    *("family", "known_in_family", "alpha", "flight_time", "contact_time", "admissible", "violations"),
     *("residual", "error", "energy_drift", "clearance", "smallest_separation", "smallest_contact_force"),
     *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "stable_side", "unfolding"),
     *("liftoff_extension", "state_mid_flight", "method", "skipped", "seconds"),
@@ -71,6 +71,8 @@ class Orbit:
     method, skipped : the method that found it, and what this machine did not need
     seconds : wall time of the search and the certificate
     units : what the dimensionless numbers stand for in SI, None for a machine that was stated without units
+    known_in_family : how many orbits of its family a search over launch speeds has found, this one among them; None
+        where none was made
     """
 
     machine: Mapping[str, Any]
@@ -86,6 +88,7 @@ class Orbit:
     skipped: tuple[str, ...] = ()
     seconds: float = 0.0
     units: Units | None = None
+    known_in_family: int | None = None
 
     @property
     def admissible(self) -> bool:
@@ -205,6 +208,7 @@ class Orbit:
             row("largest contact force", c.largest_contact_force, force, "N"),
             row("landing jerk", c.landing_jerk),
             row("loss coefficient C", c.loss_coefficient) + attracts,
+            row("known in its family", self.known_in_family),
             f"  {'residual':<24}{c.residual:.1e}",
             f"  {'energy drift':<24}{c.energy_drift:.1e}",
             f"  {'found by':<24}{self.method}, {1e3 * self.seconds:.1f} ms",
@@ -263,6 +267,7 @@ class Orbit:
                 skipped=tuple(data["skipped"]),
                 seconds=data["seconds"],
                 units=motion["units"] and Units(**motion["units"]),
+                known_in_family=data.get("known_in_family"),
             )
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(f"{path} is not a saved orbit: {error}") from None
