@@ -18,7 +18,7 @@ from .laws import Key, from_key
 
 # So many slopes are looked at, up to this distance from rest in units of length, and up to twice the height. A hop of
 # the linear spring's third family stays within it.
-SAMPLES, FARTHEST = 4096, 20.0
+LAW_SAMPLES, FARTHEST = 4096, 20.0
 # Slopes below this, or above its inverse, set no unit of length.
 SOFTEST = 1e-12
 # Functions that vanish, or come to a limit, as fast as an exponential: a series far from where they vary shows nothing.
@@ -26,10 +26,10 @@ HIDING = {getattr(ca, f"OP_{name}") for name in ("EXP", "EXPM1", "TANH", "COSH",
 # A step goes at most so many times the length over which the law varies, which is 0.3 widths of a Gaussian bump: a
 # series sees one from nine widths away, and from six its force is below rounding. No bound is set for lengths above
 # this share of the unit: the steps are as short by themselves.
-STEP, NARROW = 10.0, 0.2
+STEP_LENGTHS, NARROW_SHARE = 10.0, 0.2
 # Differences of slopes below this multiple of their rounding are rounding. Where a slope is so many times their order,
 # the law has a singularity, and beyond it another branch.
-ROUNDING, SINGULAR = 1e3 * float(np.finfo(float).eps), 1e6
+SLOPE_ROUNDING, SINGULAR_SLOPE = 1e3 * float(np.finfo(float).eps), 1e6
 
 
 class Features(NamedTuple):
@@ -64,8 +64,8 @@ def with_reach(key: Key, spring: Key, p: Mapping[str, float]) -> Key:
     if not _may_hide(key):
         return key
     length = features(key, spring, p).length
-    narrow = length < NARROW * unit_of_length(spring, p)
-    return key._replace(reach=STEP * 2.0 ** math.floor(math.log2(length))) if narrow else key
+    narrow = length < NARROW_SHARE * unit_of_length(spring, p)
+    return key._replace(reach=STEP_LENGTHS * 2.0 ** math.floor(math.log2(length))) if narrow else key
 
 
 def unit_of_length(spring: Key, p: Mapping[str, float]) -> float:
@@ -93,17 +93,17 @@ def _slopes(key: Key) -> ElementwiseFunction:
 
 @lru_cache(maxsize=256)
 def _features(key: Key, values: tuple[float, ...], low: float, high: float, unit: float) -> Features:
-    places = np.linspace(low, high, SAMPLES)
-    slopes = _slopes(key)(places[:, None], np.tile(values, (SAMPLES, 1)))[0].ravel()
+    places = np.linspace(low, high, LAW_SAMPLES)
+    slopes = _slopes(key)(places[:, None], np.tile(values, (LAW_SAMPLES, 1)))[0].ravel()
     rest = int(np.abs(places).argmin())
     with np.errstate(invalid="ignore"):
-        ends = np.flatnonzero(~(np.abs(slopes) < SINGULAR / unit))
+        ends = np.flatnonzero(~(np.abs(slopes) < SINGULAR_SLOPE / unit))
     after = int(np.searchsorted(ends, rest))
-    first, last = np.append(-1, ends)[after] + 1, np.append(ends, SAMPLES)[after]
+    first, last = np.append(-1, ends)[after] + 1, np.append(ends, LAW_SAMPLES)[after]
     slopes = slopes[first:last]
     if len(slopes) < 5:
         return NO_FEATURES
-    floor = ROUNDING * np.maximum(np.abs(slopes), 1 / unit)
+    floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / unit)
     change = np.diff(slopes)
     signs = np.sign(change[np.abs(change) > floor[1:]])
     second, fourth = np.abs(np.diff(slopes, 2))[1:-1], np.abs(np.diff(slopes, 4))

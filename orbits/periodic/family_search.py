@@ -19,21 +19,20 @@ from ..model.phase import Affine
 from ..numerics.roots import enclosed_sign_changes
 from .formulations import columns, equations_of, reduction_of, vector
 
-Array = np.ndarray
 # The slowest launch that is searched, in multiples of the scale of speed.
-SLOWEST = 1e-3
+SLOWEST_LAUNCH = 1e-3
 # The grid is uniform up to so many times the launch speed of a linear spring, with at most so many launches; beyond,
 # neighbours have this ratio, since the lateness then goes with the speed. So many launches lead up to its first speed.
-UNIFORM, MOST_UNIFORM, RATIO, SLOW = 2.5, 2000, 1.05, 20
+UNIFORM_TO, MOST_UNIFORM, SPEED_RATIO, SLOW_LAUNCHES = 2.5, 2000, 1.05, 20
 # The lateness may bend this many times as much as the second differences beside a cell say.
-SAFETY = 4.0
+BEND_SAFETY = 4.0
 # A cell that is narrower than this share of its speed is not halved: there the lateness jumps, or it touches zero, and
 # then it is below this share of scale and speed.
-NARROWEST, TOUCHING = 1e-6, 1e-9
+NARROWEST_CELL, TOUCHING_ZERO = 1e-6, 1e-9
 # After so many launches no cell is halved any more.
 MOST_LAUNCHES = 20_000
 # A turn that does not come within this time, in multiples of the scale and the launch speed together, is that late.
-LONGEST = 10.0
+LATEST_TURN = 10.0
 
 
 class Lateness:
@@ -47,10 +46,10 @@ class Lateness:
         self.arc = self.statement.arcs[0]
         self.flow = flow_of(self.arc.phase, names)
 
-    def __call__(self, alphas: Array) -> tuple[Array, Array]:
+    def __call__(self, alphas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The lateness (m,) at launch speeds (m,), and the times (m,) of the family's turn, NaN where none comes."""
         self.launches += len(alphas)
-        u, limit = self._unknowns(alphas), LONGEST * (self.search.scale + alphas)
+        u, limit = self._unknowns(alphas), LATEST_TURN * (self.search.scale + alphas)
         states = columns(self.arc.start(u, np.zeros(0), self.machine.values))
         times, going = np.zeros(len(alphas)), np.arange(len(alphas))
         for turn in range(2 if self.reduction else self.family + 1):
@@ -68,35 +67,35 @@ class Lateness:
             late = -np.sum(self.arc.conditions(u, list(states.T), self.machine.values), axis=0)
         return np.where(np.isfinite(times), late, limit), times
 
-    def start(self, alpha: float) -> Array:
+    def start(self, alpha: float) -> np.ndarray:
         """The unknowns (n,) of the statement near an orbit with this launch speed."""
         alphas = np.array([alpha])
         u = {**self._unknowns(alphas), "duration": self(alphas)[1]}
         return np.array([u[name][0] for name in self.statement.unknowns])
 
-    def speeds(self, fastest: float | None = None) -> Array:
+    def speeds(self, fastest: float | None = None) -> np.ndarray:
         """The launch speeds at which the search begins; `fastest` is the last where that is not to be the usual one."""
         scale, family = self.search.scale, self.family
-        top = UNIFORM * (family + 0.5) * np.pi * scale
+        top = UNIFORM_TO * (family + 0.5) * np.pi * scale
         step = max(self.search.spacing * scale, top / MOST_UNIFORM)
         last = fastest or scale * family * self.search.fastest
-        far = np.zeros(0) if last <= top else np.geomspace(top, last, 2 + int(np.log(last / top) / np.log(RATIO)))
-        slow = np.geomspace(SLOWEST * scale, step, SLOW)
+        far = np.zeros(0) if last <= top else np.geomspace(top, last, 2 + int(np.log(last / top) / np.log(SPEED_RATIO)))
+        slow = np.geomspace(SLOWEST_LAUNCH * scale, step, SLOW_LAUNCHES)
         speeds = np.concatenate([slow[:-1], np.arange(step, min(top, last), step), far])
-        return np.append(speeds[speeds < last * (1 - NARROWEST)], last)
+        return np.append(speeds[speeds < last * (1 - NARROWEST_CELL)], last)
 
-    def enclosed(self, cell: Array) -> float:
+    def enclosed(self, cell: np.ndarray) -> float:
         """The launch speed in a cell (2,) at which the lateness changes its sign."""
         late = self(cell)[0]
         return float(enclosed_sign_changes(lambda alphas, _: self(alphas)[0], *cell[:, None], *late[:, None])[0][0])
 
-    def cells(self, fastest: float | None = None) -> tuple[Array, Array]:
+    def cells(self, fastest: float | None = None) -> tuple[np.ndarray, np.ndarray]:
         """The cells (k, 2) of launch speeds that hold an orbit or may touch one, and where (k,) in them it is about."""
         speeds = self.speeds(fastest)
         late = self(speeds)[0]
         while True:
             changes, settled = _judged(speeds, late)
-            wide = np.diff(speeds) > NARROWEST * speeds[1:]
+            wide = np.diff(speeds) > NARROWEST_CELL * speeds[1:]
             halved = np.flatnonzero(~settled & wide)
             if not len(halved) or self.launches > MOST_LAUNCHES:
                 break
@@ -104,12 +103,12 @@ class Lateness:
             speeds, late = np.insert(speeds, halved + 1, middles), np.insert(late, halved + 1, self(middles)[0])
         self.searched = float(speeds[0]), float(speeds[-1])
         least = np.minimum(np.abs(late[1:]), np.abs(late[:-1]))
-        i = np.flatnonzero(changes | (least < TOUCHING * (self.search.scale + speeds[1:])))
+        i = np.flatnonzero(changes | (least < TOUCHING_ZERO * (self.search.scale + speeds[1:])))
         a, b, fa, fb = speeds[i], speeds[i + 1], late[i], late[i + 1]
         about = np.where(changes[i], a - fa * np.divide(b - a, fb - fa, where=fb != fa, out=0 * fa), 0.5 * (a + b))
         return np.column_stack([a, b]), about
 
-    def _unknowns(self, alphas: Array) -> dict[str, Array]:
+    def _unknowns(self, alphas: np.ndarray) -> dict[str, np.ndarray]:
         return {"alpha": alphas, "liftoff": np.full(len(alphas), self._liftoff)}
 
     @cached_property
@@ -129,11 +128,11 @@ class Lateness:
         return Affine(tuple(rates[1:] - rates[0]))
 
 
-def _judged(speeds: Array, late: Array) -> tuple[Array, Array]:
+def _judged(speeds: np.ndarray, late: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Whether the lateness changes its sign in each cell (k,), and whether it then does so once, else not at all."""
     widths, changes = np.diff(speeds), (late[1:] >= 0) != (late[:-1] >= 0)
     bends = np.abs(np.diff(np.diff(late) / widths)) / (0.5 * (widths[1:] + widths[:-1]))
     bends = np.concatenate([bends[:1], bends, bends[-1:]])
-    bulge = SAFETY * np.maximum(bends[1:], bends[:-1]) * widths**2 / 8
+    bulge = BEND_SAFETY * np.maximum(bends[1:], bends[:-1]) * widths**2 / 8
     nearest = np.minimum(np.abs(late[1:]), np.abs(late[:-1]))
     return changes, np.where(changes, np.abs(np.diff(late)) > 4 * bulge, nearest > bulge)

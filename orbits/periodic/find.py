@@ -70,7 +70,7 @@ def find(
     began = time.perf_counter()
     with interrupts.deferred():
         if start is None:
-            return _lowest(machine, _family_number(1 if family is None else family), method, progress, began)
+            return _lowest_of_family(machine, _family_number(1 if family is None else family), method, progress, began)
         method, root = solve_near(machine, start, method)
         orbit = certified_orbit(machine, method, *root, began=began)
         if family is not None and orbit.family != _family_number(family):
@@ -121,7 +121,7 @@ def find_all(
     return tuple(sorted(found, key=lambda orbit: orbit.alpha))
 
 
-def _lowest(machine: Machine, family: int, method: str | None, progress, began: float) -> Orbit:
+def _lowest_of_family(machine: Machine, family: int, method: str | None, progress, began: float) -> Orbit:
     """The orbit of a family of least launch speed, as in `find`."""
     model = machine.model
     search = model.search(machine.values) if model.search and model.reversor else None

@@ -69,7 +69,7 @@ def test_the_lowest_is_found_where_gravity_wiggles():
     """As gravity's variation is brought in, the orbit under constant gravity becomes the fourth of its family."""
     machine = Hopper("r", "1 + A*sin(z/l)", rest_length=10, parameters={"A": 0.9, "l": 1.0})
     orbit = find(machine, 2)
-    assert orbit.alpha == pytest.approx(5.7744, abs=1e-3)
+    assert orbit.alpha == pytest.approx(5.7719, abs=1e-4)
     assert orbit.known_in_family >= 4
     case = Case(machine, 2, lambda r: r, lambda z: 1 + 0.9 * np.sin(z), 0.2)
     assert case.holds(orbit.alpha, orbit.flight_time / 2)
@@ -124,8 +124,8 @@ def test_the_number_known_is_kept(tmp_path):
 
 
 def test_random_bumps_and_wiggles_against_a_scan():
-    counts = studies.search.main(2, 6)
+    counts = studies.search.main(1, 4)
     for found in counts.values():
         assert found.keys() <= {"lowest", "none, as scanned"}
-    assert counts["bumps"]["lowest"] == 2
-    assert counts["wiggles"]["lowest"] >= 3
+    assert counts["bumps"]["lowest"] == 1
+    assert counts["wiggles"]["lowest"] >= 2
