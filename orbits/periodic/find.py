@@ -158,10 +158,10 @@ def _all_of_family(
     method = _possible_method(model, method)
     if method == "closed form":
         _, root = solve_family(machine, family, method)
-        orbit = certified_orbit(machine, method, *root, began=began)
-        if orbit.family != family:
-            raise NoOrbit(another_family(family, orbit.family))
-        return (replace(orbit, known_in_family=1),)
+        only = certified_orbit(machine, method, *root, began=began)
+        if only.family != family:
+            raise NoOrbit(another_family(family, only.family))
+        return (replace(only, known_in_family=1),)
     lateness = Lateness(machine, "relative" if method == "relative" else "half orbit", family, model.search(p))
     found, refused = list[Orbit](), ""
     for cell, about in zip(*lateness.cells(fastest), strict=True):
