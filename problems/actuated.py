@@ -55,7 +55,7 @@ class Actuated:
     def model(self) -> Model:
         """The machine's own model with u beside each state; machines that differ only in numbers share it."""
         m, kind = self.machine, cast(type, type(self.machine))
-        return _actuated_model(kind, m.spring.key, m.varying_gravity, m.rest_length is not None)
+        return _actuated_model(kind, *m.keys, m.rest_length is not None)
 
     @property
     def values(self) -> dict[str, float]:
@@ -170,7 +170,8 @@ def _driven(phase: Phase) -> Phase:
 
     field = with_end(phase.field)
     watch = {name: with_end(of) for name, of in phase.watch.items()}
-    return Phase(phase.name, (*phase.states, END), lambda x, p, q: [*field(x, p, q), p[RATE]], watch)
+    states = (*phase.states, END)
+    return Phase(phase.name, states, lambda x, p, q: [*field(x, p, q), p[RATE]], watch, reaches=phase.reaches)
 
 
 def _widened(affine: Affine) -> Affine:

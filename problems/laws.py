@@ -36,13 +36,17 @@ HOW_TO_WRITE = "write it with operators and NumPy or CasADi functions, without i
 
 
 class Key(NamedTuple):
-    """A law without its parameters' values; laws with equal keys share everything that is built from them."""
+    """A law without its parameters' values; laws with equal keys share everything that is built from them.
+
+    reach : how far an integration step may go along the variable, see `features.reach`
+    """
 
     text: str
     variable: str
     expression: Callable
     names: tuple[str, ...]
     pieces: tuple[int, Callable] | None
+    reach: float = math.inf
 
     @exclusive
     @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the answer

@@ -70,7 +70,8 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Ar
         named, own, direction, p = split(u, p)
         return _with_variation(arc.guard(named, x[:n], p, q), [*own, *x[:n]], [*direction, *x[n : 2 * n]])
 
-    doubled = Phase(phase.name, (*phase.states, *(f"d{name}" for name in phase.states), along), field)
+    states = (*phase.states, *(f"d{name}" for name in phase.states), along)
+    doubled = Phase(phase.name, states, field, reaches=phase.reaches)
     return Arc(doubled, start, lambda u, p: arc.duration(u, {**p, along: u[along]}), conditions, guard)
 
 

@@ -228,7 +228,7 @@ def _variational(model, arc):
 
     states = (*phase.states, *(f"d{name}" for name in phase.states), *(f"gap by {name}" for name in phase.states))
     conditions, guard = lambda u, x, p: arc.conditions(u, x[:n], p), lambda u, x, p, q: arc.guard(u, x[:n], p, q)
-    return Arc(Phase(phase.name, states, field), start, arc.duration, conditions, guard)
+    return Arc(Phase(phase.name, states, field, reaches=phase.reaches), start, arc.duration, conditions, guard)
 
 
 def _reversor(model):

@@ -178,7 +178,7 @@ class Flow:
         arguments = self.symbols(x, p)
         rates = ca.vertcat(*self.phase.field(*arguments))
         watched = ca.vertcat(*[quantity(*arguments) for quantity in self.phase.watch.values()])
-        return VectorField(ca.Function("field", [x, p], ca.cse([rates, watched])), x, p)
+        return VectorField(ca.Function("field", [x, p], ca.cse([rates, watched])), x, p, self.phase.reaches)
 
     def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
         """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""

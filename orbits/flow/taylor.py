@@ -145,6 +145,8 @@ def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Functi
     length = _truncated_length(c, 0)
     if varied:  # The series of f_p may have a smaller radius of convergence than that of f.
         length = ca.fmin(length, _truncated_length(dc, ca.norm_inf(dp)))
+    for weights, reach in graph.reaches:
+        length = ca.fmin(length, _time_within(c, weights, reach))
     h = ca.fmin(longest, length)
     h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
     size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # The size of a motion at rest at the origin would be 0.
@@ -162,6 +164,12 @@ def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
     scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (c[:2, :], c[-2, :], c[-1, :]))
     bound = TRUNCATION * (scale + size)
     return ca.fmin((bound / before) ** (1 / (TAYLOR_ORDER - 1)), (bound / last) ** (1 / TAYLOR_ORDER))
+
+
+def _time_within(c: ca.SX, weights: tuple[float, ...], reach: float) -> ca.SX:
+    """The time in which the speed and the acceleration at the start of series (K + 1, rows) lead as far as `reach`."""
+    speed, half_rate = (ca.fabs(c[order, : len(weights)] @ ca.DM(list(weights))) for order in (1, 2))
+    return 2 * reach / (speed + ca.sqrt(speed**2 + 4 * half_rate * reach))
 
 
 def _defect(graph: VectorField, terms: ca.SX, h: ca.SX) -> ca.SX:

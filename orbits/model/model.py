@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,21 @@ from .phase import Affine, Arc, Phase, Statement
 # Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
 # deviation of what noise does to it, independently of the others.
 NOISE = "_noise"
+
+
+class Search(NamedTuple):
+    """How to search for all orbits of a family.
+
+    scale : of launch speeds and times: the inverse root of the spring's slope at rest
+    spacing, fastest : of the launch speeds where the search begins, and the last of them for family 1, in multiples of
+        the scale
+    single : whether the laws bend so seldom that the orbit to which the guess leads is taken for the lowest
+    """
+
+    scale: float
+    spacing: float
+    fastest: float
+    single: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +83,7 @@ class Model:
     tension : (x, p, q) -> force of the spring in a flight state; None where it is not stated
     units : p -> `Units` of a machine that is stated in SI, whose parameters are in SI; None for a dimensionless one
     gauge : name of a parameter that only sets the units and changes no motion; None where there is none
+    search : p -> `Search`; None for a model whose families are not searched for all of their orbits
     """
 
     name: str
@@ -99,6 +115,7 @@ class Model:
     tension: Callable | None = None
     units: Callable | None = None
     gauge: str | None = None
+    search: Callable | None = None
 
     @property
     def half_unknowns(self) -> tuple[str, ...]:
@@ -142,7 +159,7 @@ def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, A
 
 # Which argument of a model's functions is the parameters.
 PARAMETERS_AT = {
-    **dict.fromkeys(("gap", "separation", "heights", "impact_mass", "impact"), 0),
+    **dict.fromkeys(("gap", "separation", "heights", "impact_mass", "impact", "search"), 0),
     **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess"), 1),
     **dict.fromkeys(("flight_gradient", "contact_gradient", "tension"), 1),
     "landing": 2,

@@ -98,7 +98,7 @@ def whole_flight(model: Model) -> Statement:
 
     pieces = flight.pieces and replace(flight.pieces, coordinate=(*flight.pieces.coordinate, 0.0))
     arc = Arc(
-        Phase(flight.name, (*flight.states, "unfolding"), field, pieces=pieces),
+        Phase(flight.name, (*flight.states, "unfolding"), field, pieces=pieces, reaches=flight.reaches),
         start=lambda u, before, p: [*model.launch(u, p), u["unfolding"]],
         duration=lambda u, p: u["duration"],
         conditions=lambda u, x, p: model.landing(u, x[:-1], p),

@@ -24,7 +24,7 @@ ORBIT_FORMAT = "persistent-orbits orbit 1"
 MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
 # What follows in the document of an orbit.
 DOCUMENT_FIELDS = (
-    *("family", "alpha", "flight_time", "contact_time", "admissible", "violations"),
+    *("family", "known_in_family", "alpha", "flight_time", "contact_time", "admissible", "violations"),
     *("residual", "error", "energy_drift", "clearance", "smallest_separation", "smallest_contact_force"),
     *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "loss_error"),
     *("stable_side", "unfolding", "alpha_noise"),
@@ -77,6 +77,8 @@ class Orbit:
     units : of the dimensionless numbers; None for a machine that is stated without units. The numbers of an orbit with
         units are in SI, but for `residual`, `energy_drift` and `unfolding`, which are shares
     bare : the same orbit without units, None where there are none
+    known_in_family : how many orbits of its family a search over launch speeds has found, this one among them; None
+        where none was made
     """
 
     machine: Mapping[str, Any]
@@ -93,6 +95,7 @@ class Orbit:
     seconds: float = 0.0
     units: Units | None = None
     bare: "Orbit | None" = field(default=None, repr=False)
+    known_in_family: int | None = None
 
     def dimensionless(self) -> "Orbit":
         """The orbit in its machine's own dimensionless units; itself where it has no others."""
@@ -226,6 +229,7 @@ class Orbit:
             row("largest contact force", c.largest_contact_force, "largest_contact_force"),
             row("landing jerk", c.landing_jerk, "landing_jerk"),
             row("loss coefficient C", c.loss_coefficient, "loss_coefficient", within + attracts),
+            *([] if self.known_in_family is None else [f"  {'known in its family':<24}{self.known_in_family}"]),
             f"  {'residual':<24}{c.residual:.1e}",
             f"  {'energy drift':<24}{c.energy_drift:.1e}",
             f"  {'found by':<24}{self.method}, {1e3 * self.seconds:.1f} ms",
@@ -287,6 +291,7 @@ class Orbit:
                 method=data["method"],
                 skipped=tuple(data["skipped"]),
                 seconds=data["seconds"],
+                known_in_family=data.get("known_in_family"),
             )
             if units is None:
                 return orbit
