@@ -68,8 +68,8 @@ class Certificate:
     stable_side: str | None
     violations: tuple[str, ...]
     unfolding: float | None = None
-    alpha_noise: float | None = None
     loss_error: float | None = None
+    alpha_noise: float | None = None
 
 
 def certify(model: Model, cycles: Cycles) -> list[Certificate]:

@@ -114,8 +114,8 @@ def find_all(
         if (units := machine.units) is not None:
             speed = None if fastest is None else fastest / units.of(SPEED)
             with without_units(units):
-                found = find_all(dimensionless(machine), family=family, fastest=speed, method=method)
-            return tuple(orbit_of(machine, orbit) for orbit in found)
+                whole = find_all(dimensionless(machine), family=family, fastest=speed, method=method)
+            return tuple(orbit_of(machine, orbit) for orbit in whole)
         with interrupts.deferred():
             return _all_of_family(machine, _family_number(1 if family is None else family), method, fastest)
     if family is not None or fastest is not None:

@@ -218,7 +218,7 @@ class Orbit:
             f"{machine['gravity']}",
             "  " + ", ".join(said),
             row("alpha", self.alpha, "alpha", f"   +- {c.error:.1e}"),
-            *([] if c.alpha_noise is None else [row("  by the table's noise", f"+- {c.alpha_noise:.1e}")]),
+            *([] if c.alpha_noise is None else [row("  by the table's noise", f"+- {c.alpha_noise:.1e}", "alpha")]),
             row("flight time", self.flight_time, "flight_time"),
             row("contact time", self.contact_time, "contact_time"),
             row("lift-off extension", self.liftoff_extension, "liftoff_extension"),
