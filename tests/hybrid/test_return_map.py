@@ -191,8 +191,8 @@ def test_bounces_that_accumulate_end_in_contact():
 
 def test_many_bounces_that_rounding_decides_are_undecided():
     """Launches that differ by some roundings have the same outcome wherever one is said."""
-    machine = Hopper("r + a*r**2 + b*r**3", parameters={"a": 0.15, "b": 0.05}, restitution=0.9)
-    step, alpha = ReturnMap(machine), np.array([7.485824031735839, 5.792085553758281, 7.545707509368034, 2.0, 3.1, 6.0])
+    machine = Hopper(restitution=0.9)
+    step, alpha = ReturnMap(machine), np.array([6.498522512839427, 7.212117582435826, 6.999681467921776, 2.0, 3.1, 4.6])
     rows = [step(alpha * (1 + 4e-15 * k)) for k in (-3, 0, 2)]
     assert (rows[1].status[:3] == "undecided").all()
     assert not (rows[1].status[3:] == "undecided").any()
