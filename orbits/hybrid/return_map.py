@@ -361,6 +361,7 @@ def _decided_impacts(impacts: Impacts, alpha: np.ndarray, cap: int) -> tuple[np.
         parted[far] = True
 
     loss, counts, status, standing = _flights_and_impacts(impacts, both, cap, compare)
+    undecided &= status[:m] != "cap"
     status[:m][undecided | (status[:m] != status[m:])] = "undecided"
     return loss[:m], counts[:m], status[:m], standing[:m]
 

@@ -52,7 +52,7 @@ BY_HAND = {
     **dict.fromkeys(("liftoff_extension", "stroke", "clearance", "smallest_separation"), "L"),
     **dict.fromkeys(("smallest_contact_force", "largest_contact_force", "largest_spring_force"), "F"),
     "landing_jerk": "L/T**3",
-    "loss_coefficient": "(L/T)**(-1/3)",
+    **dict.fromkeys(("loss_coefficient", "loss_error"), "(L/T)**(-1/3)"),
 }
 
 
@@ -148,7 +148,7 @@ def test_the_map(case):
     alpha = float(speeds[0, 0])
     assert multiplier(machine, alpha * sizes["alpha"]) == pytest.approx(multiplier(bare_machine, alpha), rel=1e-12)
     with pytest.raises(InputError, match="alpha = -1;"):
-        step([-1.0])
+        step(-1.0)
 
 
 def test_sets_of_the_map():
