@@ -279,8 +279,7 @@ def _followed(machine, along: str, stop: float, number: int, golden: dict[float,
     points = family.points[-40:]
     xs, rows = np.array([[*point.u, point.value] for point in points]), np.array([point.tangent for point in points])
     levels = np.einsum("mi,mi->m", rows, xs)
-    equations, ps = curve.equations, curve.parameters_at(xs)
-    newton = lambda: equations.newton_steps(along, curve.evaluate(xs), xs, ps, rows, levels)  # noqa: E731
+    newton = lambda: curve.equations.newton_steps(curve.evaluate(xs), xs, rows, levels)  # noqa: E731
     once, _ = timed(newton, seconds)
     rows = [
         {"way": "follow, certified", "seconds": took / len(family), "error": error, "points": len(family)},

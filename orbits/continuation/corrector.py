@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..numerics.roots import Array
-from ..periodic.single_shooting import STALLED_RATIO, Evaluation, settles
+from ..periodic.single_shooting import STALLED_RATIO, Evaluation, joined, settles
 from .curve import Curve, CurvePoint
 from .predictor import around
 
@@ -30,27 +30,31 @@ def correct_all(
 ) -> list[CurvePoint]:
     """`correct` of several guesses (m, n + 1), at levels (m,) of rows (m, n + 1), with tangents `before` (m, n + 1) and
     `gaps` (m,), lengths of the curve from the point before."""
-    xs, sizes, whole = guesses.copy(), curve.size(guesses), None
+    equations, xs, sizes, solved = curve.equations, guesses.copy(), curve.size(guesses), list[tuple]()
     left, last, tangents = np.arange(len(xs)), np.full(len(xs), np.inf), np.empty_like(xs)
     for taken in range(1, MOST_NEWTON_STEPS + 1):
-        ps, points = curve.parameters_at(xs[left]), (rows[left], levels[left])
-        evaluation = curve.evaluate(xs[left])
-        steps, tangents[left], evaluation = curve.equations.newton_steps(curve.along, evaluation, xs[left], ps, *points)
-        whole = whole.replaced(left, evaluation) if whole else evaluation
+        evaluation, ps = curve.evaluate(xs[left]), curve.parameters_at(xs[left])
+        steps, tangents[left] = equations.newton_steps(evaluation, xs[left], rows[left], levels[left])
         xs[left] += steps
+        ps[:, equations.parameters.index(curve.along)] = xs[left, -1]
         moved = np.max(np.abs(steps) / sizes[left], axis=1)
-        unsettled = ~settles(moved, last[left], evaluation.amplification) | (taken < least)
-        if not unsettled.any():
+        settled = settles(moved, last[left], evaluation.amplification) & (taken >= least)
+        if len(done := np.flatnonzero(settled)):
+            here = evaluation if settled.all() else evaluation[done]
+            solved.append((left[done], equations.moved(here, xs[left[done], :-1], ps[done], steps[done])))
+        if settled.all():
             break
-        if not (moved < STALLED_RATIO * last[left])[unsettled].all():
+        if not (moved < STALLED_RATIO * last[left])[~settled].all():
             raise NoOrbit("the corrector does not converge")
         last[left] = moved
-        left = left[unsettled]
+        left = left[~settled]
     else:
         raise NoOrbit("the corrector converges too slowly")
     # Where the level is a value of the parameter, the point has exactly that value.
     at_value = (rows[:, -1] == 1.0) & ~rows[:, :-1].any(axis=1)
     xs[at_value, -1] = levels[at_value]
+    places, evaluations = zip(*solved, strict=True)
+    whole = joined(evaluations) if len(solved) == 1 else joined(evaluations)[np.argsort(np.concatenate(places))]
     return _points(curve, xs, tangents, whole, before, gaps)
 
 

@@ -1,6 +1,5 @@
 """Taylor steps of a flow with their sensitivities, of one motion or of many, in kernels."""
 
-from functools import lru_cache
 from itertools import pairwise
 from math import comb
 from typing import NamedTuple
@@ -10,6 +9,7 @@ import numpy as np
 
 from ..numerics.bernstein import TINY
 from ..numerics.roots import Array
+from ..symbolic.kept import kept
 from ..symbolic.kernels import Kernel
 from ..symbolic.taylor_series import variations
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Steps, VectorField, symbolic_powers
@@ -153,8 +153,8 @@ def _watch_function(stepper: TaylorStepper, size: int) -> ca.Function:
     z, data = ca.MX.sym("z", n + 5 + size), ca.MX.sym("p", count + size * (rows + 1) + 2)
     p, tests, limit, all_steps = data[:count], data[count:-2], data[-2], data[-1]
     after, c, _, made = stepper.step_function(z[: n + 2], p)
-    kept, goes = _progress(n, c.numel())(after, ca.vec(c), made)
-    inside = ca.logic_and(kept, ca.mmax(ca.fabs(after[:n])) < FLOW_CONTROL.runaway)
+    taken, goes = _progress(n, c.numel())(after, ca.vec(c), made)
+    inside = ca.logic_and(taken, ca.mmax(ca.fabs(after[:n])) < FLOW_CONTROL.runaway)
     changes, signs = _sign_changes(rows, size)(c, made[0], tests, z[n + 3], z[n + 5 :])
     found = ca.logic_and(inside, changes)
     time = z[n + 2] + made[0]
@@ -166,7 +166,7 @@ def _watch_function(stepper: TaylorStepper, size: int) -> ca.Function:
     return ca.Function("watch", [z, data], [new, c, before, ca.logic_and(inside, ca.logic_or(found, all_steps)), goes])
 
 
-@lru_cache(maxsize=16)
+@kept
 def _sign_changes(rows: int, size: int) -> ca.Function:
     """(coefficients (K + 1, rows), step, weights (rows, size) and offsets (size,), order of the first function's zero,
     signs (size,) before) -> whether an affine function may change its sign in the step, and the signs after it.
@@ -225,6 +225,8 @@ def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Functi
     length = _truncated_length(c, 0)
     if varied:  # The series of f_p may have a smaller radius of convergence than that of f.
         length = ca.fmin(length, _truncated_length(dc, ca.norm_inf(dp)))
+    for weights, reach in graph.reaches:
+        length = ca.fmin(length, _time_within(c, weights, reach))
     h = ca.fmin(longest, length)
     h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
     size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # The size of a motion at rest at the origin would be 0.
@@ -242,6 +244,12 @@ def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
     scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (c[:2, :], c[-2, :], c[-1, :]))
     bound = TRUNCATION * (scale + size)
     return ca.fmin((bound / before) ** (1 / (TAYLOR_ORDER - 1)), (bound / last) ** (1 / TAYLOR_ORDER))
+
+
+def _time_within(c: ca.SX, weights: tuple[float, ...], reach: float) -> ca.SX:
+    """The time in which the speed and the acceleration at the start of series (K + 1, rows) lead as far as `reach`."""
+    speed, half_rate = (ca.fabs(c[order, : len(weights)] @ ca.DM(list(weights))) for order in (1, 2))
+    return 2 * reach / (speed + ca.sqrt(speed**2 + 4 * half_rate * reach))
 
 
 def _defect(graph: VectorField, terms: ca.SX, h: ca.SX) -> ca.SX:

@@ -130,19 +130,6 @@ class Trajectories:
             return Trajectories(starts, ends, coefficients, self.counts[i], self.names, moving)
         return Trajectory(np.append(starts, ends), coefficients, self.names, moving)
 
-    def replaced(self, i: np.ndarray, others: "Trajectories") -> "Trajectories":
-        """The motions with those of the indices i (k,), ascending, replaced by others."""
-        if not (self.counts[i] == others.counts).all():
-            order = np.arange(len(self))
-            order[i] = len(self) + np.arange(len(i))
-            return Trajectories.joined([self, others])[order]
-        steps, arrays = np.isin(self.owner, i), {}
-        for name, places in (("starts", steps), ("coefficients", steps), ("variations", steps), ("ends", i)):
-            if (array := getattr(self, name)) is not None:
-                arrays[name] = array.copy()
-                arrays[name][places] = getattr(others, name)
-        return Trajectories(**arrays, counts=self.counts, names=self.names)
-
     def moved(self, changes: np.ndarray, longer: np.ndarray) -> "Trajectories":
         """The states to first order after small `changes` (m, columns) of what was varied.
 

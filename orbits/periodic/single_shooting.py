@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -17,6 +17,7 @@ from ..numerics.bernstein import derivative, evaluate
 from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.ipopt import solve_equations
+from ..symbolic.kept import kept
 from .multiple_shooting import MultipleShooting, boundary_functions
 
 # A relative Newton step is the last one when it changes the end of the motion by less than this: the next one, its
@@ -40,6 +41,7 @@ class Evaluation:
 
     residual : (n,)
     jacobian : (n, n + k), with respect to the unknowns and to the k varied parameters
+    correction : (n + k,), the last Newton step, after which the derivatives were not taken again
     trajectories : one `Trajectory`, of m points one `Trajectories`, per arc, with its sensitivities to its start and to
         the varied parameters
     transitions : derivatives (states, states + k) of each arc's end at fixed duration, by the same
@@ -50,6 +52,7 @@ class Evaluation:
 
     residual: np.ndarray
     jacobian: np.ndarray
+    correction: np.ndarray
     trajectories: tuple[Any, ...]
     transitions: tuple[np.ndarray, ...]
     starts: tuple[np.ndarray, ...]
@@ -59,14 +62,8 @@ class Evaluation:
     def __getitem__(self, i: int | np.ndarray) -> "Evaluation":
         """The evaluation at one of the points, or at several in an order (k,)."""
         per_arc = self.trajectories, self.transitions, self.starts, self.durations, self.residual_by_end
-        return Evaluation(self.residual[i], self.jacobian[i], *(tuple(part[i] for part in each) for each in per_arc))
-
-    def replaced(self, i: np.ndarray, others: "Evaluation") -> "Evaluation":
-        """The evaluation with the points i (k,), ascending, replaced by others."""
-        order = np.arange(len(self.residual))
-        order[i] = len(order) + np.arange(len(i))
-        both = [self, others]
-        return _combined(both, lambda parts: np.concatenate(parts)[order], lambda parts: parts[0].replaced(i, parts[1]))
+        parts = (tuple(part[i] for part in each) for each in per_arc)
+        return Evaluation(self.residual[i], self.jacobian[i], self.correction[i], *parts)
 
     @cached_property
     def amplification(self) -> Any:
@@ -148,9 +145,9 @@ class Shooting:
             arcs.append((path, transition, dstart, dduration, slope[:, n + flow.size : n + 2 * flow.size]))
             before, dbefore = end, dend
         per_arc: list[Any] = list(zip(*arcs, strict=True))
-        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *per_arc)
+        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), np.zeros(n + k), *per_arc)
 
-    @lru_cache(maxsize=8)  # noqa: B019 - the equations themselves are kept as long
+    @kept
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
         """Derivatives of the unknowns (n, n + k), of the parameters (np, n + k) and of the varied ones (k, n + k) by
         the unknowns and the varied parameters; and for each arc the seeds of its start and of the parameters."""
@@ -176,9 +173,10 @@ class Shooting:
         ends = [paths.finals[:, : flow.size] for flow, paths in zip(self.flows, motions, strict=True)]
         flat = [transition.swapaxes(1, 2).reshape(len(us), -1) for transition in transitions]
         residual, jacobian, *rest = self._closing(vary)(us, ps, *ends, *flat)
-        starts, durations, by_ends = rest[::3], [longer[:, 0] for longer in rest[1::3]], rest[2::3]
-        arcs = motions, transitions, starts, durations, by_ends
-        return Evaluation(residual[:, :, 0], jacobian, *map(tuple, arcs))
+        derivatives = tuple(rest[::3]), tuple(longer[:, 0] for longer in rest[1::3]), tuple(rest[2::3])
+        correction = np.zeros(jacobian.shape[::2])
+        whole = residual[:, :, 0], jacobian, correction, tuple(motions), tuple(transitions)
+        return Evaluation(*whole, *derivatives)
 
     def _in_lanes(self, vary: tuple[str, ...]) -> bool:
         """Whether many motions are integrated together, as those in closed form and on smooth pieces are not."""
@@ -193,12 +191,12 @@ class Shooting:
             functions.append(MappedFunction(dense("beginning", arguments, [departure.function(*arguments)[0]])))
         return functions
 
-    @lru_cache(maxsize=8)  # noqa: B019 - the equations themselves are kept as long
+    @kept
     def _closing(self, vary: tuple[str, ...]) -> MappedFunction:
         """The equations from the ends of all arcs and their transitions, (u, p, end, ..., transition, ...) -> residual,
         jacobian, and for each arc the derivatives of its start, of its duration, and of the residuals by its end."""
         n, k = self.size, len(vary)
-        du, dp, dvaried, _ = (ca.sparsify(ca.DM(each)) if i < 3 else each for i, each in enumerate(self.seeds(vary)))
+        du, dp, dvaried = (ca.sparsify(ca.DM(each)) for each in self.seeds(vary)[:3])
         u, p, before, dbefore = ca.SX.sym("u", n), ca.SX.sym("p", len(self.parameters)), ca.SX(0, 1), ca.SX(0, n + k)
         ends = [ca.SX.sym("x", flow.size) for flow in self.flows]
         transitions = [ca.SX.sym("T", flow.size, flow.size + k) for flow in self.flows]
@@ -216,23 +214,20 @@ class Shooting:
         whole = [ca.vertcat(*residuals), ca.vertcat(*jacobians), *results]
         return MappedFunction(dense("closing", [u, p, *ends, *transitions], whole))
 
+    @staticmethod
     def newton_steps(
-        self, vary: str, evaluation: Evaluation, xs: np.ndarray, ps: np.ndarray, rows: np.ndarray, targets: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, Evaluation]:
+        evaluation: Evaluation, xs: np.ndarray, rows: np.ndarray, targets: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Newton steps from points X (m, n + 1), unknowns and a varied parameter, towards F = 0 and rows . X = targets.
 
-        `evaluation` holds the equations at the points, ps (m, np) the parameters there; rows are (m, n + 1), targets
-        (m,). Returns the steps (m, n + 1), the directions of the curve (m, n + 1), and the equations where the steps
-        lead: the residuals exactly, the rest to first order.
+        `evaluation` holds the equations at the points; rows are (m, n + 1), targets (m,). Returns the steps (m, n + 1)
+        and the directions of the curve (m, n + 1).
         """
         right = np.zeros((*xs.shape, 2))
         right[:, :-1, 0], right[:, -1, 0] = -evaluation.residual, targets - np.einsum("mi,mi->m", xs, rows)
         right[:, -1, 1] = 1.0
-        square = np.concatenate([evaluation.jacobian, rows[:, None]], axis=1)
-        steps, directions = np.moveaxis(solve(square, right), 2, 0)
-        new, ps = xs + steps, ps.copy()
-        ps[:, self.parameters.index(vary)] = new[:, -1]
-        return steps, directions, self.moved(evaluation, new[:, :-1], ps, steps)
+        found = solve(np.concatenate([evaluation.jacobian, rows[:, None]], axis=1), right)
+        return found[:, :, 0], found[:, :, 1]
 
     def moved(self, evaluation: Evaluation, us: np.ndarray, ps: np.ndarray, steps: np.ndarray) -> Evaluation:
         """The equations after Newton steps (m, n + k) that settle them, at the points `us` (m, n) with parameters `ps`
@@ -250,7 +245,7 @@ class Shooting:
             residual = np.array([self.residual(u, p, paths, lambda *arc: arc[-1].end) for u, p, paths in points])
         else:
             residual = self.arrivals(us, ps, *(motions.finals for motions in moved))[0][:, :, 0]
-        return replace(evaluation, residual=residual, trajectories=moved)
+        return replace(evaluation, residual=residual, trajectories=moved, correction=steps)
 
     @cached_property
     def arrivals(self) -> MappedFunction:
@@ -316,7 +311,7 @@ class Shooting:
 
 
 # The equations of a statement, kept for the next call with the same statement.
-shooting_equations = lru_cache(maxsize=64)(Shooting)
+shooting_equations = kept(Shooting)
 
 
 def _with_derivatives(function: ca.Function) -> BufferedFunction:

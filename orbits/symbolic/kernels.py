@@ -12,11 +12,12 @@ import numpy as np
 
 from . import interrupts
 from .calls import BufferedFunction
-from .machine_code import MachineCode, target
+from .exclusive import LOCK
+from .kept import weigh
+from .machine_code import MachineCode, compile_seconds, target
 
-# About the seconds that CasADi's virtual machine takes for one instruction, and LLVM to compile one (measured on a
-# server core of 2024).
-SECONDS_INTERPRETED, SECONDS_COMPILED = 2e-9, 1e-4
+# About the seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
+SECONDS_INTERPRETED = 2e-9
 # So many numbers are recorded at a time, at most.
 SCRATCH = 2_000_000
 # Records of a point for which there is room at first; points that need more go on where they stopped.
@@ -40,6 +41,14 @@ def threads() -> int:
     return max(1, int(text)) if text.isdigit() else 1
 
 
+def _length(function: ca.Function) -> int:
+    """The number of scalar instructions of a function that calls others."""
+    if function.is_a("SXFunction"):
+        return function.n_instructions()
+    calls = (i for i in range(function.n_instructions()) if function.instruction_id(i) == ca.OP_CALL)
+    return sum(_length(function.instruction_MX(i).which_function()) for i in calls)
+
+
 class Kernel:
     """A function of vectors iterated at several points, at each until it says that it is done.
 
@@ -53,11 +62,8 @@ class Kernel:
         self.function = function
         self.sizes_in = [function.nnz_in(i) for i in range(function.n_in())]
         self.sizes_out = [function.nnz_out(i) for i in range(function.n_out())]
-        parts = [part for part in (function, *function.find_functions()) if part.is_a("SXFunction")]
-        instructions = sum(part.n_instructions() for part in parts)
-        self.seconds_per_step = instructions * SECONDS_INTERPRETED
-        self.interpretation_budget = instructions * SECONDS_COMPILED
-        self.lock = threading.RLock()  # One thread may compile while others ask.
+        length = _length(function)
+        self.seconds_per_step, self.interpretation_budget = length * SECONDS_INTERPRETED, compile_seconds(length)
         self._interpreted: BufferedFunction | None = None
         self._code: MachineCode | None = None
         self._capacity = FIRST_CAPACITY
@@ -69,7 +75,7 @@ class Kernel:
 
     def compile(self) -> bool:
         """Make machine code now, where that is possible; return whether there is some."""
-        with self.lock:
+        with LOCK:
             if self._code is None and self.interpretation_budget < np.inf:
                 self.interpretation_budget = np.inf  # It is tried once.
                 if target():
@@ -79,6 +85,7 @@ class Kernel:
                     merged = ca.Function(self.function.name(), arguments, expanded.call(arguments), options)
                     try:
                         self._code = MachineCode(merged)
+                        weigh([merged], [np.empty(self._code.size, dtype=np.uint8)])
                     except (NotImplementedError, RuntimeError):
                         return False
         return self.compiled
@@ -130,10 +137,9 @@ class Kernel:
 
     def _interpret(self, inputs: Sequence[np.ndarray], capacity: int) -> tuple:
         """`_iterated` at one point, by CasADi's virtual machine."""
-        with self.lock:
-            call = self._interpreted = self._interpreted or BufferedFunction(self.function)
         records: list[np.ndarray] = []
-        with call.lock:
+        with LOCK:
+            call = self._interpreted = self._interpreted or BufferedFunction(self.function)
             for memory, array in zip(call.arguments, inputs, strict=True):
                 memory[:] = array
             after, *values, recorded, goes = call.flat
@@ -154,30 +160,34 @@ class Kernel:
     def _in_lanes(self, inputs: list[np.ndarray], capacity: int) -> list[tuple]:
         """`_iterated` by machine code, in parts that the threads share."""
         assert self._code is not None
-        count, lanes = max(map(len, inputs)), self._code.lanes
-        room, workers = SCRATCH // (capacity * max(1, sum(self.sizes_out[1:-2]))), threads()
-        size = max(lanes, -(-min(room, -(-count // workers)) // lanes) * lanes)
-
-        def run(first: int) -> tuple:
-            last = min(first + size, count)
-            part = [array if len(array) == 1 < count else array[first:last] for array in inputs]
-            return self._chunk(part, last - first, capacity)
-
+        count, lanes, workers = max(map(len, inputs)), self._code.lanes, threads()
+        row = capacity * sum(self.sizes_out[1:-2])
+        size = max(lanes, -(-min(SCRATCH // max(1, row), -(-count // workers)) // lanes) * lanes)
         firsts = range(0, count, size)
-        if workers > 1 and len(firsts) > 1:
-            with ThreadPoolExecutor(workers) as pool:
-                return list(pool.map(run, firsts))
-        return [run(first) for first in firsts]
+        workers = min(workers, len(firsts))
+        memory = getattr(_memory, "records", None)
+        if memory is None or len(memory) < workers * size * row:
+            memory = _memory.records = np.empty(workers * size * row)
+        parts: dict[int, tuple] = {}
 
-    def _chunk(self, inputs: list[np.ndarray], count: int, capacity: int) -> tuple:
-        """`_iterated` by one call of the machine code, at so many points."""
+        def run(worker: int) -> None:
+            for first in firsts[worker::workers]:
+                last = min(first + size, count)
+                part = [array if len(array) == 1 < count else array[first:last] for array in inputs]
+                parts[first] = self._chunk(part, last - first, capacity, memory[worker * size * row :])
+
+        if workers > 1:
+            with ThreadPoolExecutor(workers) as pool:
+                list(pool.map(run, range(workers)))
+        else:
+            run(0)
+        return [parts[first] for first in firsts]
+
+    def _chunk(self, inputs: list[np.ndarray], count: int, capacity: int, memory: np.ndarray) -> tuple:
+        """`_iterated` by one call of the machine code, at so many points, with memory for the records."""
         assert self._code is not None
         size, *sizes = self.sizes_out[:-2]
-        lengths = [capacity * size for size in sizes]
-        records, used = [], 0
-        memory = getattr(_memory, "records", None)
-        if memory is None or len(memory) < count * sum(lengths):
-            memory = _memory.records = np.empty(count * sum(lengths))
+        lengths, records, used = [capacity * size for size in sizes], [], 0
         for length in lengths:
             records.append(memory[used : used + count * length].reshape(count, capacity, length // capacity))
             used += count * length

@@ -7,7 +7,6 @@ reordered, so that the results are those of CasADi's virtual machine.
 
 import ctypes
 import struct
-import threading
 import warnings
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -16,6 +15,7 @@ from typing import Any
 import casadi as ca
 
 from .calls import single_assignment
+from .exclusive import LOCK
 
 _BINARY = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
 _COMPARED = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
@@ -27,8 +27,8 @@ _NAMES = [*_TRIGONOMETRIC, "exp", "log", "expm1", "log1p", "erf"]
 _LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _NAMES}
 _NAMES_OF_TWO = ["pow", "atan2", "fmod", "hypot", "remainder"]
 _LIBRARY_OF_TWO = {getattr(ca, f"OP_{name.upper()}"): name for name in _NAMES_OF_TWO} | {ca.OP_CONSTPOW: "pow"}
-# LLVM compiles one function at a time, whichever thread asks for it.
-_lock = threading.RLock()
+# From this many instructions on, LLVM's optimisation takes longer than it repays.
+LONG = 15_000
 # (arrays, lengths of their rows, first point, last point and one, most records of a point)
 Run = Callable[[Any, Any, int, int, int], None]
 
@@ -53,8 +53,14 @@ def target() -> tuple[Any, int] | None:
         return None
 
 
+def compile_seconds(instructions: int) -> float:
+    """About how long it takes to compile so many instructions of a graph (measured on a server core of 2024)."""
+    return (8e-5 if instructions < LONG else 3.5e-5) * instructions
+
+
 class MachineCode:
-    """An SX function iterated at several points, as in `Kernel`, in machine code; `lanes` of them go side by side.
+    """An SX function iterated at several points, as in `Kernel`, in machine code; `lanes` of them go side by side, and
+    the code takes `size` bytes.
 
     Raises `NotImplementedError` for an operation that has no machine code, and `RuntimeError` where LLVM fails.
     """
@@ -65,22 +71,23 @@ class MachineCode:
             raise RuntimeError("LLVM is not available")
         llvm, self.lanes = found
         text = _Iteration(self.lanes).text(function)
-        with _lock:
+        with LOCK:  # LLVM compiles one function at a time
             # The module lives in a context of its own and is dropped once it is compiled, as its graph is large.
             module = llvm.parse_assembly(text, llvm.create_context())
-            compiled = self._processor(llvm).emit_object(module)
+            compiled = self._processor(llvm, int(function.n_instructions() < LONG)).emit_object(module)
+            self.size = len(compiled)
             # An engine owns its description of the processor, so that each needs one of its own.
-            self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._processor(llvm))
+            self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._processor(llvm, 0))
             self._engine.add_object_file(llvm.ObjectFileRef.from_data(compiled))
             self._engine.finalize_object()
         kind = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)  # it releases the interpreter lock
         self.run: Run = kind(self._engine.get_function_address("run"))
 
     @staticmethod
-    def _processor(llvm: Any) -> Any:
+    def _processor(llvm: Any, optimisation: int) -> Any:
         features = llvm.get_host_cpu_features().flatten()
         triple = llvm.Target.from_default_triple()
-        return triple.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=1, jit=True)
+        return triple.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=optimisation, jit=True)
 
 
 class _Code:
