@@ -155,7 +155,7 @@ def _watch_function(stepper: TaylorStepper, size: int) -> ca.Function:
     after, c, _, made = stepper.step_function(z[: n + 2], p)
     taken, goes = _progress(n, c.numel())(after, ca.vec(c), made)
     inside = ca.logic_and(taken, ca.mmax(ca.fabs(after[:n])) < FLOW_CONTROL.runaway)
-    changes, signs = _sign_changes(rows, size)(c, made[0], tests, z[n + 3], z[n + 5 :])
+    changes, signs = _may_change_sign(rows, size)(c, made[0], tests, z[n + 3], z[n + 5 :])
     found = ca.logic_and(inside, changes)
     time = z[n + 2] + made[0]
     # A motion that runs away stays where it was, so that it can be followed from there by itself.
@@ -167,7 +167,7 @@ def _watch_function(stepper: TaylorStepper, size: int) -> ca.Function:
 
 
 @kept
-def _sign_changes(rows: int, size: int) -> ca.Function:
+def _may_change_sign(rows: int, size: int) -> ca.Function:
     """(coefficients (K + 1, rows), step, weights (rows, size) and offsets (size,), order of the first function's zero,
     signs (size,) before) -> whether an affine function may change its sign in the step, and the signs after it.
 

@@ -23,10 +23,10 @@ _INTRINSIC = {ca.OP_FABS: "fabs", ca.OP_SQRT: "sqrt", ca.OP_FLOOR: "floor", ca.O
 _INTRINSIC_OF_TWO = {ca.OP_FMIN: "minnum", ca.OP_FMAX: "maxnum", ca.OP_COPYSIGN: "copysign"}
 # Functions of the C library are called lane by lane; a Taylor step has few of them.
 _TRIGONOMETRIC = [kind + name + end for name in ("sin", "cos", "tan") for kind in ("", "a") for end in ("", "h")]
-_NAMES = [*_TRIGONOMETRIC, "exp", "log", "expm1", "log1p", "erf"]
-_LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _NAMES}
-_NAMES_OF_TWO = ["pow", "atan2", "fmod", "hypot", "remainder"]
-_LIBRARY_OF_TWO = {getattr(ca, f"OP_{name.upper()}"): name for name in _NAMES_OF_TWO} | {ca.OP_CONSTPOW: "pow"}
+_OF_ONE = [*_TRIGONOMETRIC, "exp", "log", "expm1", "log1p", "erf"]
+_LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _OF_ONE}
+_OF_TWO = ["pow", "atan2", "fmod", "hypot", "remainder"]
+_LIBRARY_OF_TWO = {getattr(ca, f"OP_{name.upper()}"): name for name in _OF_TWO} | {ca.OP_CONSTPOW: "pow"}
 # From this many instructions on, LLVM's optimisation takes longer than it repays.
 LONG = 15_000
 # (arrays, lengths of their rows, first point, last point and one, most records of a point)
