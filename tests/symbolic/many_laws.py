@@ -13,7 +13,7 @@ from problems import Chain, Hopper, steering
 
 
 def peak() -> float:
-    """The most memory of this process in MB; Linux's `ru_maxrss` counts that of the process which has started it too."""
+    """The most memory of this process in MB. Linux's `ru_maxrss` also counts that of the process that started it."""
     if (status := Path("/proc/self/status")).exists():
         return int(re.findall(r"VmHWM:\s*(\d+)", status.read_text())[0]) / 1e3
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
