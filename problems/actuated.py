@@ -20,13 +20,13 @@ from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 
 from .laws import Key
-from .machine import DAMPERS, TwoMassMachine
+from .machine import DAMPERS, Stated, TwoMassMachine
 
 END, RATE = "u", "w"
 
 
 @dataclass(frozen=True)
-class Actuated:
+class Actuated(Stated):
     """A machine whose spring's end is moved, as `simulate` takes it; the last state is u.
 
     machine : a `Hopper` or `Juggler` with a smooth spring law

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.errors import InputError, OutOfRange
+from orbits.io import in_words
 from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.formula import CONSTANTS, parse, suggest
 from orbits.symbolic.taylor_series import has_taylor_series
@@ -23,6 +24,28 @@ Parameters = Mapping[str, Any]
 Given = Mapping[str, float] | None
 Named = Mapping[str, Callable]
 HOW_TO_WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
+
+
+class Expression:
+    """A function of a law that knows the call that makes it, and is pickled as that, since no closure can be pickled.
+
+    made : the cached function that made it and its arguments; expressions made by equal calls are equal
+    """
+
+    def __init__(self, function: Callable, *made: Any):
+        self.function, self.made, self.hash = function, made, hash(made)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.function(*arguments)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Expression) and self.made == other.made
+
+    def __hash__(self) -> int:
+        return self.hash
+
+    def __reduce__(self) -> tuple[Callable, tuple]:
+        return self.made[0], self.made[1:]
 
 
 class Key(NamedTuple):
@@ -114,8 +137,11 @@ class Law:
 
     def scaled(self, length: float, force: float) -> "Law":
         """The law in units of `length` and `force`: the dimensionless form of one in metres and newtons."""
-        expression, pieces = _scaled(self.expression, self.pieces, length, force)
-        return replace(self, expression=expression, pieces=pieces)
+        pieces = self.pieces and (self.pieces[0], _scaled_table(self.pieces[1], length))
+        return replace(self, expression=_scaled(self.expression, length, force), pieces=pieces)
+
+    def __repr__(self) -> str:
+        return f"Law({', '.join([repr(self.text), *in_words(self.parameters)])})"
 
 
 def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
@@ -254,7 +280,8 @@ def _numeric(key: Key):
 def _formula_expression(text: str, variable: str) -> Callable:
     formula = parse(text)
     names = formula.names - {variable}
-    return lambda x, p, q: formula(**{variable: x}, **{name: p[name] for name in names})
+    value = lambda x, p, q: formula(**{variable: x}, **{name: p[name] for name in names})  # noqa: E731
+    return Expression(value, _formula_expression, text, variable)
 
 
 @lru_cache(maxsize=256)
@@ -264,7 +291,7 @@ def _derivative_expression(expression: Callable, variable: str) -> Callable:
         slope = ca.jacobian(ca.SX(expression(inner, p, q)), inner)
         return ca.substitute(slope, inner, ca.SX(x))
 
-    return derivative
+    return Expression(derivative, _derivative_expression, expression, variable)
 
 
 def _function_expression(function: Callable, variable: str, names: tuple[str, ...]) -> Callable:
@@ -288,22 +315,29 @@ def _function_expression(function: Callable, variable: str, names: tuple[str, ..
 
 @lru_cache(maxsize=256)
 def _break_table(breaks: tuple[float, ...]) -> Callable:
-    return lambda p: (breaks, [[] for _ in breaks[1:]])
+    return Expression(lambda p: (breaks, [[] for _ in breaks[1:]]), _break_table, breaks)
 
 
 @lru_cache(maxsize=256)
 def _graph_expression(graph: str, names: tuple[str, ...]) -> Callable:
     """The expression of a serialized graph; equal graphs give the same object, which shares what is built from it."""
     function = ca.Function.deserialize(graph)
-    return lambda x, p, q: function(x, *(p[name] for name in names))
+    value = lambda x, p, q: function(x, *(p[name] for name in names))  # noqa: E731
+    return Expression(value, _graph_expression, graph, names)
 
 
 @lru_cache(maxsize=256)
-def _scaled(expression, pieces, length: float, force: float) -> tuple[Callable, tuple[int, Callable] | None]:
-    """The expression and the pieces of a law in units of `length` and `force`."""
+def _scaled(expression: Callable, length: float, force: float) -> Callable:
+    """The expression of a law in units of `length` and `force`."""
+    return Expression(lambda x, p, q: expression(length * x, p, q) / force, _scaled, expression, length, force)
 
-    def table(p):
-        breaks, data = pieces[1](p)
+
+@lru_cache(maxsize=256)
+def _scaled_table(table: Callable, length: float) -> Callable:
+    """The pieces of a law in units of `length`."""
+
+    def scaled(p):
+        breaks, data = table(p)
         return [b / length for b in breaks], data
 
-    return lambda x, p, q: expression(length * x, p, q) / force, pieces and (pieces[0], table)
+    return Expression(scaled, _scaled_table, table, length)

@@ -10,6 +10,7 @@ import csv
 import math
 import re
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from numpy.typing import ArrayLike
 from orbits.errors import InputError
 
 from . import laws
-from .laws import Law, number, positive
+from .laws import Expression, Law, number, positive
 
 EXTENSION_NAMES = ("extension", "deflection", "displacement", "elongation", "travel", "stroke", "compression", "r", "x")
 FORCE_NAMES = ("force", "tension", "load", "f")
@@ -138,14 +139,7 @@ def table(source: str | Path | tuple[ArrayLike, ArrayLike], *, in_si: bool = Fal
     pairs = _read_table(Path(source), in_si) if isinstance(source, str | Path) else source
     grid, forces = _checked_pairs(pairs, label)
     data = _quintic_pieces(grid, forces)
-
-    def expression(x, p, q):
-        value = 0
-        for coefficient in reversed(q[1:]):
-            value = value * (x - q[0]) + coefficient
-        return value
-
-    return Law(f"table:{label}", "r", expression, {}, (7, lambda p: (grid.tolist(), data.tolist())))
+    return Law(f"table:{label}", "r", _quintic_expression, {}, (7, _quintic_table(grid.tobytes(), data.tobytes())))
 
 
 NAMED = {
@@ -177,6 +171,20 @@ def _bilinear_pieces(p):
 def _end_stop_pieces(p):
     gap, stop = p["gap"], p["stop"]
     return [-math.inf, -gap, gap, math.inf], [[-gap, -gap, stop], [0.0, 0.0, 1.0], [gap, gap, stop]]
+
+
+def _quintic_expression(x, p, q):
+    value = 0
+    for coefficient in reversed(q[1:]):
+        value = value * (x - q[0]) + coefficient
+    return value
+
+
+@lru_cache(maxsize=64)
+def _quintic_table(grid: bytes, data: bytes) -> Expression:
+    """The pieces of a measured law from its extensions and the rows of its pieces, in bytes so that they compare."""
+    breaks, rows = np.frombuffer(grid).tolist(), np.frombuffer(data).reshape(-1, 7).tolist()
+    return Expression(lambda p: (breaks, rows), _quintic_table, grid, data)
 
 
 def _read_table(path: Path, in_si: bool) -> tuple[np.ndarray, np.ndarray]:

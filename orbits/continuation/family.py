@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..io import check_ending, to_json
+from ..io import check_ending, fields_in_line, one_line, to_json
 from ..periodic.certificate import Certificate
 
 FAMILY_FORMAT = "persistent-orbits family 1"
@@ -56,6 +56,9 @@ class Point:
         if name in Certificate.__dataclass_fields__:
             return getattr(self.certificate, name)
         raise AttributeError(f"a point has no '{name}'")
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "value", "alpha", "admissible")
 
     def row(self) -> dict[str, Any]:
         """The columns of a table at this point, ready for JSON."""
@@ -148,6 +151,10 @@ class Family:
         end = {key: value for key, value in asdict(self.end).items() if value is not None}
         whole = {"machine": self.machine, "along": self.name, "points": points, "events": places, "end": end}
         return {**whole, "settings": self.settings, "versions": self.versions}
+
+    def __repr__(self) -> str:
+        ends = {"start": self.points[0].value, "stop": self.points[-1].value} if self.points else {}
+        return one_line(self, {"along": self.name, "orbits": len(self), **ends, "end": self.end.kind})
 
     def __str__(self) -> str:
         if not self.points:

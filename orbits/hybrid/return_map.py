@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
 from ..flow.zero_crossing import first_zeros
+from ..io import fields_in_line, one_line
 from ..model.machine import ImpactingMachine
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
@@ -52,6 +53,10 @@ class Hops:
     impacts: np.ndarray
     status: np.ndarray
 
+    def __repr__(self) -> str:
+        statuses, counts = np.unique(self.status, return_counts=True)
+        return one_line(self, dict(zip(statuses.tolist(), counts.tolist(), strict=True)))
+
     def document(self) -> dict[str, Any]:
         """The hops as the JSON document of the command line."""
         columns = {name: np.ravel(values).tolist() for name, values in vars(self).items()}
@@ -83,6 +88,12 @@ class ReturnMap:
         self.machine, self.impacts = machine, Impacts(machine)
         if not self.impacts.model.one_speed:
             raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "machine", "inject", "cap")
+
+    def __reduce__(self) -> tuple[type, tuple[ImpactingMachine, float, int]]:
+        return type(self), (self.machine, self.inject, self.cap)
 
     def __call__(self, alpha: ArrayLike) -> Hops:
         """The next launch speeds after launch speeds (...)."""

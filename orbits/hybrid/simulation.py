@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from ..errors import FlowError, InputError, finite_number, whole_number
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
+from ..io import fields_in_line
 from ..model.machine import ImpactingMachine
 from ..numerics.bernstein import lowest
 from ..symbolic import interrupts
@@ -43,6 +44,9 @@ class ContactEvent:
     after: np.ndarray
     energy: float
     loss: float
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "kind", "time", "energy", "loss")
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,9 @@ class Simulation:
             states = rows[:, : len(embed)] if leg.phase == "flight" else embed @ rows[:, : embed.shape[1]]
             smallest.append(lowest(separation.series(states), leg.path.steps)[0])
         return min(smallest, default=None)
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "machine", "status", "end")
 
     def document(self) -> dict[str, Any]:
         """The simulation as the JSON document of the command line."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..io import fields_in_line
 from .phase import Affine, Phase, Statement
 
 
@@ -99,6 +100,9 @@ class Model:
     conservative: bool = True
     reduction: Reduction | None = None
     tension: Callable | None = None
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "name")
 
     @property
     def half_unknowns(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..io import fields_in_line
 from .closed_form import Oscillator, ThrownOscillator
 
 
@@ -69,6 +70,9 @@ class Phase:
     pieces: Pieces | None = None
     closed_form: Callable[[Mapping[str, float]], Oscillator | ThrownOscillator] | None = None
 
+    def __repr__(self) -> str:
+        return fields_in_line(self, "name", "states")
+
 
 @dataclass(frozen=True, eq=False)
 class Arc:
@@ -102,3 +106,6 @@ class Statement:
     unknowns: tuple[str, ...]
     arcs: tuple[Arc, ...]
     durations: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "name", "unknowns")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..io import to_json
+from ..io import one_line, to_json
 from ..model.model import Units
 from ..model.phase import Affine
 from ..numerics.bernstein import lowest
@@ -178,6 +178,10 @@ class Orbit:
             "unit_time_s": time,
             "unit_force_N": force,
         }
+
+    def __repr__(self) -> str:
+        told = {name: self.machine[name] for name in ("machine", "spring", "gravity")} | self.machine["parameters"]
+        return one_line(self, told | {name: getattr(self, name) for name in ("family", "alpha", "error", "admissible")})
 
     def __str__(self) -> str:
         c, machine = self.certificate, self.machine
