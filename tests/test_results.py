@@ -6,6 +6,7 @@ from concurrent.futures import ProcessPoolExecutor
 from copy import deepcopy
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
+from importlib.metadata import PackageNotFoundError
 from multiprocessing import get_context
 
 import numpy as np
@@ -26,6 +27,7 @@ from orbits import (
     simulate,
     steer,
 )
+from orbits.continuation import checkpoint
 from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, gravity, hopper_in_si, juggler_in_si, springs
 
 ROWS = ([-20.0, -10.0, -1.0, 0.0, 1.0, 10.0, 20.0], [-30.0, -14.0, -1.0, 0.0, 1.0, 14.0, 30.0])
@@ -232,3 +234,13 @@ def test_other_processes():
 
 # Machines whose laws are a formula, Python functions, a potential, pieces, and a table in SI.
 CHILDREN = ("c*r**3", "b=0.2, R=50.0", "potential", "'bilinear'", "'table:table', mass_ratio")
+
+
+def test_a_family_of_sources_that_are_not_installed(monkeypatch):
+    def of_installed(name):
+        if name == "persistent-orbits":
+            raise PackageNotFoundError(name)
+        return "1.0"
+
+    monkeypatch.setattr(checkpoint, "version", of_installed)
+    assert list(checkpoint.versions.__wrapped__()) == ["persistent-orbits", "casadi", "numpy", "python"]

@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ..errors import InputError
-from ..io import check_ending
+from ..io import __version__, check_ending
 from ..symbolic import interrupts
 from .curve import CurvePoint
 from .family import ENDINGS, End, Event, Family, Point, json_line
@@ -23,8 +23,8 @@ ShareDone = Callable[[float], None]
 @cache
 def versions() -> dict[str, str]:
     """The versions of the packages that compute."""
-    found = {name: version(name) for name in ("persistent-orbits", "casadi", "numpy")}
-    return {**found, "python": platform.python_version()}
+    found = {name: version(name) for name in ("casadi", "numpy")}
+    return {"persistent-orbits": __version__, **found, "python": platform.python_version()}
 
 
 def collect_family(
