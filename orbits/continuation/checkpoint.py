@@ -10,8 +10,9 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+from .. import io
 from ..errors import InputError
-from ..io import __version__, check_ending
+from ..io import check_ending
 from ..symbolic import interrupts
 from .curve import CurvePoint
 from .family import ENDINGS, End, Event, Family, Point, json_line
@@ -24,7 +25,7 @@ ShareDone = Callable[[float], None]
 def versions() -> dict[str, str]:
     """The versions of the packages that compute."""
     found = {name: version(name) for name in ("casadi", "numpy")}
-    return {"persistent-orbits": __version__, **found, "python": platform.python_version()}
+    return {"persistent-orbits": io.__version__, **found, "python": platform.python_version()}
 
 
 def collect_family(
