@@ -233,7 +233,7 @@ def test_other_processes():
 
 
 # Machines whose laws are a formula, Python functions, a potential, pieces, and a table in SI.
-CHILDREN = ("c*r**3", "b=0.2, R=50.0", "potential", "'bilinear'", "'table:table', mass_ratio")
+CHILDREN = ("c*r**3", "b=0.2, R=50.0", "potential", "'bilinear'", "in SI, spring table:table")
 
 
 def test_a_family_of_sources_that_are_not_installed(monkeypatch):
