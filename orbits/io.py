@@ -1,4 +1,5 @@
-"""Files that results are written to: their names checked, their contents as JSON, and the version that wrote them."""
+"""Files that results are written to: their names checked, their contents as JSON, and the version that wrote them; and
+the one line in which a result tells what it is."""
 
 import json
 from collections.abc import Mapping
@@ -14,6 +15,22 @@ try:
     __version__ = version("persistent-orbits")
 except PackageNotFoundError:  # the sources are used without being installed
     __version__ = "unknown"
+
+
+def in_words(values: Mapping[str, Any]) -> list[str]:
+    """The values as name=value, numbers with all their digits."""
+    plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in values.items()}
+    return [f"{name}={value!r}" for name, value in plain.items()]
+
+
+def one_line(result: Any, values: Mapping[str, Any]) -> str:
+    """A result in one line: its type, and some of its values by name."""
+    return f"{type(result).__name__}({', '.join(in_words(values))})"
+
+
+def fields_in_line(result: Any, *names: str) -> str:
+    """A result in one line: its type, and those of its attributes."""
+    return one_line(result, {name: getattr(result, name) for name in names})
 
 
 def to_json(value: Any) -> str:

@@ -7,7 +7,7 @@ does.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from operator import attrgetter
 from typing import Any, cast
@@ -22,14 +22,14 @@ from orbits.model.units import SPEED, Units
 from orbits.symbolic.exclusive import exclusive_property
 
 from .laws import Key
-from .machine import DAMPERS, TwoMassMachine
+from .machine import DAMPERS, Stated, TwoMassMachine
 from .units import MachineInSI
 
 END, RATE = "u", "w"
 
 
 @dataclass(frozen=True)
-class Actuated:
+class Actuated(Stated):
     """A machine whose spring's end is moved, as `simulate` takes it; the last state is u.
 
     machine : a `Hopper` or `Juggler` with a smooth spring law, or one in SI; its dimensionless self is kept
@@ -37,7 +37,7 @@ class Actuated:
     """
 
     machine: TwoMassMachine
-    units: Units | None = None
+    units: Units | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if isinstance(self.machine, MachineInSI):

@@ -22,12 +22,14 @@ from numpy.typing import ArrayLike
 from orbits import find, follow
 from orbits.errors import FlowError, InputError, NoOrbit
 from orbits.flow.flow import flow_of
+from orbits.io import one_line
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 from orbits.symbolic.exclusive import exclusive, exclusive_property
 
 from .launch import Liftoff
 from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number
+from .machine import Stated
 from .springs import as_spring
 
 MOST_MASSES = 12
@@ -44,8 +46,8 @@ SAME_ROOT, LARGEST_RESIDUAL = 1e-7, 1e-9
 SHORTEST_PHASE = 1e-3
 
 
-@dataclass(frozen=True)
-class Chain:
+@dataclass(frozen=True, repr=False)
+class Chain(Stated):
     """N masses in a column joined by N - 1 springs.
 
     masses : (N,), from the top, N from 2 to 12
@@ -108,6 +110,12 @@ class Chain:
         masses = tuple(values.get(name, mass) for name, mass in zip(names, self.masses, strict=True))
         rest = {name: value for name, value in values.items() if name not in names}
         return replace(self, masses=masses, parameters={**self.parameters, **rest})
+
+    def __repr__(self) -> str:
+        texts = tuple(law.text for law in self.springs)
+        springs = texts if len(set(texts)) > 1 else texts[0]
+        bounces = {"restitution": self.restitution} if self.restitution else {}
+        return one_line(self, {**self.parameters, "masses": self.masses, "springs": springs, **bounces})
 
     def describe(self) -> dict[str, Any]:
         """The chain as JSON-ready data."""

@@ -23,7 +23,7 @@ from .laws import Key, Parameters, Scalars
 from .machine import TwoMassEquations, TwoMassMachine, straight_line, thrown, two_mass_model
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Hopper(TwoMassMachine):
     """Body and foot joined by a spring; see `TwoMassMachine` for the arguments. `mass_ratio` is foot over body."""
 

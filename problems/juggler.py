@@ -25,7 +25,7 @@ from .laws import Key, Parameters, Scalars
 from .machine import TwoMassEquations, TwoMassMachine, straight_line, thrown, two_mass_model
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Juggler(TwoMassMachine):
     """Ball on a sprung hand; see `TwoMassMachine` for the arguments. `mass_ratio` is hand over ball.
 
@@ -118,7 +118,7 @@ class _JugglerEquations(TwoMassEquations):
         return {"ball": Affine((1.0, 0.0, 0.0, 0.0), length), "hand": Affine((0.0, 0.0, 1.0, 0.0), length)}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class HeavyHand(TwoMassMachine):
     """Ball on a hand that it cannot slow down; see `TwoMassMachine` for the arguments, of which it takes no mass ratio,
     damping or drag.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.errors import InputError, OutOfRange
+from orbits.io import in_words
 from orbits.model.model import NOISE
 from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.exclusive import exclusive
@@ -33,6 +34,28 @@ SPEEDS = ("v", "vel", "velocity", "speed", "rdot", "r_dot", "dr", "drdt", "dr_dt
 # tenth of a distance differ by less than this share.
 NEAR_ZERO, COMES_TOGETHER = (1e-2, 1e-3, 1e-4, 1e-5), 0.2
 HOW_TO_WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
+
+
+class Expression:
+    """A function of a law that knows the call that makes it, and is pickled as that, since no closure can be pickled.
+
+    made : the cached function that made it and its arguments; expressions made by equal calls are equal
+    """
+
+    def __init__(self, function: Callable, *made: Any):
+        self.function, self.made, self.hash = function, made, hash(made)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.function(*arguments)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Expression) and self.made == other.made
+
+    def __hash__(self) -> int:
+        return self.hash
+
+    def __reduce__(self) -> tuple[Callable, tuple]:
+        return self.made[0], self.made[1:]
 
 
 class Key(NamedTuple):
@@ -130,9 +153,14 @@ class Law:
 
     def scaled(self, length: float, force: float | None = None) -> "Law":
         """The law in units of `length` and `force`, which become its parameters; None keeps the values as they are."""
-        expression, pieces = _scaled(self.expression, self.pieces, force is not None)
+        expression = _scaled(self.expression, force is not None)
+        pieces = self.pieces and (self.pieces[0], _scaled_table(self.pieces[1]))
         units = {UNIT_LENGTH: length} | ({} if force is None else {UNIT_FORCE: force})
         return replace(self, expression=expression, pieces=pieces, parameters={**self.parameters, **units})
+
+    def __repr__(self) -> str:
+        named = {name: self.parameters[name] for name in stated(self.parameters)}
+        return f"Law({', '.join([repr(self.text), *in_words(named)])})"
 
 
 def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
@@ -300,7 +328,8 @@ def _numeric(key: Key):
 def _formula_expression(text: str, variable: str) -> Callable:
     formula = parse(text)
     names = formula.names - {variable}
-    return lambda x, p, q: formula(**{variable: x}, **{name: p[name] for name in names})
+    value = lambda x, p, q: formula(**{variable: x}, **{name: p[name] for name in names})  # noqa: E731
+    return Expression(value, _formula_expression, text, variable)
 
 
 @lru_cache(maxsize=256)
@@ -310,7 +339,7 @@ def _derivative_expression(expression: Callable, variable: str) -> Callable:
         slope = ca.jacobian(ca.SX(expression(inner, p, q)), inner)
         return ca.substitute(slope, inner, ca.SX(x))
 
-    return derivative
+    return Expression(derivative, _derivative_expression, expression, variable)
 
 
 def _function_expression(function: Callable, variable: str, names: tuple[str, ...]) -> Callable:
@@ -335,26 +364,34 @@ def _function_expression(function: Callable, variable: str, names: tuple[str, ..
 
 @lru_cache(maxsize=256)
 def _break_table(breaks: tuple[float, ...]) -> Callable:
-    return lambda p: (breaks, [[] for _ in breaks[1:]])
+    return Expression(lambda p: (breaks, [[] for _ in breaks[1:]]), _break_table, breaks)
 
 
 @lru_cache(maxsize=256)
 def _graph_expression(graph: str, names: tuple[str, ...]) -> Callable:
     """The expression of a serialized graph; equal graphs give the same object, which shares what is built from it."""
     function = ca.Function.deserialize(graph)
-    return lambda x, p, q: function(x, *(p[name] for name in names))
+    value = lambda x, p, q: function(x, *(p[name] for name in names))  # noqa: E731
+    return Expression(value, _graph_expression, graph, names)
 
 
 @lru_cache(maxsize=256)
-def _scaled(expression, pieces, has_force: bool) -> tuple[Callable, tuple[int, Callable] | None]:
-    """The expression and the pieces of a law in units that are its parameters."""
-
-    def table(p):
-        breaks, data = pieces[1](p)
-        return [b / p[UNIT_LENGTH] for b in breaks], data
+def _scaled(expression: Callable, has_force: bool) -> Callable:
+    """The expression of a law in units that are its parameters."""
 
     def scaled(x, p, q):
         value = expression(p[UNIT_LENGTH] * x, p, q)
         return value / p[UNIT_FORCE] if has_force else value
 
-    return scaled, pieces and (pieces[0], table)
+    return Expression(scaled, _scaled, expression, has_force)
+
+
+@lru_cache(maxsize=256)
+def _scaled_table(table: Callable) -> Callable:
+    """The pieces of a law in a unit of length that is its parameter."""
+
+    def scaled(p):
+        breaks, data = table(p)
+        return [b / p[UNIT_LENGTH] for b in breaks], data
+
+    return Expression(scaled, _scaled_table, table)

@@ -8,14 +8,15 @@ problem in two states (section 8 of the paper, for a linear spring).
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.errors import InputError, NoOrbit
+from orbits.io import one_line
 from orbits.model.closed_form import Oscillator, ThrownOscillator
 from orbits.model.model import Model, Reduction, Search
 from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
@@ -42,8 +43,16 @@ DAMPERS = ("damping", "drag")
 OWN_PARAMETERS = ("mass_ratio", "rest_length", *DAMPERS)
 
 
-@dataclass(frozen=True)
-class TwoMassMachine:
+class Stated:
+    """A machine that is printed and pickled as it was stated, without the model that is built from that."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields of the machine; its laws are pickled as what they were made from."""
+        return {each.name: getattr(self, each.name) for each in fields(cast(Any, self))}
+
+
+@dataclass(frozen=True, repr=False)
+class TwoMassMachine(Stated):
     """Two masses, a spring and gravity, in the units of the machine's module.
 
     spring : a law of `problems.springs`, a formula of the extension r, a law's name, "table:FILE",
@@ -151,6 +160,14 @@ class TwoMassMachine:
         """
         own: dict[str, Any] = {name: values.pop(name) for name in OWN_PARAMETERS if name in values}
         return replace(self, parameters={**self.parameters, **values}, **own)
+
+    def __repr__(self) -> str:
+        laws = {"spring": self.spring.text, "gravity": self.gravity.text}
+        own = {name: self.parameters[name] for name in stated(self.parameters)}
+        told = {**laws, **own, **self.__getstate__(), **laws}
+        plain = {each.name: each.default for each in fields(self)} | {"spring": None, "parameters": self.parameters}
+        shown = {name: value for name, value in told.items() if name not in plain or value != plain[name]}
+        return one_line(self, shown)
 
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""

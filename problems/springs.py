@@ -8,6 +8,7 @@ from these: `beta` is 1/length**2, `delta` 1/length**4, `a` and `b` are 1/length
 
 import math
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -21,7 +22,7 @@ from orbits.model.model import NOISE
 from orbits.symbolic.formula import suggest
 
 from . import laws
-from .laws import Law, number, positive
+from .laws import Expression, Law, number, positive
 from .tables import FEWEST_ROWS, SmoothCurve, branch_of, curve_of, read_table, short
 
 # A sample to try tables with: a leg's spring in mm and N, with noise as from a bench.
@@ -210,22 +211,29 @@ def _piece_expression(x, p, q):
 def _table_pieces(curve: SmoothCurve) -> tuple[dict[str, float], tuple[int, Callable]]:
     """The parameters of a table's law, one for each change that noise makes, and its pieces."""
     x, y = curve.extensions, curve.forces
-    breaks, data = x.tolist(), _quintic_pieces(x, y)
+    rows = _quintic_pieces(x, y)
     # The same curve has the same names in all springs of a machine, another one has others.
-    names = [f"{NOISE}_{crc32(data.tobytes()):08x}_{k}" for k in range(len(curve.changes))]
-    if not names:
-        return {}, (7, lambda p: (breaks, data.tolist()))
+    names = tuple(f"{NOISE}_{crc32(rows.tobytes()):08x}_{k}" for k in range(len(curve.changes)))
     # The curve is cut back where it would overshoot: differences follow that, one standard deviation to both sides.
-    sides = ([_quintic_pieces(x, y + sign * change) for sign in (1, -1)] for change in curve.changes)
-    changes = {name: (up - down) / 2 for name, (up, down) in zip(names, sides, strict=True)}
+    sides = [[_quintic_pieces(x, y + sign * change) for sign in (1, -1)] for change in curve.changes]
+    changes = np.array([(up - down) / 2 for up, down in sides])
+    return dict.fromkeys(names, 0.0), (7, _quintic_table(x.tobytes(), rows.tobytes(), changes.tobytes(), names))
+
+
+@lru_cache(maxsize=64)
+def _quintic_table(breaks: bytes, rows: bytes, changes: bytes, names: tuple[str, ...]) -> Expression:
+    """The pieces of a measured law from its extensions, the rows of its pieces and what each of the named parameters
+    changes in these; in bytes, so that equal ones compare equal."""
+    places, data = np.frombuffer(breaks).tolist(), np.frombuffer(rows).reshape(-1, 7)
+    moves = dict(zip(names, np.frombuffer(changes).reshape(len(names), *data.shape), strict=True))
 
     def pieces(p):
-        if not isinstance(p[names[0]], ca.SX):
-            return breaks, (data + sum(p[name] * change for name, change in changes.items())).tolist()
-        rows = ca.DM(data) + sum(p[name] * ca.DM(change) for name, change in changes.items())
-        return breaks, [ca.horzsplit(row) for row in ca.vertsplit(rows)]
+        if not names or not isinstance(p[names[0]], ca.SX):
+            return places, (data + sum(p[name] * move for name, move in moves.items())).tolist()
+        moved = ca.DM(data) + sum(p[name] * ca.DM(move) for name, move in moves.items())
+        return places, [ca.horzsplit(row) for row in ca.vertsplit(moved)]
 
-    return dict.fromkeys(names, 0.0), (7, pieces)
+    return Expression(pieces, _quintic_table, breaks, rows, changes, names)
 
 
 def _table_options(text: str) -> tuple[str, dict[str, Any]]:

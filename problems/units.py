@@ -24,7 +24,7 @@ from .gravity import as_gravity
 from .hopper import Hopper
 from .juggler import Juggler
 from .laws import UNIT_FORCE, UNIT_LENGTH, Key, Law, number, stated
-from .machine import DAMPERS, TwoMassMachine
+from .machine import DAMPERS, Stated, TwoMassMachine
 from .springs import as_spring
 
 STANDARD_GRAVITY = 9.80665
@@ -82,7 +82,7 @@ def juggler_in_si(
 
 
 @dataclass(frozen=True)
-class MachineInSI:
+class MachineInSI(Stated):
     """A machine of two masses stated in SI, made by `hopper_in_si` or `juggler_in_si`; see there for the arguments.
 
     base : the class of the dimensionless machine

@@ -10,6 +10,7 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+from .. import io
 from ..errors import InputError
 from ..io import check_ending
 from ..symbolic import interrupts
@@ -23,8 +24,8 @@ ShareDone = Callable[[float], None]
 @cache
 def versions() -> dict[str, str]:
     """The versions of the packages that compute."""
-    found = {name: version(name) for name in ("persistent-orbits", "casadi", "numpy")}
-    return {**found, "python": platform.python_version()}
+    found = {name: version(name) for name in ("casadi", "numpy")}
+    return {"persistent-orbits": io.__version__, **found, "python": platform.python_version()}
 
 
 def collect_family(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, finite_number
+from ..io import fields_in_line
 from ..model.machine import Machine
 from ..symbolic.exclusive import exclusive
 from .checkpoint import collect_family
@@ -34,6 +35,9 @@ class Existence:
     values: tuple[float, ...]
     rows: tuple[tuple[Family, ...], ...]
     spine: tuple[Family, ...]
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "along", "across", "values")
 
     def stretches(self, row: int) -> Iterator[Interval]:
         """Where a row has orbits: (from, to, whether they are motions), to rounding; sheets may overlap."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..io import check_ending, to_json
+from ..io import check_ending, fields_in_line, one_line, to_json
 from ..model.units import UNIT_TEXTS, Units
 from ..periodic.certificate import Certificate
 from ..periodic.orbit import certificate_in_units
@@ -58,6 +58,9 @@ class Point:
         if name in Certificate.__dataclass_fields__:
             return getattr(self.certificate, name)
         raise AttributeError(f"a point has no '{name}'")
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "value", "alpha", "admissible")
 
     def row(self) -> dict[str, Any]:
         """The columns of a table at this point, ready for JSON."""
@@ -168,6 +171,10 @@ class Family:
         whole = {"machine": self.machine, "along": self.name, "points": points, "events": places, "end": end}
         whole |= {"units": self.units} if self.units else {}
         return {**whole, "settings": self.settings, "versions": self.versions}
+
+    def __repr__(self) -> str:
+        ends = {"start": self.points[0].value, "stop": self.points[-1].value} if self.points else {}
+        return one_line(self, {"along": self.name, "orbits": len(self), **ends, "end": self.end.kind})
 
     def __str__(self) -> str:
         if not self.points:

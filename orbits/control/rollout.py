@@ -4,12 +4,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import comb
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
 from ..hybrid.simulation import Leg
+from ..io import fields_in_line
 from ..model.units import Dimension, Units, unit_text
 from ..numerics.bernstein import PiecewisePolynomials, powers
 from .stage import Stage, stage_flow
@@ -86,6 +88,13 @@ class Control:
     def dimensionless(self) -> "Control":
         """The motion in its machine's own dimensionless units; itself where it has no others."""
         return self.bare or self
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is pickled: all but the nonlinear program. As a guess the copy starts a solve from its motion."""
+        return {**vars(self), "answer": None}
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "status", "cost", "violation", "error", "end")
 
     @property
     def durations(self) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import InputError, whole_number
 from ..flow.flow import Flow, flow_of
+from ..io import fields_in_line
 from ..model.phase import Phase
 
 # Name of the length of an interval among the parameters of a phase. The apostrophe keeps it apart from identifiers.
@@ -63,6 +64,9 @@ class Stage:
     running: Callable[..., Any] = lambda x, p, q: 0.0
     final: Callable[..., Any] = lambda x, p: 0.0
     above: Callable[..., Sequence] = lambda x, p: []
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "phase", "intervals", "duration")
 
     @property
     def coefficient_names(self) -> tuple[str, ...]:

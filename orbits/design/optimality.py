@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..io import write_json
+from ..io import one_line, write_json
 from ..model.machine import Machine
 from ..model.units import UNIT_TEXTS
 from ..periodic.orbit import Orbit, orbit_of
@@ -75,6 +75,9 @@ class Design:
     starts: tuple[Start, ...] = ()
     seconds: float = 0.0
     pair: tuple[float, float] | None = None
+
+    def __repr__(self) -> str:
+        return one_line(self, {**self.parameters, self.verb: self.text, "objective": self.objective, "kkt": self.kkt})
 
     def document(self) -> dict[str, Any]:
         """The design as the JSON document of the command line."""

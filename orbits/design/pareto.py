@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, OrbitsError, whole_number
-from ..io import write_json
+from ..io import one_line, write_json
 from ..model.machine import Machine
 from ..periodic.find import find
 from ..symbolic import interrupts
@@ -58,6 +58,9 @@ class Front:
             "refused": [{"level": level, "reason": reason} for level, reason in self.refused],
             "seconds": self.seconds,
         }
+
+    def __repr__(self) -> str:
+        return one_line(self, {"minimise": self.texts, "designs": len(self.designs), "seconds": self.seconds})
 
     def save(self, path: str | Path) -> Path:
         """Write the document to a JSON file; returns the path."""

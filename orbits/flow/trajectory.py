@@ -3,11 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..io import one_line
 from ..model.phase import Affine
 from ..numerics.bernstein import PiecewisePolynomials, evaluate, powers, shifted
 from ..numerics.roots import Array
@@ -28,6 +29,13 @@ class Trajectory:
     def __post_init__(self):
         self.times.setflags(write=False)
         self.coefficients.setflags(write=False)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.__post_init__()  # arrays come out of a pickle writeable
+
+    def __repr__(self) -> str:
+        return one_line(self, {"names": self.names, "steps": len(self.times) - 1, "end": self.times[-1]})
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Rows (..., n + m) at times `t` (...), which must lie within those of the trajectory."""

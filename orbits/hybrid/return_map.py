@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
 from ..flow.zero_crossing import first_zeros
+from ..io import fields_in_line, one_line
 from ..model.machine import ImpactingMachine, dimensionless
 from ..model.units import SPEED, SPEED_SQUARED, Units, without_units
 from ..numerics.bernstein import piecewise_roots
@@ -62,6 +63,10 @@ class Hops:
         """Dimensionless hops in these units."""
         return units.convert(self, next=SPEED, loss=SPEED_SQUARED)
 
+    def __repr__(self) -> str:
+        statuses, counts = np.unique(self.status, return_counts=True)
+        return one_line(self, dict(zip(statuses.tolist(), counts.tolist(), strict=True)))
+
     def document(self) -> dict[str, Any]:
         """The hops as the JSON document of the command line."""
         columns = {name: np.ravel(values).tolist() for name, values in vars(self).items()}
@@ -103,6 +108,12 @@ class ReturnMap:
         self.impacts: Impacts = self._bare.impacts if self._bare else Impacts(machine)
         if not self.impacts.model.one_speed:
             raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "machine", "inject", "cap")
+
+    def __reduce__(self) -> tuple[type, tuple[ImpactingMachine, float, int]]:
+        return type(self), (self.machine, self.inject, self.cap)
 
     @exclusive
     def __call__(self, alpha: ArrayLike) -> Hops:

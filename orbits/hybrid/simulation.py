@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from ..errors import FlowError, InputError, finite_number, whole_number
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
+from ..io import fields_in_line
 from ..model.machine import ImpactingMachine, dimensionless
 from ..model.phase import Affine
 from ..model.units import ENERGY, SPEED, TIME, Units, noted, without_units
@@ -56,6 +57,9 @@ class ContactEvent:
     after: np.ndarray
     energy: float
     loss: float
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "kind", "time", "energy", "loss")
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,9 @@ class Simulation:
     def _length(self, height: Any) -> Any:
         """A length of the model as a function of the flight state: in SI where the machine is stated so."""
         return self.machine.units.convert_height(height) if self.machine.units else height
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "machine", "status", "end")
 
     def document(self) -> dict[str, Any]:
         """The simulation as the JSON document of the command line."""

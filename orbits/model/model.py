@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..io import fields_in_line
 from .phase import Affine, Arc, Phase, Statement
 
 # Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
@@ -116,6 +117,9 @@ class Model:
     units: Callable | None = None
     gauge: str | None = None
     search: Callable | None = None
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "name")
 
     @property
     def half_unknowns(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..io import fields_in_line
 from .closed_form import Oscillator, ThrownOscillator
 
 
@@ -72,6 +73,9 @@ class Phase:
     closed_form: Callable[[Mapping[str, float]], Oscillator | ThrownOscillator] | None = None
     reaches: tuple[tuple[tuple[float, ...], float], ...] = ()
 
+    def __repr__(self) -> str:
+        return fields_in_line(self, "name", "states")
+
 
 @dataclass(frozen=True, eq=False)
 class Arc:
@@ -105,3 +109,6 @@ class Statement:
     unknowns: tuple[str, ...]
     arcs: tuple[Arc, ...]
     durations: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "name", "unknowns")

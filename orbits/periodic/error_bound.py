@@ -69,7 +69,8 @@ def _bounds_of_residuals(equations: Shooting, us, evaluation: Evaluation, closin
     """The bounds that independent residuals (m, n) give, rounding included; as in `error_bounds`."""
     n, index, jacobian = equations.size, equations.statement.unknowns.index("alpha"), evaluation.jacobian
     square = jacobian if closing is None else np.concatenate([jacobian, closing[:, None]], axis=1)
-    inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[:, [index]])[:, :n, 0]  # the inverse's row of alpha
+    # The row of alpha in the inverse; the leading axis tells older NumPy that the right side is one matrix for all.
+    inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[None, :, [index]])[:, :n, 0]
     alpha = us[:, index]
     # The residuals have roundings of their own, of the size of what they measure: twice as much covers these.
     found = 2 * np.abs(np.einsum("mi,mi->m", inverse, residuals))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..io import to_json
+from ..io import one_line, to_json
 from ..model.machine import Machine
 from ..model.phase import Affine
 from ..model.units import UNIT_TEXTS, Units, noted
@@ -196,6 +196,10 @@ class Orbit:
             "unit_time_s": self.units.time,
             "unit_force_N": self.units.force,
         }
+
+    def __repr__(self) -> str:
+        told = {name: self.machine[name] for name in ("machine", "spring", "gravity")} | self.machine["parameters"]
+        return one_line(self, told | {name: getattr(self, name) for name in ("family", "alpha", "error", "admissible")})
 
     def __str__(self) -> str:
         c, machine, own = self.certificate, self.machine, self.machine.get("units", {})

@@ -75,7 +75,6 @@ def test_two_parameters_meet_the_optimality_conditions():
     text = "loss_coefficient + 0.004*largest_contact_force*contact_time"
     bounds = {"b": (0.01, 3.0), "mass_ratio": (0.05, 0.95)}
     best = optimize(CUBIC, minimise=text, over=bounds, subject_to=["stroke <= 8"])
-    assert best.seconds < 3  # 0.7 s on an idle core, cold
     assert best.kkt < 1e-9
     gradients = []
     for name in bounds:

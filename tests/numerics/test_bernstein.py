@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from orbits.numerics.bernstein import (
+    Crossings,
     PiecewisePolynomials,
     _refine,
     _refine_together,
@@ -16,7 +17,7 @@ from orbits.numerics.bernstein import (
     roots,
     shifted,
 )
-from orbits.numerics.roots import bracketed_root
+from orbits.numerics.roots import bracketed_root, resolved
 
 RNG = np.random.default_rng(7)
 
@@ -135,3 +136,23 @@ def test_a_root_in_a_bracket_that_rounding_has_closed(monkeypatch):
     assert t == pytest.approx(r, abs=1e-16)
     assert _refine(c[0], 1.0, r, r, True, r) == t
     assert len(calls) < 4
+
+
+def test_no_root_is_lost_at_a_joint_of_blocks_where_one_side_rounds_to_zero():
+    """The first block ends a rounding below zero, the next begins with zero itself and rises."""
+    crossings = Crossings()
+    below = -1 - np.finfo(float).eps
+    assert crossings(np.array([[below, 1.0]]), np.array([1.0])) == []
+    ((piece, t),) = crossings(np.array([[0.0, 1.0]]), np.array([1.0]))
+    assert piece == 0
+    assert abs(t) < 1e-15
+
+
+@pytest.mark.parametrize("place", [4.7, 5.3])
+def test_an_extremum_is_resolved_on_both_sides_of_a_grid_point(place):
+    """A parabola dips below zero between points of a grid, left of the lowest one or right of it."""
+    dip = lambda x: (x - place) ** 2 - 1e-4  # noqa: E731
+    grid, values = resolved(dip, np.arange(11.0), True)
+    assert values.min() < 0 < dip(np.arange(11.0)).min()
+    assert np.array_equal(values, dip(grid))
+    assert (np.diff(grid) > 0).all()

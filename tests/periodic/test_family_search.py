@@ -123,6 +123,7 @@ def test_the_number_known_is_kept(tmp_path):
     assert Orbit.load(path).known_in_family is None
 
 
+@pytest.mark.slow
 def test_random_bumps_and_wiggles_against_a_scan():
     counts = studies.search.main(1, 4)
     for found in counts.values():

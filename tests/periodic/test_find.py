@@ -332,8 +332,8 @@ def test_units_do_not_matter(stiffness):
         ("r + 0.5*exp(-50*(r + 3)**2)", "1"),
         ("r + 5*exp(-50*(r + 3)**2)", "1"),
         ("r + 20*exp(-200*(r + 6)**2)", "1"),  # passed in contact alone
-        ("r + 0.5*exp(-5000*(r + 3)**2)", "1"),
-        ("r", "1 + 0.5*exp(-200*(z - 5)**2)"),
+        pytest.param("r + 0.5*exp(-5000*(r + 3)**2)", "1", marks=pytest.mark.slow),
+        pytest.param("r", "1 + 0.5*exp(-200*(z - 5)**2)", marks=pytest.mark.slow),
     ],
 )
 def test_what_is_narrower_than_a_step_is_not_missed_silently(spring, gravity):

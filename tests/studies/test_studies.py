@@ -23,6 +23,7 @@ from studies import (
     figure_7,
     figure_8,
     gravity_families,
+    mutations,
     paper,
     spring_families,
     start_up,
@@ -269,3 +270,12 @@ def test_chain(tmp_path):
     for name in ("y1", "y1'"):
         assert numbers[f"exponent {name}"] == pytest.approx(4 / 3, abs=5e-3)
     assert (tmp_path / "chain.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_mutations(tmp_path):
+    """Two changes of the polynomials' room are made in a copy, and its tests notice both."""
+    sources = [path.read_bytes() for path in sorted(mutations.ROOT.glob("orbits/*/*.py"))]
+    assert mutations.main(tmp_path, quick=True) == {"run": 2, "caught": 2}
+    assert len((tmp_path / "mutations.jsonl").read_text(encoding="utf-8").splitlines()) == 2
+    assert [path.read_bytes() for path in sorted(mutations.ROOT.glob("orbits/*/*.py"))] == sources
