@@ -133,6 +133,9 @@ class TaylorStepper:
         after, c, dc, made = self.step_function(z, data)
         limits = ca.vertcat(after[: self.n], after[-2:])
         taken, goes = _progress(self.n, c.numel())(limits, ca.vec(c), made)
+        # A motion whose last step is no number has not come to its end.
+        left = ca.if_else(ca.logic_and(made[0] > 0, ca.logic_not(taken)), np.nan, after[-2])
+        after = ca.vertcat(after[:-2], left, after[-1])
         return ca.Function("motion", [z, data], [after, c, dc, made[0], taken, goes])
 
 

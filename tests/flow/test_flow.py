@@ -145,6 +145,16 @@ def test_blow_up_and_nan_are_named(force, word):
         oscillator(force).run(START, [0.0], 100.0)
 
 
+def test_a_step_that_is_no_number_does_not_end_a_motion():
+    """Of many at once, too: the coefficients of the one are too large for floating point numbers."""
+    flow = oscillator(lambda r, p, q: 1e300 * r**3)
+    starts, nothing = np.array([[1e-160, 0.0], [1e3, 0.0]]), np.zeros((1, 2))
+    motions, _ = flow.run_all(starts[:1], np.zeros((1, 1)), np.ones(1), np.eye(2), nothing)
+    assert motions.ends == [1.0]
+    with pytest.raises(FlowError, match="breaks down"):
+        flow.run_all(starts, np.zeros((2, 1)), np.ones(2), np.eye(2), nothing)
+
+
 def test_outside_the_pieces_is_an_error_with_the_range():
     limited = Pieces((1.0, 0.0), 1, lambda p: ([-2.0, 1.0, 1.5], [[1.0], [1.0]]), "extension")
     with pytest.raises(OutOfRange, match=r"extension reaches 1.5, outside the law's range \[-2, 1.5\]"):
