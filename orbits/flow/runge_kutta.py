@@ -32,7 +32,6 @@ class RungeKuttaStepper:
         step = ca.Function("step", [x, h, p, dx, dp], [end, ca.densify(slope), ca.densify(field(end, p)[1])])
         self.step = BufferedFunction(step)
         self.nodes = BufferedFunction(step.map("nodes", "serial", len(self.NODES), [0, 2, 3, 4], []))
-        self.expected_steps = 1
         self.powers = np.vander(self.NODES, increasing=True)
         self.watched = BufferedFunction(ca.Function("watched", [x, p], [ca.densify(field(x, p)[1])]))
 

@@ -66,6 +66,7 @@ class Kernel:
         self.seconds_per_step, self.interpretation_budget = length * SECONDS_INTERPRETED, compile_seconds(length)
         self._interpreted: BufferedFunction | None = None
         self._code: MachineCode | None = None
+        # Room for so many records of a point, learned from earlier calls, which no number depends on.
         self._capacity = FIRST_CAPACITY
 
     @property
@@ -101,7 +102,8 @@ class Kernel:
         if (found.going & (found.counts < most)).any():
             found = self._continued(inputs, found, capacity, most)
         largest = int(found.counts.max(initial=0)) + 2
-        self._capacity = min(max(largest, FIRST_CAPACITY), 4 * FIRST_CAPACITY)
+        most_room = SCRATCH // (8 * max(1, sum(self.sizes_out[1:-2])))
+        self._capacity = max(FIRST_CAPACITY, min(largest, most_room))
         return found
 
     def _continued(self, inputs: list[np.ndarray], found: Iterated, capacity: int, most: int) -> Iterated:
