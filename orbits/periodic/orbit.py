@@ -4,14 +4,14 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..io import to_json
+from ..io import conform, read_file, to_json
 from ..model.model import Units
 from ..model.phase import Affine
 from ..numerics.bernstein import lowest
@@ -245,44 +245,97 @@ class Orbit:
     @classmethod
     def load(cls, path: str | Path) -> "Orbit":
         """Read an orbit that `save` wrote; raises `InputError` when the file is not one."""
-        try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-            if data["format"] != ORBIT_FORMAT:
-                raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
-            motion = data["motion"]
-            checked = {name: data[name] for name in Certificate.__dataclass_fields__ if name != "violations"}
-            return cls(
-                machine={name: data[name] for name in MACHINE_FIELDS},
-                **{name: _float_of(data[name]) for name in ("alpha", "liftoff_extension", "flight_time")},
-                contact_time=data["contact_time"] and _float_of(data["contact_time"]),
-                flight=_path_of(motion["flight"]),
-                contact=motion["contact"] and _path_of(motion["contact"]),
-                shape=_shape_of(motion["shape"]),
-                certificate=Certificate(**checked, violations=tuple(data["violations"])),
-                method=data["method"],
-                skipped=tuple(data["skipped"]),
-                seconds=data["seconds"],
-                units=motion["units"] and Units(**motion["units"]),
-            )
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise InputError(f"{path} is not a saved orbit: {error}") from None
+        return read_file(path, "a saved orbit", cls._parsed)
+
+    @classmethod
+    def _parsed(cls, file: BinaryIO) -> "Orbit":
+        data = conform(json.load(file), Saved)
+        if data["format"] != ORBIT_FORMAT:
+            raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
+        motion, parts = data["motion"], [name for name in Certificate.__dataclass_fields__ if name in data]
+        flight, contact = (path and _path_of(path) for path in (motion["flight"], motion["contact"]))
+        if (data["contact_time"] is None) != (contact is None) or not data["flight_time"] >= flight.times[-1]:
+            raise ValueError("its times do not fit its motion")
+        return cls(
+            machine={name: data[name] for name in MACHINE_FIELDS},
+            **{name: data[name] for name in ("alpha", "liftoff_extension", "flight_time", "contact_time", "method")},
+            flight=flight,
+            contact=contact,
+            shape=_shape_of(motion["shape"], flight, contact),
+            certificate=conform({name: data[name] for name in parts}, Certificate),
+            skipped=data["skipped"],
+            seconds=data["seconds"],
+            units=motion["units"],
+        )
 
 
-def _path_of(data: Mapping[str, Any]) -> Trajectory:
-    path = Trajectory(np.array(data["times"]), np.array(data["coefficients"]), tuple(data["names"]))
-    steps, rows, _ = path.coefficients.shape
-    if len(path.times) != steps + 1 or rows != len(path.names) or not (path.steps > 0).all():
+class _SavedShape(TypedDict):
+    """A `Shape` in a file: its heights as pairs of weights and offset."""
+
+    reversor: tuple[int, ...] | None
+    contact_reversor: tuple[int, ...] | None
+    embed: np.ndarray
+    heights: Mapping[str, tuple[tuple[float, ...], float]]
+    springs: tuple[tuple[str | None, str], ...]
+
+
+class _SavedPath(TypedDict):
+    """A `Trajectory` in a file."""
+
+    names: tuple[str, ...]
+    times: np.ndarray
+    coefficients: np.ndarray
+
+
+class _SavedMotion(TypedDict):
+    """What a saved orbit has beside its document."""
+
+    shape: _SavedShape
+    flight: _SavedPath
+    contact: _SavedPath | None
+    units: Units | None
+
+
+class Saved(TypedDict):
+    """A saved orbit, as far as it is read; the fields of `Certificate` stand beside these."""
+
+    format: str
+    machine: str
+    spring: str
+    gravity: str
+    mass_ratio: float | None
+    rest_length: float | None
+    restitution: float | None
+    parameters: Mapping[str, float]
+    laws_in: str
+    alpha: float
+    liftoff_extension: float
+    flight_time: float
+    contact_time: float | None
+    method: str
+    skipped: tuple[str, ...]
+    seconds: float
+    motion: _SavedMotion
+
+
+def _path_of(data: _SavedPath) -> Trajectory:
+    """A motion whose arrays fit each other; raises `ValueError`."""
+    times, coefficients, names = data["times"], data["coefficients"], data["names"]
+    if coefficients.ndim != 3 or times.shape != (len(coefficients) + 1,) or coefficients.shape[1] != len(names):
         raise ValueError("its motion is damaged")
-    return path
+    if times[0] != 0 or not (np.diff(times) > 0).all():
+        raise ValueError("its motion is damaged: the times do not ascend from 0")
+    return Trajectory(times, coefficients, names)
 
 
-def _shape_of(data: Mapping[str, Any]) -> Shape:
-    reversor, mirror = (data[name] and tuple(data[name]) for name in ("reversor", "contact_reversor"))
-    heights = {name: Affine(tuple(weights), offset) for name, (weights, offset) in data["heights"].items()}
-    return Shape(reversor, mirror, np.array(data["embed"]), heights, tuple(map(tuple, data["springs"])))
-
-
-def _float_of(value: Any) -> float:
-    if not isinstance(value, float):
-        raise ValueError(f"{value!r} is not a number")
-    return value
+def _shape_of(data: _SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
+    """A shape whose states are those of the motions; raises `ValueError`."""
+    heights = {name: Affine(*height) for name, height in data["heights"].items()}
+    embed, signs, known = data["embed"], (data["reversor"], data["contact_reversor"]), {*heights, None}
+    sizes = embed.shape if embed.ndim == 2 else (0, 0)
+    fits = 0 < sizes[0] <= len(flight.names) and 0 < sizes[1] <= (sizes[1] if contact is None else len(contact.names))
+    fits &= all(each is None or len(each) == size for each, size in zip(signs, sizes, strict=True))
+    fits &= bool(heights) and all(len(height.weights) == sizes[0] for height in heights.values())
+    if not fits or not {*sum(data["springs"], ())} <= known:
+        raise ValueError("its shape does not fit its motion")
+    return Shape(*signs, embed, heights, data["springs"])
