@@ -1,9 +1,10 @@
 """Files: names to write to checked, results as JSON, documents read and held against their types, and the version."""
 
+import csv
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -22,6 +23,7 @@ except PackageNotFoundError:  # the sources are used without being installed
 
 Read = TypeVar("Read")
 MEGABYTE = 1 << 20
+DOCUMENTS = (".json",)  # endings of JSON documents
 # What a document says where one of these is expected, and how a message calls it.
 WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
 
@@ -47,11 +49,25 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{value!r} cannot be written as JSON")
 
 
-def write_json(document: Mapping, path: str | Path, what: str) -> Path:
-    """Write a document to a JSON file and return its path; `what` it is goes into the `InputError` when that fails."""
-    path = Path(path)
+def write_json(document: Mapping, path: str | Path, what: str, endings: tuple[str, ...] = DOCUMENTS) -> Path:
+    """Write a document to a JSON file and return its path; `what` it is and the `endings` that its files may have go
+    into the `InputError` when that fails."""
+    path = check_ending(path, endings)
     try:
         path.write_text(to_json(document) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"the {what} cannot be saved to {path}: {error}") from None
+    return path
+
+
+def write_table(names: Sequence[str], rows: Iterable[Sequence], path: str | Path, what: str) -> Path:
+    """Write a CSV file of named columns, floats with all their digits; the others as in `write_json`."""
+    path = Path(path)
+    try:
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(names)
+            writer.writerows([f"{each:.17g}" if isinstance(each, float) else each for each in row] for row in rows)
     except OSError as error:
         raise InputError(f"the {what} cannot be saved to {path}: {error}") from None
     return path
@@ -74,8 +90,8 @@ def check_path(path: str | Path, endings: tuple[str, ...]) -> Path:
     return path
 
 
-def read_file(path: str | Path, what: str, parse: Callable[[BinaryIO], Read], most: int = 32 * MEGABYTE) -> Read:
-    """What `parse` makes of a file; whatever is wrong with it is an `InputError` that it is not `what` it should be.
+def read_file(path: str | Path, complaint: str, parse: Callable[[BinaryIO], Read], most: int = 32 * MEGABYTE) -> Read:
+    """What `parse` makes of a file; whatever is wrong with it is an `InputError` that begins with the `complaint`.
 
     most : bytes; a larger file is refused, since what is parsed takes some twenty times its file's memory
     """
@@ -92,7 +108,7 @@ def read_file(path: str | Path, what: str, parse: Callable[[BinaryIO], Read], mo
         reason = f"it has no {error}"
     except (OSError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
         reason = error
-    raise InputError(f"{path} is not {what}: {reason}") from None
+    raise InputError(f"{complaint}: {reason}") from None
 
 
 def conform(value: Any, kind: Any, name: str = "it") -> Any:

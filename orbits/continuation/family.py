@@ -1,6 +1,5 @@
 """A family: a curve of lossless orbits along a parameter, with its events and how it ends."""
 
-import csv
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -10,7 +9,7 @@ from typing import Any, BinaryIO, TypedDict
 import numpy as np
 
 from ..errors import InputError
-from ..io import MEGABYTE, check_ending, conform, read_file, to_json
+from ..io import MEGABYTE, check_ending, conform, read_file, to_json, write_table
 from ..periodic.certificate import Certificate
 
 FAMILY_FORMAT = "persistent-orbits family 1"
@@ -205,7 +204,9 @@ class Family:
         path = check_ending(path, ENDINGS)
         try:
             if path.suffix.lower() == ".csv":
-                self._write_csv(path)
+                names = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]
+                rows = ((p.value, *p.also.values(), *(getattr(p, name) for name in COLUMNS)) for p in self.points)
+                write_table(names, rows, path, "family")
             elif path.suffix.lower() == ".nc":
                 self._dataset().to_netcdf(path)
             else:
@@ -224,7 +225,7 @@ class Family:
     @classmethod
     def load(cls, path: str | Path) -> "Family":
         """Read a family that `save` or an interrupted `follow` wrote; a last line that was cut short is left out."""
-        return read_file(path, "a saved family", cls._parsed, MOST_BYTES)
+        return read_file(path, f"{path} is not a saved family", cls._parsed, MOST_BYTES)
 
     @classmethod
     def _parsed(cls, file: BinaryIO) -> "Family":
@@ -249,14 +250,6 @@ class Family:
         _check_points(points, events)
         found = tuple(points), tuple(events), end
         return cls(head["along"], head["machine"], *found, head["settings"], head["versions"])
-
-    def _write_csv(self, path):
-        with open(path, "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow([self.name, *(self.points[0].also if self.points else ()), *COLUMNS])
-            for point in self.points:
-                row = [point.value, *point.also.values(), *(getattr(point, name) for name in COLUMNS)]
-                writer.writerow([f"{value:.17g}" if isinstance(value, float) else value for value in row])
 
     def _dataset(self):
         try:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, OrbitsError, whole_number
-from ..io import write_json
+from ..io import DOCUMENTS, write_json, write_table
 from ..model.machine import Machine
 from ..periodic.find import find
 from ..symbolic import interrupts
@@ -59,8 +59,12 @@ class Front:
         }
 
     def save(self, path: str | Path) -> Path:
-        """Write the document to a JSON file; returns the path."""
-        return write_json(self.document(), path, "front")
+        """Write the document (.json) or a table of objectives and parameters (.csv); returns the path."""
+        if Path(path).suffix.lower() != ".csv":
+            return write_json(self.document(), path, "front", (*DOCUMENTS, ".csv"))
+        names = list(self.designs[0].parameters)
+        rows = [(*_objectives(design), *(design.parameters[name] for name in names)) for design in self.designs]
+        return write_table([*self.texts, *names], rows, path, "front")
 
     def __str__(self) -> str:
         names = list(self.designs[0].parameters)

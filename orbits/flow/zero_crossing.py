@@ -16,6 +16,7 @@ from .trajectory import Trajectories
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
 # this order are below rounding there, 1 / 19! = 8e-18. So many expansions are searched in one call.
 CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 4
+LONG = 100  # calls after which more steps are taken in each, since few motions are that long
 
 
 def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> StopTest:
@@ -119,23 +120,32 @@ class _ZeroSearch:
 
     def in_closed_form(self):
         """Search motions in closed form, some expansions at a time."""
-        form = self.flow.closed_form(self.p)
-        length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), 0.0
+        form, block = self.flow.closed_form(self.p), CLOSED_BLOCK
+        length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), np.zeros(1)
+        rises, falls = form.positive_between(self.quantity, self.starts.T)
         while len(remaining):
             interrupts.check()
-            times = began + length * np.arange(CLOSED_BLOCK)
+            times = began[:, None] + length * np.arange(block)
             states = form.state(self.starts[remaining].T[:, :, None], times)
             c = form.along(self.quantity.weights, states.reshape(len(states), -1), CLOSED_ORDER)
             c[:, 0] += self.quantity.offset
-            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), CLOSED_BLOCK))
-            skip = self.skip[remaining] if began == 0 else 0
+            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block))
+            skip = 0 if began.any() else self.skip[remaining]
             owner, piece, t = polynomials.first_roots(skip, self.rising, self.signs[remaining])
             self.signs[remaining] = polynomials.after
-            found, hits = began + length * piece + t, remaining[owner]
+            began = np.broadcast_to(began, remaining.shape)
+            found, hits = began[owner] + length * piece + t, remaining[owner]
             self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
             self.rows[hits, : self.flow.size] = form.state(self.starts[hits].T, found).T
-            remaining, began = np.delete(remaining, owner), began + CLOSED_BLOCK * length
-            remaining = remaining[began < self.limit[remaining]]
+            remaining, began = np.delete(remaining, owner), np.delete(began, owner) + block * length
+            # While the quantity stays positive nothing is searched, up to the last block that begins before that ends.
+            jump = np.floor(falls[remaining] / (block * length)) * (block * length)
+            began = np.where(began >= rises[remaining], np.maximum(began, jump), began)
+            late = began > length * self.flow.control.max_steps
+            for i in remaining[late & (began < self.limit[remaining])]:
+                self.failed[int(i)] = FlowError(f"the {self.flow.phase.name} takes too many steps")
+            left = ~late & (began < self.limit[remaining])
+            remaining, began = remaining[left], began[left]
         for i, (slope, value) in enumerate(form.watch.values(), start=self.flow.size):
             self.rows[:, i] = slope * self.rows[:, 0] + value
 
@@ -144,7 +154,7 @@ class _ZeroSearch:
         flow, control, stepper = self.flow, self.flow.control, self.flow.stepper(0)
         remaining, x, began = np.arange(len(self.starts)), self.starts, np.zeros(len(self.starts))
         pieces = ActivePieces(flow, self.p, x)
-        for _ in range(control.max_steps):
+        for call in range(control.max_calls):
             inside = pieces.inside
             for i in np.flatnonzero(~inside):
                 self.failed[int(remaining[i])] = flow.out_of_range(self.p, x[i])
@@ -153,7 +163,9 @@ class _ZeroSearch:
             if not len(remaining):
                 return
             interrupts.check()
-            block = 1 if flow.phase.pieces else control.look_ahead
+            block = 1 if flow.phase.pieces else control.look_ahead if call < LONG else control.max_block
+            if (call - LONG) * control.max_block > control.max_steps:
+                break
             steps, c, accepted = stepper.advance_all(x, pieces.data, block)
             steps = pieces.cut(c, steps)
             ends = evaluate(c[:, -1, : flow.size], steps[:, -1:])

@@ -23,7 +23,7 @@ from ..numerics.roots import enclosed_sign_changes, resolved
 from ..periodic.find import certified_orbit, find
 from ..periodic.formulations import equations_of
 from ..periodic.orbit import Orbit
-from .impacts import CAP, LIFTOFF_ORDER, STATUS, Impacts, status_of_failure
+from .impacts import CAP, FASTEST, LIFTOFF_ORDER, STATUS, Impacts, injected, status_of_failure
 
 BATCH_SIZE = 1000  # launch speeds in one batch: few enough to stay in a processor's cache
 SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
@@ -79,7 +79,7 @@ class ReturnMap:
     """
 
     def __init__(self, machine: ImpactingMachine, inject: float = 0.0, cap: int = CAP):
-        self.inject, self.cap = finite_number("inject", inject), whole_number("cap", cap, "impacts")
+        self.inject, self.cap = injected(inject), whole_number("cap", cap, "impacts")
         self.machine, self.impacts = machine, Impacts(machine)
         if not self.impacts.model.one_speed:
             raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
@@ -288,8 +288,9 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int):
     m = len(alpha)
     loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
     state, standing = impacts.launch(alpha), np.zeros((m, impacts.contact.size))
-    flying, order = np.flatnonzero(impacts.opens(state)), LIFTOFF_ORDER
-    status[flying] = "cap"
+    too_fast = alpha > FASTEST
+    flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
+    status[flying], status[too_fast] = "cap", "lost"
     for _ in range(cap):
         start, limit = state[flying], impacts.longest_flight(state[flying])
         times, rows, errors = first_zeros(impacts.flight, start, impacts.p, impacts.gap, limit, order)

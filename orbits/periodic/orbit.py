@@ -1,7 +1,7 @@
 """A lossless orbit: a frozen result that evaluates, prints, plots, saves and loads itself."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, TypedDict
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..io import conform, read_file, to_json
+from ..io import conform, read_file, write_json
 from ..model.model import Units
 from ..model.phase import Affine
 from ..numerics.bernstein import lowest
@@ -221,9 +221,9 @@ class Orbit:
         """Plot speed against height over a cycle; returns the axes."""
         return plot_phase_portrait(self, axes)
 
-    def animate(self, path: str | Path, frames: int = 80) -> Path:
-        """Write an animation of one cycle (GIF); returns its path. See `orbits.plot.animate_orbit`."""
-        return animate_orbit(self, path, frames)
+    def animate(self, path: str | Path, frames: int = 80, progress: Callable[[float], None] | None = None) -> Path:
+        """Write an animation of one cycle (.gif or .mp4); returns its path. See `orbits.plot.animate_orbit`."""
+        return animate_orbit(self, path, frames, progress)
 
     def save(self, path: str | Path) -> Path:
         """Write the orbit to a JSON file, every float with 17 significant digits; returns the path.
@@ -235,17 +235,12 @@ class Orbit:
         heights = {name: [height.weights, height.offset] for name, height in self.shape.heights.items()}
         shape, units = vars(self.shape) | {"heights": heights}, self.units and asdict(self.units)
         motion = {"shape": shape, "flight": flight, "contact": contact, "units": units}
-        path, document = Path(path), {"format": ORBIT_FORMAT, **self.document(), "motion": motion}
-        try:
-            path.write_text(to_json(document) + "\n", encoding="utf-8")
-        except (OSError, ValueError) as error:
-            raise InputError(f"the orbit cannot be saved to {path}: {error}") from None
-        return path
+        return write_json({"format": ORBIT_FORMAT, **self.document(), "motion": motion}, path, "orbit")
 
     @classmethod
     def load(cls, path: str | Path) -> "Orbit":
         """Read an orbit that `save` wrote; raises `InputError` when the file is not one."""
-        return read_file(path, "a saved orbit", cls._parsed)
+        return read_file(path, f"{path} is not a saved orbit", cls._parsed)
 
     @classmethod
     def _parsed(cls, file: BinaryIO) -> "Orbit":
