@@ -16,7 +16,6 @@ from .trajectory import Trajectories
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
 # this order are below rounding there, 1 / 19! = 8e-18. So many expansions are searched in one call.
 CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 4
-LONG = 100  # calls after which more steps are taken in each, since few motions are that long
 
 
 def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> StopTest:
@@ -154,7 +153,7 @@ class _ZeroSearch:
         flow, control, stepper = self.flow, self.flow.control, self.flow.stepper(0)
         remaining, x, began = np.arange(len(self.starts)), self.starts, np.zeros(len(self.starts))
         pieces = ActivePieces(flow, self.p, x)
-        for call in range(control.max_calls):
+        for _ in range(control.max_calls):
             inside = pieces.inside
             for i in np.flatnonzero(~inside):
                 self.failed[int(remaining[i])] = flow.out_of_range(self.p, x[i])
@@ -163,9 +162,7 @@ class _ZeroSearch:
             if not len(remaining):
                 return
             interrupts.check()
-            block = 1 if flow.phase.pieces else control.look_ahead if call < LONG else control.max_block
-            if (call - LONG) * control.max_block > control.max_steps:
-                break
+            block = 1 if flow.phase.pieces else control.look_ahead
             steps, c, accepted = stepper.advance_all(x, pieces.data, block)
             steps = pieces.cut(c, steps)
             ends = evaluate(c[:, -1, : flow.size], steps[:, -1:])

@@ -287,7 +287,7 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int):
     """Losses, numbers of impacts, statuses (m,) and contact states (m, k) up to sustained contact ("lifts_off")."""
     m = len(alpha)
     loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
-    state, standing = impacts.launch(alpha), np.zeros((m, impacts.contact.size))
+    state, standing = impacts.launch(np.minimum(alpha, FASTEST)), np.zeros((m, impacts.contact.size))
     too_fast = alpha > FASTEST
     flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
     status[flying], status[too_fast] = "cap", "lost"
@@ -316,6 +316,7 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int):
 def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
     """One hop from each of the launch speeds (m,), given up after `cap` impacts, with `inject` added to the next."""
     loss, counts, status, standing = _flights_and_impacts(impacts, alpha, cap)
+    alpha, asked = np.minimum(alpha, FASTEST), alpha
     next_speed, left, lifting = np.full(len(alpha), np.nan), alpha**2 - loss, np.flatnonzero(status == "lifts_off")
     if impacts.contact.phase.closed_form:  # The force is linear: the energy alone decides whether it vanishes.
         status[lifting[left[lifting] < 0]] = "rests"
@@ -333,4 +334,4 @@ def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
     next_speed[lifting] = np.sqrt(np.maximum(left[lifting], 0.0)) + inject
     stopped = next_speed <= 0
     status[stopped], next_speed[stopped] = "rests", np.nan
-    return Hops(alpha, next_speed, loss, counts, status)
+    return Hops(asked, next_speed, loss, counts, status)
