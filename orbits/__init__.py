@@ -19,8 +19,9 @@ from .hybrid.simulation import Simulation, simulate
 from .io import __version__
 from .model.closed_form import Oscillator
 from .model.machine import Machine
-from .model.model import Model, Reduction, Units
+from .model.model import Model, Reduction
 from .model.phase import Affine, Arc, Phase, Pieces, Statement
+from .model.units import Units
 from .periodic.certificate import Certificate
 from .periodic.find import METHODS, find, find_all
 from .periodic.orbit import Orbit

@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import InputError
 from .io import check_path
-from .model.model import Units
+from .model.units import Units
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
 Axes: TypeAlias = Any
@@ -53,9 +53,9 @@ def new_row(count: int, width: float = 4.2, height: float = 3.6, rows: int = 1) 
     return axes
 
 
-def scales(units: Units | None) -> tuple[float, float, str, str]:
-    """Factors of length and time for a plot, and their units as text: SI for a machine that is stated in SI."""
-    return (1.0, 1.0, "", "") if units is None else (units.length, units.time, " (m)", " (s)")
+def unit_labels(units: Units | None) -> tuple[str, str, str]:
+    """The units of length, time and speed as text for a plot: SI for a machine that is stated in SI, else nothing."""
+    return ("", "", "") if units is None else (" (m)", " (s)", " (m/s)")
 
 
 def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
@@ -63,17 +63,17 @@ def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
 
     In metres and seconds for a machine that is stated in SI.
     """
-    length, time, metres, seconds = scales(orbit.units)
+    metres, seconds, _ = unit_labels(orbit.units)
     axes, (t, states) = axes or new_axes(), _cycle(orbit, 2001)
     for (name, height), colour in zip(orbit.shape.heights.items(), COLOURS, strict=False):
         style = {"lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"lw": 2}
-        axes.plot(time * t, length * height(states), color=colour, label=name, **style)
+        axes.plot(t, height(states), color=colour, label=name, **style)
     if orbit.contact_time is not None:
-        axes.axvspan(time * orbit.flight_time, time * t[-1], fc=SHADE, ec="0.7", lw=0.5, label="contact", zorder=0)
+        axes.axvspan(orbit.flight_time, t[-1], fc=SHADE, ec="0.7", lw=0.5, label="contact", zorder=0)
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set_title(title(orbit), fontsize="medium", wrap=True)
     vertical = _vertical(orbit.machine["rest_length"]) + metres
-    return _finished(axes, BELOW, xlim=(0, time * t[-1]), xlabel="time" + seconds, ylabel=vertical)
+    return _finished(axes, BELOW, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=vertical)
 
 
 def _cycle(orbit, count: int):
@@ -93,15 +93,15 @@ def _finished(axes: Axes, legend: Mapping | None = None, **labels) -> Axes:
 
 def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
     """Plot speed against height of every mass over a cycle; return the axes."""
-    length, time, metres, _ = scales(orbit.units)
+    metres, _, speeds_in = unit_labels(orbit.units)
     axes, (_, states) = axes or new_axes(4.5, 4.0), _cycle(orbit, 2001)
     speeds = states[:, [name.endswith("'") for name in orbit.flight.names]]
     for i, name in enumerate(list(orbit.shape.heights)[: speeds.shape[1]]):
-        height, speed = length * orbit.shape.heights[name](states), length / time * speeds[:, i]
+        height, speed = orbit.shape.heights[name](states), speeds[:, i]
         axes.plot(height, speed, color=COLOURS[i], lw=1.6, label=name)
     axes.set_title(title(orbit), fontsize="small", wrap=True)
     vertical = _vertical(orbit.machine["rest_length"]) + metres
-    return _finished(axes, {}, xlabel=vertical, ylabel="speed" + (" (m/s)" if metres else ""))
+    return _finished(axes, {}, xlabel=vertical, ylabel="speed" + speeds_in)
 
 
 def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", label: str | None = None) -> Axes:
@@ -126,7 +126,12 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
             known.append(event.kind)
     machine = family.machine
     axes.set_title(f"{machine['machine']}, spring {machine['spring']}, gravity {machine['gravity']}", fontsize="small")
-    return _finished(axes, {} if known or label else None, xlabel=family.name, ylabel=quantity.replace("_", " "))
+    return _finished(
+        axes,
+        {} if known or label else None,
+        xlabel=family.heading(family.name),
+        ylabel=family.heading(quantity).replace("_", " "),
+    )
 
 
 def spread(family: Any, count: int) -> list:
@@ -181,7 +186,7 @@ def plot_existence(diagram: Any, axes: Axes | None = None) -> Axes:
         axes.fill_between([], [], color=colour, label=label)
     if any(map(diagram.unknown, range(len(values)))):
         axes.fill_between([], [], fc="none", ec="0.8", hatch="///", lw=0, label="not known")
-    return _finished(axes, BELOW, xlabel=diagram.along, ylabel=diagram.across)
+    return _finished(axes, BELOW, xlabel=diagram.heading(diagram.along), ylabel=diagram.heading(diagram.across))
 
 
 def plot_front(front: Any, axes: Axes | None = None) -> Axes:
@@ -189,7 +194,9 @@ def plot_front(front: Any, axes: Axes | None = None) -> Axes:
     axes = axes or new_axes(5.4, 4.2)
     signs = [-1 if text.lstrip().startswith("-") else 1 for text in front.texts]
     axes.plot(*(front.values * signs).T, "o-", color=COLOURS[0], ms=4)
-    labels = [text.lstrip().lstrip("-").strip().replace("_", " ") for text in front.texts]
+    texts = [text.lstrip().lstrip("-").strip() for text in front.texts]
+    units = [front.designs[0].unit_of(text) for text in texts]
+    labels = [text.replace("_", " ") + (unit and f" ({unit})") for text, unit in zip(texts, units, strict=True)]
     return _finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 
@@ -222,7 +229,8 @@ def plot_map(
             web += [(here, there), (there, there)]
             here = there
         axes.plot(*np.transpose(web), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
-    labels = {"xlabel": "launch speed", "ylabel": "next launch speed"}
+    *_, unit = unit_labels(step.machine.units)
+    labels = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
     return _finished(axes, {"loc": "upper left"}, xlim=(low, high), ylim=(0, high), **labels)
 
 
@@ -232,44 +240,41 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
     In metres and seconds for a machine that is stated in SI.
     """
     axes, machine, t = axes or new_axes(), run.machine, np.linspace(0, run.end, 4001)
-    length, time, metres, seconds = scales(machine.units)
-    heights, states = machine.model.heights(machine.values), run(t)
+    metres, seconds, _ = unit_labels(machine.units)
+    heights, states = run.heights, run(t)
     for (name, height), colour in zip(heights.items(), COLOURS, strict=False):
         width = 1 if name == "centre of mass" else 1.8
-        axes.plot(time * t, length * height(states), color=colour, lw=width, label=name)
-    _shade_contacts(run, axes, time)
+        axes.plot(t, height(states), color=colour, lw=width, label=name)
+    _shade_contacts(run, axes)
     impacts = [event for event in run.events if event.kind == "impact"]
     _, struck, *_ = heights.values()  # the gap is counted from the lower mass
-    times, places = [time * event.time for event in impacts], [length * float(struck(event.after)) for event in impacts]
+    times, places = [event.time for event in impacts], [float(struck(event.after)) for event in impacts]
     axes.plot(times, places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
     axes.axhline(0, color="0.4", lw=0.8)
     vertical = _vertical(machine.rest_length) + metres
-    return _finished(axes, BELOW, xlim=(0, time * run.end), xlabel="time" + seconds, ylabel=vertical)
+    return _finished(axes, BELOW, xlim=(0, run.end), xlabel="time" + seconds, ylabel=vertical)
 
 
 def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Axes:
     """Plot the gap of a simulated machine against time, as the foot path in Fig. 6 of the paper; return the axes."""
-    axes, machine = axes or new_axes(), run.machine
-    length, time, metres, seconds = scales(machine.units)
-    t = np.linspace(0, run.end, 4001)
-    axes.plot(time * t, length * machine.model.gap(machine.values)(run(t)), color=COLOURS[1], lw=2, label=label)
-    _shade_contacts(run, axes, time)
-    return _finished(axes, xlim=(0, time * run.end), xlabel="time" + seconds, ylabel="gap" + metres)
+    axes, t = axes or new_axes(), np.linspace(0, run.end, 4001)
+    metres, seconds, _ = unit_labels(run.machine.units)
+    axes.plot(t, run.gap(run(t)), color=COLOURS[1], lw=2, label=label)
+    _shade_contacts(run, axes)
+    return _finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel="gap" + metres)
 
 
-def _shade_contacts(run, axes, time: float):
+def _shade_contacts(run, axes):
     for leg in run.legs:
         if leg.phase == "contact":
-            axes.axvspan(time * leg.start, time * (leg.start + leg.path.times[-1]), fc=SHADE, zorder=0)
+            axes.axvspan(leg.start, leg.start + leg.path.times[-1], fc=SHADE, zorder=0)
 
 
 def title(orbit: Any) -> str:
     """The title of an orbit's plot: machine, family and speed in one line, the laws in another."""
     gravity = orbit.machine["gravity"]
     laws = f"spring {orbit.machine['spring']}" + ("" if gravity == "1" else f", gravity {gravity}")
-    speed = f"alpha = {orbit.alpha:.6g}"
-    if orbit.units:
-        speed += f" ({orbit.alpha * orbit.units.length / orbit.units.time:.4g} m/s)"
+    speed = f"alpha = {orbit.alpha:.6g}" + (" m/s" if orbit.units else "")
     kind = "" if orbit.admissible else " (inadmissible)"
     return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{laws}"
 
@@ -302,8 +307,8 @@ def animate_simulation(run: Any, path: str | Path, frames: int = 200, progress: 
     """Write a simulated motion as an animation, as `animate_orbit` does; returns the path."""
     t, machine = np.linspace(0, run.end, _frames(frames)), run.machine
     words = np.where(run.in_contact(t), "contact", "flight")
-    heights, floating = machine.model.heights(machine.values), machine.rest_length is None
-    return _animate(path, words, run(t), heights, machine.model.springs, floating, machine.units, progress)
+    floating = machine.rest_length is None
+    return _animate(path, words, run(t), run.heights, machine.model.springs, floating, machine.units, progress)
 
 
 def _frames(frames) -> int:
@@ -333,9 +338,9 @@ def _animate(
     """
     from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 
-    path, (length, _, metres, _) = check_animation(path), scales(units)
+    path, (metres, *_) = check_animation(path), unit_labels(units)
     names = [name for name in functions if name != "centre of mass"]
-    heights = {name: length * functions[name](states) for name in names} | {None: np.zeros(len(words))}
+    heights = {name: functions[name](states) for name in names} | {None: np.zeros(len(words))}
     if floating:  # room for springs that are long enough, from the lowest mass up
         room = 1.2 * max(map(np.ptp, heights.values()))
         lifts = {None: 0, springs[-1][0]: 0}

@@ -8,7 +8,7 @@ does.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from operator import attrgetter
 from typing import Any, cast
 
@@ -18,9 +18,12 @@ from orbits import Input
 from orbits.errors import InputError, finite_number
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
+from orbits.model.units import SPEED, Units
+from orbits.symbolic.exclusive import exclusive_property
 
 from .laws import Key
 from .machine import DAMPERS, TwoMassMachine
+from .units import MachineInSI
 
 END, RATE = "u", "w"
 
@@ -29,12 +32,17 @@ END, RATE = "u", "w"
 class Actuated:
     """A machine whose spring's end is moved, as `simulate` takes it; the last state is u.
 
-    machine : a `Hopper` or `Juggler` with a smooth spring law
+    machine : a `Hopper` or `Juggler` with a smooth spring law, or one in SI; its dimensionless self is kept
+    units : of the machine in SI, None where there are none
     """
 
     machine: TwoMassMachine
+    units: Units | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.machine, MachineInSI):
+            object.__setattr__(self, "units", self.machine.units)
+            object.__setattr__(self, "machine", self.machine.dimensionless())
         if not isinstance(self.machine, TwoMassMachine):
             kind = type(self.machine).__name__
             raise InputError(f"a {kind} is no machine whose spring can be moved, as problems.Hopper()")
@@ -43,11 +51,11 @@ class Actuated:
         if taken := {END, RATE, "peak"} & self.machine.parameters.keys():
             raise InputError(f"'{min(taken)}' is the actuator's own name; call the formula's parameter something else")
 
-    @cached_property
+    @exclusive_property
     def model(self) -> Model:
         """The machine's own model with u beside each state; machines that differ only in numbers share it."""
         m, kind = self.machine, cast(type, type(self.machine))
-        return _actuated_model(kind, m.spring.key, m.varying_gravity, m.rest_length is not None)
+        return _actuated_model(kind, *m.keys, m.rest_length is not None)
 
     @property
     def values(self) -> dict[str, float]:
@@ -60,8 +68,16 @@ class Actuated:
         return {**self.machine.values, **{name: float(getattr(self.machine, name)) for name in DAMPERS}}
 
     restitution = property(attrgetter("machine.restitution"))
-    units = property(attrgetter("machine.units"))
     rest_length = property(attrgetter("machine.rest_length"))
+
+    @property
+    def scheduled(self) -> dict[str, float]:
+        """The unit of the actuator's rate, which a simulation may vary in time."""
+        return {RATE: 1.0 if self.units is None else self.units.of(SPEED)}
+
+    def dimensionless(self) -> "Actuated":
+        """The same without units."""
+        return replace(self, units=None)
 
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""
@@ -154,7 +170,8 @@ def _driven(phase: Phase) -> Phase:
 
     field = with_end(phase.field)
     watch = {name: with_end(of) for name, of in phase.watch.items()}
-    return Phase(phase.name, (*phase.states, END), lambda x, p, q: [*field(x, p, q), p[RATE]], watch)
+    states = (*phase.states, END)
+    return Phase(phase.name, states, lambda x, p, q: [*field(x, p, q), p[RATE]], watch, reaches=phase.reaches)
 
 
 def _widened(affine: Affine) -> Affine:

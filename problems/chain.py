@@ -13,7 +13,7 @@ with mass ratio m2/m1.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from orbits.errors import FlowError, InputError, NoOrbit
 from orbits.flow.flow import flow_of
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
+from orbits.symbolic.exclusive import exclusive, exclusive_property
 
 from .launch import Liftoff
 from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number
@@ -61,6 +62,7 @@ class Chain:
     units = None
     rest_length = None
 
+    @exclusive
     def __post_init__(self) -> None:
         if np.ndim(self.masses) != 1 or not isinstance(self.parameters, Mapping):
             told = "a list of masses, from the top, and a mapping of its springs' parameters"
@@ -72,7 +74,7 @@ class Chain:
         given = self.springs if isinstance(self.springs, list | tuple) else [self.springs] * (len(masses) - 1)
         if len(given) != len(masses) - 1:
             raise InputError(f"{len(masses)} masses are joined by {len(masses) - 1} springs, not {len(given)}")
-        springs = tuple(as_spring(law, self.parameters) for law in given)
+        springs = tuple(as_spring(law, self.parameters, shared=True) for law in given)
         if piecewise := [law.text for law in springs if law.pieces]:
             raise InputError(f"spring '{piecewise[0]}' is piecewise; a chain takes smooth ones")
         parameters = self._common_parameters(springs, _mass_names(len(masses)))
@@ -90,7 +92,7 @@ class Chain:
             raise InputError("two springs have a parameter of one name with different values; rename one")
         return known
 
-    @cached_property
+    @exclusive_property
     def model(self) -> Model:
         """The phases and orbits of the chain; chains that differ only in numbers share it."""
         return _chain_model(tuple(law.key for law in self.springs))

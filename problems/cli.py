@@ -72,6 +72,11 @@ def find_command(
         raise click.exceptions.Exit(1)
 
 
+# Columns of the table of a map's hops, and the units of a machine in SI.
+COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
+UNITS_OF_HOPS = {"alpha": "m/s", "next": "m/s", "loss": "m^2/s^2"}
+
+
 @orbits.command(
     "follow", epilog="\b\nExit code: 0 followed to its end, 1 no such orbit or the curve was lost, 2 bad input."
 )
@@ -104,14 +109,8 @@ def follow_command(
         values = [float(value) for value in at.split(",")] if at else []
     except ValueError:
         raise InputError(f"--at {at!r} is not a list of numbers, as 0.5,1,2") from None
-    if start is not None:  # --from replaces what --set says
-        stated["settings"] = [setting for setting in stated["settings"] if not options.sets(setting, along)]
-        if along in ("mass_ratio", "rest_length"):
-            stated[along] = start
-        else:
-            stated["settings"].append(f"{along}={start!r}")
     before = None if resume is None else Family.load(resume)
-    machine = options.machine_of(**stated)
+    machine = options.machine_of(**stated, first=None if start is None else (along, start))
     with options.progress() as report:
         followed = follow(
             machine, along, stop, start, family, at=values, longest=longest,
@@ -148,6 +147,8 @@ def return_map(
     from orbits.plot import plot_map, save_figure
 
     speeds = options.launch_speeds(alpha)
+    if not 0 < speeds[0] < float("inf"):
+        raise InputError(f"--alpha {alpha}; launch speeds are above 0")
     if plot is not None:
         if len(speeds) < 2:
             raise InputError(f"--plot needs a range, --alpha A:B:N, not --alpha {alpha}")
@@ -160,13 +161,15 @@ def return_map(
         hops = step(speeds)
         if plot is not None:
             save_figure(plot_map(step, speeds[0], speeds[-1], start=cobweb), plot)
+    in_si = step.machine.units is not None
     if as_json:
-        click.echo(to_json(hops.document()))
+        click.echo(to_json(hops.document() | ({"units": UNITS_OF_HOPS} if in_si else {})))
         return
     if len(speeds) > LONGEST_TABLE and not whole:
-        click.echo(options.summary(hops))
+        click.echo(options.summary(hops, UNITS_OF_HOPS if in_si else {}))
         return
-    click.echo(f"{'launch speed':>16}{'next':>20}{'loss':>16}{'impacts':>9}  status")
+    heads = [f"{name} ({UNITS_OF_HOPS[key]})" if in_si else name for key, name in COLUMNS_OF_HOPS.items()]
+    click.echo("{:>16}{:>20}{:>16}{:>9}  {}".format(*heads, "impacts", "status"))
     for row in zip(*hops.document().values(), strict=True):
         following = "-" if row[1] is None else f"{row[1]:.12g}"
         click.echo(f"{row[0]:16.12g}{following:>20}{row[2]:16.9g}{row[3]:9d}  {row[4]}")

@@ -31,16 +31,18 @@ from orbits.symbolic.formula import suggest
 from .hopper import Hopper
 from .juggler import Juggler
 from .machine import TwoMassMachine
-from .units import hopper_in_si, juggler_in_si
+from .units import AnyMachine, MachineInSI, hopper_in_si, juggler_in_si
 
 KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
-IN_SI: dict[str, Callable[..., TwoMassMachine]] = {"hopper": hopper_in_si, "juggler": juggler_in_si}
+IN_SI: dict[str, Callable[..., MachineInSI]] = {"hopper": hopper_in_si, "juggler": juggler_in_si}
 MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
 OWN_KEYS = ("spring", "mass_ratio", "rest_length")
 COMMON_KEYS = ("gravity", "restitution", "damping", "drag", "parameters")
 KEYS = ("machine", *OWN_KEYS, *COMMON_KEYS, "si", "design")
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
-MOST_BYTES = 1 << 16  # of a machine file: reading a longer one may take its length squared
+# The parameters of a machine in SI that its file states in [si].
+SI_PARAMETERS = {*SI_KEYS, *(name for names in MASSES.values() for name in names)}
+MOST_BYTES = 1 << 14  # of a machine file: reading a longer one may take its length squared
 
 
 class DesignTable(TypedDict, total=False):
@@ -88,7 +90,7 @@ def design(statement: dict[str, Any], where: str) -> dict[str, Any]:
     return asked | {"minimise": tuple(asked["minimise"])}
 
 
-def build(statement: dict[str, Any], where: str = "the options") -> TwoMassMachine:
+def build(statement: dict[str, Any], where: str = "the options") -> AnyMachine:
     """The machine of a statement, as `read` gives it; raises `InputError`, whose message begins with `where` it is."""
     try:
         return _build(statement)
@@ -96,7 +98,7 @@ def build(statement: dict[str, Any], where: str = "the options") -> TwoMassMachi
         raise InputError(f"{where}: {error}") from None
 
 
-def _build(statement: dict[str, Any]) -> TwoMassMachine:
+def _build(statement: dict[str, Any]) -> AnyMachine:
     kind = statement.get("machine", "hopper")
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"unknown machine {kind!r}{suggest(str(kind), KINDS)}")

@@ -48,12 +48,12 @@ def exponential(*, H: float = 1000.0) -> Law:
 NAMED = {law.__name__: law for law in (constant, inverse_square, linear, exponential)}
 
 
-def as_gravity(law: Any, given: Mapping[str, float] | None = None) -> Law:
-    """A gravity law from a law, a formula, a law's name or a Python function, with those of the given parameters that
-    it takes."""
+def as_gravity(law: Any, given: Mapping[str, float] | None = None, shared: bool = False) -> Law:
+    """A gravity law from a law, a formula, a law's name or a Python function, with the given parameters; `shared` as in
+    `springs.as_spring`."""
     if isinstance(law, str) and law.startswith(("table:", "potential:")):
         raise InputError(f"gravity '{law}': gravity is a formula of z or a law's name; only springs are tables")
-    return _checked(laws.from_any(law, "z", given, NAMED, "gravity"))
+    return _checked(laws.from_any(law, "z", given, NAMED, "gravity", shared))
 
 
 def _checked(law: Law) -> Law:

@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -12,8 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.errors import InputError, OutOfRange
+from orbits.model.model import NOISE
 from orbits.symbolic.calls import BufferedFunction
+from orbits.symbolic.exclusive import exclusive
 from orbits.symbolic.formula import CONSTANTS, parse, suggest
+from orbits.symbolic.kept import kept
 from orbits.symbolic.taylor_series import has_taylor_series
 
 # What expressions are made of: CasADi scalars or numbers, in sequences and by name.
@@ -22,18 +25,30 @@ Parameters = Mapping[str, Any]
 # What users give for the parameters of a law, and laws by name.
 Given = Mapping[str, float] | None
 Named = Mapping[str, Callable]
+# Parameters of a law in SI that is brought to a dimensionless machine's units.
+UNIT_LENGTH, UNIT_FORCE = "unit_length", "unit_force"
+# Names by which formulas of a spring ask for the speed of its extension.
+SPEEDS = ("v", "vel", "velocity", "speed", "rdot", "r_dot", "dr", "drdt", "dr_dt", "xdot", "x_dot", "dx", "dxdt")
+# Distances from 0 at which a formula without a value there is looked at. Its values come together where those at a
+# tenth of a distance differ by less than this share.
+NEAR_ZERO, COMES_TOGETHER = (1e-2, 1e-3, 1e-4, 1e-5), 0.2
 HOW_TO_WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
 
 
 class Key(NamedTuple):
-    """A law without its parameters' values; laws with equal keys share everything that is built from them."""
+    """A law without its parameters' values; laws with equal keys share everything that is built from them.
+
+    reach : how far an integration step may go along the variable, see `features.reach`
+    """
 
     text: str
     variable: str
     expression: Callable
     names: tuple[str, ...]
     pieces: tuple[int, Callable] | None
+    reach: float = math.inf
 
+    @exclusive
     @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the answer
     def degree(self) -> int:
         """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
@@ -76,6 +91,7 @@ class Law:
         """Values at `x` (any shape), NaN where the law has none; a table raises `OutOfRange` outside its range."""
         return self.with_slope(x)[0]
 
+    @exclusive
     def with_slope(self, x: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Values and derivatives at `x` (any shape)."""
         x = np.asarray(x, dtype=float)
@@ -109,13 +125,14 @@ class Law:
         """The same law with other values of some parameters."""
         for name in values:
             if name not in self.parameters:
-                raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, self.parameters)}")
+                raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, stated(self.parameters))}")
         return replace(self, parameters={**self.parameters, **values})
 
-    def scaled(self, length: float, force: float) -> "Law":
-        """The law in units of `length` and `force`: the dimensionless form of one in metres and newtons."""
-        expression, pieces = _scaled(self.expression, self.pieces, length, force)
-        return replace(self, expression=expression, pieces=pieces)
+    def scaled(self, length: float, force: float | None = None) -> "Law":
+        """The law in units of `length` and `force`, which become its parameters; None keeps the values as they are."""
+        expression, pieces = _scaled(self.expression, self.pieces, force is not None)
+        units = {UNIT_LENGTH: length} | ({} if force is None else {UNIT_FORCE: force})
+        return replace(self, expression=expression, pieces=pieces, parameters={**self.parameters, **units})
 
 
 def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
@@ -126,13 +143,39 @@ def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
     parameters = dict(parameters or {})
     names = parse(text).names - {variable}
     if missing := sorted(names - parameters.keys()):
+        if variable == "r" and (speeds := [name for name in missing if name.lower() in SPEEDS]):
+            alone = f"'{text[:60]}' uses '{speeds[0]}', but a spring's force depends on the extension r alone"
+            raise InputError(f"{alone}: for a force of its speed give damping; a constant needs its value")
         raise InputError(f"'{text}' uses {', '.join(map(repr, missing))} without a value: set {missing[0]}=VALUE")
     if unused := sorted(parameters.keys() - names):
         hint = suggest(unused[0], sorted(names)) if names else ""
         raise InputError(f"'{text}' does not use {', '.join(map(repr, unused))}{hint}")
-    return Law(text, variable, _formula_expression(text, variable), {name: parameters[name] for name in sorted(names)})
+    law = Law(text, variable, _formula_expression(text, variable), {name: parameters[name] for name in sorted(names)})
+    _refuse_removable(law)
+    return law
 
 
+def _refuse_removable(law: Law) -> None:
+    """Raise `InputError` for a formula that is 0/0 at 0 but has a limit there: near 0 it loses all its digits."""
+    values, h = {name: np.float64(value) for name, value in law.parameters.items()}, np.array(NEAR_ZERO)
+    with np.errstate(all="ignore"):
+        if not np.isnan(law.expression(np.float64(0.0), values, [])):
+            return
+        up, down, further = (law.expression(x, values, []) for x in (h, -h, 2 * h))
+        apart = np.maximum(abs(up - down), abs(up - further))
+        together = np.flatnonzero(apart[1:] <= COMES_TOGETHER * apart[:-1])
+    if together.size:
+        limit = f"its limit there is about {(up + down)[together[-1] + 1] / 2:.3g}, but near it digits are lost"
+        remedy = "write it without that division, or as a table of its values, springs.table((r, force), noise=0)"
+        raise InputError(f"'{law.text[:60]}' is 0/0 at {law.variable} = 0; {limit}: {remedy}")
+
+
+def stated(names: Iterable[str]) -> list[str]:
+    """The names of parameters that users state: not those that stand for the noise of a table."""
+    return [name for name in names if not name.startswith(NOISE)]
+
+
+@exclusive
 def from_potential(text: str, variable: str, parameters: Given = None) -> Law:
     """The law whose potential energy is the formula: its derivative with respect to the variable."""
     potential = from_formula(text, variable, parameters)
@@ -140,6 +183,7 @@ def from_potential(text: str, variable: str, parameters: Given = None) -> Law:
     return replace(potential, text=f"potential:{text}", expression=force)
 
 
+@exclusive
 def from_function(function: Callable, variable: str, parameters: Given = None, breakpoints: Sequence = ()) -> Law:
     """A law from a Python function (x, **parameters) written with operators and NumPy or CasADi functions.
 
@@ -159,14 +203,16 @@ def from_function(function: Callable, variable: str, parameters: Given = None, b
     return law
 
 
-def from_any(law: Any, variable: str, given: Given, table: Named, what: str) -> Law:
+def from_any(law: Any, variable: str, given: Given, table: Named, what: str, shared: bool = True) -> Law:
     """A law from a law, a Python function, the name of one in `table`, a formula or "potential:FORMULA".
 
-    given : the values of its parameters; others among them are left aside
+    given : the values of its parameters; others among them are left aside where they are `shared` with another law
     what : "gravity" or "a spring", for the `InputError` that anything else raises
     """
 
     def own(names):
+        if not shared and (unused := sorted((given or {}).keys() - set(names))):
+            raise InputError(f"this law has no parameter '{unused[0]}'{suggest(unused[0], stated(names))}")
         return {name: value for name, value in (given or {}).items() if name in names}
 
     if isinstance(law, Law):
@@ -234,7 +280,7 @@ def from_key(key: Key, p: Mapping[str, float]) -> Law:
     return Law(key.text, key.variable, key.expression, {name: p[name] for name in key.names}, key.pieces)
 
 
-@lru_cache(maxsize=256)
+@kept
 def _numeric(key: Key):
     """The function (x, p, q) -> (value, slope), and p -> (breaks, data) for a piecewise law."""
     (x, p), pieces = _symbols(key.variable, key.names), key.pieces
@@ -276,7 +322,8 @@ def _function_expression(function: Callable, variable: str, names: tuple[str, ..
             ca.GlobalOptions.setNumpyMode(1)  # NumPy's functions then give CasADi expressions, without a warning
         value = ca.SX(function(x, **p))
     except Exception as error:
-        kind = type(error).__name__
+        said = " ".join(str(error).split())[:80]
+        kind = type(error).__name__ + (f": {said}" if said else "")
         raise InputError(f"the law '{name}' fails on a symbolic argument ({kind}); {HOW_TO_WRITE}") from error
     finally:
         if mode is not None:
@@ -299,11 +346,15 @@ def _graph_expression(graph: str, names: tuple[str, ...]) -> Callable:
 
 
 @lru_cache(maxsize=256)
-def _scaled(expression, pieces, length: float, force: float) -> tuple[Callable, tuple[int, Callable] | None]:
-    """The expression and the pieces of a law in units of `length` and `force`."""
+def _scaled(expression, pieces, has_force: bool) -> tuple[Callable, tuple[int, Callable] | None]:
+    """The expression and the pieces of a law in units that are its parameters."""
 
     def table(p):
         breaks, data = pieces[1](p)
-        return [b / length for b in breaks], data
+        return [b / p[UNIT_LENGTH] for b in breaks], data
 
-    return lambda x, p, q: expression(length * x, p, q) / force, pieces and (pieces[0], table)
+    def scaled(x, p, q):
+        value = expression(p[UNIT_LENGTH] * x, p, q)
+        return value / p[UNIT_FORCE] if has_force else value
+
+    return scaled, pieces and (pieces[0], table)

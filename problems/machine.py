@@ -6,9 +6,10 @@ speed alpha under unit gravity, so half the flight takes the time alpha, and an 
 problem in two states (section 8 of the paper, for a linear spring).
 """
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -16,17 +17,27 @@ from numpy.typing import ArrayLike
 
 from orbits.errors import InputError, NoOrbit
 from orbits.model.closed_form import Oscillator, ThrownOscillator
-from orbits.model.model import Model, Reduction, Units
+from orbits.model.model import Model, Reduction, Search
 from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
+from orbits.symbolic.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
 
+from .features import NO_FEATURES, features, unit_of_length, with_reach
 from .gravity import as_gravity
-from .launch import Liftoff, lowest_launch_speed
-from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number
+from .launch import FASTEST, Liftoff, lowest_launch_speed
+from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number, stated
 from .springs import as_spring
 
 # Beyond these bounds one of the two masses is lost in rounding, or the lengths of lift-off overflow or vanish.
 MASS_RATIOS, STIFFNESSES = (1e-12, 1e12), (1e-12, 1e12)
+# Bounds of the spacing of launch speeds where a search for orbits begins, in multiples of their scale. It follows the
+# finer of the lengths over which the spring and, passed several times as fast, gravity vary.
+SPACINGS, AT_SPEED = (0.02, 0.1), 0.2
+# The fastest of them, too, where gravity, a narrow feature or many bends make fast flights long to integrate.
+FASTEST_IN_DETAIL = 30.0
+# A spring that bends the other way more often may have several orbits in a family; a hardening spring that softens
+# first does it three times. So may one that bends there and back within a length below this share of the unit.
+MOST_BENDS, UNBENT = 3, 0.4
 DAMPERS = ("damping", "drag")
 OWN_PARAMETERS = ("mass_ratio", "rest_length", *DAMPERS)
 
@@ -44,7 +55,6 @@ class TwoMassMachine:
     damping : of the damper beside the spring, force over speed, from 0
     drag : force over speed on each mass, against its motion, from 0
     parameters : values of the formulas' other names
-    units : of the numbers in SI, see `units.machine_in_si`; the parameters of the laws are then in SI themselves
     """
 
     spring: Any = "r"
@@ -55,10 +65,12 @@ class TwoMassMachine:
     damping: float = 0.0
     drag: float = 0.0
     parameters: Mapping[str, float] = field(default_factory=dict)
-    units: Units | None = field(default=None, kw_only=True)
 
     kind = ""
+    # A machine with units is a `units.MachineInSI`.
+    units = None
 
+    @exclusive
     def __post_init__(self) -> None:
         number("mass_ratio", self.mass_ratio, *MASS_RATIOS)
         coefficient_of_restitution(self.restitution)
@@ -80,27 +92,34 @@ class TwoMassMachine:
         if not isinstance(self.parameters, Mapping):
             raise InputError(f"parameters = {self.parameters!r}; they are a mapping of names to numbers")
         given = {name: number(name, value) for name, value in self.parameters.items()}
-        spring, gravity = as_spring(self.spring, given), as_gravity(self.gravity, given)
+        spring, gravity = as_spring(self.spring, given, shared=True), as_gravity(self.gravity, given, shared=True)
         known = {**spring.parameters, **gravity.parameters}
         if taken := [name for name in (*OWN_PARAMETERS, "gravity_share") if name in known or name in given]:
             raise InputError(f"'{taken[0]}' is the machine's own name; call the formula's parameter something else")
         if unknown := [name for name in given if name not in known]:
-            raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], list(known))}")
+            raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], stated(known))}")
         for name in spring.parameters.keys() & gravity.parameters.keys():
             if spring.parameters[name] != gravity.parameters[name]:
                 raise InputError(f"spring and gravity both have a parameter '{name}' with different values; rename one")
         return spring, gravity
 
-    @cached_property
+    @exclusive_property
     def model(self) -> Model:
         """The phases and orbits of the machine; machines that differ only in numbers share it."""
-        return self.build(self.spring.key, self.varying_gravity, self.rest_length is not None, self.damped)
+        return self.build(*self.keys, self.rest_length is not None, self.damped)
 
     @property
     def varying_gravity(self) -> Key | None:
         """The key of the gravity law, None where gravity is constant."""
         key = self.gravity.key
         return key if key.degree() > 0 else None
+
+    @property
+    def keys(self) -> tuple[Key, Key | None]:
+        """The keys of the spring and of `varying_gravity`, each with how far an integration step may go along it."""
+        spring, gravity = self.spring.key, self.varying_gravity
+        p = {**self.parameters, "rest_length": self.rest_length or 0.0}
+        return with_reach(spring, spring, p), gravity and with_reach(gravity, spring, p)
 
     @property
     def damped(self) -> bool:
@@ -128,10 +147,8 @@ class TwoMassMachine:
     def with_values(self, **values: float) -> Self:
         """The same machine with other values of mass_ratio, rest_length, damping, drag or the formulas' parameters.
 
-        Raises `InputError` for an unknown name, and for masses and lengths of a machine in SI: they set the units.
+        Raises `InputError` for an unknown name.
         """
-        if self.units and (fixed := values.keys() & {"mass_ratio", "rest_length"}):
-            raise InputError(f"'{min(fixed)}' of a machine in SI follows from its masses and lengths: state it anew")
         own: dict[str, Any] = {name: values.pop(name) for name in OWN_PARAMETERS if name in values}
         return replace(self, parameters={**self.parameters, **values}, **own)
 
@@ -145,15 +162,19 @@ class TwoMassMachine:
             "rest_length": None if self.rest_length is None else float(self.rest_length),
             "restitution": float(self.restitution),
             **({name: float(getattr(self, name)) for name in DAMPERS} if self.damped else {}),
-            "parameters": {name: float(value) for name, value in self.parameters.items()},
-            "laws_in": "SI" if self.units else "units of the machine",
-            **({f"unit_{name}": value for name, value in asdict(self.units).items()} if self.units else {}),
+            "parameters": {name: float(self.parameters[name]) for name in stated(self.parameters)},
+            "laws_in": "units of the machine",
         }
 
 
 def spring_pieces(key: Key, coordinate: tuple[float, ...]) -> Pieces | None:
     """The smooth pieces of a spring law's key, for a phase whose state gives the extension by these weights."""
     return Pieces(coordinate, *key.pieces, "extension") if key.pieces else None
+
+
+def spring_reach(key: Key, coordinate: tuple[float, ...]) -> tuple[tuple[tuple[float, ...], float], ...]:
+    """How far an integration step may go along the extension, given by these weights, as a phase's `reaches`."""
+    return ((coordinate, key.reach),) if key.reach < math.inf else ()
 
 
 def straight_line(key: Key, p: Mapping[str, float]) -> tuple[float, float]:
@@ -179,7 +200,7 @@ def relative_phase(spring: Key, load: float) -> Phase:
         return [x[1], -(spring.expression(x[0], p, q) + load)]
 
     pieces, closed = spring_pieces(spring, (1.0, 0.0)), oscillator if spring.degree() == 1 else None
-    return Phase("flight", ("r", "r'"), rates, pieces=pieces, closed_form=closed)
+    return Phase("flight", ("r", "r'"), rates, pieces=pieces, closed_form=closed, reaches=spring_reach(spring, (1.0,)))
 
 
 def relative_reduction(spring: Key, load: float, complete: Callable, gap_slope: Callable) -> Reduction:
@@ -257,6 +278,16 @@ class TwoMassEquations:
         alpha = lowest_launch_speed(phase, p, extension, family, scale, what)
         return {"liftoff": extension, "alpha": alpha, "duration": alpha}
 
+    def search(self, p: Parameters) -> Search:
+        """How to search for all orbits of a family."""
+        spring, gravity, unit = self.spring, self.gravity, unit_of_length(self.spring, p)
+        in_spring, around = features(spring, spring, p), features(gravity, spring, p) if gravity else NO_FEATURES
+        finest = min(in_spring.length, AT_SPEED * around.length) / unit
+        often = in_spring.bends > MOST_BENDS or around.bends > 1
+        single = not (often or (in_spring.bends > 1 and in_spring.length < UNBENT * unit))
+        fastest = FASTEST if single and not gravity and spring.reach == math.inf else FASTEST_IN_DETAIL
+        return Search(float(np.sqrt(unit)), float(np.clip(finest, *SPACINGS)), fastest, single)
+
 
 def two_mass_model(machine: Any, states: tuple[str, ...], extension: Affine, **own: Any) -> Model:
     """The model of a machine's equations; `own` is what only this machine has.
@@ -270,9 +301,14 @@ def two_mass_model(machine: Any, states: tuple[str, ...], extension: Affine, **o
     closed = (lambda p: ThrownOscillator(swing(p), machine.mix(p), machine.apart(p))) if swing else None
     standing, watch = machine.contact_oscillator if swing else None, {"contact force": machine.contact_force}
     in_flight, in_contact = spring_pieces(spring, extension.weights), spring_pieces(spring, (1.0, 0.0))
+    fine = machine.gravity and machine.gravity.reach < math.inf
+    heights = tuple(((0.0,) * i + (1.0,), machine.gravity.reach) for i in (0, 2)) if fine else ()
+    flown, stood = (spring_reach(spring, weights) for weights in (extension.weights, (1.0,)))
     return Model(
-        flight=Phase("flight", states[:4], machine.flight, pieces=in_flight, closed_form=closed),
-        contact=Phase("contact", states[4:], machine.contact, watch, in_contact, standing),
+        flight=Phase(
+            "flight", states[:4], machine.flight, pieces=in_flight, closed_form=closed, reaches=flown + heights
+        ),
+        contact=Phase("contact", states[4:], machine.contact, watch, in_contact, standing, stood + heights[:1]),
         liftoff=machine.liftoff,
         reversor=None if machine.damped else (1, -1, 1, -1),
         release=machine.release,
@@ -287,6 +323,7 @@ def two_mass_model(machine: Any, states: tuple[str, ...], extension: Affine, **o
         homotopy="gravity_share" if machine.gravity else None,
         conservative=not machine.damped,
         reduction=reduction,
+        search=None if machine.damped else machine.search,
         **own,
     )
 

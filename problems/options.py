@@ -3,7 +3,7 @@
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import reduce
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from orbits.hybrid.return_map import Hops
 
-    from .machine import TwoMassMachine
+    from .units import AnyMachine
 
 
 def combined(*options: Callable) -> Callable:
@@ -31,7 +31,12 @@ machine_options = combined(
     click.option("--machine", metavar="hopper|juggler|FILE.toml", help="Kind of machine, or a file that states it."),
     click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
     click.option("--rest-length", type=POSITIVE, metavar="L", help="Of the spring; default: long enough."),
-    click.option("--spring", metavar="LAW", help="Formula of r, a law's name, table:FILE.csv or potential:FORMULA."),
+    click.option(
+        "--spring",
+        metavar="LAW",
+        help="Formula of r, a law's name, potential:FORMULA, or measured rows under a header of extension and force, "
+        "table:FILE, also table:FILE?branch=loading and table:FILE?noise=SD; see 'A spring of your own' in the README.",
+    ),
     click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
     click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter; repeatable."),
 )
@@ -108,7 +113,7 @@ def launch_speeds(text: str) -> "np.ndarray":
     return np.linspace(low, high, count)
 
 
-def summary(hops: "Hops") -> str:
+def summary(hops: "Hops", units: Mapping[str, str]) -> str:
     """What became of many launches, in some lines: how many of each status, and the ranges of their numbers."""
     import numpy as np
 
@@ -119,15 +124,24 @@ def summary(hops: "Hops") -> str:
             if name != "status" and np.isfinite(inside := values[these]).any():
                 rows[name] = f"{np.nanmin(inside):.10g} to {np.nanmax(inside):.10g}"
         lines.append(f"  {status}: {these.sum()}")
-        lines += [f"    {'launch speed' if name == 'alpha' else name:<14}{text}" for name, text in rows.items()]
+        words = {"alpha": "launch speed"}
+        lines += [
+            f"    {words.get(name, name):<14}{text} {units.get(name, '')}".rstrip() for name, text in rows.items()
+        ]
     return "\n".join(lines)
 
 
-def machine_of(machine: str | None, settings: Sequence[str] = (), **stated: str | float | None) -> "TwoMassMachine":
-    """The machine that the options describe; an option that is not None comes before what the machine's file says."""
+def machine_of(
+    machine: str | None, settings: Sequence[str] = (), first: tuple[str, float] | None = None,
+    **stated: str | float | None,
+) -> "AnyMachine":  # fmt: skip
+    """The machine that the options describe; an option that is not None comes before what the machine's file says.
+
+    first : name and first value of a parameter to be followed, which replaces what --set says
+    """
     from orbits.errors import InputError
 
-    from .files import KINDS, build, read
+    from .files import KINDS, SI_PARAMETERS, build, read
 
     statement: dict[str, Any] = {"machine": machine or "hopper"}
     where = "the options"
@@ -136,7 +150,15 @@ def machine_of(machine: str | None, settings: Sequence[str] = (), **stated: str 
             raise InputError(f"--machine {machine!r} is neither {' nor '.join(KINDS)} nor a .toml file")
         statement, where = read(machine), machine
     statement |= {name: value for name, value in stated.items() if value is not None}
-    statement["parameters"] = {**statement.get("parameters", {}), **_parameter_values(settings)}
+    if first is not None:
+        settings = [setting for setting in settings if not sets(setting, first[0])]
+    values = _parameter_values(settings)
+    if first is not None:
+        name, value = first
+        in_si = name in SI_PARAMETERS and "si" in statement
+        place = statement["si"] if in_si else statement if name in ("mass_ratio", "rest_length") else values
+        place[name] = value
+    statement["parameters"] = {**statement.get("parameters", {}), **values}
     return build(statement, where)
 
 

@@ -6,26 +6,29 @@ from these: `beta` is 1/length**2, `delta` 1/length**4, `a` and `b` are 1/length
 `thickness` lengths, `k`, `ratio` and `stop` stiffnesses. `NAMED` lists the laws for the command line.
 """
 
-import csv
 import math
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.errors import InputError
+from orbits.model.model import NOISE
+from orbits.symbolic.formula import suggest
 
 from . import laws
 from .laws import Law, number, positive
+from .tables import FEWEST_ROWS, SmoothCurve, branch_of, curve_of, read_table, short
 
-EXTENSION_NAMES = ("extension", "deflection", "displacement", "elongation", "travel", "stroke", "compression", "r", "x")
-FORCE_NAMES = ("force", "tension", "load", "f")
-METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
-NEWTONS = {"n": 1.0, "mn": 1e-3, "kn": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
-FEWEST_ROWS = 4
+# A sample to try tables with: a leg's spring in mm and N, with noise as from a bench.
+SAMPLE = Path(__file__).with_name("bench.csv")
+# Extensions that differ by this share of their range or less are the same.
+SAME_EXTENSION = 1e-9
+TABLE_OPTIONS = ("branch", "noise")
 
 
 def formula(text: str, /, **parameters: float) -> Law:
@@ -121,31 +124,44 @@ def rubber(*, length: float = 10.0) -> Law:
     return formula("length/3*((1 + r/length) - (1 + r/length)**(-2))", **positive(length=length))
 
 
-def table(source: str | Path | tuple[ArrayLike, ArrayLike], *, in_si: bool = False) -> Law:
-    """A spring from measured pairs: a CSV file with a header, or (extensions, forces) as two sequences.
+def table(
+    source: str | Path | tuple[ArrayLike, ArrayLike],
+    *,
+    in_si: bool = False,
+    branch: str | None = None,
+    noise: float | None = None,
+) -> Law:
+    """A spring from measured pairs: a file of text columns with a header, or (extensions, forces) as two sequences.
 
-    The header names one column of `EXTENSION_NAMES` and one of `FORCE_NAMES`, tension and
-    extension positive; under `compression` both are counted the other way. In SI a unit after the name (mm, kN) is
-    converted to m and N; a dimensionless machine takes the numbers as they stand. The rows may have any order, and the
-    forces at repeated extensions are averaged.
+    in_si : whether the law is in m and N, to which the units in the header are then converted; without, units there are
+        an error, since a dimensionless machine takes the numbers as they stand
+    branch : of a loop, whose rows are in the order of the measurement: "loading", on which the measured travel grows,
+        "unloading", or "mean" for both together
+    noise : standard deviation of a row's force, in the law's unit; 0 where the rows are exact, None to estimate it
+
+    The header names one column of `tables.EXTENSION_NAMES` and one of `tables.FORCE_NAMES`, tension and extension
+    positive; under `compression` both are counted the other way. Units follow the names, as in `Weg [mm]`, `force_kN`,
+    or stand in the row below. Tabs, semicolons, commas or blanks separate the columns; with commas a decimal comma has
+    to be in quotes. Lines before the header and comments (#, ;, %, //) are left aside. Branches may have their rows in
+    any order, and the forces at repeated extensions are averaged.
 
     The law is the C2 cubic spline, as a quintic Hermite interpolant whose slopes and curvatures are cut back where the
-    spline would overshoot: between rows the force is monotone, and the whole is twice differentiable. Outside the table
-    there is no force: an orbit that needs one is refused with the range. Raises `InputError` for a table that cannot be
-    read or interpolated.
+    spline would overshoot: between rows the force is monotone, and the whole is twice differentiable. Noisy rows are
+    smoothed first, see `tables.curve_of`; the law's text says so, and orbits say how far it can move alpha. Outside the
+    table there is no force: an orbit that needs one is refused with the range. Raises `InputError` for a table that
+    cannot be read or interpolated, and for a loop of which no branch is named.
     """
-    label = Path(source).name if isinstance(source, str | Path) else "table"
-    pairs = _read_table(Path(source), in_si) if isinstance(source, str | Path) else source
-    grid, forces = _checked_pairs(pairs, label)
-    data = _quintic_pieces(grid, forces)
-
-    def expression(x, p, q):
-        value = 0
-        for coefficient in reversed(q[1:]):
-            value = value * (x - q[0]) + coefficient
-        return value
-
-    return Law(f"table:{label}", "r", expression, {}, (7, lambda p: (grid.tolist(), data.tolist())))
+    if noise is not None and number("noise", noise, high=1e100) < 0:
+        raise InputError(f"noise = {noise:g} is below 0; it is the standard deviation of a row's force")
+    label, pairs, sense = "table", source, 1.0
+    if isinstance(source, str | Path):
+        label = short(Path(source).name)
+        pairs, sense = read_table(Path(source), in_si)
+    r, force = _columns_of(pairs, label)
+    rows = branch_of(r, force, sense, branch, label)
+    curve = curve_of(*_averaged(r[rows], force[rows], label), noise)
+    note = ", ".join(filter(None, (branch, curve.note)))
+    return Law(f"table:{label}" + (f" ({note})" if note else ""), "r", _piece_expression, *_table_pieces(curve))
 
 
 NAMED = {
@@ -154,15 +170,20 @@ NAMED = {
 }
 
 
-def as_spring(law: Any, given: Mapping[str, float] | None = None, in_si: bool = False) -> Law:
-    """A spring from a law, a formula, a law's name, "table:FILE", "potential:FORMULA" or a Python function, with those
-    of the given parameters that it takes."""
+def as_spring(law: Any, given: Mapping[str, float] | None = None, in_si: bool = False, shared: bool = False) -> Law:
+    """A spring from a law, a formula, a law's name, "table:FILE", "table:FILE?branch=loading&noise=0.5",
+    "potential:FORMULA" or a Python function, with the given parameters.
+
+    shared : whether the given parameters are another law's too; this one then takes those that it has, while otherwise
+        one that it has not is an `InputError`
+    """
     kind, colon, rest = law.partition(":") if isinstance(law, str) else ("", "", "")
     if colon and kind == "table":
-        if not rest.strip():
+        path, options = _table_options(rest)
+        if not path.strip():
             raise InputError(f"spring '{law}' names no file after the colon")
-        return table(rest, in_si=in_si)
-    return laws.from_any(law, "r", given, NAMED, "a spring")
+        law = table(path, in_si=in_si, **options)
+    return laws.from_any(law, "r", given, NAMED, "a spring", shared)
 
 
 def _line_expression(x, p, q):
@@ -179,44 +200,72 @@ def _end_stop_pieces(p):
     return [-math.inf, -gap, gap, math.inf], [[-gap, -gap, stop], [0.0, 0.0, 1.0], [gap, gap, stop]]
 
 
-def _read_table(path: Path, in_si: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Extensions and forces (n,), tension positive, of a CSV file with a header; in SI they are in m and N."""
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
-    except (OSError, ValueError, csv.Error) as error:
-        raise InputError(f"the table {str(path)!r} cannot be read: {error}") from None
-    if len(rows) < 2:
-        raise InputError(f"the table {path} has no rows; it needs a header and at least {FEWEST_ROWS} rows")
-    if all(_is_number(cell) for cell in rows[0]):
-        raise InputError(f"the table {path} has no header; name its columns in the first row")
-    at, name, metres = _named_column(path, rows[0], EXTENSION_NAMES, METRES, in_si)
-    beside, _, newtons = _named_column(path, rows[0], FORCE_NAMES, NEWTONS, in_si)
-    values = []
-    for line, row in enumerate(rows[1:], start=2):
+def _piece_expression(x, p, q):
+    value = 0
+    for coefficient in reversed(q[1:]):
+        value = value * (x - q[0]) + coefficient
+    return value
+
+
+def _table_pieces(curve: SmoothCurve) -> tuple[dict[str, float], tuple[int, Callable]]:
+    """The parameters of a table's law, one for each change that noise makes, and its pieces."""
+    x, y = curve.extensions, curve.forces
+    breaks, data = x.tolist(), _quintic_pieces(x, y)
+    # The same curve has the same names in all springs of a machine, another one has others.
+    names = [f"{NOISE}_{crc32(data.tobytes()):08x}_{k}" for k in range(len(curve.changes))]
+    if not names:
+        return {}, (7, lambda p: (breaks, data.tolist()))
+    # The curve is cut back where it would overshoot: differences follow that, one standard deviation to both sides.
+    sides = ([_quintic_pieces(x, y + sign * change) for sign in (1, -1)] for change in curve.changes)
+    changes = {name: (up - down) / 2 for name, (up, down) in zip(names, sides, strict=True)}
+
+    def pieces(p):
+        if not isinstance(p[names[0]], ca.SX):
+            return breaks, (data + sum(p[name] * change for name, change in changes.items())).tolist()
+        rows = ca.DM(data) + sum(p[name] * ca.DM(change) for name, change in changes.items())
+        return breaks, [ca.horzsplit(row) for row in ca.vertsplit(rows)]
+
+    return dict.fromkeys(names, 0.0), (7, pieces)
+
+
+def _table_options(text: str) -> tuple[str, dict[str, Any]]:
+    """The path and the options of "FILE?branch=loading&noise=0.5"; a ? without = after it belongs to the path."""
+    path, mark, query = text.rpartition("?")
+    if not mark or "=" not in query:
+        return text, {}
+    options: dict[str, Any] = dict(pair.partition("=")[::2] for pair in query.split("&"))
+    if unknown := [name for name in options if name not in TABLE_OPTIONS]:
+        raise InputError(f"a table has no option '{unknown[0][:40]}'{suggest(unknown[0], TABLE_OPTIONS)}")
+    if "noise" in options:
         try:
-            values.append([float(row[at]), float(row[beside])])
-        except (ValueError, IndexError):
-            raise InputError(f"the table {path}, row {line}: {','.join(row)!r} does not hold two numbers") from None
-    sign = -1.0 if name == "compression" else 1.0
-    extensions, forces = np.array(values).T
-    return sign * metres * extensions, sign * newtons * forces
+            options["noise"] = float(options["noise"])
+        except ValueError:
+            raise InputError(f"noise = {options['noise'][:40]!r} is not a number") from None
+    return path, options
 
 
-def _checked_pairs(columns: tuple[ArrayLike, ArrayLike], label: str) -> tuple[np.ndarray, np.ndarray]:
-    """Ascending extensions (n,) and the mean force (n,) at each; raises `InputError` where no law goes through them."""
+def _columns_of(source: Any, label: str) -> tuple[np.ndarray, np.ndarray]:
+    """Extensions and forces (n,) of two sequences; raises `InputError` for what are none."""
     try:
-        r, force = (np.asarray(column, dtype=float) for column in columns)
+        r, force = (np.asarray(column, dtype=float) for column in source)
     except (TypeError, ValueError):
         raise InputError(f"{label}: a table is two sequences of numbers, extensions and forces") from None
     if r.ndim != 1 or r.shape != force.shape or not (np.isfinite(r).all() and np.isfinite(force).all()):
         raise InputError(f"{label}: extensions and forces must be two finite lists of one length")
-    grid, place = np.unique(r, return_inverse=True)
-    if len(grid) < FEWEST_ROWS:
-        raise InputError(f"{label}: {len(grid)} different extensions; a table needs at least {FEWEST_ROWS}")
-    if np.diff(grid).min() < 1e-9 * np.ptp(grid) or np.abs(force).max() > 1e100:
-        raise InputError(f"{label}: rows too close together or too large to compute with")
-    return grid, np.bincount(place, force) / np.bincount(place)
+    return r, force
+
+
+def _averaged(r: np.ndarray, force: np.ndarray, label: str) -> tuple[np.ndarray, np.ndarray]:
+    """Ascending extensions (n,) and the mean force (n,) at each; raises `InputError` where no law goes through them."""
+    if max(np.abs(r).max(initial=0), np.abs(force).max(initial=0)) > 1e100:
+        raise InputError(f"{label}: extensions or forces too large to compute with; they lie below 1e100")
+    order = np.argsort(r, kind="stable")
+    r, force = r[order], force[order]
+    place = np.cumsum(np.diff(r, prepend=r[:1]) > SAME_EXTENSION * np.ptp(r)) if len(r) else np.zeros(0, int)
+    counts = np.bincount(place)
+    if len(counts) < FEWEST_ROWS:
+        raise InputError(f"{label}: {len(counts)} different extensions; a table needs at least {FEWEST_ROWS}")
+    return np.bincount(place, r) / counts, np.bincount(place, force) / counts
 
 
 def _quintic_pieces(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -254,24 +303,3 @@ def _limited_curvatures(curvature: np.ndarray, slope: np.ndarray, h: np.ndarray,
         low[ends] = np.maximum(low[ends], bounds.min(0))
         high[ends] = np.minimum(high[ends], bounds.max(0))
     return np.clip(curvature, low, high)
-
-
-def _named_column(path, header, names, units, in_si) -> tuple[int, str, float]:
-    """The index, the name and the unit of the first column that has one of the names, perhaps a unit after it."""
-    for index, cell in enumerate(header):
-        name, *others = re.split(r"[\s_()\[\]/]+", cell.strip().lower())
-        if name in names:
-            unit = next(filter(None, others), "")
-            if in_si and unit and unit not in units:
-                raise InputError(f"the table {path}: unknown unit '{unit}'; known: {', '.join(units)}")
-            return index, name, units[unit] if in_si and unit else 1.0
-    has, known = ",".join(header), ", ".join(names)
-    raise InputError(f"the table {path} has no column {names[0]}: its header is {has!r}, known names are {known}")
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

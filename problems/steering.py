@@ -6,18 +6,23 @@ and the contact must press from there on. With a restitution above 0 the machine
 refused unless the landing is lossless.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache, partial, wraps
+from inspect import signature
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits import Control, Guess, InputError, NoOrbit, Orbit, Simulation, Stage, find, simulate, steer
+from orbits.control.rollout import control_in_units
 from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of
+from orbits.hybrid.simulation import run_in_units
 from orbits.model.phase import Affine
+from orbits.model.units import ENERGY, LENGTH, SPEED, Dimension, without_units
 from orbits.numerics.bernstein import derivative, piecewise_roots
 from orbits.numerics.roots import bracketed_root
 
@@ -40,6 +45,34 @@ SHORTEST_SHARE, LONGEST_SHARE = 0.1, 4.0
 POWER_SAMPLES = 40
 
 
+# Dimensions of the costs, of the parameters that a hop or a start adds, and of the rows of legs that are no lengths.
+COSTS: dict[str, Dimension] = {"effort": (2, -1, 0), "work": ENERGY, "peak": SPEED}
+ADDED: dict[str, Dimension] = {"launch": SPEED, "aim": SPEED, "peak": SPEED, "liftoff": LENGTH, "rest": LENGTH}
+ROWS: dict[str, Dimension] = {RATE: SPEED, "rise": SPEED, "fall": SPEED}
+
+
+def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., Control]:
+    """A function of this module that takes a machine in SI too, and then rate, stroke and speeds in SI as well."""
+
+    @wraps(function)
+    def steered(machine: Any, *given: Any, **options: Any) -> Control:
+        if (units := getattr(machine, "units", None)) is None:
+            return function(machine, *given, **options)
+        stated = signature(function).bind(machine.dimensionless(), *given, **options).arguments
+        for name, dimension in (("rate", SPEED), ("short", SPEED), ("stroke", LENGTH)):
+            if isinstance(stated.get(name), Real):
+                stated[name] = stated[name] / units.of(dimension)
+        stated |= {name: stated[name].dimensionless() for name in ("orbit", "guess") if stated.get(name) is not None}
+        with without_units(units):
+            control = function(**stated)
+        parameters = {name: x * units.of(ADDED[name]) for name, x in control.parameters.items() if name in ADDED}
+        cost = COSTS[stated.get("cost", "effort")]
+        return control_in_units(control, units, cost, {**machine.values, **parameters}, ROWS)
+
+    return steered
+
+
+@in_units_of_the_machine
 def keep_hopping(
     machine: TwoMassMachine, *, family: int = 1, cost: str = "effort", lossless: bool = True, intervals: int = 40,
     rate: float = np.inf, stroke: float = np.inf, orbit: Orbit | None = None, guess: Control | None = None,
@@ -52,7 +85,8 @@ def keep_hopping(
     lossless : whether the landing has to be lossless; else it is plastic, see the module
     intervals : of flight and contact together, on each of which the actuator's rate is held; with few, about 12,
         the contact force after a lossless landing may be too small for an answer to be found
-    rate, stroke : bounds of the actuator's rate, without which no least work exists, and displacement
+    rate, stroke : bounds of the actuator's rate, without which no least work exists, and of its displacement from where
+        it is at lift-off, either way
     orbit : the lossless orbit, found if it is not given
     guess : the answer for a machine nearby
 
@@ -74,6 +108,7 @@ def keep_hopping(
     return _least_peak(hop, guess) if cost == "peak" else _least_work(hop, guess)
 
 
+@in_units_of_the_machine
 def recover(
     machine: TwoMassMachine, short: float, *, family: int = 1, lossless: bool = True, intervals: int = 40,
     rate: float = np.inf, stroke: float = np.inf, orbit: Orbit | None = None, guess: Control | None = None,
@@ -93,6 +128,7 @@ def recover(
     return _cheapest(hop, hop.stages("effort", periodic=False), values, [guess] if guess else hop.starts(launch))
 
 
+@in_units_of_the_machine
 def start_up(
     machine: TwoMassMachine, pumps: int, *, family: int = 1, intervals: int = 20, rate: float = np.inf,
     stroke: float = np.inf, orbit: Orbit | None = None,
@@ -118,6 +154,10 @@ def rerun(machine: TwoMassMachine, control: Control, hops: int = 0) -> Simulatio
 
     hops : how many more follow, with the spring's end at rest
     """
+    if machine.units is not None:
+        with without_units(machine.units):
+            run = rerun(machine.dimensionless(), control.dimensionless(), hops)
+        return run_in_units(run, machine.units, Actuated(machine))
     driven, schedule = Actuated(machine), control.schedule(RATE)
     until: dict[str, Any] = {"hops": 1 + hops} if hops else {"time": schedule[0][-1]}
     return simulate(driven, state=_flight_states(driven, control.legs[0], 0.0), schedule=schedule, **until)
@@ -132,6 +172,9 @@ def missed(machine: TwoMassMachine, control: Control) -> float:
 
 def work(machine: TwoMassMachine, control: Control) -> tuple[float, float]:
     """The actuator's work on the machine, in the units of its energy: all of it, and its positive part alone."""
+    if machine.units is not None:
+        done, done_positive = work(machine.dimensionless(), control.dimensionless())
+        return done * machine.units.energy, done_positive * machine.units.energy
     driven, all_work, positive = Actuated(machine), 0.0, 0.0
     places, weights = np.polynomial.legendre.leggauss(POWER_SAMPLES)
     for leg in control.legs:
@@ -310,8 +353,8 @@ def _hop_stages(model, gap, impact, intervals, times, limits, cost, lossless, pe
         return along(Affine(gap.weights), model.flight.field(x, {**p, RATE: 0.0}, []))
 
     def lifted(x, before, p):
-        if periodic:
-            return _difference(x, product(model.embed, before))
+        if periodic:  # Spring's end and motion could be moved together: the end is at 0 where the cycle begins.
+            return [*_difference(x, product(model.embed, before)), x[-1]]
         return _difference(x, model.launch({"liftoff": p["liftoff"], "alpha": p["launch"]}, p))
 
     def landed(x, p):

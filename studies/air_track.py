@@ -21,7 +21,7 @@ MEASURED_RATIO, MEASURED_AMPLITUDE = 1.523, 0.099
 
 
 def amplitudes():
-    """The lossless orbit, and the amplitudes A1 of the ball and A2 of the hand over a cycle, dimensionless."""
+    """The lossless orbit, and the amplitudes A1 of the ball and A2 of the hand over a cycle, in m."""
     machine = juggler_in_si(BALL, HAND, stiffness=STIFFNESS, surface_gravity=9.81 * np.sin(SLOPE))
     orbit = find(machine)
     # Both stand lowest in mid-contact; the ball is highest in mid-flight, the hand half an oscillation before or after.
@@ -32,10 +32,9 @@ def amplitudes():
 
 def main(folder: Path) -> dict[str, float]:
     orbit, first, second = amplitudes()
-    length = orbit.units.length
     rows = [
         ("A1/A2", first / second, MEASURED_RATIO, ""),
-        ("amplitude of the ball", first * length, MEASURED_AMPLITUDE, " (m)"),
+        ("amplitude of the ball", first, MEASURED_AMPLITUDE, " (m)"),
     ]
     print(orbit, "\n")
     print(f"  {'':<28}{'model':>10}{'measured':>10}{'off':>8}")
@@ -44,9 +43,9 @@ def main(folder: Path) -> dict[str, float]:
 
     axes = plot_orbit(orbit)
     axes.set_title(f"air-track juggler: A1/A2 = {first / second:.3f} (measured {MEASURED_RATIO})", fontsize="medium")
-    bottom = length * orbit(orbit.flight_time + orbit.contact_time / 2)[0]
-    for share, high, text in ((0.12, length * first, "$A_1$"), (0.42, length * second, "$A_2$")):
-        x = share * orbit.flight_time * orbit.units.time
+    bottom = orbit(orbit.flight_time + orbit.contact_time / 2)[0]
+    for share, high, text in ((0.12, first, "$A_1$"), (0.42, second, "$A_2$")):
+        x = share * orbit.flight_time
         axes.annotate(
             "",
             (x, bottom + high),
@@ -56,11 +55,11 @@ def main(folder: Path) -> dict[str, float]:
         axes.text(x, 0.8 * bottom, f" {text} = {1e3 * high:.0f} mm", color="0.2", fontsize="small")
     axes.axhline(bottom, color="0.8", lw=0.7)
     for amplitude in (first, second):
-        axes.axhline(bottom + length * amplitude, color="0.8", lw=0.7)
+        axes.axhline(bottom + amplitude, color="0.8", lw=0.7)
     axes.set_ylabel("position along the track (m)")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(axes, folder / 'air_track.png')}")
-    return {"ratio": first / second, "amplitude": first * length}
+    return {"ratio": first / second, "amplitude": first}
 
 
 if __name__ == "__main__":

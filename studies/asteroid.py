@@ -61,16 +61,14 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     figure = axes.figure
     axes.remove()
     path, families_axes = figure.subplots(2, 1, height_ratios=[3, 2])
-    si, scale = best.si(), best.units
+    si = best.si()
     t = np.linspace(0, best.period, 6001)
     states = best(t)
     colours = {"body": "#0072B2", "foot": "#D55E00"}
     for name, colour in colours.items():
-        path.plot(
-            t * scale.time / 60, best.shape.heights[name](states) * scale.length, color=colour, lw=1.1, label=name
-        )
+        path.plot(t / 60, best.shape.heights[name](states), color=colour, lw=1.1, label=name)
     path.axhline(0, color="0.4", lw=0.8)
-    path.set(xlabel="time (min)", ylabel="height (m)", xlim=(0, best.period * scale.time / 60))
+    path.set(xlabel="time (min)", ylabel="height (m)", xlim=(0, best.period / 60))
     path.set_title(
         f"family {best.family}: {rise(best):.2f} m in {si['flight_time_s'] / 60:.1f} min, nothing lost",
         fontsize="medium",
@@ -79,7 +77,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     zoom = path.inset_axes([0.36, 0.2, 0.3, 0.38])
     first = t < 0.08 * best.flight_time
     for name, colour in colours.items():
-        zoom.plot(t[first] * scale.time, best.shape.heights[name](states[first]) * scale.length, color=colour, lw=1.2)
+        zoom.plot(t[first], best.shape.heights[name](states[first]), color=colour, lw=1.2)
     zoom.set_title("after lift-off (s, m)", fontsize="x-small")
     zoom.tick_params(labelsize="x-small")
     n = [orbit.family for orbit in real]

@@ -37,9 +37,10 @@ def collect_family(
         for item in tracer:
             line: Point | Event | End
             if isinstance(item, CurvePoint):
-                points.append(line := item.point)
+                points.append(line := tracer.curve.in_units(item.point))
             elif isinstance(item, Event):
-                events.append(line := replace(item, after=item.after + before))
+                point = tracer.curve.in_units(item.point)
+                events.append(line := replace(item, after=item.after + before, point=point))
             else:
                 line = end = item
             if output is not None:

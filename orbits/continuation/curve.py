@@ -14,13 +14,14 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..model.machine import Machine, check_parameters
+from ..model.units import Units
 from ..periodic.certificate import certify
 from ..periodic.error_bound import error_bounds
 from ..periodic.find import certified_orbit
 from ..periodic.formulations import equations_of, interpret, or_none
-from ..periodic.orbit import Orbit
+from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.single_shooting import Evaluation, joined
-from .family import RESERVED_NAMES, Point
+from .family import RESERVED_NAMES, Point, point_in_units
 from .newton_batch import NewtonBatch, newton_batch
 from .predictor import around
 
@@ -211,7 +212,23 @@ class Curve:
         """The whole orbit at a certified point."""
         began, (us, ps, evaluation, _) = time.perf_counter(), self.solutions([point])
         machine = self.machine.with_values(**self.varied(ps[0]))
-        return certified_orbit(machine, self.method, us[0], evaluation, point.point.error, began=began)
+        orbit = certified_orbit(machine, self.method, us[0], evaluation, point.point.error, began=began)
+        return orbit_of(machine, orbit)
+
+    def units_at(self, point: Point) -> Units | None:
+        """The units at a point of the curve; None for a dimensionless machine."""
+        if not (units := self.machine.model.units):
+            return None
+        return units({**self.machine.values, **point.also, self.along: point.value})
+
+    def in_units(self, point: Point) -> Point:
+        """A dimensionless point in the machine's units: in SI where it is stated so."""
+        return point_in_units(point, self.units_at(point))
+
+    def dimensionless(self, point: Point) -> Point:
+        """A point in the machine's units without these, as the curve takes it."""
+        units = self.units_at(point)
+        return point_in_units(point, units and units.inverse())
 
     def certify_at(self, point: CurvePoint, value: float) -> CurvePoint:
         """A point whose parameter is `value` but for rounding, certified with exactly that value."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InputError, finite_number
 from ..model.machine import Machine
+from ..symbolic.exclusive import exclusive
 from .checkpoint import collect_family
 from .curve import Curve, check_followed, machine_at
 from .family import Family
@@ -37,6 +38,10 @@ class Existence:
     def stretches(self, row: int) -> Iterator[Interval]:
         """Where a row has orbits: (from, to, whether they are motions), to rounding; sheets may overlap."""
         return (interval for family in self.rows[row] for interval in intervals_of(family))
+
+    def heading(self, name: str) -> str:
+        """The name of a parameter with its unit, if it has one."""
+        return self.spine[0].heading(name) if self.spine else name
 
     def unknown(self, row: int) -> bool:
         """Whether a row may be incomplete: one of its families was cut short or lost, or the spine did not reach it."""
@@ -74,6 +79,7 @@ def intervals_of(family: Family) -> Iterator[Interval]:
             inside.append(point.admissible)
 
 
+@exclusive
 def existence(
     machine: Machine,
     along: str,

@@ -2,15 +2,17 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO, TypedDict
+from typing import Any, BinaryIO, NotRequired, TypedDict
 
 import numpy as np
 
 from ..errors import InputError
 from ..io import MEGABYTE, check_ending, conform, read_file, to_json, write_table
+from ..model.units import UNIT_TEXTS, Units
 from ..periodic.certificate import Certificate
+from ..periodic.orbit import SavedUnits, certificate_in_units
 
 FAMILY_FORMAT = "persistent-orbits family 1"
 # Endings of the files that a family is saved to; the first two are lines of JSON.
@@ -34,6 +36,7 @@ class _Machine(TypedDict):
     spring: str
     gravity: str
     parameters: Mapping[str, float]
+    units: NotRequired[Mapping[str, str]]
 
 
 class _Settings(TypedDict):
@@ -56,10 +59,10 @@ class Heading(TypedDict):
 
 @dataclass(frozen=True)
 class Point:
-    """One orbit of a family, without its motion.
+    """One orbit of a family, without its motion; in SI for a machine in SI, but for `u` and `tangent`.
 
     value : of the parameter
-    u : the unknowns of the equations
+    u : the unknowns of the equations, without dimensions
     tangent : direction of the curve, in (u, value)
     flight_time, contact_time : durations; contact_time None when the contact never ends
     also : values of further parameters that vary along the curve
@@ -88,6 +91,13 @@ class Point:
     def row(self) -> dict[str, Any]:
         """The columns of a table at this point, ready for JSON."""
         return {**self.also, **{name: getattr(self, name) for name in COLUMNS}, "violations": list(self.violations)}
+
+
+def point_in_units(point: Point, units: Units | None) -> Point:
+    """A dimensionless point in these units; the point itself for None."""
+    if units is None:
+        return point
+    return replace(units.convert(point), certificate=certificate_in_units(point.certificate, units))
 
 
 @dataclass(frozen=True)
@@ -137,6 +147,16 @@ class Family:
     settings: Mapping
     versions: Mapping = field(default_factory=dict)
 
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the parameters and the results by name; empty for a dimensionless machine."""
+        own = self.machine.get("units")
+        return {} if own is None else {**own, **{name: unit for name, unit in UNIT_TEXTS.items() if name in COLUMNS}}
+
+    def heading(self, name: str) -> str:
+        """A name with its unit, if it has one: "alpha (m/s)"."""
+        return f"{name} ({self.units[name]})" if self.units.get(name) else name
+
     def __len__(self) -> int:
         return len(self.points)
 
@@ -175,6 +195,7 @@ class Family:
         places = [{"kind": e.kind, "after": e.after, self.name: e.point.value, **e.point.row()} for e in self.events]
         end = {key: value for key, value in asdict(self.end).items() if value is not None}
         whole = {"machine": self.machine, "along": self.name, "points": points, "events": places, "end": end}
+        whole |= {"units": self.units} if self.units else {}
         return {**whole, "settings": self.settings, "versions": self.versions}
 
     def __str__(self) -> str:
@@ -182,12 +203,15 @@ class Family:
             return f"a family along {self.name} without orbits: {self.end.kind}, {self.end.reason}"
         m, c, first = self.machine, self.column("alpha"), self.points[0]
         head = f"family {first.family} of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}"
-        way = f"{first.value:.12g} to {self.points[-1].value:.12g}, alpha {c[0]:.10g} to {c[-1]:.10g}"
+        unit, speed = (f" {self.units[name]}" if self.units.get(name) else "" for name in (self.name, "alpha"))
+        way = f"{first.value:.12g} to {self.points[-1].value:.12g}{unit}, alpha {c[0]:.10g} to {c[-1]:.10g}{speed}"
         error, admissible = max(point.error for point in self), sum(point.admissible for point in self)
         lines = [f"{head}, along {self.name}: {len(self)} orbits", f"  {self.name:<12} {way}"]
         lines.append(f"  largest error {error:.1e}, admissible {admissible} of {len(self)}")
         places = [(e.kind, e.point.value, e.point.alpha) for e in self.events]
-        lines += [f"  {kind:<14}{self.name} = {value:.15g}, alpha = {alpha:.15g}" for kind, value, alpha in places]
+        lines += [
+            f"  {kind:<14}{self.name} = {at:.15g}{unit}, alpha = {alpha:.15g}{speed}" for kind, at, alpha in places
+        ]
         end = f"  end: {self.end.kind}, {self.end.reason}"
         if self.end.limit is not None:
             end += f", {self.name} tends to {self.end.limit:.8g} (about {self.end.limit_error:.0e} off)"
@@ -204,7 +228,8 @@ class Family:
         path = check_ending(path, ENDINGS)
         try:
             if path.suffix.lower() == ".csv":
-                names = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]
+                columns = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]
+                names = [self.heading(name) for name in columns]
                 rows = ((p.value, *p.also.values(), *(getattr(p, name) for name in COLUMNS)) for p in self.points)
                 write_table(names, rows, path, "family")
             elif path.suffix.lower() == ".nc":
@@ -218,6 +243,7 @@ class Family:
     def records(self) -> Iterator[str]:
         """The lines of a saved family: its heading, its points and events in order, its end."""
         head = {"format": FAMILY_FORMAT, "along": self.name, "machine": self.machine}
+        head |= {"units": self.units} if self.units else {}
         yield to_json({**head, "settings": self.settings, "versions": self.versions})
         yield from (json_line(event or point) for point, event in self.in_order())
         yield json_line(self.end)
@@ -249,7 +275,8 @@ class Family:
                 end = conform(item["end"], End, where)
         _check_points(points, events)
         found = tuple(points), tuple(events), end
-        return cls(head["along"], head["machine"], *found, head["settings"], head["versions"])
+        family = cls(head["along"], head["machine"], *found, head["settings"], head["versions"])
+        return _modernised(family) if family.machine.get("laws_in") == "SI" else family
 
     def _dataset(self):
         try:
@@ -257,10 +284,24 @@ class Family:
         except ImportError:
             raise InputError("NetCDF needs xarray: install persistent-orbits[data], or save as .json or .csv") from None
         also = self.points[0].also if self.points else ()
-        data = {name: ("point", self.column(name)) for name in (*also, *NUMBERS)}
+        attached = {name: {"units": unit} for name, unit in self.units.items() if unit}
+        data = {name: ("point", self.column(name), attached.get(name, {})) for name in (*also, *NUMBERS)}
         attributes = {name: to_json(getattr(self, name)) for name in ("machine", "settings", "versions")}
         attributes |= {"events": to_json([asdict(event) for event in self.events]), "end": to_json(asdict(self.end))}
-        return xarray.Dataset(data, {self.name: ("point", self.column("value"))}, attributes)
+        return xarray.Dataset(
+            data, {self.name: ("point", self.column("value"), attached.get(self.name, {}))}, attributes
+        )
+
+
+def _modernised(family: Family) -> Family:
+    """A family of a machine in SI, with the numbers of its points in SI: in old files, which state no units of their
+    parameters, they are without dimensions."""
+    if "units" in family.machine:
+        return family
+    units = Units(**conform({name: family.machine[f"unit_{name}"] for name in ("length", "time", "force")}, SavedUnits))
+    events = tuple(replace(event, point=point_in_units(event.point, units)) for event in family.events)
+    points = tuple(point_in_units(point, units) for point in family.points)
+    return replace(family, machine={**family.machine, "units": {}}, points=points, events=events)
 
 
 def json_line(item: Point | Event | End) -> str:

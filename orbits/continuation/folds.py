@@ -16,6 +16,7 @@ from ..model.machine import Machine
 from ..model.phase import Arc, Phase, Statement
 from ..periodic.formulations import columns
 from ..periodic.single_shooting import Evaluation, shooting_equations
+from ..symbolic.exclusive import exclusive
 from .checkpoint import collect_family
 from .curve import Curve, CurvePoint, check_followed, machine_at
 from .family import Family, Point
@@ -69,7 +70,8 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Ar
         named, own, direction, p = split(u, p)
         return _with_variation(arc.guard(named, x[:n], p, q), [*own, *x[:n]], [*direction, *x[n : 2 * n]])
 
-    doubled = Phase(phase.name, (*phase.states, *(f"d{name}" for name in phase.states), along), field)
+    states = (*phase.states, *(f"d{name}" for name in phase.states), along)
+    doubled = Phase(phase.name, states, field, reaches=phase.reaches)
     return Arc(doubled, start, lambda u, p: arc.duration(u, {**p, along: u[along]}), conditions, guard)
 
 
@@ -121,6 +123,7 @@ class _FoldCurve(Curve):
         return us, ps, evaluation, closing
 
 
+@exclusive
 def follow_fold(
     machine: Machine,
     fold: Point,
@@ -153,7 +156,7 @@ def follow_fold(
     curve = _FoldCurve(machine, along, across, method, abs(stop - start))
     names, tangent = curve.orbits.statement.unknowns, np.array(fold.tangent[:-1])
     alpha = tangent[names.index("alpha")]
-    if not abs(fold.tangent[-1]) * fold.alpha < STEEPEST * abs(alpha) * max(abs(fold.value), 1e-3):
+    if not abs(fold.tangent[-1]) * fold.u[names.index("alpha")] < STEEPEST * abs(alpha) * max(abs(fold.value), 1e-3):
         raise NoOrbit(f"this point is no fold: {along} changes along its family")
     direction = [d / alpha for name, d in zip(names, tangent, strict=True) if name != "alpha"]
     x = np.array([*fold.u, *direction, fold.value, start])

@@ -1,7 +1,7 @@
 """Follow a family of lossless orbits along a parameter, past folds, to its end; or another one from a branch point."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +9,11 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
+from ..model.units import without_units
 from ..periodic.find import another_family, solve_family, solve_near
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
+from ..symbolic.exclusive import LOCK, exclusive
 from .checkpoint import collect_family
 from .corrector import correct
 from .curve import Curve, CurvePoint, Watch, check_followed, machine_at
@@ -25,6 +27,7 @@ Stop = float | tuple[float, float]
 LONGEST_FIRST_STEP = 10.0
 
 
+@exclusive
 def follow(
     machine: Machine,
     along: str,
@@ -71,6 +74,7 @@ def follow(
     return collect_family(tracer, resume, output, progress)
 
 
+@exclusive
 def trace(
     machine: Machine, along: str, stop: Stop, start: float | None = None, family: int = 1, **options: Any
 ) -> Iterator[Orbit | Event | End]:
@@ -81,18 +85,27 @@ def trace(
     if unknown := options.keys() - set(known):
         raise InputError(f"trace has no option '{min(unknown)}'; it knows orbit, {', '.join(known)} and method")
     tracer = _begin(machine, along, start, stop, family, orbit, method, checked_options(**options), None)
-    return (tracer.curve.orbit(item) if isinstance(item, CurvePoint) else item for item in _interruptible(tracer))
+    return _orbits(tracer)
 
 
-def _interruptible(tracer: Tracer):
-    """The items of a run; an interrupt is raised between two of them."""
+def _presented(curve: Curve, item: CurvePoint | Event | End) -> Orbit | Event | End:
+    """An item of a run as its user gets it."""
+    if isinstance(item, CurvePoint):
+        return curve.orbit(item)
+    return replace(item, point=curve.in_units(item.point)) if isinstance(item, Event) else item
+
+
+def _orbits(tracer: Tracer) -> Iterator[Orbit | Event | End]:
+    """The items of a run, its points as orbits; between two, an interrupt is raised and other threads may compute."""
     items, item = iter(tracer), None
     while not isinstance(item, End):
-        with interrupts.deferred():
+        with LOCK, interrupts.deferred():
             item = next(items)
-        yield item
+            found = _presented(tracer.curve, item)
+        yield found
 
 
+@exclusive
 def follow_branch(
     machine: Machine,
     branch: Point,
@@ -152,6 +165,7 @@ def _first_point(curve: Curve, x, direction, row, first_step: float) -> CurvePoi
     raise NoOrbit(f"no other curve is found beside {curve.along} = {x[-1]:.10g}")
 
 
+@exclusive
 def orbit_at(machine: Machine, point: Point, along: str, method: str | None = None) -> Orbit:
     """The whole orbit at a point of a family, with its motion; machine, parameter and method are those that the family
     was followed with, the simplest method where None is given."""
@@ -190,7 +204,7 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
             which = f"number {resume.settings['family']}, by the method '{resume.settings['method']}'"
             raise InputError(f"the family to resume is {which}: ask for the same")
         return _resumed(machine, along, behind, stop, resume, options)
-    with interrupts.deferred():
+    with interrupts.deferred(), without_units(machine.units):
         family = 1 if family is None else family
         method, root = solve_family(machine, family, method) if orbit is None else solve_near(machine, orbit, method)
         curve = Curve(machine, along, "relative" if method == "closed form" else method, abs(stop - behind))
@@ -221,7 +235,7 @@ def _resumed(machine, along: str, behind: float, stop: float, resume: Family, op
     row = tangent / curve.size(x) ** 2
     with interrupts.deferred():
         first = curve.certify_at(correct(curve, x, row, row @ x, tangent), last.value)
-    return Tracer(curve, first, behind, stop, options, resume.points[:-1])
+    return Tracer(curve, first, behind, stop, options, [curve.dimensionless(point) for point in resume.points[:-1]])
 
 
 def _check_unknowns(point: Point, curve: Curve) -> None:

@@ -117,11 +117,12 @@ class Endings:
         return None
 
     def lost(self, reason: str, last: CurvePoint, history: History) -> End:
-        """The end of a curve that cannot be followed beyond its last point."""
+        """The end of a curve that cannot be followed beyond its last point, for a reason that one that escapes does not
+        need: its limit is known."""
         alpha, value = last.point.alpha, last.value
-        where = f"{reason}, at {self.curve.along} = {value:.10g}, alpha = {alpha:.10g}"
+        where = f"{self.curve.along} = {value:.10g}, alpha = {self.curve.in_units(last.point).alpha:.10g}"
         if alpha > self.control.running_ratio * self.origin.alpha and (found := limit(history, self.bounds, -1)):
-            return End("escaped", f"the launch speed grows, and the curve is lost: {where}", *found)
+            return End("escaped", f"the launch speed grows without bound, and was followed to {where}", *found)
         if abs(value - self.start) < self.control.least_progress * self.curve.span:
-            where += "; a parameter over decades is followed by its inverse or its logarithm"
-        return End("stuck", where)
+            reason += "; a parameter over decades is followed by its inverse or its logarithm"
+        return End("stuck", f"at {where}: {reason}")

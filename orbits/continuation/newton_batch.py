@@ -16,6 +16,7 @@ from ..flow.trajectory import Trajectories
 from ..numerics.roots import Array
 from ..periodic.single_shooting import Evaluation, Shooting, dense
 from ..symbolic.calls import MappedFunction
+from ..symbolic.kept import kept
 from .predictor import hermite
 
 # Functions for so many different numbers of Taylor steps are kept.
@@ -95,7 +96,7 @@ class NewtonBatch:
             enough &= motions.steps[motions.last] > 0
             arcs.append((motions, arc["transition"], arc["start"], arc["longer"][:, 0], arc["residual_by_end"]))
             used.append(count - taken[:, ::-1].argmax(1))
-        evaluation = Evaluation(residual[:, :, 0], jacobian, *zip(*arcs, strict=True))
+        evaluation = Evaluation(residual[:, :, 0], jacobian, vectors[:, :, 0], *zip(*arcs, strict=True))
         return vectors[:, :, 0], vectors[:, :, 1], evaluation, enough, used
 
     def _parameters(self, p: ca.MX, value: ca.MX) -> ca.MX:
@@ -176,7 +177,7 @@ class NewtonBatch:
 
 
 # The equations at many points, kept for the next call with the same equations.
-newton_batch = lru_cache(maxsize=64)(NewtonBatch)
+newton_batch = kept(NewtonBatch)
 
 
 def _arcs(results: Sequence, names: tuple[str, ...]) -> list[dict]:

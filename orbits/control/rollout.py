@@ -1,7 +1,7 @@
 """Motions found by optimal control: solutions of the nonlinear program integrated accurately, open loop, and errors."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import comb
 
@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
 from ..hybrid.simulation import Leg
+from ..model.units import Dimension, Units, unit_text
 from ..numerics.bernstein import PiecewisePolynomials, powers
 from .stage import Stage, stage_flow
 from .transcription import Multipliers, StageUnknowns, Transcription
@@ -64,6 +65,8 @@ class Control:
     iterations, rounds : Ipopt's iterations, and the solves in which they were taken
     seconds : time taken in all
     status : "optimal"; anything else is raised as an error
+    units : of "cost", "time" and the inputs, by name, where the numbers are in SI; violation and error have none
+    bare : the same motion without units, None where there are none
     """
 
     legs: tuple[ControlledLeg, ...]
@@ -77,6 +80,12 @@ class Control:
     status: str = "optimal"
     coarseness: float = np.nan
     answer: WarmStart | None = field(default=None, repr=False)
+    units: Mapping[str, str] | None = None
+    bare: "Control | None" = field(default=None, repr=False)
+
+    def dimensionless(self) -> "Control":
+        """The motion in its machine's own dimensionless units; itself where it has no others."""
+        return self.bare or self
 
     @property
     def durations(self) -> np.ndarray:
@@ -103,9 +112,33 @@ class Control:
         return times, {name: np.concatenate([c[:, 0] for c in columns]) for name, columns in rows.items()}
 
     def __str__(self) -> str:
-        rows = [f"  {leg.phase:<12}from {leg.start:<12.8g}for {leg.duration:.10g}" for leg in self.legs]
-        found = f"  cost {self.cost:.12g}, violation {self.violation:.1e}, error {self.error:.1e}"
+        second, unit = (" s", f" {self.units['cost']}") if self.units else ("", "")
+        rows = [f"  {leg.phase:<12}from {leg.start:<12.8g}for {leg.duration:.10g}{second}" for leg in self.legs]
+        found = f"  cost {self.cost:.12g}{unit}, violation {self.violation:.1e}, error {self.error:.1e}"
         return "\n".join([*rows, found, f"  {self.iterations} iterations, {self.rounds} rounds, {self.seconds:.2f} s"])
+
+
+def control_in_units(
+    control: Control, units: Units, cost: Dimension, parameters: Mapping[str, float], own: Mapping[str, Dimension]
+) -> Control:
+    """A dimensionless motion in these units, with the parameters given.
+
+    cost : its dimension; own : those of inputs and path expressions, by name
+    """
+    legs = tuple(
+        replace(
+            leg,
+            start=leg.start * units.time,
+            path=units.convert_motion(leg.path, own),
+            inputs=units.convert_motion(leg.inputs, own),
+        )
+        for leg in control.legs
+    )
+    inputs = {name: unit_text(own[name]) for leg in control.legs for name in leg.inputs.names if name in own}
+    texts = {"cost": unit_text(cost), "time": "s", **inputs}
+    return replace(
+        control, legs=legs, cost=control.cost * units.of(cost), parameters=parameters, units=texts, bare=control
+    )
 
 
 @dataclass(frozen=True, eq=False)

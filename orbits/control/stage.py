@@ -98,7 +98,7 @@ def interval_phase(stage: Stage) -> Phase:
         return [*(length * rate for rate in given), 1.0, length * stage.running(states, named, q)]
 
     watch = {name: lambda x, p, q, of=of: of(*with_inputs(x, p), q) for name, of in stage.path.items()}
-    return Phase(stage.phase.name, (*stage.phase.states, "clock", "cost"), rates, watch)
+    return Phase(stage.phase.name, (*stage.phase.states, "clock", "cost"), rates, watch, reaches=stage.phase.reaches)
 
 
 def stage_flow(stage: Stage, names: tuple[str, ...]) -> Flow:

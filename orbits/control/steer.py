@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from ..symbolic.ipopt import Minimum
 from .rollout import Control, ControlledLeg, MotionRollout, WarmStart, roll_out
 from .stage import Stage, check_range, check_stage
@@ -55,6 +56,7 @@ class Guess:
     inputs: Mapping[str, float | Callable[[float], float]] = field(default_factory=dict)
 
 
+@exclusive
 def steer(
     stages: Sequence[Stage], parameters: Mapping[str, float] | None = None, *, guess: Sequence[Guess] | Control,
     free: Mapping[str, tuple[float, float]] | None = None, tolerance: float = 1e-9, refine: float | None = None,

@@ -1,7 +1,6 @@
 """Direct multiple shooting: the nonlinear program of a sequence of stages."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 import casadi as ca
@@ -10,6 +9,7 @@ import numpy as np
 from ..flow.vector_field import runge_kutta
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.ipopt import Minimiser, Minimum
+from ..symbolic.kept import kept
 from ..symbolic.taylor_series import taylor_coefficients
 from .stage import Stage, stage_flow
 
@@ -36,7 +36,7 @@ class StageUnknowns(NamedTuple):
     coefficients: np.ndarray
 
 
-@lru_cache(maxsize=64)
+@kept
 def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
     """(state, share, parameters with length and coefficients) -> state, cost, path expressions after that share."""
     graph = stage_flow(stage, names).vector_field
@@ -59,7 +59,7 @@ def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
     return ca.Function("advance", [x, share, graph.p], [ca.densify(result) for result in results])
 
 
-@lru_cache(maxsize=64)
+@kept
 def _conditions(stage: Stage, names: tuple[str, ...], size_before: int) -> ca.Function:
     """(first state, last state, last state before, parameters) -> zeros at the start, zeros at the end, what is above
     zero there, final cost, and bounds of inputs, infinite where they are numbers."""
@@ -189,4 +189,4 @@ class Transcription:
             yield _conditions(stage, self.names, len(before))(*ends[i], before, values)
 
 
-transcription = lru_cache(maxsize=32)(Transcription)
+transcription = kept(Transcription)

@@ -7,7 +7,7 @@ stay sparse, and small changes do not grow along the trajectory.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import casadi as ca
@@ -15,13 +15,15 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..model.machine import Machine
-from ..model.model import Model, Units
+from ..model.model import Model
+from ..model.units import DIMENSIONS, LENGTH, Units
 from ..numerics.roots import solve
 from ..periodic.multiple_shooting import MeshTrajectory, ShootingMesh, trajectory_on_mesh
 from ..periodic.orbit import Orbit
 from ..symbolic.ipopt import Minimiser, Minimum
+from ..symbolic.kept import kept
 from .problem import Outputs
-from .quantities import ABSENT, DIMENSIONS, Place, expressions, extreme_values, extremes_of, locate
+from .quantities import ABSENT, Place, expressions, extreme_values, extremes_of, locate
 
 # What is demanded of a motion stays this far above zero, in the machine's units: a motion that just touches is refused.
 DEMAND_MARGIN = 1e-9
@@ -63,22 +65,22 @@ class DesignProgram:
         self, model: Model, names: tuple[str, ...], outputs: Outputs, places: tuple[Place, ...], counts: tuple[int, ...]
     ):
         ones = dict.fromkeys(names, 1.0)
-        self.outputs, self.quantities = outputs, outputs.quantities(model, ones)
+        self.outputs, self.quantities, self.units = outputs, outputs.quantities(model, ones), model.units
         statement = outputs.statement(model, ones, places)
         self.unknowns = statement.unknowns
         over, m = outputs.over, len(outputs.formulas) - 1
         theta, fixed = ca.MX.sym("theta", len(over)), ca.MX.sym("fixed", len(names))
-        u, units = ca.MX.sym("u", len(self.unknowns)), ca.MX.sym("units", 3)
+        u = ca.MX.sym("u", len(self.unknowns))
         p = ca.vertcat(*[theta[over.index(name)] if name in over else fixed[i] for i, name in enumerate(names)])
         mesh = ShootingMesh(statement, names, counts, u, p)
-        results = _results(model, statement, names, outputs, places).call([u, p, units, *mesh.ends], True)
+        results = _results(model, statement, names, outputs, places).call([u, p, *mesh.ends], True)
         formulas, demands, reports, ties = results
         self.scales = ca.MX.sym("scales", formulas.numel() + demands.numel())
         self.reported = slice(self.scales.numel(), self.scales.numel() + reports.numel())
         self.tied = slice(self.reported.stop, self.reported.stop + ties.numel())
         self.equations = mesh.equations.numel() + ties.numel()
         weights, excess, shortfall = ca.MX.sym("weights", 2), ca.MX.sym("excess", m), ca.MX.sym("shortfall", m)
-        parameters = ca.vertcat(fixed, units, mesh.data, weights, self.scales)
+        parameters = ca.vertcat(fixed, mesh.data, weights, self.scales)
         state = ca.vertcat(theta, u, mesh.nodes)
         scaled = ca.vertcat(formulas, demands) / self.scales
         cost = weights[0] * scaled[0] + weights[1] * (ca.sum1(excess) + ca.sum1(shortfall))
@@ -104,20 +106,19 @@ class DesignProgram:
 
 
 def _results(model, statement, names, outputs, places):
-    """(u, p, units, end of each arc ...) -> the formulas; minus the landing jerk and the demands, in the machine's
-    units; the quantities in use; and the differences between two places of an extreme."""
-    u, p, units = ca.SX.sym("u", len(statement.unknowns)), ca.SX.sym("p", len(names)), ca.SX.sym("units", 3)
+    """(u, p, end of each arc ...) -> the formulas; minus the landing jerk and the demands, without dimensions; the
+    quantities in use; and the differences between two places of an extreme. Formulas and quantities are in SI for a
+    model in SI, whose units vary with its parameters."""
+    u, p = ca.SX.sym("u", len(statement.unknowns)), ca.SX.sym("p", len(names))
     ends = [ca.SX.sym("x", len(arc.phase.states)) for arc in statement.arcs]
     unknowns = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
     values = dict(zip(names, ca.vertsplit(p), strict=True))
     states = [ca.vertsplit(end) for end in ends]
     quantities, extremes = outputs.quantities(model, values), extreme_values(model, places, unknowns, states, values)
     found = expressions(model, [*quantities, "landing_jerk"], extremes, unknowns, states, values)
-    length, time, force = ca.vertsplit(units)
-    powers = {name: DIMENSIONS.get(name, (1, 0, 0)) for name in quantities}  # a rise is a length
-    stated = values | {name: found[name] * (length**a * time**b * force**c) for name, (a, b, c) in powers.items()}
-    if "rest_length" in values:
-        stated["rest_length"] = values["rest_length"] * length
+    units = model.units(values) if model.units else Units(1.0, 1.0, 1.0)
+    # A rise is a length.
+    stated = values | {name: found[name] * units.of(DIMENSIONS.get(name, LENGTH)) for name in quantities}
     results = (
         [formula(**{name: stated[name] for name in formula.names}) for formula in outputs.formulas],
         [-found["landing_jerk"], *(found[name] for name in outputs.demands)],
@@ -125,11 +126,11 @@ def _results(model, statement, names, outputs, places):
         [first - other for first, *others in extremes.values() for other in others],
     )
     columns = [ca.densify(ca.vertcat(*part)) if part else ca.SX(0, 1) for part in results]
-    return ca.Function("results", [u, p, units, *ends], columns)
+    return ca.Function("results", [u, p, *ends], columns)
 
 
 # The nonlinear program, kept for the next call with the same arguments.
-design_program = lru_cache(maxsize=64)(DesignProgram)
+design_program = kept(DesignProgram)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +142,6 @@ class DesignPoint:
     p: dict[str, float]  # the parameters by name
     u: np.ndarray  # the unknowns of the design statement
     trajectory: MeshTrajectory  # of that statement
-    units: Units  # what the formulas' numbers are in
     demands: tuple[str, ...]  # those of the outputs that the orbit has
 
     @property
@@ -155,10 +155,15 @@ class DesignPoint:
         unknowns = dict(zip(self.program.unknowns, self.u.tolist(), strict=True))
         return {place: unknowns.get(f"at {i}", 0.0) for i, place in enumerate(self.places)}
 
+    @property
+    def sizes(self) -> list[float]:
+        """What the dimensionless landing jerk and demands are in units of; 1 for a dimensionless machine."""
+        units = self.program.units(self.p) if self.program.units else Units(1.0, 1.0, 1.0)
+        return [units.of(DIMENSIONS[name]) for name in ("landing_jerk", *self.demands)]
+
     def _parameters(self, weights: Weights, scales: np.ndarray) -> np.ndarray:
         """The parameters of the nonlinear program."""
-        units = [self.units.length, self.units.time, self.units.force]
-        return np.concatenate([list(self.p.values()), units, self.trajectory.data, weights, scales])
+        return np.concatenate([list(self.p.values()), self.trajectory.data, weights, scales])
 
     @cached_property
     def _derivatives(self) -> list[np.ndarray]:
@@ -228,7 +233,7 @@ class DesignPoint:
 
 
 def design_point(machine: Machine, orbit: Orbit, outputs: Outputs, ties: Ties | None = None) -> DesignPoint:
-    """The outputs at an orbit of a machine; the formulas' numbers are in SI where the machine was stated so.
+    """The outputs at a dimensionless orbit of a machine; the formulas' numbers are in SI where it is stated so.
 
     ties : extremes, by name, that are taken at further places too, where they are to be equal
     Raises `NoOrbit` for a contact that does not end, or an extreme that the orbit does not have.
@@ -238,7 +243,7 @@ def design_point(machine: Machine, orbit: Orbit, outputs: Outputs, ties: Ties | 
         raise NoOrbit("; ".join(orbit.violations))
     demands = tuple(name for name in outputs.demands if locate(model, orbit, p, extremes_of(name)[0]))
     outputs = replace(outputs, demands=demands)
-    names, units = outputs.quantities(model, p), machine.units or Units(1.0, 1.0, 1.0)
+    names = outputs.quantities(model, p)
     times: dict[Place, float] = {}
     for extreme in dict.fromkeys(extreme for name in names for extreme in extremes_of(name)):
         located = locate(model, orbit, p, extreme)
@@ -252,4 +257,4 @@ def design_point(machine: Machine, orbit: Orbit, outputs: Outputs, ties: Ties | 
     u = {name: known[name] for name in statement.unknowns}
     trajectory = trajectory_on_mesh(statement, u, p)
     program = design_program(model, tuple(p), outputs, places, trajectory.counts)
-    return DesignPoint(program, places, p, np.array(list(u.values())), trajectory, units, demands)
+    return DesignPoint(program, places, p, np.array(list(u.values())), trajectory, demands)

@@ -14,7 +14,8 @@ import numpy as np
 from ..errors import InputError
 from ..io import write_json
 from ..model.machine import Machine
-from ..periodic.orbit import Orbit
+from ..model.units import UNIT_TEXTS
+from ..periodic.orbit import Orbit, orbit_of
 from .nlp import DesignPoint
 from .problem import DesignProblem
 
@@ -77,6 +78,7 @@ class Design:
 
     def document(self) -> dict[str, Any]:
         """The design as the JSON document of the command line."""
+        named = [*self.parameters, *self.quantities]
         return {
             "verb": self.verb,
             "objective": {"formula": self.text, "value": self.objective},
@@ -87,14 +89,16 @@ class Design:
             "kkt": self.kkt,
             "starts": [{**vars(start), "parameters": dict(start.parameters)} for start in self.starts],
             "units": "SI" if self.orbit.units else "units of the machine",
+            **({"units_by_name": {name: self.unit_of(name) for name in named}} if self.orbit.units else {}),
             "seconds": self.seconds,
             "orbit": self.orbit.document(),
         }
 
     def __str__(self) -> str:
         lines = [f"{self.verb} {self.text}: {self.objective:.12g}" + (" (SI)" if self.orbit.units else "")]
-        lines += [f"  {name:<24}{value:.12g}" for name, value in self.parameters.items()]
-        lines += [f"  {name:<24}{value:.12g}" for name, value in self.quantities.items() if name not in self.parameters]
+        figures = {**self.quantities, **self.parameters}
+        named = dict.fromkeys([*self.parameters, *self.quantities])
+        lines += [f"  {name:<24}{figures[name]:.12g} {self.unit_of(name)}".rstrip() for name in named]
         lines += [f"  {'held by':<24}{a.text}   (gains {a.multiplier:.4g} per unit)" for a in self.active]
         lines += [f"  {'without effect':<24}{name}" for name in self.idle]
         successes = sum(start.objective is not None for start in self.starts)
@@ -102,6 +106,13 @@ class Design:
         lines.append(f"  {'starts':<24}{successes} of {len(self.starts)} led to an optimum, {self.seconds:.2f} s")
         lines += [f"  {'a start led to none':<24}{s.reason}" for s in self.starts if s.objective is None]
         return "\n".join([*lines, "", str(self.orbit)])
+
+    def unit_of(self, name: str) -> str:
+        """The SI unit of a quantity or parameter, "" where there is none."""
+        if not self.orbit.units:
+            return ""
+        known = {**UNIT_TEXTS, **self.orbit.machine.get("units", {})}
+        return known.get(name, "m" if name.endswith("_rise") else "")
 
     def save(self, path: str | Path) -> Path:
         """Write the document to a JSON file; returns the path."""
@@ -138,7 +149,8 @@ def optimum_at(
     active = tuple(Active(r.text, float(x * size / r.unit)) for r, x in zip(rows, multipliers, strict=True) if x)
     idle = _idle(problem, flat & ~point.slopes[: len(scales)].any(0))
     found, kkt = (float(point.values[0]), point.quantities), max(float(np.abs(rest).max()), violation)
-    return Design(machine, orbit, parameters, problem.verb, problem.text, *found, active, idle, kkt)
+    stated = orbit_of(machine, orbit)
+    return Design(machine, stated, parameters, problem.verb, problem.text, *found, active, idle, kkt)
 
 
 def _active_bounds(problem: DesignProblem, theta: np.ndarray) -> list[_ActiveRow]:
@@ -156,12 +168,12 @@ def _active_constraints(problem: DesignProblem, point: DesignPoint, scales: np.n
     rows, violation, units = [], 0.0, problem.units(point.theta)
     stated = [(c.text, c.low, c.high) for c in problem.constraints]
     stated += [(f"{name} > 0", 0.0, np.inf) for name in ("-landing_jerk", *point.demands)]
-    results = point.scaled_values[1:], point.slopes[1:], scales[1:]
-    for (text, low, high), value, slope, scale in zip(stated, *results, strict=False):
+    results = point.scaled_values[1:], point.slopes[1:], scales[1:], [*(1.0 for _ in problem.constraints), *point.sizes]
+    for (text, low, high), value, slope, scale, size in zip(stated, *results, strict=False):
         violation = max(violation, max(low - value, value - high, 0.0) / scale)
         for side, bound in ((-1.0, low), (1.0, high)):
             if abs(value - bound) <= ACTIVE * scale:
-                rows.append(_ActiveRow(text, side * slope * units / scale, scale, low == high))
+                rows.append(_ActiveRow(text, side * slope * units / scale, scale * size, low == high))
                 break
     return rows, violation
 

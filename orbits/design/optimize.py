@@ -14,6 +14,7 @@ from ..errors import InputError, NoOrbit, OrbitsError, whole_number
 from ..model.machine import Machine
 from ..periodic.find import find
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .local import Infeasible, Unbounded, local_optimum
 from .optimality import Design, Start
 from .problem import DesignProblem, design_problem
@@ -27,6 +28,7 @@ class NoOptimum(NoOrbit):
     """No start leads to an optimum."""
 
 
+@exclusive
 def optimize(
     machine: Machine,
     *,
@@ -93,7 +95,7 @@ def best_design(
         values = {name: point[name] for name in problem.names}
         try:
             varied = machine.with_values(**values)
-            optima.append(local_optimum(varied, point.get("orbit") or find(varied, family), problem))
+            optima.append(local_optimum(varied, (point.get("orbit") or find(varied, family)).dimensionless(), problem))
             tried.append(Start(values, optima[-1].objective))
         except InputError:
             raise

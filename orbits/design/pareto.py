@@ -13,6 +13,7 @@ from ..io import DOCUMENTS, write_json, write_table
 from ..model.machine import Machine
 from ..periodic.find import find
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .optimality import Design
 from .optimize import Progress, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
@@ -68,13 +69,17 @@ class Front:
 
     def __str__(self) -> str:
         names = list(self.designs[0].parameters)
-        lines = ["".join(f"{name:>24}" for name in (*self.texts, *names))]
+        units = [self.designs[0].unit_of(name.lstrip("-")) for name in (*self.texts, *names)]
+        heads = [f"{name} ({unit})" if unit else name for name, unit in zip((*self.texts, *names), units, strict=True)]
+        width = max(24, *(len(head) + 2 for head in heads)) if any(units) else 24
+        lines = ["".join(f"{head:>{width}}" for head in heads)]
         rows = [(*_objectives(design), *design.parameters.values()) for design in self.designs]
-        lines += ["".join(f"{value:24.12g}" for value in row) for row in rows]
+        lines += ["".join(f"{value:{width}.12g}" for value in row) for row in rows]
         lines += [f"{self.texts[1]} <= {level:.6g}: {reason}" for level, reason in self.refused]
         return "\n".join([*lines, f"{len(self.designs)} certified designs, {self.seconds:.2f} s"])
 
 
+@exclusive
 def pareto(
     machine: Machine,
     *,

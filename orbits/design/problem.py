@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError, finite_number
-from ..model.machine import Machine, check_parameters
+from ..model.machine import Machine, check_parameters, free_parameters
 from ..model.model import Model
 from ..model.phase import Statement
 from ..symbolic.formula import Formula, parse, suggest
@@ -130,7 +130,7 @@ def formula_names(machine: Machine) -> list[str]:
         launch = "its launch has more unknowns than the lift-off extension and the speed"
         raise InputError(f"a {machine.model.name} cannot be designed: {launch}")
     quantities = quantity_names(machine.model, machine.values)
-    parameters = [name for name in machine.values if name != machine.model.homotopy]
+    parameters = free_parameters(machine)
     if ambiguous := [name for name in parameters if name in quantities]:
         raise InputError(f"'{ambiguous[0]}' is a quantity of the orbit: call the formula's parameter something else")
     return quantities + parameters
@@ -196,8 +196,10 @@ def _checked_bounds(machine, over):
         raise InputError("over names the parameters to design with their bounds: over={'beta': (0, 1)}")
     lows, highs = {}, {}
     for name, bounds in over.items():
-        if name not in machine.values or name == machine.model.homotopy:
-            known = suggest(str(name), free_parameters(machine))
+        if name not in (names := free_parameters(machine)):
+            if machine.units is not None:
+                machine.with_values(**{str(name): 1.0})  # raises the machine's own error
+            known = suggest(str(name), names)
             raise InputError(f"the machine has no parameter '{name}' to design{known}")
         try:
             low, high = bounds
@@ -213,12 +215,6 @@ def _checked_bounds(machine, over):
     for values in (lows, highs):
         machine.with_values(**values)  # raises the machine's own error
     return tuple(lows.values()), tuple(highs.values())
-
-
-def free_parameters(machine: Machine) -> list[str]:
-    """The parameters that may be varied: in SI a machine's own follow from its masses and lengths."""
-    fixed = {machine.model.homotopy} | ({"mass_ratio", "rest_length"} if machine.units else set())
-    return [name for name in machine.values if name not in fixed]
 
 
 def _check_conflicts(constraints: Sequence[Constraint]) -> None:

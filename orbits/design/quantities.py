@@ -16,22 +16,15 @@ import numpy as np
 from ..errors import InputError, NoOrbit
 from ..model.model import Model
 from ..model.phase import Affine, Arc, Phase, Statement
+from ..model.units import DIMENSIONS
 from ..numerics.roots import bracketed_root
 from ..periodic.formulations import half_orbit
 from ..periodic.local_law import by_launch_speed, launch_power, loss_coefficient
 from ..periodic.orbit import Orbit
+from ..symbolic.kept import kept
 
-# Quantities of every orbit and the powers of length, time and force in their units. The loss coefficient is a loss of
-# speed per speed to the power 4/3.
-DIMENSIONS = {
-    "alpha": (1, -1, 0),
-    **dict.fromkeys(("flight_time", "contact_time", "period"), (0, 1, 0)),
-    **dict.fromkeys(("liftoff_extension", "stroke", "clearance", "smallest_separation"), (1, 0, 0)),
-    **dict.fromkeys(("smallest_contact_force", "largest_contact_force", "largest_spring_force"), (0, 0, 1)),
-    "landing_jerk": (1, -3, 0),
-    "landing_sensitivity": (0, 1, 0),
-    "loss_coefficient": (-1 / 3, 1 / 3, 0),
-}
+# Quantities of every orbit.
+QUANTITIES = tuple(name for name in DIMENSIONS if name not in ("error", "alpha_noise", "loss_error"))
 VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
 # The extremes that a quantity is the sum of, each with its sign; a rise has one of its own name.
 COMPOSITION = {
@@ -77,7 +70,7 @@ def quantity_names(model: Model, p: Mapping) -> list[str]:
     """The quantities of a model's orbits."""
     missing = [] if model.tension else ["largest_spring_force"]
     missing += [] if model.separation(p) is not None else ["smallest_separation"]
-    return [name for name in DIMENSIONS if name not in missing] + list(rises(model, p))
+    return [name for name in QUANTITIES if name not in missing] + list(rises(model, p))
 
 
 def extremes_of(name: str) -> tuple[str, ...]:
@@ -114,7 +107,7 @@ def _value_and_rate(phase, function, x, p):
     return value, ca.jacobian(value, ca.vertcat(*x)) @ ca.vertcat(*phase.field(x, p, []))
 
 
-@lru_cache(maxsize=256)
+@kept
 def _compiled(model, names, extreme, index):
     """(x, p) -> value of a function of an extreme, and its rate of change along the motion."""
     name, function = extreme_of(model, extreme)[index]
@@ -235,7 +228,7 @@ def _variational(model, arc):
 
     states = (*phase.states, *(f"d{name}" for name in phase.states), *(f"gap by {name}" for name in phase.states))
     conditions, guard = lambda u, x, p: arc.conditions(u, x[:n], p), lambda u, x, p, q: arc.guard(u, x[:n], p, q)
-    return Arc(Phase(phase.name, states, field), start, arc.duration, conditions, guard)
+    return Arc(Phase(phase.name, states, field, reaches=phase.reaches), start, arc.duration, conditions, guard)
 
 
 def _reversor(model):

@@ -4,18 +4,20 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 from ..errors import InputError
-from ..model.machine import Machine, check_parameters
+from ..model.machine import Machine, check_parameters, free_parameters
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .nlp import DesignPoint, design_point
-from .problem import Outputs, formula_names, free_parameters, known_formula
+from .problem import Outputs, formula_names, known_formula
 from .quantities import extremes_of, locate, quantity_names
 
 # Names that are asked for, None for all.
 Names: TypeAlias = Sequence[str] | None
 
 
+@exclusive
 def quantities(machine: Machine, orbit: Orbit, names: Names = None) -> dict[str, float]:
     """Quantities of a machine's orbit, or formulas of them, by their text; None for all that the orbit has.
 
@@ -27,6 +29,7 @@ def quantities(machine: Machine, orbit: Orbit, names: Names = None) -> dict[str,
     return dict(zip(names, _formulas_at(machine, orbit, names, ()).values.tolist(), strict=False))
 
 
+@exclusive
 def sensitivities(
     machine: Machine, orbit: Orbit | int = 1, names: Names = None, quantities: Names = None
 ) -> dict[str, dict[str, float]]:
@@ -63,7 +66,7 @@ def _formulas_at(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Seq
     """Formulas at an orbit, over some of the machine's parameters."""
     known = formula_names(machine)
     formulas = tuple(known_formula(text, known, "the quantity") for text in texts)
-    return design_point(machine, orbit, Outputs(formulas, tuple(over)))
+    return design_point(machine, orbit.dimensionless(), Outputs(formulas, tuple(over)))
 
 
 def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
@@ -74,5 +77,5 @@ def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
         raise InputError(f"quantities are a list: ['{names}']")
     if names is not None:
         return list(names)
-    model, p = machine.model, machine.values
-    return [name for name in quantity_names(model, p) if all(locate(model, orbit, p, e) for e in extremes_of(name))]
+    model, p, bare = machine.model, machine.values, orbit.dimensionless()
+    return [name for name in quantity_names(model, p) if all(locate(model, bare, p, e) for e in extremes_of(name))]

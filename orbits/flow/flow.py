@@ -5,7 +5,7 @@ has none, Runge-Kutta steps of order 8. The error alone controls the step size. 
 """
 
 from collections.abc import Callable
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -17,6 +17,7 @@ from ..model.phase import Phase
 from ..numerics.roots import Array
 from ..symbolic import interrupts
 from ..symbolic.calls import BufferedFunction, ElementwiseFunction
+from ..symbolic.kept import kept
 from .breakpoints import ActivePiece
 from .runge_kutta import RungeKuttaStepper
 from .taylor import TaylorStepper
@@ -30,7 +31,7 @@ LARGEST_BLOCK = 4000  # steps in closed form that are searched in one call
 StopTest = Callable[[Array, Array], tuple[int, float] | None]
 
 
-@lru_cache(maxsize=64)
+@kept
 def flow_of(phase: Phase, parameters: tuple[str, ...]) -> "Flow":
     """The flow of a phase, kept for the next call with the same phase."""
     return Flow(phase, parameters)
@@ -133,8 +134,6 @@ class Flow:
                 times[-1] = duration
             if side:
                 variations = piece.enter(side, x, variations)
-        if not stop:
-            stepper.expected_steps = min(len(coefficients), self.control.max_block)
         path = Trajectory(np.array(times), np.array(coefficients), self.names, np.array(slopes) if columns else None)
         return path, variations
 
@@ -181,7 +180,7 @@ class Flow:
         arguments = self.symbols(x, p)
         rates = ca.vertcat(*self.phase.field(*arguments))
         watched = ca.vertcat(*[quantity(*arguments) for quantity in self.phase.watch.values()])
-        return VectorField(ca.Function("field", [x, p], ca.cse([rates, watched])), x, p)
+        return VectorField(ca.Function("field", [x, p], ca.cse([rates, watched])), x, p, self.phase.reaches)
 
     def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
         """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""

@@ -1,13 +1,12 @@
 """Taylor steps of a flow with their sensitivities, interpreted at first and compiled once there are many."""
 
-import threading
-
 import casadi as ca
 import numpy as np
 
 from ..numerics.bernstein import TINY
 from ..numerics.roots import Array
 from ..symbolic.calls import BufferedFunction, MappedFunction
+from ..symbolic.exclusive import LOCK
 from ..symbolic.kernels import compile_function, compile_seconds, compiled_before, lengths
 from ..symbolic.taylor_series import variations
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Steps, VectorField, symbolic_powers
@@ -45,8 +44,9 @@ class TaylorStepper:
         # Compiled once its interpretation took as long as that will, a function costs at most twice the best time.
         self.interpretation_budget = SEARCH_SHARE * compile_seconds(self.step_function)
         self.cache_searched = self.compiled = False
-        self.lock = threading.RLock()  # One thread may compile while others step.
-        self.expected_steps = 4  # Steps of a motion of given duration, updated by each that is integrated.
+        # Steps in the first block of a motion of given duration. A number learned from earlier motions would change
+        # the last digits from call to call, as states are rounded between blocks.
+        self.expected_steps = 4
         self._calls, self._batch_calls = dict[int, BufferedFunction](), dict[int, MappedFunction]()
 
     def advance(self, x: Array, p: Array, dx: Array, dp: Array, count: int, left: float, hint: float | None) -> Steps:
@@ -55,12 +55,12 @@ class TaylorStepper:
         Returns steps (m,), coefficients (m, rows, K + 1) and sensitivities (m, n, columns, K + 1). A single NaN is
         returned for the steps when none is accepted.
         """
-        with self.lock:
+        with LOCK:
             self.count_steps(count)
             if (call := self._calls.get(count)) is None:
                 chain = self.step_function if count == 1 else self.step_function.mapaccum(count)
                 call = self._calls[count] = BufferedFunction(chain)
-        with call.lock:
+        with LOCK:
             start, data = call.arguments[0], call.arguments[1].reshape(count, -1)
             start[: self.n], start[-2], start[-1] = x, left, LONGEST_STEP
             data[:, : len(p)] = p
@@ -91,7 +91,7 @@ class TaylorStepper:
         Returns steps (m, count), 0 where they are rejected; coefficients (m, count, rows, K + 1); and which steps
         (m, count) are numbers and not vanishing.
         """
-        with self.lock:
+        with LOCK:
             self.count_steps(count * len(x))
             if (call := self._batch_calls.get(count)) is None:
                 call = self._batch_calls[count] = MappedFunction(self.step_function.mapaccum(count))
@@ -103,7 +103,7 @@ class TaylorStepper:
 
     def count_steps(self, count: int) -> None:
         """Count steps to be taken; after enough of them, search the cache for the compiled function or make it."""
-        with self.lock:
+        with LOCK:
             self.interpretation_budget -= count * self.seconds_per_step
             if self.interpretation_budget >= 0:
                 return
@@ -145,6 +145,8 @@ def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Functi
     length = _truncated_length(c, 0)
     if varied:  # The series of f_p may have a smaller radius of convergence than that of f.
         length = ca.fmin(length, _truncated_length(dc, ca.norm_inf(dp)))
+    for weights, reach in graph.reaches:
+        length = ca.fmin(length, _time_within(c, weights, reach))
     h = ca.fmin(longest, length)
     h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
     size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # The size of a motion at rest at the origin would be 0.
@@ -162,6 +164,12 @@ def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
     scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (c[:2, :], c[-2, :], c[-1, :]))
     bound = TRUNCATION * (scale + size)
     return ca.fmin((bound / before) ** (1 / (TAYLOR_ORDER - 1)), (bound / last) ** (1 / TAYLOR_ORDER))
+
+
+def _time_within(c: ca.SX, weights: tuple[float, ...], reach: float) -> ca.SX:
+    """The time in which the speed and the acceleration at the start of series (K + 1, rows) lead as far as `reach`."""
+    speed, half_rate = (ca.fabs(c[order, : len(weights)] @ ca.DM(list(weights))) for order in (1, 2))
+    return 2 * reach / (speed + ca.sqrt(speed**2 + 4 * half_rate * reach))
 
 
 def _defect(graph: VectorField, terms: ca.SX, h: ca.SX) -> ca.SX:

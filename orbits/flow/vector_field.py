@@ -35,11 +35,13 @@ FLOW_CONTROL = FlowControl()
 
 @dataclass(frozen=True, eq=False)
 class VectorField:
-    """A vector field as an SX function (x, p) -> (x', watched quantities), and the two symbols x and p."""
+    """A vector field as an SX function (x, p) -> (x', watched quantities), the two symbols x and p, and the `reaches`
+    of its phase."""
 
     field: ca.Function
     x: ca.SX
     p: ca.SX
+    reaches: tuple[tuple[tuple[float, ...], float], ...] = ()
 
     @property
     def size(self) -> int:

@@ -36,6 +36,8 @@ STATUSES = {
     "out_of_range": "a law is needed where it is not defined, as outside a measured table",
     "lost": "the motion could not be followed, as when it takes too many steps",
     "cap": "there are too many impacts in one hop",
+    "undecided": "after many bounces rounding decides how the hop ends",
+    "invalid": "the launch speed is not a number above 0",
 }
 STATUS = f"<U{max(map(len, STATUSES))}"  # the type of arrays of statuses
 FASTEST = 1e15  # a launch speed beyond this has no digits left for the motion between two impacts

@@ -12,21 +12,28 @@ import numpy as np
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
-from ..model.machine import ImpactingMachine
+from ..model.machine import ImpactingMachine, dimensionless
+from ..model.units import SPEED, without_units
 from ..periodic.local_law import loss_coefficient
+from ..symbolic.exclusive import exclusive
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts
 
 TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, is tangential
 
 
+@exclusive
 def multiplier(machine: ImpactingMachine, alpha: float) -> float:
     """d(next launch speed)/d(launch speed) over the hop that starts with `alpha`.
 
     Raises `NoOrbit` where there is none: the machine does not lift off again, or lands tangentially.
     """
-    impacts, alpha = Impacts(machine), finite_number("alpha", alpha)
+    alpha = finite_number("alpha", alpha)
     if alpha <= 0:
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
+    if units := getattr(machine, "units", None):
+        with without_units(units):
+            return multiplier(dimensionless(machine), alpha / units.of(SPEED))
+    impacts = Impacts(machine)
     x, order = impacts.launch(np.array([alpha]))[0], LIFTOFF_ORDER
     step = 1e-5 * alpha  # The extension of the launch state depends on the launch speed too where there is damping.
     low, high = impacts.launch(np.array([alpha - step, alpha + step]))

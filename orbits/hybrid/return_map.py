@@ -7,7 +7,7 @@ the power 4/3 of the distance, and the difference would be rounding.
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any
 
@@ -17,13 +17,16 @@ from numpy.typing import ArrayLike
 from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
 from ..flow.zero_crossing import first_zeros
-from ..model.machine import ImpactingMachine
+from ..model.machine import ImpactingMachine, dimensionless
+from ..model.units import SPEED, SPEED_SQUARED, Units, without_units
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
 from ..periodic.find import certified_orbit, find
 from ..periodic.formulations import equations_of
 from ..periodic.orbit import Orbit
+from ..symbolic.exclusive import exclusive
 from .impacts import CAP, FASTEST, LIFTOFF_ORDER, STATUS, Impacts, injected, status_of_failure
+from .multiplier import multiplier
 
 BATCH_SIZE = 1000  # launch speeds in one batch: few enough to stay in a processor's cache
 SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
@@ -31,6 +34,9 @@ JUMP = 1e-6  # where the map changes by less than this share between neighbourin
 FURTHER = 3  # the search for lossless orbits ends after this many families in a row without one in the range
 PER_TURN, MOST_SAMPLES = 8, 2000  # launches in the grid searched for lossless orbits: per half oscillation, and at most
 SETTLED = 1e-5  # a basin, maybe of infinitely many intervals, is complete when a hop adds a smaller share of the range
+# With restitutions from here on the end of many bounces is compared with that of a launch that is faster by this share,
+# beyond the roundings of a flight: motions that part by more than this share of the state have digits no more.
+MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
 # (lowest, highest) of each interval, ascending.
 Intervals = list[tuple[float, float]]
 
@@ -52,18 +58,25 @@ class Hops:
     impacts: np.ndarray
     status: np.ndarray
 
+    def in_units(self, units: Units) -> "Hops":
+        """Dimensionless hops in these units."""
+        return units.convert(self, next=SPEED, loss=SPEED_SQUARED)
+
     def document(self) -> dict[str, Any]:
         """The hops as the JSON document of the command line."""
         columns = {name: np.ravel(values).tolist() for name, values in vars(self).items()}
-        return {**columns, "next": [None if np.isnan(value) else value for value in columns["next"]]}
+        names = ("alpha", "next", "loss")  # what is no number has none in a document
+        return columns | {name: [value if np.isfinite(value) else None for value in columns[name]] for name in names}
 
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """A launch speed that comes back; kind "lossless" or "crossing", where the map crosses the identity line."""
+    """A launch speed that comes back; kind "lossless" or "crossing", where the map crosses the identity line, and the
+    map's slope there, None where it has none: at a lossless hop, and where the hop lands tangentially."""
 
     alpha: float
     kind: str
+    multiplier: float | None = None
 
 
 class ReturnMap:
@@ -74,30 +87,46 @@ class ReturnMap:
         the injection moves the machine to that of the new speed
     cap : impacts of one hop after which it is given up, with the status "cap"
 
-    Called with launch speeds (...), all above 0, it gives `Hops`. It does not check whether the masses pass through
-    each other: see `Simulation.smallest_separation`. Raises `InputError` where a launch is more than a speed.
+    Called with launch speeds (...), it gives `Hops`; in an array, one that is not a number above 0 has the status
+    "invalid". It does not check whether the masses pass through each other: see `Simulation.smallest_separation`.
+    Raises `InputError` where a launch is more than a speed, and for a single speed that is not above 0.
     """
 
+    @exclusive
     def __init__(self, machine: ImpactingMachine, inject: float = 0.0, cap: int = CAP):
         self.inject, self.cap = injected(inject), whole_number("cap", cap, "impacts")
-        self.machine, self.impacts = machine, Impacts(machine)
+        self.machine, self._units = machine, getattr(machine, "units", None) or Units(1.0, 1.0, 1.0)
+        self._bare: ReturnMap | None = None  # of the dimensionless machine, where this one has units
+        self._speed: float = self._units.of(SPEED)
+        if getattr(machine, "units", None):
+            self._bare = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap)
+        self.impacts: Impacts = self._bare.impacts if self._bare else Impacts(machine)
         if not self.impacts.model.one_speed:
             raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
 
+    @exclusive
     def __call__(self, alpha: ArrayLike) -> Hops:
         """The next launch speeds after launch speeds (...)."""
         try:
-            alpha = np.asarray(alpha, dtype=float)
+            alpha = np.array(alpha, dtype=float)
         except (TypeError, ValueError):
             raise InputError(f"alpha = {alpha!r}; launch speeds are numbers") from None
-        if len(wrong := alpha[~(np.isfinite(alpha) & (alpha > 0))]):
-            raise InputError(f"alpha = {wrong[0]:g}; launch speeds are above 0")
-        if not alpha.size:
-            return Hops(alpha, alpha, alpha, alpha.astype(int), alpha.astype(STATUS))
-        batches = np.array_split(alpha.ravel(), -(-alpha.size // BATCH_SIZE))
-        hops = [vars(_hops_from(self.impacts, batch, self.inject, self.cap)) for batch in batches]
-        return Hops(**{name: np.concatenate([part[name] for part in hops]).reshape(alpha.shape) for name in hops[0]})
+        launches = np.isfinite(alpha) & (alpha > 0)
+        if not (alpha.ndim or launches):
+            raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
+        if self._bare:
+            with without_units(self._units):
+                return replace(self._bare(alpha / self._speed).in_units(self._units), alpha=alpha)
+        nothing = np.full(alpha.shape, np.nan)
+        hops = Hops(alpha, nothing, nothing.copy(), np.zeros(alpha.shape, int), np.full(alpha.shape, "invalid", STATUS))
+        places = np.flatnonzero(launches)
+        for batch in np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else ():
+            found = _hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)
+            for name in ("next", "loss", "impacts", "status"):
+                getattr(hops, name).flat[batch] = getattr(found, name)
+        return hops
 
+    @exclusive
     def fixed_points(self, low: float, high: float, samples: int = 2000) -> tuple[FixedPoint, ...]:
         """The fixed points of the map between two launch speeds, ascending.
 
@@ -106,15 +135,28 @@ class ReturnMap:
         neighbours of a grid of `samples` launches, refined toward lossless ones and toward extrema.
         """
         low, high = _speed_range(low, high)
+        if self._bare:
+            found = self._bare.fixed_points(low / self._speed, high / self._speed, samples)
+            return tuple(self._units.convert(point) for point in found)
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative:
             return tuple(FixedPoint(alpha, "lossless") for alpha in lossless)
         crossings = ResolvedMap(self, lossless, low, high, samples, True).crossings()
-        return tuple(FixedPoint(float(alpha), "crossing") for alpha in crossings)
+        return tuple(FixedPoint(alpha, "crossing", self._slope(alpha)) for alpha in crossings.tolist())
 
+    def _slope(self, alpha: float) -> float | None:
+        """The slope of the map at a launch speed, None where it has none."""
+        try:
+            return multiplier(self.machine, alpha)
+        except NoOrbit:
+            return None
+
+    @exclusive
     def jumps(self, hops: Hops) -> np.ndarray:
         """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
         and the next launch speed is not continuous."""
+        if self._bare:
+            return self._bare.jumps(hops.in_units(self._units.inverse()))
         change = np.abs(np.diff(np.nan_to_num(hops.next)))
         beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
         # A jump that is smaller than the changes beside it would not be seen in a plot.
@@ -123,6 +165,7 @@ class ReturnMap:
         a, b, _, _ = enclosed_sign_changes(same, hops.alpha[i], hops.alpha[i + 1], np.ones(len(i)), -np.ones(len(i)))
         return i[np.abs(np.nan_to_num(self(a).next) - np.nan_to_num(self(b).next)) > JUMP * a]
 
+    @exclusive
     def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
         """The intervals of launch speeds between `low` and `high`, ascending, whose next one lies in one of the
         intervals `edges`. They end where the map passes an edge, or jumps; the grid is as in `fixed_points`."""
@@ -130,24 +173,38 @@ class ReturnMap:
         edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in edges]
         if wrong := [pair for pair in edges if not 0 < pair[0] <= pair[1]]:
             raise InputError(f"edges = {wrong[0]}; the launch speeds of an interval are above 0 and ascend")
+        if self._bare:
+            speeds = [(a / self._speed, b / self._speed) for a, b in edges]
+            return self._in_units(self._bare.preimages(speeds, low / self._speed, high / self._speed, samples))
         lossless = lossless_speeds(self.impacts, low, high)
         return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
 
-    def basin(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> Intervals:
+    def _in_units(self, intervals: Intervals) -> Intervals:
+        return [(a * self._speed, b * self._speed) for a, b in intervals]
+
+    @exclusive
+    def basin(
+        self, low: float, high: float, hops: int = 1000, samples: int = 2000,
+        progress: Callable[[float], None] | None = None,
+    ) -> Intervals:  # fmt: skip
         """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
 
         All launches just above a lossless one come down to it, up to where the map falls below it; all others enter
         one of these intervals before, within at most `hops` hops. Intervals that would add only some 1e-5 of the range
-        are left out. Raises `InputError` with injection or damping.
+        are left out. Called after every hop, `progress` is given the share of the range that is found. Raises
+        `InputError` with injection or damping.
         """
         low, high = _speed_range(low, high)
         if self.inject != 0 or not self.impacts.model.conservative:
             raise InputError("with injection or damping no hop is lossless, and none comes to one")
         hops = whole_number("hops", hops, "hops", 0)
+        if self._bare:
+            return self._in_units(self._bare.basin(low / self._speed, high / self._speed, hops, samples, progress))
         lossless = lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high)
         if not lossless or lossless[0] >= high:
             return []
-        intervals = ResolvedMap(self, lossless, lossless[0], high, samples, False).basin(lossless, hops, high - low)
+        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False)
+        intervals = resolved_map.basin(lossless, hops, high - low, progress)
         return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
 
 
@@ -166,6 +223,7 @@ class ResolvedMap:
         self.grid, values = resolved(lambda alpha: return_map(alpha).next - slope * alpha, grid, identity)
         self.following = np.nan_to_num(values + slope * self.grid)
         self.next = lambda alpha: np.nan_to_num(return_map(alpha).next)
+        self._passages = dict[float, np.ndarray]()  # where the map passes a level: the levels of a basin come again
 
     def crossings(self) -> np.ndarray:
         """Launch speeds (k,) at which the map crosses the identity line."""
@@ -176,17 +234,20 @@ class ResolvedMap:
     def preimages(self, edges: Intervals) -> Intervals:
         """The intervals of launch speeds whose next one lies in one of `edges`."""
         levels, grid = np.unique(edges), self.grid
-        excess = self.following[:, None] - levels
+        new = levels[[level not in self._passages for level in levels.tolist()]]
+        excess = self.following[:, None] - new
         i, k = np.nonzero((excess[1:] >= 0) != (excess[:-1] >= 0))
         above = grid[i], grid[i + 1], excess[i, k], excess[i + 1, k]
-        ends, *_ = enclosed_sign_changes(lambda alpha, which: self.next(alpha) - levels[k[which]], *above)
-        ends = np.unique([grid[0], *ends, grid[-1]])
+        ends, *_ = enclosed_sign_changes(lambda alpha, which: self.next(alpha) - new[k[which]], *above)
+        self._passages |= {level: ends[k == j] for j, level in enumerate(new.tolist())}
+        ends = np.concatenate([grid[[0, -1]], *(self._passages[level] for level in levels.tolist())])
+        ends = np.unique(ends)
         ends = ends[np.append(True, np.diff(ends) > 1e-15 * ends[1:])]
         inside = within(self.next(0.5 * (ends[1:] + ends[:-1])), edges)
         switches = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
         return list(zip(ends[switches[::2]].tolist(), ends[switches[1::2]].tolist(), strict=True))
 
-    def basin(self, lossless: list[float], hops: int, width: float) -> Intervals:
+    def basin(self, lossless: list[float], hops: int, width: float, progress: Callable | None = None) -> Intervals:
         """The intervals of launch speeds that come to one of the `lossless` ones, of which the lowest begins the grid,
         within `hops` hops, in a range of this width."""
         pairs = zip(lossless, [*lossless[1:], float(self.grid[-1])], strict=True)
@@ -194,6 +255,8 @@ class ResolvedMap:
         for _ in range(hops):
             intervals = self.preimages(intervals)
             total, last = float(np.diff(intervals).sum()), total
+            if progress:
+                progress(min(total / width, 1.0))
             if total - last <= SETTLED * width:
                 break
         return intervals
@@ -283,8 +346,29 @@ def _speed_range(low: float, high: float) -> tuple[float, float]:
     return low, high
 
 
-def _flights_and_impacts(impacts: Impacts, alpha, cap: int):
-    """Losses, numbers of impacts, statuses (m,) and contact states (m, k) up to sustained contact ("lifts_off")."""
+def _decided_impacts(impacts: Impacts, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, ...]:
+    """`_flights_and_impacts`, with the status "undecided" where many bounces have made a change of the launch speed by
+    some roundings into another motion. Where so much energy is lost before that no launch has so little, it rests."""
+    if impacts.restitution < MANY_BOUNCES:
+        return _flights_and_impacts(impacts, alpha, cap)
+    m, both = len(alpha), np.concatenate([alpha, alpha * (1 + NEIGHBOUR)])
+    parted, undecided = np.zeros((2, m), bool)
+
+    def compare(states: np.ndarray, loss: np.ndarray) -> None:
+        far = np.abs(states[:m] - states[m:]).max(1) > PARTED * np.abs(states[:m]).max(1)
+        spent = impacts.model.conservative & (loss[:m] > alpha**2)
+        undecided[far & ~parted & ~spent] = True
+        parted[far] = True
+
+    loss, counts, status, standing = _flights_and_impacts(impacts, both, cap, compare)
+    undecided &= status[:m] != "cap"
+    status[:m][undecided | (status[:m] != status[m:])] = "undecided"
+    return loss[:m], counts[:m], status[:m], standing[:m]
+
+
+def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | None = None):
+    """Losses, numbers of impacts, statuses (m,) and contact states (m, k) up to sustained contact ("lifts_off");
+    `watch` is called after every impact with the states (m, n), kept in contact, and the losses so far (m,)."""
     m = len(alpha)
     loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
     state, standing = impacts.launch(np.minimum(alpha, FASTEST)), np.zeros((m, impacts.contact.size))
@@ -307,6 +391,8 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int):
         landed = flying[held]
         standing[landed], status[landed] = after[held] @ impacts.onto_contact.T, "lifts_off"
         state[flying] = after
+        if watch:
+            watch(state, loss)
         flying = flying[~held]
         if not len(flying):
             break
@@ -315,7 +401,7 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int):
 
 def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
     """One hop from each of the launch speeds (m,), given up after `cap` impacts, with `inject` added to the next."""
-    loss, counts, status, standing = _flights_and_impacts(impacts, alpha, cap)
+    loss, counts, status, standing = _decided_impacts(impacts, alpha, cap)
     alpha, asked = np.minimum(alpha, FASTEST), alpha
     next_speed, left, lifting = np.full(len(alpha), np.nan), alpha**2 - loss, np.flatnonzero(status == "lifts_off")
     if impacts.contact.phase.closed_form:  # The force is linear: the energy alone decides whether it vanishes.

@@ -3,8 +3,9 @@
 Events are zeros of the motion's Taylor polynomials, found by Bernstein exclusion, which misses no grazing pair of them.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Real
 from pathlib import Path
@@ -16,12 +17,25 @@ from numpy.typing import ArrayLike
 from ..errors import FlowError, InputError, finite_number, whole_number
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
-from ..model.machine import ImpactingMachine
+from ..model.machine import ImpactingMachine, dimensionless
+from ..model.phase import Affine
+from ..model.units import ENERGY, SPEED, TIME, Units, noted, without_units
 from ..numerics.bernstein import lowest
+from ..plot import Report
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .impacts import CAP, FASTEST, LIFTOFF_ORDER, Impacts, injected, status_of_failure
 
 TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
+# The units of a simulation's numbers, of a machine in SI; those of states are m and, for speeds, m/s.
+UNITS_OF_SIMULATIONS = {
+    "launches": "m/s",
+    "end": "s",
+    "smallest_separation": "m",
+    "time": "s",
+    "energy": "J",
+    "loss": "J",
+}
 # An event this close to a change of the schedule, relative to the time, is at it: event times are no more accurate.
 SIMULTANEOUS = 1e-9
 
@@ -79,7 +93,7 @@ class Simulation:
         """The smallest separation of the masses, None without a rest length; where it is not above 0 they pass through
         each other, which no real machine does and the simulation ignores."""
         embed, smallest = self.machine.model.embed, []
-        if (separation := self.machine.model.separation(self.machine.values)) is None:
+        if (separation := self._length(self.machine.model.separation(self.machine.values))) is None:
             return None
         for leg in self.legs:
             rows = leg.path.coefficients
@@ -87,9 +101,24 @@ class Simulation:
             smallest.append(lowest(separation.series(states), leg.path.steps)[0])
         return min(smallest, default=None)
 
+    @property
+    def heights(self) -> dict[str, Affine]:
+        """The heights of the machine's model, as functions of the flight state."""
+        return {name: self._length(height) for name, height in self.machine.model.heights(self.machine.values).items()}
+
+    @property
+    def gap(self) -> Affine:
+        """The gap as a function of the flight state."""
+        return self._length(self.machine.model.gap(self.machine.values))
+
+    def _length(self, height: Any) -> Any:
+        """A length of the model as a function of the flight state: in SI where the machine is stated so."""
+        return self.machine.units.convert_height(height) if self.machine.units else height
+
     def document(self) -> dict[str, Any]:
         """The simulation as the JSON document of the command line."""
         return {
+            **({"units": UNITS_OF_SIMULATIONS} if self.machine.units else {}),
             "launches": [None if np.isnan(speed) else float(speed) for speed in self.launches],
             "status": self.status, "reason": self.reason, "end": self.end,
             "smallest_separation": self.smallest_separation,
@@ -97,12 +126,13 @@ class Simulation:
         }  # fmt: skip
 
     def __str__(self) -> str:
-        lines = [f"{'time':>14}  {'event':<10}{'energy':>16}{'loss':>14}"]
+        second, joule, speed, metre = (" (s)", " (J)", " m/s", " m") if self.machine.units else ("", "", "", "")
+        lines = [f"{'time' + second:>14}  {'event':<10}{'energy' + joule:>16}{'loss' + joule:>14}"]
         lines += [f"{e.time:14.9g}  {e.kind:<10}{e.energy:16.9g}{e.loss:14.6g}" for e in self.events]
-        speeds, why = ", ".join(f"{speed:.10g}" for speed in self.launches), f": {self.reason}" if self.reason else ""
-        lines += [f"  launch speeds {speeds}", f"  {self.status} at time {self.end:.9g}{why}"]
+        speeds, why = ", ".join(f"{alpha:.10g}" for alpha in self.launches), f": {self.reason}" if self.reason else ""
+        lines += [f"  launch speeds {speeds}{speed}", f"  {self.status} at time {self.end:.9g}{second[2:3]}{why}"]
         if (least := self.smallest_separation) is not None and least <= 0:
-            lines.append(f"  the masses pass through each other: their least separation is {least:.6g}")
+            lines.append(f"  the masses pass through each other: their least separation is {least:.6g}{metre}")
         return "\n".join(lines)
 
     def plot(self, axes: Any = None) -> Any:
@@ -111,7 +141,7 @@ class Simulation:
 
         return plot_simulation(self, axes)
 
-    def animate(self, path: str | Path, frames: int = 200, progress: Callable[[float], None] | None = None) -> Path:
+    def animate(self, path: str | Path, frames: int = 200, *, progress: Report = None) -> Path:
         """Write an animation of the whole motion (.gif or .mp4); returns its path. See `animate_simulation`."""
         from ..plot import animate_simulation
 
@@ -140,6 +170,7 @@ class Simulation:
         return states
 
 
+@exclusive
 def simulate(
     machine: ImpactingMachine, alpha: float | Mapping[str, float] | None = None, *, state: ArrayLike | None = None,
     hops: int | None = None, time: float = np.inf, inject: float = 0.0, cap: int = CAP,
@@ -160,6 +191,8 @@ def simulate(
 
     Raises `InputError` for arguments without a meaning, such as a launch at which the contact would not open.
     """
+    if units := getattr(machine, "units", None):
+        return _simulate_in(units, machine, alpha, state, hops, time, inject, cap, schedule)
     impacts, inputs = Impacts(machine), _Schedule(machine.values, schedule)
     inject, cap = injected(inject), whole_number("cap", cap, "impacts")
     hops = None if hops is None else whole_number("hops", hops, "lift-offs")
@@ -173,6 +206,41 @@ def simulate(
     x, launch_speed, order = _initial_state(impacts, inputs(0.0)[0], alpha, state)
     with interrupts.deferred():
         return _Run(impacts, inject, hops, float(time), cap, inputs).simulate(x, order, launch_speed)
+
+
+def _simulate_in(units: Units, machine, alpha, state, hops, time, inject, cap, schedule) -> Simulation:
+    """The simulation of a machine with units: that of its dimensionless self, its arguments and results converted."""
+    speed, bare = units.of(SPEED), dimensionless(machine)
+    start = alpha if alpha is None else finite_number("alpha", alpha) / speed
+    if state is not None:
+        with suppress(TypeError, ValueError):  # what is no state is refused with its value
+            state = np.array(state, dtype=float) / units.of_states(machine.model.flight.states)
+    if schedule is not None:
+        (times, changes), sizes = schedule, machine.scheduled
+        if unknown := [name for name in changes if name not in sizes]:
+            raise InputError(
+                f"schedule: '{unknown[0]}' is no parameter, or sets the units; there are {', '.join(sizes)}"
+            )
+        changes = {name: np.asarray(values, dtype=float) / sizes[name] for name, values in changes.items()}
+        schedule = np.asarray(times, dtype=float) / units.time, changes
+    until = time / units.time if isinstance(time, Real) else time
+    inject = finite_number("inject", inject) / speed
+    with without_units(units):
+        run = simulate(bare, start, state=state, hops=hops, time=until, inject=inject, cap=cap, schedule=schedule)
+    return run_in_units(run, units, machine)
+
+
+def run_in_units(run: Simulation, units: Units, machine: ImpactingMachine) -> Simulation:
+    """A dimensionless simulation in these units, of the machine that has them."""
+    size = units.of_states(machine.model.flight.states)
+    legs = tuple(replace(leg, start=leg.start * units.time, path=units.convert_motion(leg.path)) for leg in run.legs)
+    energies = {"time": TIME, "energy": ENERGY, "loss": ENERGY}
+    states = [{"before": event.before * size, "after": event.after * size} for event in run.events]
+    pairs = zip(run.events, states, strict=True)
+    events = tuple(replace(units.convert(event, **energies), **changed) for event, changed in pairs)
+    launches, end = run.launches * units.of(SPEED), run.end * units.time
+    reason = noted(run.reason)
+    return replace(run, legs=legs, events=events, launches=launches, end=end, machine=machine, reason=reason)
 
 
 class _Schedule:

@@ -3,7 +3,8 @@
 from typing import Any, Protocol, Self, runtime_checkable
 
 from ..errors import InputError
-from .model import Model, Units
+from .model import NOISE, Model
+from .units import Units
 
 
 @runtime_checkable
@@ -25,7 +26,11 @@ class Machine(Protocol):
 
     @property
     def units(self) -> Units | None:
-        """What the dimensionless numbers stand for in SI; None for a machine that was stated without units."""
+        """What the engine's dimensionless numbers stand for, for a machine that is stated in SI; else None.
+
+        The parameters of a machine with units are in SI, its model has `units`, its results are converted to SI, and
+        its method `dimensionless` gives the same machine without them; its `scheduled` are the units of the parameters
+        that a `simulate` may vary in time, by name."""
 
     def with_values(self, **values: float) -> Self:
         """The same machine with other values of some parameters; raises `InputError` for what it cannot have."""
@@ -57,7 +62,18 @@ def check_machine(machine: Any, *also: str) -> None:
 def check_parameters(machine: Machine, *names: str) -> None:
     """Raise `InputError` where something is no machine whose parameters can be changed, or lacks one of these names."""
     check_machine(machine, "with_values")
-    free = [name for name in machine.values if name != machine.model.homotopy]
+    free = free_parameters(machine)
     for name in names:
         if name not in free:
             raise InputError(f"the machine has no parameter '{name}' to follow; it has {', '.join(free)}")
+
+
+def dimensionless(machine: Any) -> Any:
+    """The machine without its units; itself where it has none."""
+    return machine if machine.units is None else machine.dimensionless()
+
+
+def free_parameters(machine: Machine) -> list[str]:
+    """The names of the parameters that may be varied."""
+    fixed = (machine.model.homotopy, machine.model.gauge)
+    return [name for name in machine.values if name not in fixed and not name.startswith(NOISE)]

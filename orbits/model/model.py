@@ -1,20 +1,31 @@
 """What a kind of machine is to the engine: its phases, and what makes a motion of them a lossless orbit."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .phase import Affine, Phase, Statement
+from .phase import Affine, Arc, Phase, Statement
+
+# Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
+# deviation of what noise does to it, independently of the others.
+NOISE = "_noise"
 
 
-@dataclass(frozen=True)
-class Units:
-    """What one unit of length (m), time (s) and force (N) of a dimensionless machine stands for."""
+class Search(NamedTuple):
+    """How to search for all orbits of a family.
 
-    length: float
-    time: float
-    force: float
+    scale : of launch speeds and times: the inverse root of the spring's slope at rest
+    spacing, fastest : of the launch speeds where the search begins, and the last of them for family 1, in multiples of
+        the scale
+    single : whether the laws bend so seldom that the orbit to which the guess leads is taken for the lowest
+    """
+
+    scale: float
+    spacing: float
+    fastest: float
+    single: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +81,9 @@ class Model:
     homotopy : name of the parameter that leads from the scene of the guess (0) to this one (1); None where they are one
     reduction : the smaller statement that this scene allows; None where there is none
     tension : (x, p, q) -> force of the spring in a flight state; None where it is not stated
+    units : p -> `Units` of a machine that is stated in SI, whose parameters are in SI; None for a dimensionless one
+    gauge : name of a parameter that only sets the units and changes no motion; None where there is none
+    search : p -> `Search`; None for a model whose families are not searched for all of their orbits
     """
 
     name: str
@@ -99,6 +113,9 @@ class Model:
     conservative: bool = True
     reduction: Reduction | None = None
     tension: Callable | None = None
+    units: Callable | None = None
+    gauge: str | None = None
+    search: Callable | None = None
 
     @property
     def half_unknowns(self) -> tuple[str, ...]:
@@ -109,3 +126,41 @@ class Model:
     def one_speed(self) -> bool:
         """Whether its speed alone fixes a launch; that speed then first vanishes again in mid-contact."""
         return len(self.launch_unknowns) == 2
+
+
+def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, Any]], **changes: Any) -> Any:
+    """A model whose parameters are functions `own`, p -> parameters of the model given, of other parameters."""
+
+    def at(place: int, function: Any) -> Any:
+        """A function whose argument at this place is the parameters."""
+        return function and (lambda *given: function(*given[:place], own(given[place]), *given[place + 1 :]))
+
+    def moved(phase: Phase) -> Phase:
+        pieces = phase.pieces and replace(phase.pieces, table=at(0, phase.pieces.table))
+        watch = {name: at(1, function) for name, function in phase.watch.items()}
+        return replace(
+            phase, field=at(1, phase.field), watch=watch, pieces=pieces, closed_form=at(0, phase.closed_form)
+        )
+
+    def travelled(arc: Arc, phase: Phase) -> Arc:
+        places = {"start": 2, "duration": 1, "conditions": 2, "guard": 2}
+        return replace(arc, phase=phase, **{name: at(place, getattr(arc, name)) for name, place in places.items()})
+
+    reduction = model.reduction
+    if reduction:
+        arcs = tuple(travelled(arc, moved(arc.phase)) for arc in reduction.statement.arcs)
+        statement, places = replace(reduction.statement, arcs=arcs), {"complete": 3, "gap_slope": 2, "exact": 1}
+        changed = {name: at(place, getattr(reduction, name)) for name, place in places.items()}
+        reduction = replace(reduction, statement=statement, **changed)
+    functions = {name: at(place, getattr(model, name)) for name, place in PARAMETERS_AT.items()}
+    phases = {"flight": moved(model.flight), "contact": moved(model.contact)}
+    return replace(model, **functions, **phases, reduction=reduction, **changes)
+
+
+# Which argument of a model's functions is the parameters.
+PARAMETERS_AT = {
+    **dict.fromkeys(("gap", "separation", "heights", "impact_mass", "impact", "search"), 0),
+    **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess"), 1),
+    **dict.fromkeys(("flight_gradient", "contact_gradient", "tension"), 1),
+    "landing": 2,
+}

@@ -58,6 +58,8 @@ class Phase:
     watch : quantities to be carried along as Taylor series, by name, each (x, p, q) -> expression
     pieces : where the vector field is smooth; None where it is smooth everywhere
     closed_form : parameters -> the exact flow of the phase, which is then used instead of integration
+    reaches : coordinates, each by its weights of the first states, with how far an integration step may go along them:
+        no Taylor series sees a narrow bump of a law ahead of it
 
     Phases and statements compare by identity, since what is built from them is kept as long as they live.
     """
@@ -68,6 +70,7 @@ class Phase:
     watch: Mapping[str, Callable] = field(default_factory=dict)
     pieces: Pieces | None = None
     closed_form: Callable[[Mapping[str, float]], Oscillator | ThrownOscillator] | None = None
+    reaches: tuple[tuple[tuple[float, ...], float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -15,6 +14,7 @@ from ..model.phase import Phase
 from ..numerics.bernstein import derivative, evaluate
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import ElementwiseFunction
+from ..symbolic.kept import kept
 from .error_bound import DOUBTFUL_RATIO, EPS, NARROW, ends_of_steps
 from .formulations import CONTACT_FORCE, NONE, Cycles, columns, or_none
 from .local_law import by_launch_speed, launch_power, loss_coefficient
@@ -27,6 +27,8 @@ MIDDLE = 1e-7
 # The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
 # share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
 STATIONARY = 1e-6
+# Roundings of the loss coefficient beside those that its parts share with alpha, in units of the last place.
+LOSS_ROUNDING = 16
 Violation = tuple[int, str]  # the index of the orbit, and what is wrong in words
 
 
@@ -48,7 +50,9 @@ class Certificate:
     loss_coefficient : C of the one-step map alpha + d -> alpha + d - C d**(4/3) on the stable side, 10 C on the other
     stable_side : "above" or "below" alpha
     violations : what makes it no motion, in words; empty for an admissible orbit
+    loss_error : estimate of the error of `loss_coefficient`, None where there is none
     unfolding : multiple of the energy gradient that the equations needed, None where they had no such unknown
+    alpha_noise : standard deviation of alpha from the noise of measured laws; None without, and along a family
     """
 
     family: int
@@ -64,6 +68,8 @@ class Certificate:
     stable_side: str | None
     violations: tuple[str, ...]
     unfolding: float | None = None
+    loss_error: float | None = None
+    alpha_noise: float | None = None
 
 
 def certify(model: Model, cycles: Cycles) -> list[Certificate]:
@@ -93,7 +99,11 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
     families = count_families(model, cycles.halves, cycles.halves_per_flight)
     figures = (cycles.residual, cycles.error, drift, clearance, separation, smallest_force, largest_force, -jerk, loss)
     unfolding = cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles)
-    rows = zip(families, *map(or_none, figures), sides.tolist(), violations, unfolding, strict=True)
+    with np.errstate(all="ignore"):
+        share = 4 / 3 * cycles.slope_error / np.abs(cycles.gap_slope) + LOSS_ROUNDING * EPS
+        losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, loss * share)
+    others = sides.tolist(), violations, unfolding, or_none(losses_off)
+    rows = zip(families, *map(or_none, figures), *others, strict=True)
     return [Certificate(*row) for row in rows]
 
 
@@ -107,7 +117,7 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
     return found
 
 
-@lru_cache(maxsize=64)
+@kept
 def gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> ElementwiseFunction:
     """An energy gradient of a model at several points, (x, parameters with the data of a piece)."""
     flow = flow_of(phase, parameters)

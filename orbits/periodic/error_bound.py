@@ -1,7 +1,5 @@
 """How far the launch speed of a solved orbit can be off; only the inverse Jacobian of its equations is reused."""
 
-from functools import lru_cache
-
 import casadi as ca
 import numpy as np
 from numpy import ndarray
@@ -14,6 +12,7 @@ from ..numerics.bernstein import powers
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction
+from ..symbolic.kept import kept
 from .single_shooting import Evaluation, Shooting
 
 # Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are equal
@@ -27,6 +26,8 @@ STEPS_PER_CALL = 32
 WORST_ERROR, DOUBTFUL_RATIO = 1e-11, 1e4
 # Order-8 steps are so short that the ninth Taylor term, their error, is below this share of rounding.
 NINTH_TERM = 0.01
+# So many standard deviations of noise change an orbit linearly, and by far more than rounding.
+SMALL_NOISE = 1e-3
 EPS = float(np.finfo(float).eps)
 Rows = ndarray | None
 NARROW = (
@@ -49,7 +50,8 @@ def error_bounds(
 
     The residuals found so go through the inverse Jacobian. Added is the rounding that both integrations may share: half
     a unit in the last place of the state a step, adding up at random, through the same inverse, and grown by the flow
-    where that grows differences (in a long flight a nonlinear spring turns a change of amplitude into one of phase).
+    where that grows differences (in a long flight a nonlinear spring turns a change of amplitude into one of phase); or
+    a whole unit carried from each step by the flow, where that is more.
     """
     residuals, refused = np.full_like(evaluation.residual, np.nan), {}
     if quickly and len(equations.flows) == 1 and equations.smooth and evaluation.trajectories[0].variations is not None:
@@ -79,11 +81,54 @@ def _bounds_of_residuals(equations: Shooting, us, evaluation: Evaluation, closin
         growth = np.maximum(1.0, np.linalg.norm((transition @ start)[:, :, :n], axis=(1, 2)) / SHEAR)
         at_random = np.sqrt(motions.counts)
         rounding += EPS / 2 * size * at_random * (1 + at_random / RANDOM_STEPS) * growth
-    floor, doubtful = np.linalg.norm(inverse, axis=1) * rounding + np.spacing(alpha), {}
+    shared = np.maximum(np.linalg.norm(inverse, axis=1) * rounding, _carried_rounding(equations, evaluation, inverse))
+    floor, doubtful = shared + np.spacing(alpha), {}
     for i in np.flatnonzero(found > np.maximum(WORST_ERROR * alpha, DOUBTFUL_RATIO * floor)).tolist():
         off = f"launch speed {alpha[i]:.6g} may be off by {found[i]:.1e}"
         doubtful[i] = NoOrbit(f"the orbit cannot be certified: {off}{NARROW}")
     return found + floor, doubtful
+
+
+def noise_of_alpha(equations: Shooting, u: ndarray, p: ndarray, evaluation: Evaluation, noise: list[str]) -> float:
+    """The standard deviation of alpha at a solution `u` (n,) when the parameters `noise` have theirs, 1, independently.
+
+    The residuals that changed laws leave come from one integration each, and go through the inverse Jacobian.
+    """
+
+    def residual(values: ndarray) -> ndarray:
+        return equations.residual(u, values, evaluation[0].trajectories, _end_by_another_method)
+
+    places = [equations.parameters.index(name) for name in noise]
+    rows = SMALL_NOISE * np.eye(len(p))[places]
+    changes = np.array([residual(p + row) for row in rows]) - residual(p)
+    moves = solve(evaluation.jacobian[0], changes.T / SMALL_NOISE)
+    return float(np.linalg.norm(moves[equations.statement.unknowns.index("alpha")]))
+
+
+def _carried_rounding(equations: Shooting, evaluation: Evaluation, inverse: ndarray) -> ndarray:
+    """Errors (m,) of alpha by one unit in the last place of the state a step, each carried to the end of its arc by the
+    flow from there: where a motion is carried past a hard turn, these are larger than by the growth from the start."""
+    squares, counts, row = np.zeros(len(inverse)), np.ones(len(inverse)), 0
+    for flow, motions, transition, by_end in zip(
+        equations.flows, evaluation.trajectories, evaluation.transitions, evaluation.residual_by_end, strict=True
+    ):
+        weights = np.einsum("mi,mij->mj", inverse[:, row : row + by_end.shape[1]], by_end)
+        row += by_end.shape[1]
+        if motions.variations is None:
+            continue
+        carried = np.einsum("mj,mjk->mk", weights, transition[:, :, : flow.size])[motions.owner, :, None]
+        back = solve(_sensitivities_of_steps(motions, transition, flow.size).swapaxes(1, 2), carried)[..., 0]
+        errors = ((back * ends_of_steps(motions, flow.size)) ** 2).sum(1)
+        squares, counts = squares + np.add.reduceat(errors, motions.first), np.maximum(counts, motions.counts)
+    return EPS * np.sqrt(squares) * (1 + np.sqrt(counts) / RANDOM_STEPS)
+
+
+def _sensitivities_of_steps(motions: Trajectories, transition: ndarray, n: int) -> ndarray:
+    """Derivatives (N, n, n) of the state at the end of every step by that at the start of its motion."""
+    assert motions.variations is not None
+    sensitivity = np.roll(motions.variations[:, :n, :n, 0], -1, axis=0)
+    sensitivity[motions.last] = transition[:, :, :n]
+    return sensitivity
 
 
 def ends_of_steps(motions: Trajectories, n: int) -> ndarray:
@@ -97,13 +142,11 @@ def _residuals_by_defects(equations: Shooting, us: ndarray, ps: ndarray, evaluat
     """The residuals (m, n) of a statement of one arc when its ends are corrected for the defects of the steps."""
     (flow,), (motions,) = equations.flows, evaluation.trajectories
     (transition,), (residual_by_end,) = evaluation.transitions, evaluation.residual_by_end
-    assert motions.variations is not None
     n, c = flow.size, motions.coefficients[:, : flow.size]
     states = ((c * motions.of_steps[:, None]) @ powers(GAUSS_PLACES, c.shape[2]).T).swapaxes(1, 2)
     data = np.repeat(ps, motions.counts * GAUSS, axis=0)
     rates = flow.fields(states.reshape(-1, n), data)[0].reshape(-1, GAUSS, n)
-    sensitivity = np.roll(motions.variations[:, :, :n, 0], -1, axis=0)
-    sensitivity[motions.last] = transition[:, :, :n]
+    sensitivity = _sensitivities_of_steps(motions, transition, n)
     defects = ends_of_steps(motions, n) - c[:, :, 0] - motions.steps[:, None] * (GAUSS_WEIGHTS @ rates)
     at_start = np.add.reduceat(solve(sensitivity, defects[..., None])[..., 0], motions.first)
     at_end = np.einsum("pij,pj->pi", transition[:, :, :n], at_start)
@@ -134,7 +177,7 @@ def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Traject
     return x
 
 
-@lru_cache(maxsize=64)
+@kept
 def _order_eight(flow: Flow, count: int) -> BufferedFunction:
     """`count` Runge-Kutta steps as a call (start, lengths, parameters with data) -> states (n, count)."""
     field, h = flow.vector_field, ca.SX.sym("h")

@@ -2,19 +2,23 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..model.machine import Machine, check_machine
-from ..model.model import Model
+from ..model.machine import Machine, check_machine, dimensionless
+from ..model.model import NOISE, Model
+from ..model.units import LENGTH, SPEED, TIME, without_units
 from ..numerics.roots import solve
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .certificate import certify, count_families
-from .error_bound import error_bounds
+from .error_bound import error_bounds, noise_of_alpha
+from .family_search import Lateness
 from .formulations import contact_reversor, equations_of, halved, interpret, or_none, vector
-from .orbit import Orbit, Shape
+from .orbit import Orbit, Shape, orbit_of
 from .single_shooting import Evaluation, Shooting
 
 METHODS = ("closed form", "relative", "half orbit", "shooting")
@@ -40,6 +44,7 @@ class Root(NamedTuple):
     error: float | None = None
 
 
+@exclusive
 def find(
     machine: Machine,
     family: int | None = None,
@@ -58,34 +63,65 @@ def find(
     method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is multiple shooting by Ipopt
     progress : called with the share of the homotopy that is done, where there is one
 
-    Where a family has several orbits, this is the one of least launch speed under constant gravity, or what that
-    becomes as gravity's variation is brought in. It may be inadmissible: see its `violations`. Raises `NoOrbit` when
-    there is none or a solve ends on another family, and `InputError` for a family or a method that cannot be.
+    Where a family has several orbits, this is the one of least launch speed. A machine whose laws bend often, or there
+    and back at once, is searched for all of them as by `find_all`, and so is one where none is found otherwise. For
+    others it is the first under constant gravity, or what that becomes as gravity's variation is brought in, and its
+    `known_in_family` is None. It may be inadmissible: see its `violations`. Raises `NoOrbit` when there is none or a
+    solve ends on another family, and `InputError` for a family or a method that cannot be.
     """
     check_machine(machine)
+    if machine.units is not None:
+        start = _dimensionless_start(start, machine)
+        with without_units(machine.units):
+            orbit = find(dimensionless(machine), family, start=start, method=method, progress=progress)
+        return orbit_of(machine, orbit)
     began = time.perf_counter()
     with interrupts.deferred():
         if start is None:
-            family = 1 if family is None else family
-            method, root = solve_family(machine, family, method, progress)
-        else:
-            method, root = solve_near(machine, start, method)
+            return _lowest_of_family(machine, _family_number(1 if family is None else family), method, progress, began)
+        method, root = solve_near(machine, start, method)
         orbit = certified_orbit(machine, method, *root, began=began)
         if family is not None and orbit.family != _family_number(family):
-            reason = f"the start leads to an orbit of family {orbit.family}, not {family}"
-            raise NoOrbit(reason if start is not None else another_family(family, orbit.family))
+            raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
         return orbit
 
 
+@exclusive
 def find_all(
-    machine: Machine, starts: Iterable[Orbit | Mapping[str, float]], *, method: str | None = None
+    machine: Machine,
+    starts: Iterable[Orbit | Mapping[str, float]] | None = None,
+    *,
+    family: int | None = None,
+    fastest: float | None = None,
+    method: str | None = None,
 ) -> tuple[Orbit, ...]:
-    """The different orbits that `find` comes to from several starts, by their launch speeds ascending.
+    """All orbits of a family, or the different ones that `find` comes to from several starts, by launch speed.
 
-    Starts that lead to none are left out; raises `NoOrbit` with the last reason when they all are.
+    family : as in `find`, where no starts are given
+    fastest : the largest launch speed that is searched for a family; None for 1e4 times the family in multiples of the
+        inverse root of the spring's slope at rest, and 30 times where gravity varies and where the spring has a narrow
+        feature or bends often. The slowest is 1e-3 in these multiples.
+
+    The orbits of a family are the zeros of one function of the launch speed (see `family_search`), whose bends between
+    sampled speeds are taken to be at most four times those that its second differences show: no proof, but the samples
+    go where that matters. Starts that lead to no orbit are left out. Raises `NoOrbit` where there is none, with what
+    was searched or the last reason.
     """
-    if isinstance(starts, Mapping | Orbit):
-        raise InputError("starts is a list of starts: for one of them there is find(machine, start=...)")
+    if starts is None:
+        check_machine(machine)
+        if fastest is not None and not finite_number("fastest", fastest) > 0:
+            raise InputError(f"fastest = {fastest:g} is no launch speed; it lies above 0")
+        if (units := machine.units) is not None:
+            speed = None if fastest is None else fastest / units.of(SPEED)
+            with without_units(units):
+                whole = find_all(dimensionless(machine), family=family, fastest=speed, method=method)
+            return tuple(orbit_of(machine, orbit) for orbit in whole)
+        with interrupts.deferred():
+            return _all_of_family(machine, _family_number(1 if family is None else family), method, fastest)
+    if family is not None or fastest is not None:
+        raise InputError("find_all takes starts, or a family with the fastest launch speed to search, not both")
+    if isinstance(starts, Mapping | Orbit | int):
+        raise InputError("starts is a list of starts: for one there is find(machine, start=...); or give family=")
     found, reason = list[Orbit](), None
     for start in starts:
         try:
@@ -97,6 +133,82 @@ def find_all(
     if reason and not found:
         raise NoOrbit(f"none of the starts leads to an orbit; the last: {reason}")
     return tuple(sorted(found, key=lambda orbit: orbit.alpha))
+
+
+def _lowest_of_family(machine: Machine, family: int, method: str | None, progress, began: float) -> Orbit:
+    """The orbit of a family of least launch speed, as in `find`."""
+    model = machine.model
+    search = model.search(machine.values) if model.search and model.reversor else None
+    try:
+        solved_by, root = solve_family(machine, family, method, progress)
+        orbit = certified_orbit(machine, solved_by, *root, began=began)
+        if orbit.family != family:
+            raise NoOrbit(another_family(family, orbit.family))
+    except NoOrbit as error:
+        if search is None:
+            raise
+        try:
+            return replace(_all_of_family(machine, family, method)[0], seconds=time.perf_counter() - began)
+        except NoOrbit as none:
+            raise type(error)(f"{error}; {none}") from None
+    if search is None or search.single or solved_by == "closed form":
+        return orbit
+    try:
+        orbits = _all_of_family(machine, family, method)
+    except NoOrbit:
+        orbits = ()
+    orbits = (orbit, *(other for other in orbits if not _same(orbit, other)))
+    lowest = min(orbits, key=lambda one: one.alpha)
+    return replace(lowest, known_in_family=len(orbits), seconds=time.perf_counter() - began)
+
+
+def _all_of_family(
+    machine: Machine, family: int, method: str | None, fastest: float | None = None
+) -> tuple[Orbit, ...]:
+    """All orbits of a family, as in `find_all`."""
+    model, p, began = machine.model, machine.values, time.perf_counter()
+    if not (model.search and model.reversor):
+        raise InputError(f"the families of a {model.name} are not searched: give find_all starts")
+    method = _possible_method(model, method)
+    if method == "closed form":
+        _, root = solve_family(machine, family, method)
+        only = certified_orbit(machine, method, *root, began=began)
+        if only.family != family:
+            raise NoOrbit(another_family(family, only.family))
+        return (replace(only, known_in_family=1),)
+    lateness = Lateness(machine, "relative" if method == "relative" else "half orbit", family, model.search(p))
+    found, refused = list[Orbit](), ""
+    for cell, about in zip(*lateness.cells(fastest), strict=True):
+        try:
+            orbit = _orbit_in_cell(machine, lateness, cell, about)
+            if orbit and not any(_same(orbit, other) for other in found):
+                found.append(orbit)
+        except NoOrbit as error:
+            refused = f"; the one near {about:.6g} is refused: {error}"
+    if not found:
+        low, high = lateness.searched
+        raise NoOrbit(f"a search from launch speed {low:.3g} to {high:.4g} finds none{refused}")
+    return tuple(replace(orbit, known_in_family=len(found)) for orbit in found)
+
+
+def _orbit_in_cell(machine: Machine, lateness: Lateness, cell: np.ndarray, about: float) -> Orbit | None:
+    """The orbit of a lateness's family in a cell (2,) of launch speeds, about a speed in it; None where it has none.
+
+    Raises `NoOrbit` where the orbit cannot be certified, and where Newton's method does not come to one.
+    """
+    equations, p = equations_of(machine.model, lateness.method, tuple(machine.values)), vector(machine.values)
+    for alpha in (about, None):
+        began = time.perf_counter()
+        try:
+            start = lateness.start(lateness.enclosed(cell) if alpha is None else alpha)
+            orbit = certified_orbit(machine, lateness.method, *equations.newton(start, p), began=began)
+        except NoOrbit:
+            if alpha is None:
+                raise
+            continue
+        if orbit.family == lateness.family and cell[0] <= orbit.alpha <= cell[1]:
+            return orbit
+    return None
 
 
 def solve_family(
@@ -115,7 +227,8 @@ def solve_family(
 def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> tuple[str, Root]:
     """The method, and the solution that it finds from a start, as in `find`."""
     method, equations, correct = _opening(machine, method, closed_form="relative")
-    stated, names = _stated_unknowns(machine.model, start), equations.statement.unknowns
+    stated = _stated_unknowns(machine.model, _dimensionless_start(start, machine))
+    names = equations.statement.unknowns
     if missing := [name for name in names if name not in stated]:
         raise InputError(f"start has no '{missing[0]}'; the unknowns are {', '.join(names)}")
     try:
@@ -143,12 +256,16 @@ def certified_orbit(
     model, p = machine.model, machine.values
     equations = equations_of(model, method, tuple(p))
     us, ps, errors = np.reshape(u, (1, -1)), vector(p)[None], np.array([error])
+    fresh = equations.evaluate_all(us, ps)  # with the derivatives at the solution itself
+    evaluation = replace(evaluation, transitions=fresh.transitions, starts=fresh.starts, correction=fresh.correction)
     if error is None:
         errors, refused = error_bounds(equations, us, ps, evaluation)
         if refused:
             raise refused[0]
     cycles = interpret(model, method, equations, us, ps, evaluation, errors)
     (certificate,) = certify(model, cycles)
+    if noise := [name for name in p if name.startswith(NOISE)]:
+        certificate = replace(certificate, alpha_noise=noise_of_alpha(equations, us[0], ps[0], evaluation, noise))
     reversor = contact_reversor(model.reversor, model.embed) if model.reversor else None
     return Orbit(
         machine=machine.describe(),
@@ -163,7 +280,6 @@ def certified_orbit(
         method=method,
         skipped=_skipped(model, p, method, any(flow.compiled for flow in equations.flows)),
         seconds=time.perf_counter() - began,
-        units=machine.units,
     )
 
 
@@ -197,6 +313,19 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
         if not 0 < stated.get(name, 1.0) < LONGEST_START:
             raise InputError(f"start '{name}' = {stated[name]:g}; it lies between 0 and {LONGEST_START:g}")
     return stated
+
+
+def _dimensionless_start(start: Any, machine: Machine) -> Any:
+    """A start in the units of the engine: those of a machine in SI are in SI."""
+    if isinstance(start, Orbit):
+        return start.dimensionless()
+    if machine.units is None or not isinstance(start, Mapping):
+        return start
+    times = dict.fromkeys(("duration", "contact_duration"), TIME) | {"alpha": SPEED, "liftoff": LENGTH, "unfolding": ()}
+    names = [name for name in start if name not in times]
+    sizes = dict(zip(names, machine.units.of_states(names).tolist(), strict=True))
+    sizes |= {name: machine.units.of(dimension) for name, dimension in times.items()}
+    return {name: finite_number(f"start '{name}'", value) / sizes[name] for name, value in start.items()}
 
 
 def _family_number(family: int) -> int:

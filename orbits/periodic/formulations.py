@@ -26,6 +26,9 @@ CONTACT_FORCE = "contact force"
 LARGEST_UNFOLDING = 1e-9
 # A contact lasts longer than the flight by at most about the square root of the mass ratio: a longer one does not end.
 LONGEST_CONTACT = 1e7
+# A change of a half flight's end, as a share of it, grows on and changes the derivatives at landing by at most so many
+# times that; and one of alpha that of the end. Both are measured, on motions that amplify changes up to 1e5-fold.
+SLOPE_CHANGE, ALPHA_CHANGE = 40.0, 6.0
 
 
 def reduction_of(model: Model, method: str) -> Reduction | None:
@@ -95,7 +98,7 @@ def whole_flight(model: Model) -> Statement:
 
     pieces = flight.pieces and replace(flight.pieces, coordinate=(*flight.pieces.coordinate, 0.0))
     arc = Arc(
-        Phase(flight.name, (*flight.states, "unfolding"), field, pieces=pieces),
+        Phase(flight.name, (*flight.states, "unfolding"), field, pieces=pieces, reaches=flight.reaches),
         start=lambda u, before, p: [*model.launch(u, p), u["unfolding"]],
         duration=lambda u, p: u["duration"],
         conditions=lambda u, x, p: model.landing(u, x[:-1], p),
@@ -112,7 +115,8 @@ class Cycles:
     flight : the first halves, in flight states; whole flights where nothing mirrors them
     halves : of each flight the motion from lift-off to its middle and, where that is not its mirror image, the one from
         landing backwards
-    gap_slope : (m,), derivative with respect to alpha of the gap at the orbit's landing time
+    gap_slope, slope_error : (m,), derivative with respect to alpha of the gap at the orbit's landing time, and an
+        estimate of its error
     residual, error : (m,), the largest residual of the equations, and the bound on the error of alpha
     with_contact : (k,), the orbits whose contact ends; `contacts` are theirs, each up to its middle or, where nothing
         mirrors it, up to lift-off
@@ -124,6 +128,7 @@ class Cycles:
     flight: Trajectories
     halves: Trajectories
     gap_slope: ndarray
+    slope_error: ndarray
     residual: ndarray
     error: ndarray
     with_contact: ndarray
@@ -169,28 +174,35 @@ def interpret(
     errors of alpha (m,) mean, with the contacts; raises `NoOrbit` about the first solution that is no orbit."""
     u = dict(zip(equations.statement.unknowns, us.T, strict=True))
     p = dict(zip(equations.parameters, ps.T, strict=True))
-    flight, halves, gap_slope = _flights(model, method, u, p, evaluation)
+    flight, halves, gap_slope, growth = _flights(model, method, u, p, evaluation)
+    # The derivatives are those before the last Newton step; and they change with what alpha may be off by.
+    by_unknowns = np.abs(evaluation.transitions[0] @ evaluation.starts[0])
+    moved = np.einsum("mij,mj->mi", by_unknowns, np.abs(evaluation.correction)).max(1) / np.abs(us).max(1)
+    grown = evaluation.amplification
+    slope_error = SLOPE_CHANGE * growth * grown * (moved + ALPHA_CHANGE * grown * errors / u["alpha"])
     contacts = _contacts(model, u, p, u.get("contact_duration", LONGEST_CONTACT * (1 + flight.ends)))
-    return Cycles(u, p, flight, halves, gap_slope, np.abs(evaluation.residual).max(1), errors, *contacts)
+    residual = np.abs(evaluation.residual).max(1)
+    return Cycles(u, p, flight, halves, gap_slope, slope_error, residual, errors, *contacts)
 
 
 def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Evaluation):
-    """The `flight`, the `halves` and the `gap_slope` of `Cycles`."""
+    """The `flight`, the `halves` and the `gap_slope` of `Cycles`, and how large (m,) the state's derivatives grow."""
     motions, alpha = evaluation.trajectories[0], list(u).index("alpha")
     if reduction := reduction_of(model, method):
         of_steps = ({name: values[motions.owner] for name, values in each.items()} for each in (u, p))
         coefficients = reduction.complete(motions.starts, motions.coefficients, *of_steps)
         flight = Trajectories(motions.starts, motions.ends, coefficients, motions.counts, model.flight.states)
         landing = _landing_by(alpha, evaluation, reduction.reversor)
-        return flight, flight, reduction.gap_slope(2 * flight.ends, landing.T, p)
+        return flight, flight, reduction.gap_slope(2 * flight.ends, landing.T, p), np.abs(landing).max(1)
     flight = motions.only(model.flight.states)
     if model.reversor:
-        return flight, flight, landing_gap_slope(model, _landing_by(alpha, evaluation, model.reversor).T, p)
+        landing = _landing_by(alpha, evaluation, model.reversor)
+        return flight, flight, landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
     for i in np.flatnonzero(np.abs(u["unfolding"]) * u["duration"] > LARGEST_UNFOLDING).tolist():
         reason = f"with the energy pumped at the rate {u['unfolding'][i]:.3g}: this model has no lossless orbit here"
         raise NoOrbit(f"the landing conditions hold only {reason}").about(i)
     landing = (evaluation.transitions[0] @ evaluation.starts[0])[:, :, alpha]
-    return flight, halved(flight), landing_gap_slope(model, landing.T, p)
+    return flight, halved(flight), landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
 
 
 def landing_gap_slope(model: Model, change: Iterable, p: Mapping) -> Any:

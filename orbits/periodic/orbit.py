@@ -1,10 +1,10 @@
 """A lossless orbit: a frozen result that evaluates, prints, plots, saves and loads itself."""
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, astuple, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO, TypedDict
+from typing import Any, BinaryIO, NotRequired, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
 from ..io import conform, read_file, write_json
-from ..model.model import Units
+from ..model.machine import Machine
 from ..model.phase import Affine
+from ..model.units import UNIT_TEXTS, Units, noted
 from ..numerics.bernstein import lowest
-from ..plot import animate_orbit, plot_orbit, plot_phase_portrait
+from ..plot import Report, animate_orbit, plot_orbit, plot_phase_portrait
 from .certificate import Certificate
 
 ORBIT_FORMAT = "persistent-orbits orbit 1"
@@ -23,11 +24,14 @@ ORBIT_FORMAT = "persistent-orbits orbit 1"
 MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
 # What follows in the document of an orbit.
 DOCUMENT_FIELDS = (
-    *("family", "alpha", "flight_time", "contact_time", "admissible", "violations"),
+    *("family", "known_in_family", "alpha", "flight_time", "contact_time", "admissible", "violations"),
     *("residual", "error", "energy_drift", "clearance", "smallest_separation", "smallest_contact_force"),
-    *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "stable_side", "unfolding"),
+    *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "loss_error"),
+    *("stable_side", "unfolding", "alpha_noise"),
     *("liftoff_extension", "state_mid_flight", "method", "skipped", "seconds"),
 )
+# What is in the file of an orbit beside the machine.
+OTHER_FIELDS = {*DOCUMENT_FIELDS, "format", "motion", "units", "si"}
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,11 @@ class Orbit:
     shape : how the halves make a whole cycle
     method, skipped : the method that found it, and what this machine did not need
     seconds : wall time of the search and the certificate
-    units : what the dimensionless numbers stand for in SI, None for a machine that was stated without units
+    units : of the dimensionless numbers; None for a machine that is stated without units. The numbers of an orbit with
+        units are in SI, but for `residual`, `energy_drift` and `unfolding`, which are shares
+    bare : the same orbit without units, None where there are none
+    known_in_family : how many orbits of its family a search over launch speeds has found, this one among them; None
+        where none was made
     """
 
     machine: Mapping[str, Any]
@@ -86,6 +94,12 @@ class Orbit:
     skipped: tuple[str, ...] = ()
     seconds: float = 0.0
     units: Units | None = None
+    bare: "Orbit | None" = field(default=None, repr=False)
+    known_in_family: int | None = None
+
+    def dimensionless(self) -> "Orbit":
+        """The orbit in its machine's own dimensionless units; itself where it has no others."""
+        return self.bare or self
 
     @property
     def admissible(self) -> bool:
@@ -157,54 +171,65 @@ class Orbit:
         figures |= {"violations": list(self.violations), "skipped": list(self.skipped)}
         figures["state_mid_flight"] = mid.tolist()
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
-        return document | {"si": self.si()} if self.units else document
+        if not self.units:
+            return document
+        units = {name: unit for name, unit in UNIT_TEXTS.items() if name in document}
+        units |= {"rises": "m", "state_mid_flight": "m"}
+        return document | {"units": {**self.machine.get("units", {}), **units}, "si": self.si()}
 
     def si(self) -> dict[str, float | None]:
-        """The main results in SI units; raises `InputError` for a machine that was stated without."""
+        """The main results in SI units, by names that end in their units; raises `InputError` for a machine that was
+        stated without."""
         if self.units is None:
             raise InputError("this machine was stated in dimensionless units; state it in SI for results in SI")
-        length, time, force = self.units.length, self.units.time, self.units.force
         c = self.certificate
         return {
-            "launch_speed_m_per_s": self.alpha * length / time,
-            "flight_time_s": self.flight_time * time,
-            "contact_time_s": self.contact_time and self.contact_time * time,
-            "liftoff_extension_m": self.liftoff_extension * length,
-            "clearance_m": c.clearance and c.clearance * length,
-            "smallest_separation_m": c.smallest_separation and c.smallest_separation * length,
-            "largest_contact_force_N": c.largest_contact_force and c.largest_contact_force * force,
-            **{f"{name.replace(' ', '_')}_rise_m": rise * length for name, rise in self.rises.items()},
-            "unit_length_m": length,
-            "unit_time_s": time,
-            "unit_force_N": force,
+            "launch_speed_m_per_s": self.alpha,
+            "flight_time_s": self.flight_time,
+            "contact_time_s": self.contact_time,
+            "liftoff_extension_m": self.liftoff_extension,
+            "clearance_m": c.clearance,
+            "smallest_separation_m": c.smallest_separation,
+            "largest_contact_force_N": c.largest_contact_force,
+            **{f"{name.replace(' ', '_')}_rise_m": rise for name, rise in self.rises.items()},
+            "unit_length_m": self.units.length,
+            "unit_time_s": self.units.time,
+            "unit_force_N": self.units.force,
         }
 
     def __str__(self) -> str:
-        c, machine = self.certificate, self.machine
-        length, time, force = astuple(self.units) if self.units else (None, None, None)
+        c, machine, own = self.certificate, self.machine, self.machine.get("units", {})
 
-        def row(name: str, value: Any, scale: float | None = None, unit: str = "") -> str:
+        def row(name: str, value: Any, quantity: str = "", after: str = "") -> str:
             text = "-" if value is None else f"{value:.15g}" if isinstance(value, float) else str(value)
-            extra = f"   ({value * scale:.6g} {unit})" if scale and value is not None else ""
-            return f"  {name:<24}{text}{extra}"
+            unit = UNIT_TEXTS.get(quantity, "m") if self.units and value is not None else ""
+            return f"  {name:<24}{text}{unit and f' {unit}'}{after}"
 
-        numbers = {"mass ratio": machine["mass_ratio"], "rest length": machine["rest_length"], **machine["parameters"]}
+        stated = {name: machine[name] for name in own if name in machine}
+        numbers = stated or {"mass ratio": machine["mass_ratio"], "rest length": machine["rest_length"]}
+        numbers |= machine["parameters"]
         attracts = f"   (attracts from {c.stable_side})" if c.stable_side else ""
+        within = f"   +- {c.loss_error:.1e}" if c.loss_error else ""
+        said = [
+            f"{name} = {value:g} {own.get(name, '')}".rstrip() for name, value in numbers.items() if value is not None
+        ]
         lines = [
             f"lossless orbit of family {c.family}: {machine['machine']}, spring {machine['spring']}, gravity "
             f"{machine['gravity']}",
-            "  " + ", ".join(f"{name} = {value:g}" for name, value in numbers.items() if value is not None),
-            row("alpha", self.alpha, length and length / time, "m/s") + f"   +- {c.error:.1e}",
-            row("flight time", self.flight_time, time, "s"),
-            row("contact time", self.contact_time, time, "s"),
-            row("lift-off extension", self.liftoff_extension, length, "m"),
-            row("clearance", c.clearance, length, "m"),
-            row("smallest separation", c.smallest_separation, length, "m"),
-            *(row(f"rise of {name}", value, length, "m") for name, value in self.rises.items()),
-            row("smallest contact force", c.smallest_contact_force, force, "N"),
-            row("largest contact force", c.largest_contact_force, force, "N"),
-            row("landing jerk", c.landing_jerk),
-            row("loss coefficient C", c.loss_coefficient) + attracts,
+            "  " + ", ".join(said),
+            row("alpha", self.alpha, "alpha", f"   +- {c.error:.1e}"),
+            *([] if c.alpha_noise is None else [row("  by the table's noise", f"+- {c.alpha_noise:.1e}", "alpha")]),
+            row("flight time", self.flight_time, "flight_time"),
+            row("contact time", self.contact_time, "contact_time"),
+            row("lift-off extension", self.liftoff_extension, "liftoff_extension"),
+            row("clearance", c.clearance, "clearance"),
+            row("smallest separation", c.smallest_separation, "smallest_separation"),
+            *(row(f"rise of {name}", value) for name, value in self.rises.items()),
+            row("smallest contact force", c.smallest_contact_force, "smallest_contact_force"),
+            row("largest contact force", c.largest_contact_force, "largest_contact_force"),
+            row("landing jerk", c.landing_jerk, "landing_jerk"),
+            row("loss coefficient C", c.loss_coefficient, "loss_coefficient", within + attracts),
+            *([] if self.known_in_family is None else [f"  {'known in its family':<24}{self.known_in_family}"]),
             f"  {'residual':<24}{c.residual:.1e}",
             f"  {'energy drift':<24}{c.energy_drift:.1e}",
             f"  {'found by':<24}{self.method}, {1e3 * self.seconds:.1f} ms",
@@ -221,7 +246,7 @@ class Orbit:
         """Plot speed against height over a cycle; returns the axes."""
         return plot_phase_portrait(self, axes)
 
-    def animate(self, path: str | Path, frames: int = 80, progress: Callable[[float], None] | None = None) -> Path:
+    def animate(self, path: str | Path, frames: int = 80, *, progress: Report = None) -> Path:
         """Write an animation of one cycle (.gif or .mp4); returns its path. See `orbits.plot.animate_orbit`."""
         return animate_orbit(self, path, frames, progress)
 
@@ -244,24 +269,32 @@ class Orbit:
 
     @classmethod
     def _parsed(cls, file: BinaryIO) -> "Orbit":
-        data = conform(json.load(file), Saved)
+        data = conform(json.load(file), SavedOrbit)
         if data["format"] != ORBIT_FORMAT:
             raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
-        motion, parts = data["motion"], [name for name in Certificate.__dataclass_fields__ if name in data]
+        motion, checked = data["motion"], [name for name in Certificate.__dataclass_fields__ if name in data]
         flight, contact = (path and _path_of(path) for path in (motion["flight"], motion["contact"]))
         if (data["contact_time"] is None) != (contact is None) or not data["flight_time"] >= flight.times[-1]:
             raise ValueError("its times do not fit its motion")
-        return cls(
-            machine={name: data[name] for name in MACHINE_FIELDS},
+        orbit = cls(
+            machine=_machine_of(data),
             **{name: data[name] for name in ("alpha", "liftoff_extension", "flight_time", "contact_time", "method")},
             flight=flight,
             contact=contact,
             shape=_shape_of(motion["shape"], flight, contact),
-            certificate=conform({name: data[name] for name in parts}, Certificate),
+            certificate=conform({name: data[name] for name in checked}, Certificate),
             skipped=data["skipped"],
             seconds=data["seconds"],
-            units=motion["units"],
+            known_in_family=data.get("known_in_family"),
         )
+        if motion["units"] is None:
+            return orbit
+        units = Units(**motion["units"])
+        # A file of an orbit in SI that says no units has dimensionless numbers, from before results were in SI.
+        if "units" not in data:
+            return orbit_in_units(orbit, units, orbit.machine)
+        bare = orbit_in_units(orbit, units.inverse(), orbit.machine)
+        return replace(orbit, units=units, bare=replace(bare, units=None, bare=None))
 
 
 class _SavedShape(TypedDict):
@@ -282,16 +315,25 @@ class _SavedPath(TypedDict):
     coefficients: np.ndarray
 
 
+class SavedUnits(TypedDict):
+    """`Units` in a file."""
+
+    length: float
+    time: float
+    force: float
+    energy: NotRequired[float | None]
+
+
 class _SavedMotion(TypedDict):
     """What a saved orbit has beside its document."""
 
     shape: _SavedShape
     flight: _SavedPath
     contact: _SavedPath | None
-    units: Units | None
+    units: SavedUnits | None
 
 
-class Saved(TypedDict):
+class SavedOrbit(TypedDict):
     """A saved orbit, as far as it is read; the fields of `Certificate` stand beside these."""
 
     format: str
@@ -310,7 +352,44 @@ class Saved(TypedDict):
     method: str
     skipped: tuple[str, ...]
     seconds: float
+    known_in_family: NotRequired[int | None]
+    units: NotRequired[Mapping[str, str]]
     motion: _SavedMotion
+
+
+def orbit_of(machine: Machine, orbit: Orbit) -> Orbit:
+    """A dimensionless orbit of a machine in the machine's own units: in SI where it is stated so."""
+    return orbit if machine.units is None else orbit_in_units(orbit, machine.units, machine.describe())
+
+
+def orbit_in_units(orbit: Orbit, units: Units, machine: Mapping[str, Any]) -> Orbit:
+    """A dimensionless orbit in SI, of the machine in words and numbers."""
+    heights = {name: units.convert_height(height) for name, height in orbit.shape.heights.items()}
+    return replace(
+        units.convert(orbit),
+        machine=machine,
+        flight=units.convert_motion(orbit.flight),
+        contact=orbit.contact and units.convert_motion(orbit.contact),
+        shape=replace(orbit.shape, heights=heights),
+        certificate=certificate_in_units(orbit.certificate, units),
+        units=units,
+        bare=orbit,
+    )
+
+
+def certificate_in_units(certificate: Certificate, units: Units) -> Certificate:
+    """A dimensionless certificate in these units; its words keep their numbers, with a note."""
+    return replace(units.convert(certificate), violations=tuple(map(noted, certificate.violations)))
+
+
+def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:
+    """The machine in words and numbers, with the units of its parameters if there are any, from an orbit's document."""
+    machine = {name: data[name] for name in MACHINE_FIELDS}
+    machine |= {name: value for name, value in data.items() if name not in OTHER_FIELDS}
+    if "units" not in data:
+        return machine
+    results = {*UNIT_TEXTS, "rises", "state_mid_flight"}
+    return machine | {"units": {name: unit for name, unit in data["units"].items() if name not in results}}
 
 
 def _path_of(data: _SavedPath) -> Trajectory:

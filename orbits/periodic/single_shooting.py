@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -17,6 +17,7 @@ from ..numerics.bernstein import derivative, evaluate
 from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.ipopt import solve_equations
+from ..symbolic.kept import kept
 from .multiple_shooting import MultipleShooting, boundary_functions
 
 # A relative Newton step is the last one when it changes the end of the motion by less than this: the next one, its
@@ -40,6 +41,7 @@ class Evaluation:
 
     residual : (n,)
     jacobian : (n, n + k), with respect to the unknowns and to the k varied parameters
+    correction : (n + k,), the last Newton step, after which the derivatives were not taken again
     trajectories : one `Trajectory`, of m points one `Trajectories`, per arc, with its sensitivities to its start and to
         the varied parameters
     transitions : derivatives (states, states + k) of each arc's end at fixed duration, by the same
@@ -50,6 +52,7 @@ class Evaluation:
 
     residual: np.ndarray
     jacobian: np.ndarray
+    correction: np.ndarray
     trajectories: tuple[Any, ...]
     transitions: tuple[np.ndarray, ...]
     starts: tuple[np.ndarray, ...]
@@ -59,7 +62,8 @@ class Evaluation:
     def __getitem__(self, i: int | np.ndarray) -> "Evaluation":
         """The evaluation at one of the points, or at several in an order (k,)."""
         per_arc = self.trajectories, self.transitions, self.starts, self.durations, self.residual_by_end
-        return Evaluation(self.residual[i], self.jacobian[i], *(tuple(part[i] for part in each) for each in per_arc))
+        parts = (tuple(part[i] for part in each) for each in per_arc)
+        return Evaluation(self.residual[i], self.jacobian[i], self.correction[i], *parts)
 
     def replaced(self, i: np.ndarray, others: "Evaluation") -> "Evaluation":
         """The evaluation with the points i (k,), ascending, replaced by others."""
@@ -146,9 +150,9 @@ class Shooting:
             arcs.append((path, transition, dstart, dduration, slope[:, n + flow.size : n + 2 * flow.size]))
             before, dbefore = end, dend
         per_arc: list[Any] = list(zip(*arcs, strict=True))
-        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), *per_arc)
+        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), np.zeros(n + k), *per_arc)
 
-    @lru_cache(maxsize=8)  # noqa: B019 - the equations themselves are kept as long
+    @kept
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
         """Derivatives of the unknowns (n, n + k), of the parameters (np, n + k) and of the varied ones (k, n + k) by
         the unknowns and the varied parameters; and for each arc the seeds of its start and of the parameters."""
@@ -198,7 +202,7 @@ class Shooting:
             residual = np.array([self.residual(u, p, paths, lambda *arc: arc[-1].end) for u, p, paths in points])
         else:
             residual = self.arrivals(us, ps, *(motions.finals for motions in moved))[0][:, :, 0]
-        return replace(evaluation, residual=residual, trajectories=moved)
+        return replace(evaluation, residual=residual, trajectories=moved, correction=steps)
 
     @cached_property
     def arrivals(self) -> MappedFunction:
@@ -264,7 +268,7 @@ class Shooting:
 
 
 # The equations of a statement, kept for the next call with the same statement.
-shooting_equations = lru_cache(maxsize=64)(Shooting)
+shooting_equations = kept(Shooting)
 
 
 def _with_derivatives(function: ca.Function) -> BufferedFunction:

@@ -1,11 +1,13 @@
 """Three fast ways to call a CasADi function on NumPy arrays: at one point, mapped over many, or elementwise on many."""
 
-import threading
 from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
+
+from .exclusive import LOCK
+from .kept import weigh
 
 # A scalar operation of an SX function: its code, its arguments, and the value of an OP_CONST, else None. The arguments
 # are the positions of the instructions whose results it takes, those of an OP_INPUT (which input, which element), and
@@ -32,12 +34,11 @@ class BufferedFunction:
     """A CasADi function on NumPy arrays with its memory laid out once.
 
     A plain call spends 10 to 20 microseconds on conversions, this one spends a few. Arguments are copied in and results
-    are copied out under a lock, so that nothing is shared with the caller or with another thread.
+    are copied out under the lock, so that nothing is shared with the caller or with another thread.
     """
 
     def __init__(self, function: ca.Function):
         self.function = function
-        self.lock = threading.RLock()
         self.arguments = [np.zeros(function.nnz_in(i)) for i in range(function.n_in())]
         shapes = [function.size_out(i) for i in range(function.n_out())]
         if any(function.nnz_out(i) != rows * columns for i, (rows, columns) in enumerate(shapes)):
@@ -49,10 +50,11 @@ class BufferedFunction:
         for place, arrays in ((self._buffer.set_arg, self.arguments), (self._buffer.set_res, self.flat)):
             for i, array in enumerate(arrays):
                 place(i, array.data)
+        weigh([function], [*self.arguments, *self.flat])
 
     def __call__(self, *arguments: ArrayLike) -> list[np.ndarray]:
         """Results as matrices of the function's shapes; arguments of matching sizes, matrices included."""
-        with self.lock:
+        with LOCK:
             for memory, argument in zip(self.arguments, arguments, strict=True):
                 memory[:] = np.asarray(argument).ravel(order="F")
             self.trigger()
@@ -85,7 +87,7 @@ class MappedFunction:
         if capacity not in self._batches:
             self._batches[capacity] = self._batch(capacity)
         call, inputs, outputs = self._batches[capacity]
-        with call.lock:
+        with LOCK:
             for memory, argument in zip(inputs, arguments, strict=True):
                 memory[:count] = argument
                 memory[count:] = argument[-1]

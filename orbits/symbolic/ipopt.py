@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import NoOrbit
 from ..numerics.roots import Array
 from . import interrupts
+from .kept import weigh
 
 Pair = tuple[Array, Array]
 
@@ -148,7 +149,8 @@ class Minimiser:
         if (warm := multipliers is not None) not in self._solvers:
             options: dict[str, Any] = {**MINIMISING, **self.options, **(WARM if warm else {})}
             options["iteration_callback"] = self._watch
-            self._solvers[warm] = ca.nlpsol("minimise", "ipopt", self.problem, options)
+            solver = self._solvers[warm] = ca.nlpsol("minimise", "ipopt", self.problem, options)
+            weigh(solver.get_function(name) for name in solver.get_function())
         solver = self._solvers[warm]
         warm_start = dict(zip(("lam_x0", "lam_g0"), multipliers, strict=True)) if multipliers else {}
         (low, high), (least, most) = bounds, limits

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import casadi as ca
 
+from .store import store, stored
+
 # From this many instructions on, optimising takes the compiler longer than the faster code repays.
 LONG = 20_000
 
@@ -38,22 +40,25 @@ def compile_seconds(function: ca.Function) -> float:
     return 0.05 + sum(n * (6e-5 + 3e-9 * n) for n in lengths(function))
 
 
-def _library(function: ca.Function, path: str) -> Path:
-    """Where the machine code of a function is kept: the name is a hash of its graph, the compiler and the machine."""
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+def _name(function: ca.Function, path: str) -> str:
+    """The name that machine code is kept under: a hash of the function's graph, the compiler and the machine."""
     machine = [platform.machine(), sys.platform]
     key = "\n".join([function.serialize(), ca.CasadiMeta.version(), path, _optimisation(function), *machine])
-    return root / "persistent-orbits" / f"{hashlib.sha256(key.encode()).hexdigest()[:40]}.so"
+    return hashlib.sha256(key.encode()).hexdigest()[:40] + ".so"
 
 
 def compiled_before(function: ca.Function) -> ca.Function | None:
     """The same function as machine code that an earlier process has kept; None when there is none."""
     path = compiler()
     try:
-        if path and (library := _library(function, path)).exists():
-            return ca.external(function.name(), str(library))
+        if path and (code := stored(_name(function, path))) is not None:
+            with tempfile.TemporaryDirectory(prefix="orbits-") as folder:
+                # What is loaded is a copy of the verified bytes, as a file may change after it was read.
+                copy = Path(folder) / (function.name() + ".so")
+                copy.write_bytes(code)
+                return ca.external(function.name(), str(copy))
     except (OSError, RuntimeError):
-        pass  # There is no home directory, or the library cannot be loaded: the function is compiled again.
+        pass  # There is no room for the copy, or it cannot be loaded: the function is compiled again.
     return None
 
 
@@ -69,18 +74,7 @@ def compile_function(function: ca.Function) -> ca.Function | None:
         command = [path, _optimisation(function), "-fPIC", "-shared", "-w", str(source), "-o", str(built), "-lm"]
         try:
             subprocess.run(command, check=True, capture_output=True, timeout=60)
-            return ca.external(function.name(), str(_kept(built, _library(function, path))))
+            store(_name(function, path), built.read_bytes())
+            return ca.external(function.name(), str(built))
         except (subprocess.SubprocessError, OSError, RuntimeError):
             return None
-
-
-def _kept(built: Path, library: Path) -> Path:
-    """Move a library to the cache in one atomic step, as other processes may read it; return where it is."""
-    try:
-        library.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=library.parent, delete=False) as file:
-            file.write(built.read_bytes())
-        os.replace(file.name, library)
-        return library
-    except OSError:
-        return built

@@ -76,6 +76,7 @@ def test_two_folds_meet_in_a_cusp(quintic):
     assert counts == [2, 0]
 
 
+@pytest.mark.slow
 def test_in_varying_gravity():
     machine = Hopper("cubic", "1 - kappa*z", rest_length=20.0, parameters={"beta": 0.0, "kappa": 0.0})
     curve = follow_fold(machine, fold_of(follow(machine, "beta", -0.02)), "beta", "kappa", 0.004)

@@ -159,8 +159,7 @@ def test_leg_in_si():
     # the same design stated anew, in units of its own, is the same motion
     again = find(hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters=best.parameters, rest_length=0.8), 2)
     assert again.si()["flight_time_s"] == pytest.approx(best.orbit.si()["flight_time_s"], rel=1e-10)
-    length, time = again.units.length, again.units.time
-    assert again.certificate.loss_coefficient * (length / time) ** (-1 / 3) == pytest.approx(best.objective, rel=1e-9)
+    assert again.certificate.loss_coefficient == pytest.approx(best.objective, rel=1e-9)
 
 
 def test_an_optimum_stays_admissible():
@@ -327,8 +326,8 @@ def test_ill_posed_problems_are_refused(options, words):
 def test_machines_that_cannot_be_designed():
     with pytest.raises(InputError, match="'mass_ratio' of a machine in SI follows from its masses"):
         optimize(LEG, minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
-    with pytest.raises(InputError, match=r"no parameter 'body_mass' to design; known: b, k$"):
-        optimize(LEG, minimise="alpha", over={"body_mass": (1.0, 2.0)})
+    with pytest.raises(InputError, match="no parameter 'unit_stiffness'"):
+        optimize(LEG, minimise="alpha", over={"unit_stiffness": (1.0, 2.0)})
     assert quantities(CUBIC, find(CUBIC), []) == {}
     with pytest.raises(InputError, match="a list"):
         quantities(CUBIC, find(CUBIC), "alpha")
@@ -397,6 +396,8 @@ def test_phase_that_collapses():
     endless = soft.with_values(beta=-0.0072)
     with pytest.raises(NoOrbit, match="the spring collapses"):
         quantities(endless, find(endless))
+    with pytest.raises(NoOrbit, match="the spring collapses"):
+        sensitivities(Hopper("tanh(b*r)/b", mass_ratio=0.05, parameters={"b": 0.1}), 2)
 
 
 FILE = """machine = "hopper"

@@ -94,7 +94,11 @@ class TestInjection:
         low, high = ReturnMap(Hopper(), inject=self.EPS).fixed_points(4, 6)
         assert low.alpha == pytest.approx(4.481341946645, abs=1e-11)
         assert high.alpha == pytest.approx(4.541763272853, abs=1e-11)
-        assert multiplier(Hopper(), high.alpha) == pytest.approx(-1, abs=1e-9)
+        assert multiplier(Hopper(), high.alpha) == high.multiplier == pytest.approx(-1, abs=1e-9)
+        step, d = ReturnMap(Hopper(), inject=self.EPS), 1e-5
+        for point in (low, high):
+            (before, after) = step(point.alpha + np.array([-d, d])).next
+            assert point.multiplier == pytest.approx((after - before) / (2 * d), rel=1e-5)
 
     def test_small_injections_make_the_pair_of_the_local_law(self):
         eps, c = 1e-7, find(Hopper()).certificate.loss_coefficient
@@ -109,7 +113,17 @@ class TestInjection:
 def test_lossless_fixed_points_are_those_of_find():
     found = ReturnMap(Hopper()).fixed_points(1, 12)
     assert [point.alpha for point in found] == [find(Hopper(), n).alpha for n in (1, 2, 3)]
-    assert {point.kind for point in found} == {"lossless"}
+    assert {(point.kind, point.multiplier) for point in found} == {("lossless", None)}
+
+
+def test_what_is_no_launch_speed_in_an_array_is_said_of_it_alone():
+    wrong = np.array([[4.6, np.nan], [-1.0, 0.0], [np.inf, 2.0]])
+    hops, good = ReturnMap(Hopper())(wrong), ReturnMap(Hopper())([4.6, 2.0])
+    assert hops.status.tolist() == [["lifts_off", "invalid"], ["invalid", "invalid"], ["invalid", "rests"]]
+    assert hops.next[[0, 2], [0, 1]] == pytest.approx(good.next, abs=0, nan_ok=True)
+    assert np.isnan(hops.next[hops.status == "invalid"]).all()
+    assert hops.document()["alpha"][1] is None
+    assert ReturnMap(Hopper())([np.nan]).status == ["invalid"]
 
 
 @pytest.mark.parametrize(
@@ -175,6 +189,20 @@ def test_bounces_that_accumulate_end_in_contact():
     assert float(ReturnMap(Hopper(restitution=1e-6))(4.6).next) == pytest.approx(float(plastic.next), abs=1e-5)
 
 
+def test_many_bounces_that_rounding_decides_are_undecided():
+    """Launches that differ by some roundings have the same outcome wherever one is said."""
+    machine = Hopper(restitution=0.9)
+    step, alpha = ReturnMap(machine), np.array([6.498522512839427, 7.212117582435826, 6.999681467921776, 2.0, 3.1, 4.6])
+    rows = [step(alpha * (1 + 4e-15 * k)) for k in (-3, 0, 2)]
+    assert (rows[1].status[:3] == "undecided").all()
+    assert not (rows[1].status[3:] == "undecided").any()
+    assert np.isnan(rows[1].next[:3]).all()
+    for one, two in ((rows[0], rows[1]), (rows[1], rows[2])):
+        told = (one.status != "undecided") & (two.status != "undecided")
+        assert (one.status[told] == two.status[told]).all()
+        assert one.next[told] == pytest.approx(two.next[told], abs=1e-3, nan_ok=True)
+
+
 def test_preimages_map_onto_their_interval():
     step = ReturnMap(Hopper())
     for low, high in step.preimages([(4.4, 4.45)], 3.0, 12.0):
@@ -184,7 +212,7 @@ def test_preimages_map_onto_their_interval():
 
 def test_what_cannot_be_meant():
     with pytest.raises(InputError, match="alpha = -1; launch speeds are above 0"):
-        ReturnMap(Hopper())([1.0, -1.0])
+        ReturnMap(Hopper())(-1.0)
     with pytest.raises(InputError, match="no machine"):
         ReturnMap(3)
     with pytest.raises(InputError, match="cap = 0"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of, name_of
 
-from orbits import METHODS, NoOrbit, find
+from orbits import METHODS, NoOrbit, find, follow, orbit_at
 from orbits.continuation.corrector import correct_all
 from orbits.continuation.curve import Curve
 from orbits.flow.flow import flow_of
@@ -303,3 +303,100 @@ def test_one_singular_system_of_several():
     found = solve(square, np.array([[1.0], [3.0]]))
     assert found[[0, 2], :, 0] == pytest.approx(np.array([[1.0, 3.0], [0.5, 1.5]]))
     assert np.isnan(found[1]).all()
+
+
+@pytest.mark.parametrize("mass_ratio", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("family", [1, 2])
+def test_the_loss_coefficient_of_the_linear_spring_in_closed_form(mass_ratio, family):
+    """r = cos t + alpha sin t and tan alpha = alpha; the flight lasts 2 alpha, J = alpha, q = 2 alpha - sin 2 alpha."""
+    alpha = mpmath.findroot(lambda a: mpmath.sin(a) - a * mpmath.cos(a), find(Hopper(), family).alpha)
+    m, q = mpmath.mpf(mass_ratio), 2 * alpha - mpmath.sin(2 * alpha)
+    c = m * alpha**2 * (6 * q / alpha) ** (mpmath.mpf(4) / 3) / (8 * alpha * (1 + m) ** 2)
+    for method in (None, "relative", "half orbit"):
+        found = find(Hopper(mass_ratio=mass_ratio), family, method=method).certificate
+        assert abs(found.loss_coefficient - c) <= min(found.loss_error, 1e-13 * c)
+        assert found.loss_error <= 1e-9 * c
+
+
+def _loss_of_cubic(b, orbit):
+    """The loss coefficient with M = 1 in 20 digits, the gap's slope at landing by a central difference."""
+    alpha, one = exact_alpha(orbit, b, None, 1.0, 0.0), mpmath.mpf(1)
+    rho = mpmath.findroot(lambda r: r + b * r**3 - 1, orbit.liftoff_extension)
+
+    def gap(launch, count=24):
+        state = [rho, launch, 0 * one, 0 * one]
+        for _ in range(count):
+            state = series(state, b, None, one, 0 * one, 2 * alpha / count)
+        return state[2]
+
+    step = mpmath.mpf("1e-10")
+    q, jerk = (gap(alpha + step) - gap(alpha - step)) / step, (1 + 3 * b * rho**2) * alpha
+    return jerk**2 * (6 * q / jerk) ** (mpmath.mpf(4) / 3) / (32 * alpha)
+
+
+@pytest.mark.slow
+def test_the_loss_coefficient_of_the_cubic_spring_has_all_its_digits():
+    """In an orbit; in a family the derivatives are those before the last corrector step, and the figure says so."""
+    machine = Hopper("r + b*r**3", parameters={"b": 0.0})
+    family, worst = follow(machine, "b", 1.0, at=[0.25]), 0.0
+    (point,) = family.at(0.25)
+    orbit = find(machine.with_values(b=0.25))
+    c = _loss_of_cubic(0.25, orbit)
+    for found in (orbit.certificate, orbit_at(machine, point, "b").certificate):
+        assert abs(found.loss_coefficient - c) <= min(found.loss_error, 1e-13 * c)
+        assert found.loss_error <= 1e-9 * c
+    for point in family.points[::16]:
+        exact = find(machine.with_values(b=point.value)).certificate.loss_coefficient
+        assert abs(point.certificate.loss_coefficient - exact) <= point.certificate.loss_error <= 1e-6 * exact
+        worst = max(worst, abs(point.certificate.loss_coefficient / exact - 1))
+    assert worst < 1e-7
+
+
+def _turn(powers, rho, alpha):
+    """r' and its derivative by alpha at the time alpha in 30 digits, r'' = -(r + c2 r**2 + ...), by Taylor steps."""
+    r, v, s, w, left = rho, alpha, mpmath.mpf(0), mpmath.mpf(1), alpha
+
+    def product(a, b):
+        return mpmath.fsum(x * y for x, y in zip(a, reversed(b), strict=True))
+
+    while left > 0:
+        rs, vs, ss, ws, force, slope = [r], [v], [s], [w], [], []
+        chain = [[] for _ in powers]  # the powers of r, from 0
+        for k in range(30):
+            for i, row in enumerate(chain):
+                row.append(mpmath.mpf(k == 0) if i == 0 else product(chain[i - 1], rs))
+            force.append(mpmath.fsum(c * product(row, rs) for c, row in zip(powers, chain, strict=True)))
+            slope.append(
+                mpmath.fsum((i + 1) * c * row[k] for i, (c, row) in enumerate(zip(powers, chain, strict=True)))
+            )
+            for row, rate in ((rs, vs[k]), (ss, ws[k]), (vs, -force[k]), (ws, -product(slope, ss[: k + 1]))):
+                row.append(rate / (k + 1))
+        step = min(left, (mpmath.mpf("1e-28") / max(map(abs, (rs[-1], vs[-1], ws[-1])))) ** (mpmath.mpf(1) / 30))
+        r, v, s, w = (mpmath.fsum(c * step**k for k, c in enumerate(row)) for row in (rs, vs, ss, ws))
+        left -= step
+    return v, w - mpmath.fsum(c * r ** (i + 1) for i, c in enumerate(powers))
+
+
+@pytest.mark.parametrize(
+    ("powers", "family"),
+    [
+        ((0.7643693446449379, 0.09008323639847042), 3),
+        ((0.8187501117012889, 0.1658202845056341, -0.005792147986670724), 2),
+        ((-0.14861987010119804, 0.018246038018433646, 0.016564753433755047, 0.0006058321236262336), 2),
+        ((0.30201729459173826, 0.24400462310693716), 3),
+    ],
+)
+@pytest.mark.slow
+def test_the_error_figure_covers_what_the_flow_makes_of_rounding(powers, family):
+    """Of some hundred random polynomial springs these come nearest to their figures, or were beyond half of them."""
+    names = {f"c{i}": c for i, c in enumerate(powers, start=2)}
+    orbit = find(
+        Hopper("r + " + " + ".join(f"c{i}*r**{i}" for i in range(2, 2 + len(powers))), parameters=names), family
+    )
+    exact = [mpmath.mpf(1), *map(mpmath.mpf, powers)]
+    force = lambda r: mpmath.fsum(c * r ** (i + 1) for i, c in enumerate(exact)) - 1  # noqa: E731
+    rho, alpha = mpmath.findroot(force, orbit.liftoff_extension), mpmath.mpf(orbit.alpha)
+    for _ in range(2):
+        value, slope = _turn(exact, rho, alpha)
+        alpha -= value / slope
+    assert abs(alpha - orbit.alpha) <= orbit.error

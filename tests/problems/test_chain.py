@@ -76,6 +76,7 @@ class TestThreeMasses:
         orbit = find(chain, start=chain.start(KNOWN[0][:2], *KNOWN[0][2:]), method="shooting")
         assert min(abs(orbit.alpha - other.alpha) for other in three) < 1e-12
 
+    @pytest.mark.slow
     def test_a_cycle_by_another_integrator(self):
         chain = Chain((2.0, 1.0, 0.5), ["sinh(0.3*r)/0.3", "r + b*r**3"], parameters={"b": 0.02})
         orbit = next(o for o in find_all(chain, chain.starts(6.0, 5.0)) if o.admissible)
@@ -154,7 +155,7 @@ class TestSimulation:
 
 
 class TestMany:
-    @pytest.mark.parametrize("count", [4, 6])
+    @pytest.mark.parametrize("count", [4, pytest.param(6, marks=pytest.mark.slow)])
     def test_hops_of_long_chains(self, count):
         chain = Chain([1.0] * count)
         orbits = find_all(chain, chain.starts(6.0, 6.0))

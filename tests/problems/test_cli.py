@@ -179,7 +179,7 @@ def test_a_measured_spring(orbits, tmp_path):
     """A table of a straight line in rows of any order is that line."""
     path = tmp_path / "bench.csv"
     rows = [f"{r},{r}" for r in np.random.default_rng(3).permutation(np.linspace(-15, 15, 31))]
-    path.write_text("\n".join(["extension (mm),force (N)", *rows]), encoding="utf-8")
+    path.write_text("\n".join(["extension,force", *rows]), encoding="utf-8")
     done = orbits("find --json --spring", f"table:{path}")
     assert done.code == 0
     assert done.document["alpha"] == pytest.approx(ALPHA, rel=1e-12)
@@ -250,15 +250,27 @@ def test_a_machine_in_si(orbits, tmp_path):
     done = orbits("find --json --machine", path)
     length, time = 3 * 9.81 / 8000, math.sqrt(3 / 8000 / (1 + 3 / 60))
     assert done.code == 0
-    assert done.document["alpha"] == pytest.approx(ALPHA, rel=1e-15, abs=0)
+    assert done.document["alpha"] == pytest.approx(ALPHA * length / time, rel=1e-15, abs=0)
     assert done.document["mass_ratio"] == pytest.approx(0.05, rel=1e-15)
-    assert done.document["rest_length"] == pytest.approx(0.8 / length, rel=1e-15)
+    assert done.document["rest_length"] == 0.8
+    assert done.document["units"]["alpha"] == "m/s"
     si = done.document["si"]
     assert si["launch_speed_m_per_s"] == pytest.approx(ALPHA * length / time, rel=1e-14)
     assert si["flight_time_s"] == pytest.approx(2 * ALPHA * time, rel=1e-14)
-    assert si["contact_time_s"] == pytest.approx(done.document["contact_time"] * time, rel=1e-14)
+    assert si["contact_time_s"] == done.document["contact_time"]
     assert si["liftoff_extension_m"] == pytest.approx(length, rel=1e-14)
     assert "m/s" in orbits("find --machine", path).out
+    done = orbits("follow --json --along body_mass --from 60 --to 50 --machine", path).document
+    assert done["points"][-1]["body_mass"] == 50
+    longer = math.sqrt(3 / 8000 / (1 + 3 / 50))
+    assert done["points"][-1]["alpha"] == pytest.approx(ALPHA * length / longer, rel=1e-14)
+    assert done["units"]["body_mass"] == "kg"
+    hop = orbits("map --json --alpha 0.9 --machine", path).document
+    assert hop["units"]["next"] == "m/s"
+    assert hop["next"][0] ** 2 == pytest.approx(0.81 - hop["loss"][0], rel=1e-14)
+    assert "launch speed (m/s)" in orbits("map --alpha 0.9 --machine", path).out
+    run = orbits("simulate --json --alpha 0.9 --hops 1 --machine", path).document
+    assert run["launches"] == pytest.approx([0.9, hop["next"][0]], rel=1e-13)
 
 
 def test_a_spring_in_si_is_its_dimensionless_self(orbits, tmp_path):
@@ -273,7 +285,8 @@ def test_a_spring_in_si_is_its_dimensionless_self(orbits, tmp_path):
     si = orbits("find --json --machine", path)
     dimensionless = orbits(f"find --json --spring cubic --set beta={beta!r} --mass-ratio 0.05")
     assert si.code == dimensionless.code == 0
-    assert si.document["alpha"] == pytest.approx(dimensionless.document["alpha"], rel=1e-12)
+    speed = weight / 8000 / math.sqrt(3 / 8000 / 1.05)
+    assert si.document["alpha"] == pytest.approx(dimensionless.document["alpha"] * speed, rel=1e-12)
 
 
 # Files written.
@@ -428,12 +441,14 @@ TABLES = {
     "words.csv": ("r,f\n0,0\n1,one\n2,2\n3,3\n4,4\n", 2, "row 3"),
     "gap.csv": ("r,f\n0,0\n1,1\n2,\n3,3\n4,4\n", 2, "row 4"),
     "column.csv": ("r\n0\n1\n2\n3\n4\n", 2, "no column force"),
-    "semicolons.csv": ("r;f\n0;0\n1;1\n2;2\n3;3\n", 2, "no column extension"),
+    "semicolons.csv": ("r;f\n0;0\n1;1\n2;2\n3;3\n", 1, "[0, 3]"),
     "nan.csv": ("r,f\n0,0\n1,nan\n2,2\n3,3\n4,4\n", 2, "finite"),
     "infinite.csv": ("r,f\n0,0\n1,inf\n2,2\n3,3\n4,4\n", 2, "finite"),
     "binary.csv": (bytes(range(256)), 2, "cannot be read"),
     "nul.csv": (b"r,f\n\x00,\x00\n1,1\n2,2\n3,3\n4,4\n", 2, "row 2"),
     "short.csv": ("r,f\n-1,-1\n0,0\n1,1\n2,2\n3,3\n", 1, "[-1, 3]"),
+    "loop.csv": ("r,f\n" + "".join(f"{r},{r + 1}\n" for r in range(9)) + "8,7\n6,5\n4,3\n2,1\n0,-1\n", 2, "is a loop"),
+    "units.csv": ("r (mm),f\n0,0\n1,1\n2,2\n3,3\n", 2, "hopper_in_si"),
     "flat.csv": ("r,f\n-9,0\n-1,0\n0,0\n1,0\n9,0\n", 1, "never reaches"),
 }
 SI = "[si]\nbody_mass = 1\nfoot_mass = 1\n"
@@ -492,6 +507,10 @@ FILES = [
     ("find --spring table:folder.csv", 2, "folder.csv"),
     ("find --spring table:", 2, "table:"),
     ("find --spring table:short.csv --set b=1", 2, "'b'"),
+    ("find --spring table:short.csv?branch=up", 2, "'loading', 'unloading' or 'mean'"),
+    ("find --spring table:loop.csv", 2, "table:FILE?branch=loading"),
+    ("find --spring table:units.csv", 2, "hopper_in_si"),
+    ("find --spring 'r + c*v' --set c=1", 2, "damping"),
     ("find --machine none.toml", 2, "none.toml"),
     ("find --machine folder.toml", 2, "folder.toml"),
     ("find --machine si_good.toml --mass-ratio 2", 2, "'mass_ratio' beside [si]"),
@@ -501,7 +520,7 @@ OUTPUTS = [
     ("find --plot none/hop.png", 2, "none/hop.png"),
     ("find --plot hop.xyz", 2, "xyz"),
     ("find --animate none/hop.gif", 2, "none"),
-    ("find --animate hop.mp4", 2, ".gif"),
+    ("find --animate hop.webm", 2, ".gif"),
     ("find --animate hop", 2, ".gif"),
     ("find --save none/hop.json", 2, "none/hop.json"),
     ("find --save folder.toml", 2, "folder.toml"),
@@ -544,7 +563,7 @@ def test_bad_input_is_one_message_and_a_code(line, code, telling, orbits, folder
         "find --spring cubic --set beta=-0.1",
         "find --machine key.toml",
         "find --plot none/hop.png",
-        "find --animate hop.mp4",
+        "find --animate hop.webm",
         "find --save none/hop.json",
     ],
 )
@@ -612,6 +631,7 @@ def test_help_and_version(orbits):
         assert (done.code, done.err) == (0, "")
         assert "Usage: orbits" in done.out
     assert "version" in orbits("--version").out
+    assert "table:FILE" in orbits("find --help").out
 
 
 def test_the_progress_display_shows_on_a_terminal_and_clears_itself(monkeypatch):
@@ -635,7 +655,7 @@ def test_the_progress_display_shows_on_a_terminal_and_clears_itself(monkeypatch)
 
 
 @pytest.mark.parametrize(
-    "option", ["--plot nowhere/hop.png", "--animate hop.mp4", "--save nowhere/hop.json", "--plot hop"]
+    "option", ["--plot nowhere/hop.png", "--animate hop.webm", "--save nowhere/hop.json", "--plot hop"]
 )
 def test_a_file_that_cannot_be_written_is_refused_before_the_search(orbits, option):
     result = orbits(f"find --family 400 --spring cubic --json {option}")

@@ -10,16 +10,31 @@ from io import StringIO
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
 
+import numpy as np
 import pytest
 
-from orbits import Family, InputError, Orbit, find, follow
+from orbits import Family, InputError, Orbit, find, follow, pareto, simulate
 from orbits.errors import LONGEST_MESSAGE, shortened
+from orbits.hybrid.impacts import Impacts
 from problems import Hopper
 from problems.cli import main
 
 LONGEST, LARGEST = 10.0, 1e6  # seconds of computing; kB of memory
 NUMBERS = ("0", "-1", "1", "1e15", "1e300", "1e-300", "nan", "inf", "-inf", "1e999", "x", "", "0x10", "9" * 5000, "1e4")
-TEXTS = ("", "x" * 10_000, "'", "\x00", "\x1b[31m", "é", "r^3", "(" * 5000, "r" + "+r" * 4000, "__import__('os')", "1/0", "r/r")
+TEXTS = (
+    "",
+    "x" * 10_000,
+    "'",
+    "\x00",
+    "\x1b[31m",
+    "é",
+    "r^3",
+    "(" * 5000,
+    "r" + "+r" * 4000,
+    "__import__('os')",
+    "1/0",
+    "r/r",
+)
 VALUES = (None, True, "abc", "", [], {}, [[]], -1, 1e308, 10**400, [1.0], ["x"], {"x": 1}, [None], 0, 2.5, "x" * 10_000)
 NESTED = ("[" * 60_000, '{"a":' * 60_000, "[" * 5000 + "]" * 5000)
 
@@ -63,13 +78,17 @@ def crafted_document(text: str, rng: random.Random) -> str:
 def crafted_machine(rng: random.Random) -> str:
     """A machine file with a fault, sometimes with what to design."""
     value = lambda: rng.choice((*map(json.dumps, ("x" * 5000, True, [], [1], {}, "r")), *NUMBERS[:12]))  # noqa: E731
-    lines = [f"{key} = {value()}" for key in rng.sample(("mass_ratio", "rest_length", "spring", "machine", "damping"), 2)]
+    lines = [
+        f"{key} = {value()}" for key in rng.sample(("mass_ratio", "rest_length", "spring", "machine", "damping"), 2)
+    ]
     if rng.random() < 0.3:
-        return rng.choice((f"a = {NESTED[2]}", "a." * 20_000 + "b = 1", "[" * 50_000, f"spring = '{'(' * 30_000}'", "a=1\n" * 9))
+        return rng.choice(
+            (f"a = {NESTED[2]}", "a." * 20_000 + "b = 1", "[" * 50_000, f"spring = '{'(' * 30_000}'", "a=1\n" * 9)
+        )
     if rng.random() < 0.5:
         lines += ["[si]", f"body_mass = {value()}", "foot_mass = 1", f"stiffness = {value()}"]
     else:
-        lines = ['spring = "cubic"', "[design]", f"minimise = {rng.choice((value(), '"alpha"'))}"]
+        lines = ['spring = "cubic"', "[design]", f"minimise = {rng.choice((value(), json.dumps('alpha')))}"]
         lines += [f"{key} = {value()}" for key in rng.sample(("family", "starts", "subject_to", "seed", "points"), 1)]
         lines += ["[design.over]", f"beta = [{rng.choice(NUMBERS)}, {rng.choice(NUMBERS)}]"]
     return "\n".join(lines)
@@ -89,7 +108,8 @@ def crafted_line(rng: random.Random) -> list[str]:
         ["simulate", "--alpha", number, "--hops", "2"], ["simulate", "--alpha", "4", "--hops", number],
         ["simulate", "--alpha", "4", "--time", number], ["simulate", "--alpha", "4", "--hops", "2", "--inject", number],
         ["follow", "--spring", "cubic", "--along", "beta", "--from", "0.1", "--to", number, "--longest", "0.5"],
-        ["follow", "--along", text, "--to", "1"], ["follow", "--spring", "cubic", "--along", "beta", "--to", "1", "--at", text],
+        ["follow", "--along", text, "--to", "1"],
+        ["follow", "--spring", "cubic", "--along", "beta", "--to", "1", "--at", text],
     )  # fmt: skip
     return rng.choice(lines)
 
@@ -227,7 +247,7 @@ def test_deep_nesting_and_large_files_are_refused(tmp_path):
     code, message = by_command(["find", "--machine", str(path)])
     assert (code, "nested too deeply" in message) == (2, True)
     path.write_text("#" * 100_000)
-    assert "at most 65536 are read" in by_command(["find", "--machine", str(path)])[1]
+    assert "at most 16384 are read" in by_command(["find", "--machine", str(path)])[1]
 
 
 def test_a_long_message_keeps_its_remedy():
@@ -245,11 +265,48 @@ def test_a_launch_too_fast_to_follow_is_lost(line, orbits):
     assert done.document["next"][-1] is None
 
 
-def test_a_long_flight_is_not_searched_where_the_gap_cannot_close():
-    """A launch at 1000 flies for 2000, far longer than its swing lasts: landing comes within a period of where the
-    parabola alone lands, and its loss is that of the speed there."""
-    from orbits import ReturnMap
+@pytest.mark.parametrize("mass_ratio", [0.3, 1.0, 7.0])
+def test_what_is_known_to_be_positive_is(mass_ratio):
+    """Of a flight in closed form: the gap on a fine grid between the times that are left out of the search."""
+    machine = Hopper(mass_ratio=mass_ratio)
+    impacts = Impacts(machine)
+    starts = impacts.launch(np.array([4.0, 30.0, 1000.0]))
+    form = impacts.flight.closed_form(impacts.p)
+    low, high = form.positive_between(impacts.gap, starts.T)
+    for start, a, b in zip(starts, low, high, strict=True):
+        assert 0 < a < b
+        assert impacts.gap(form.state(start, np.linspace(a, b, 20_001)[1:-1]).T).min() > 0
 
-    hops = ReturnMap(Hopper())([1000.0])
-    assert hops.status[0] in ("lifts_off", "rests")
-    assert hops.impacts[0] >= 1
+
+def test_a_map_of_many_launches_is_a_summary_unless_all_are_asked_for(orbits):
+    short, whole = orbits("map --alpha 3:12:300"), orbits("map --alpha 3:12:300 --all")
+    document = orbits("map --alpha 3:12:300 --json").document
+    assert len(short.out.splitlines()) < 20
+    assert f"rests: {document['status'].count('rests')}\n" in short.out
+    assert len(whole.out.splitlines()) == 301
+    assert len(document["alpha"]) == 300
+
+
+def test_a_front_saves_a_table_and_refuses_what_it_does_not_know(tmp_path):
+    front = pareto(
+        Hopper("cubic", parameters={"beta": 0.1}), minimise=("alpha", "-stroke"), over={"beta": (0, 1)}, points=2
+    )
+    head, *rows = front.save(tmp_path / "front.csv").read_text().splitlines()
+    assert head == "alpha,-stroke,beta"
+    assert [float(cell) for cell in rows[0].split(",")] == [*front.values[0], front.column("beta")[0]]
+    for result in (front, front.designs[0], front.designs[0].orbit):
+        with pytest.raises(InputError, match=r"needs an ending, \.json"):
+            result.save(tmp_path / "result.xyz")
+
+
+def test_the_help_names_the_shells_completion(orbits):
+    assert "_ORBITS_COMPLETE=bash_source" in orbits("--help").out
+
+
+def test_an_animation_reports_its_frames_and_needs_ffmpeg_for_mp4(tmp_path, monkeypatch):
+    run, shares = simulate(Hopper(), 4.6, hops=1), []
+    run.animate(tmp_path / "hop.gif", 3, progress=shares.append)
+    assert shares == pytest.approx([1 / 3, 2 / 3, 1.0])
+    monkeypatch.setattr("matplotlib.animation.FFMpegWriter.isAvailable", lambda: False)
+    with pytest.raises(InputError, match="there is no ffmpeg"):
+        run.animate(tmp_path / "hop.mp4", 3)

@@ -88,7 +88,7 @@ class TestTable:
         rng = np.random.default_rng(3)
         r = np.sort(rng.uniform(-5, 5, 40))
         force = np.cumsum(rng.exponential(1.0, 40)) - 12
-        law = springs.table((r, force))
+        law = springs.table((r, force), noise=0)
         fine = np.linspace(r[0], r[-1], 20001)
         assert law(r) == pytest.approx(force, rel=1e-12, abs=1e-12)
         assert np.diff(law(fine)).min() > -1e-12
@@ -117,7 +117,7 @@ class TestTable:
 
     def test_rows_in_any_order_and_repeated(self, tmp_path):
         path = tmp_path / "bench.csv"
-        path.write_text("force_N,deflection (mm)\n2,2\n-3,-3\n1,1.0\n\n0,0\n-1,-1\n1.2,1\n0.8,1\n4,4\n")
+        path.write_text("force,deflection\n2,2\n-3,-3\n1,1.0\n\n0,0\n-1,-1\n1.2,1\n0.8,1\n4,4\n")
         law = springs.table(path)
         assert law.range() == (-3, 4)
         assert law(1.0) == pytest.approx(1.0)
@@ -154,6 +154,14 @@ class TestTable:
         (lambda: springs.formula("r", beta=1.0), "does not use 'beta'"),
         (lambda: springs.function(lambda r: float(r)), "no finite value"),
         (lambda: springs.function(lambda r: r if r > 0 else 2 * r), "without if"),
+        (lambda: springs.function(lambda r: {}["rubber"]), "KeyError: 'rubber'"),
+        (lambda: springs.formula("r + c*v", c=0.1), "depends on the extension r alone.*damping"),
+        (lambda: springs.formula("1/tanh(r/L) - L/r", L=2.0), "0/0 at r = 0; its limit there is about 0,.*table"),
+        (lambda: gravity.formula("sin(z)/z"), "0/0 at z = 0; its limit there is about 1,"),
+        (lambda: springs.as_spring("r + b*r**3", {"b": 0.1, "c": 1.0}), "no parameter 'c'; known: b"),
+        (lambda: springs.as_spring("cubic", {"bta": 0.1}), "no parameter 'bta'; did you mean 'beta'"),
+        (lambda: springs.as_spring(springs.cubic(), {"k": 0.1}), "no parameter 'k'"),
+        (lambda: gravity.as_gravity("inverse_square", {"H": 9.0}), "no parameter 'H'; known: R"),
         (lambda: springs.function(lambda r: ca.vertcat(r, r)), "2 values"),
         (lambda: gravity.formula("2 - z"), "must be 1 at z = 0"),
         (lambda: find(Hopper("log(r)")), "no force at rest"),

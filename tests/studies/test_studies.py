@@ -42,10 +42,10 @@ def test_air_track(tmp_path, capsys):
 
 def test_air_track_amplitudes_are_equation_14():
     orbit, first, second = air_track.amplitudes()
-    M, a = orbit.machine["mass_ratio"], orbit.alpha
+    M, a, length = orbit.machine["mass_ratio"], orbit.dimensionless().alpha, orbit.units.length
     top, hand, depth = a**2 / 2, -1 + (1 + a**2) ** 0.5, (1 + M) / M * (1 + (1 + M / (1 + M) * a**2) ** 0.5)
-    assert first == pytest.approx(top + depth, rel=1e-7)
-    assert second == pytest.approx(hand + depth, rel=1e-7)
+    assert first == pytest.approx(length * (top + depth), rel=1e-7)
+    assert second == pytest.approx(length * (hand + depth), rel=1e-7)
 
 
 def test_asteroid(tmp_path, capsys):
@@ -57,6 +57,7 @@ def test_asteroid(tmp_path, capsys):
     assert "nearest 10 m" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_existence(tmp_path):
     """The saturating spring alone: the first family exists up to b = 1/3 (the limit of the tanh families)."""
     found = existence.main(tmp_path, quick=True)
@@ -76,6 +77,7 @@ def test_figure_7(tmp_path):
     assert (tmp_path / "figure_7.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_spring_families(tmp_path):
     """Saturation ends a family where the force of rest balances that of n oscillations: limits in closed form."""
     found = spring_families.main(tmp_path, quick=True)
@@ -125,11 +127,13 @@ def test_figure_4(tmp_path):
     assert numbers["launch speed"] == figure_4.ALPHA
 
 
+@pytest.mark.slow
 def test_the_papers_claims():
     wrong = [row for row in paper.claims() if not row.ok]
     assert not wrong
 
 
+@pytest.mark.slow
 def test_figure_5(tmp_path):
     """Where long bouncing ends was counted in 45 digits too: 100 impacts at 3.71, 2 at 3.73."""
     numbers = figure_5.main(tmp_path)
@@ -174,6 +178,7 @@ def test_design(tmp_path):
     assert (tmp_path / "design.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_attraction(tmp_path):
     """Little is attracted at M = 1, all at extreme mass ratios, and C is the same for M and 1/M."""
     numbers = attraction.main(tmp_path, quick=True)
@@ -192,6 +197,7 @@ STRESS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fill", STRESS, ids=lambda fill: fill.__name__)
 def test_stress(fill):
     (row,) = stress.main(rows=[fill])
@@ -252,6 +258,7 @@ def test_start_up(tmp_path):
     assert (tmp_path / "start_up.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_chain(tmp_path):
     """Equal chains of two masses are the hopper; beside a hop of three the loss has the power 4/3 all round."""
     numbers = chain.main(tmp_path, quick=True)

@@ -1,0 +1,124 @@
+"""Units: what the numbers of a machine that is stated in SI stand for, and the one place that converts results.
+
+The engine computes without dimensions. A result's number has a dimension by its name (`DIMENSIONS`), a state by the
+apostrophe at the end of a speed's name. Where a machine has `Units`, its public results are converted to SI by them.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..errors import OrbitsError
+
+# Powers of the units of length, time, force and energy; those left out at the end are 0.
+Dimension = tuple[float, ...]
+Record = TypeVar("Record")
+
+LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
+SPEED, SPEED_SQUARED, MASS, ACCELERATION = (1, -1, 0), (2, -2, 0), (-1, 2, 1), (1, -2, 0)
+# Dimensions of results by name. The loss coefficient is a loss of speed per speed to the power 4/3; the loss of a hop
+# of the map is one of the speed's square.
+DIMENSIONS: dict[str, Dimension] = {
+    **dict.fromkeys(("alpha", "error", "alpha_noise"), SPEED),
+    **dict.fromkeys(("flight_time", "contact_time", "period"), TIME),
+    **dict.fromkeys(("liftoff_extension", "stroke", "clearance", "smallest_separation"), LENGTH),
+    **dict.fromkeys(("smallest_contact_force", "largest_contact_force", "largest_spring_force"), FORCE),
+    "landing_jerk": (1, -3, 0),
+    "landing_sensitivity": TIME,
+    **dict.fromkeys(("loss_coefficient", "loss_error"), (-1 / 3, 1 / 3, 0)),
+}
+# What follows a message whose numbers are without dimensions.
+NOTE = " (numbers in the units of machine.dimensionless())"
+# Names of composed dimensions.
+_NAMES: dict[Dimension, str] = {MASS: "kg", ENERGY: "J"}
+
+
+@dataclass(frozen=True)
+class Units:
+    """What one unit of length (m), time (s), force (N) and energy (J) of a dimensionless machine stands for.
+
+    Its unit of energy need not be the force's times the length's; None where it is not known. In `Model.units` the
+    units are expressions of the machine's parameters.
+    """
+
+    length: Any
+    time: Any
+    force: Any
+    energy: Any = None
+
+    def of(self, dimension: Dimension) -> Any:
+        """The unit of a dimension."""
+        unit = 1.0
+        for base, power in zip((self.length, self.time, self.force, self.energy), dimension, strict=False):
+            unit = unit if power == 0 else unit * base**power
+        return unit
+
+    def of_states(self, names: Sequence[str], own: Mapping[str, Dimension] | None = None) -> np.ndarray:
+        """The units (n,) of states, lengths or speeds, by their names; `own` has the dimensions of other rows."""
+        own = {"contact force": FORCE, **(own or {})}
+        return np.array([self.of(own.get(name, SPEED if name.endswith("'") else LENGTH)) for name in names])
+
+    def convert(self, record: Record, **own: Dimension) -> Record:
+        """A frozen record of dimensionless numbers with those of known names in SI; `own` are further dimensions."""
+        known: dict[str, Any] = {}
+        for field in fields(record):  # type: ignore[arg-type]
+            dimension = own.get(field.name) or DIMENSIONS.get(field.name)
+            if dimension and (value := getattr(record, field.name)) is not None:
+                known[field.name] = value * self.of(dimension)
+        return replace(record, **known)  # type: ignore[type-var]
+
+    def convert_motion(self, path: Any, own: Mapping[str, Dimension] | None = None) -> Any:
+        """A `Trajectory` in SI; `own` has the dimensions of rows that are no states."""
+        with np.errstate(all="ignore"):  # the last coefficients may be beyond all numbers
+            powers = float(self.time) ** -np.arange(path.coefficients.shape[2])
+            rows = self.of_states(path.names, own)[:, None] * powers
+            return replace(path, times=path.times * self.time, coefficients=path.coefficients * rows, variations=None)
+
+    def convert_height(self, height: Any) -> Any:
+        """An `Affine` function of the state whose value is a length, for states in SI."""
+        return height and replace(height, offset=height.offset * self.length)
+
+    def inverse(self) -> "Units":
+        """The units that convert back."""
+        return Units(1 / self.length, 1 / self.time, 1 / self.force, self.energy and 1 / self.energy)
+
+
+@contextmanager
+def without_units(units: Units | None) -> Iterator[None]:
+    """Where a machine with units is computed without: an error that tells a number says what its units are."""
+    try:
+        yield
+    except OrbitsError as error:
+        if units is None or (text := noted(str(error))) == str(error):
+            raise
+        raise type(error)(text) from error
+
+
+def noted(text: str) -> str:
+    """A message of the engine about a machine in SI: where it tells a number, with a note on its units, once."""
+    told = re.search(r"[=(, ] ?-?\d", text) and not text.endswith(NOTE)
+    return text + NOTE if told else text
+
+
+def unit_text(dimension: Dimension) -> str:
+    """A dimension in words of SI, as "m/s"."""
+    if dimension in _NAMES:
+        return _NAMES[dimension]
+    powers = dict(zip(("N", "m", "s"), (dimension[2], *dimension[:2]), strict=True))
+    above = [_text_of_power(name, power) for name, power in powers.items() if power > 0]
+    below = [_text_of_power(name, -power) for name, power in powers.items() if power < 0]
+    return " ".join(above or ["1"]) + "".join(f"/{part}" for part in below)
+
+
+def _text_of_power(name: str, power: float) -> str:
+    if power == 1:
+        return name
+    return f"{name}^{power:g}" if power == round(power) else f"{name}^({round(3 * power)}/3)"
+
+
+# Units of the results of a machine in SI, by name.
+UNIT_TEXTS = {name: unit_text(dimension) for name, dimension in DIMENSIONS.items()}

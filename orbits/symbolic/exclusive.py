@@ -1,0 +1,68 @@
+"""One lock for everything that touches CasADi, whose expression graphs only one thread may use at a time.
+
+CasADi counts the references to the nodes of its graphs without a lock, and lets other Python threads run meanwhile. Two
+threads that build, differentiate or release graphs at the same time corrupt the memory, even with no graph in common,
+since all share the constants. So every public function that reaches CasADi is `exclusive`, and threads take turns. A
+program that uses CasADi itself in several threads does so `with LOCK`.
+"""
+
+import os
+import threading
+from collections import deque
+from collections.abc import Callable
+from functools import cached_property, wraps
+from typing import Any, ParamSpec, TypeVar
+
+import casadi as ca
+
+LOCK = threading.RLock()
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+
+def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """The same function, run by one thread at a time."""
+
+    @wraps(function)
+    def alone(*arguments: _P.args, **options: _P.kwargs) -> _R:
+        with LOCK:
+            return function(*arguments, **options)
+
+    return alone
+
+
+class exclusive_property(cached_property):
+    """A `cached_property` that one thread computes at a time.
+
+    The lock is taken before that of `cached_property` itself, which Python has before version 3.12, since threads that
+    take two locks in different orders block each other.
+    """
+
+    def __get__(self, instance: Any, owner: Any = None) -> Any:
+        with LOCK:
+            return super().__get__(instance, owner)
+
+
+_DYING: deque = deque()  # What CasADi objects refer to that ended in threads without the lock.
+
+
+def _end(self: Any, dying: deque = _DYING, lock: Any = LOCK) -> None:
+    """Release what a CasADi object refers to under the lock, or keep it until the next one ends under the lock.
+
+    The garbage collector ends objects in any thread. It must not wait there, since the thread may hold other locks.
+    """
+    dying.append(self.__dict__.get("this"))
+    if lock.acquire(blocking=False):
+        try:
+            dying.clear()
+        finally:
+            lock.release()
+
+
+_KINDS: tuple[Any, ...] = (ca.SX, ca.MX, ca.DM, ca.Sparsity, ca.Function, ca.FunctionBuffer, ca.Callback)
+for _kind in _KINDS:
+    _kind.__del__ = _end
+
+if hasattr(os, "register_at_fork"):
+    # A child process begins with the memory as it is, in which another thread must not be changing a graph.
+    os.register_at_fork(before=LOCK.acquire, after_in_parent=LOCK.release, after_in_child=LOCK.release)

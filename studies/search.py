@@ -1,0 +1,187 @@
+"""Is what `find` gives the lowest orbit of its family, and is there none where it refuses?
+
+Random springs with a narrow bump, springs whose force wiggles and gravities that vary within a hop, against a scan of
+launch speeds by scipy's integrator with short steps, which shares nothing with the toolkit: no law, no integrator, no
+search. What it finds is counted: orbits that are the lowest of the scan, refusals where the scan finds none either,
+refusals where it finds one, orbits that are not the lowest, and wrong ones, which another integration denies.
+Run: python studies/search.py [--quick] [--seed 1]
+"""
+
+import argparse
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from orbits import NoOrbit, find
+from problems import Hopper, Juggler
+
+# The scan: launch speeds up to so much, and so much more for each family above the first, this far apart; and how many
+# times as close where there may be an orbit.
+FASTEST, FURTHER, APART, FINER = 9.0, 4.0, 0.05, 10
+# Launch speeds of the scan agree with those of orbits to this share; an orbit holds in another integration to this.
+SAME, HOLDS = 2e-3, 1e-7
+
+
+@dataclass(frozen=True)
+class Case:
+    """A machine, and its laws as NumPy functions; `length` is the shortest over which they vary."""
+
+    machine: Hopper | Juggler
+    family: int
+    force: Callable
+    gravity: Callable
+    length: float
+
+    def rates(self, t: float, x: np.ndarray) -> np.ndarray:
+        """The rates of several flights at once: positions and speeds of both masses, (4 m,)."""
+        upper, v, lower, w = x.reshape(4, -1)
+        ell, M = self.machine.rest_length, self.machine.mass_ratio
+        if isinstance(self.machine, Hopper):
+            force = self.force(upper - lower)
+            pulls = -(M * force + self.gravity(ell + upper)) / (1 + M), (force - self.gravity(lower)) / (1 + M)
+        else:
+            pulls = -self.gravity(ell + upper), -self.force(lower) - self.gravity(ell + lower)
+        return np.concatenate([v, pulls[0], w, pulls[1]])
+
+    def launch(self, alphas: np.ndarray) -> np.ndarray:
+        """The states (4 m,) at lift-off."""
+        level = 1.0 if isinstance(self.machine, Hopper) else 0.0
+        r = np.linspace(0, 12, 24_001) if level else np.linspace(-4, 12, 24_001)
+        excess = self.force(r) - level
+        i = np.flatnonzero((excess[:-1] < 0) & (excess[1:] >= 0))
+        i = i[0] if level else i[np.abs(r[i]).argmin()]
+        rho = brentq(lambda r: float(self.force(np.array(r)) - level), r[i], r[i + 1], xtol=1e-15)
+        still, at = np.zeros(len(alphas)), np.full(len(alphas), rho)
+        return np.concatenate([at, alphas, still, still] if level else [at, alphas, at, alphas])
+
+    def shared_speeds(self, alphas: np.ndarray) -> np.ndarray:
+        """The speed (m,) that both masses share when the extension turns for the last time in an orbit of the family;
+        minus infinity where it does not turn so often."""
+        end = 1.1 * alphas.max() + 0.5 if self.gravity is np.ones_like else 1.5 * alphas.max() + 2
+        run = solve_ivp(
+            self.rates, (0, end), self.launch(alphas), "DOP853", rtol=1e-7, atol=1e-7, max_step=self.length / 6
+        )
+        _, v, _, w = run.y.reshape(4, len(alphas), -1)
+        turning = v - w if isinstance(self.machine, Hopper) else w
+        turns = (turning[:, 1:] > 0) != (turning[:, :-1] > 0)
+        reached = np.cumsum(turns, axis=1) == self.family + 1
+        i, each = reached.argmax(1), np.arange(len(alphas))
+        share = turning[each, i] / (turning[each, i] - turning[each, i + 1])
+        speed = v[each, i] + share * (v[each, i + 1] - v[each, i])
+        return np.where(reached.any(1), speed, -np.inf)
+
+    def scanned(self, fastest: float) -> list[float]:
+        """Launch speeds of the orbits of the family, ascending, up to the fastest."""
+        alphas = np.arange(APART, min(fastest, FASTEST + FURTHER * (self.family - 1)) + APART, APART)
+        speeds = self.shared_speeds(alphas)
+        size = np.minimum(np.abs(speeds[1:]), np.abs(speeds[:-1]))
+        near = np.flatnonzero(((speeds[1:] > 0) != (speeds[:-1] > 0)) | (size < 0.1))
+        fine = alphas[near, None] + (alphas[near + 1] - alphas[near])[:, None] * np.arange(FINER + 1) / FINER
+        values = self.shared_speeds(fine.ravel()).reshape(fine.shape) if len(near) else fine
+        cell, i = np.nonzero((values[:, 1:] > 0) != (values[:, :-1] > 0))
+        a, b, fa, fb = fine[cell, i], fine[cell, i + 1], values[cell, i], values[cell, i + 1]
+        real = np.abs(fa - fb) < 1.0  # else the number of turns changes there
+        return sorted(np.where(real, a - fa * (b - a) / np.where(real, fb - fa, 1.0), np.nan)[real])
+
+    def holds(self, alpha: float, half: float) -> bool:
+        """Whether a launch is at rest after a time, with as many turns before as its family says."""
+        nudge = 1e-6 * alpha
+        start = self.launch(np.array([alpha, alpha + nudge]))
+        turn = lambda t, x: x[2] - x[6] if isinstance(self.machine, Hopper) else x[6]  # noqa: E731
+        run = solve_ivp(
+            self.rates, (0, half), start, "DOP853", rtol=1e-12, atol=1e-13, max_step=self.length / 8, events=turn
+        )
+        ends = run.y[[[2, 6], [3, 7]], -1]
+        (_, vdot), (_, wdot) = (self.rates(half, run.y[:, -1])[[0, 2]], self.rates(half, run.y[:, -1])[[4, 6]])
+        slopes = np.column_stack([(ends[1] - ends[0]) / nudge, [vdot, wdot]])
+        off = np.linalg.solve(slopes, ends[0])
+        times = run.t_events[0]
+        turns = np.sum((times > 1e-9) & (times < half * (1 - 1e-6)))
+        return bool(np.abs(off).max() < HOLDS * (1 + alpha)) and turns == self.family
+
+
+def bumps(count: int, seed: int) -> Iterator[Case]:
+    """Straight springs with a Gaussian bump, 0.05 to 0.5 wide, somewhere within the hop."""
+    rng = np.random.default_rng(seed)
+    while count:
+        a = rng.choice([-1, 1]) * rng.uniform(0.05, 1.5)
+        c, w = rng.uniform(-6, 4), np.exp(rng.uniform(np.log(0.05), np.log(0.5)))
+        if np.abs(a * np.exp(-((c / w) ** 2))) > 0.3:  # at rest
+            continue
+        count -= 1
+        machine = Hopper("r + a*exp(-((r - c)/w)**2)", rest_length=30, parameters={"a": a, "c": c, "w": w})
+        force = lambda r, a=a, c=c, w=w: r + a * np.exp(-(((r - c) / w) ** 2))  # noqa: E731
+        yield Case(machine, 1, force, np.ones_like, w)
+
+
+def wiggles(count: int, seed: int) -> Iterator[Case]:
+    """Springs and gravities that wiggle within a hop, families 1 and 2."""
+    rng = np.random.default_rng(seed)
+    for i in range(count):
+        M, family, kind = float(np.exp(rng.normal())), 1 + i % 2, i // 2 % 4
+        machine = Juggler if kind == 3 else Hopper
+        force, gravity, length = (lambda r: r), np.ones_like, 1.0
+        if kind == 0:
+            p = {"a": rng.uniform(-0.05, 0.2), "b": rng.uniform(0.02, 0.6), "w": rng.uniform(0.5, 6)}
+            spring, law = "r*exp(a*r)*(1 + b*cos(w*r))/(1 + b)", "1"
+            force = lambda r, a=p["a"], b=p["b"], w=p["w"]: r * np.exp(a * r) * (1 + b * np.cos(w * r)) / (1 + b)  # noqa: E731
+            length = 1 / p["w"]
+        elif kind == 1:
+            p = {
+                "s": rng.uniform(0.2, 2),
+                "b": rng.uniform(0.2, 2),
+                "c": rng.uniform(0.1, 1),
+                "d": rng.uniform(0.05, 0.8),
+            }
+            spring, law = "s*atan(b*r) + c*r + d*sin(r)**2", "1"
+            force = lambda r, s=p["s"], b=p["b"], c=p["c"], d=p["d"]: s * np.arctan(b * r) + c * r + d * np.sin(r) ** 2  # noqa: E731
+        else:
+            p = {"A": rng.uniform(0.05, 0.9), "l": float(np.exp(rng.uniform(np.log(0.3), np.log(8))))}
+            spring, law = "r", "1 + A*sin(z/l)"
+            gravity = lambda z, A=p["A"], l=p["l"]: 1 + A * np.sin(z / l)  # noqa: E731, E741
+            length = min(1.0, 0.2 * p["l"])
+        yield Case(
+            machine(spring, law, M, rest_length=rng.uniform(5, 20), parameters=p), family, force, gravity, length
+        )
+
+
+def judged(case: Case) -> str:
+    """What becomes of a case: one of the five words that are counted."""
+    try:
+        orbit = find(case.machine, case.family)
+    except NoOrbit:
+        orbit = None
+    scanned = case.scanned(orbit.alpha if orbit else np.inf)
+    if orbit is None:
+        return "refused though there is one" if scanned else "none, as scanned"
+    if not case.holds(orbit.alpha, orbit.flight_time / 2):
+        return "wrong"
+    return "not the lowest" if scanned and scanned[0] < orbit.alpha * (1 - SAME) else "lowest"
+
+
+def main(bump_count: int = 300, wiggle_count: int = 500, seed: int = 1) -> dict[str, Counter]:
+    """How many cases of each kind come to what, printed as they end."""
+    found = {}
+    for cases, count in ((bumps, bump_count), (wiggles, wiggle_count)):
+        began, counts = time.perf_counter(), Counter()
+        for i, case in enumerate(cases(count, seed)):
+            verdict = judged(case)
+            counts[verdict] += 1
+            if verdict not in ("lowest", "none, as scanned"):
+                print(f"      {i}: {verdict}: {case.machine} family {case.family}")
+        print(f"  {cases.__name__:<10}{dict(counts)}   {time.perf_counter() - began:.0f} s")
+        found[cases.__name__] = counts
+    return found
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="a few cases of each kind")
+    parser.add_argument("--seed", type=int, default=1, help="of the random laws")
+    arguments = parser.parse_args()
+    main(*((1, 4) if arguments.quick else (300, 500)), seed=arguments.seed)

@@ -1,0 +1,131 @@
+"""All orbits of a family, orbits of laws with narrow features, and refusals, against facts and scipy's integrator."""
+
+import json
+
+import numpy as np
+import pytest
+
+import studies.search
+from orbits import InputError, NoOrbit, Orbit, find, find_all
+from problems import Chain, Hopper, Juggler
+from problems.features import features
+from studies.search import Case
+
+
+@pytest.mark.parametrize("width", [0.3, 0.05])
+def test_a_narrow_bump_is_crossed_in_steps_that_see_it(width):
+    machine = Hopper("r + 0.5*exp(-((r + 3)/w)**2)", rest_length=30, parameters={"w": width})
+    orbit = find(machine)
+    assert orbit.error < 1e-13
+    assert abs(orbit.alpha - 4.493409457909064) > 5e-4  # the straight line's
+    assert Case(machine, 1, lambda r: r + 0.5 * np.exp(-(((r + 3) / width) ** 2)), np.ones_like, width).holds(
+        orbit.alpha, orbit.flight_time / 2
+    )
+
+
+def test_a_narrow_bump_of_gravity_is_seen():
+    machine = Hopper("r", "1 + 0.5*exp(-20*(z - 5)**2)", rest_length=20)
+    orbit = find(machine)
+    case = Case(machine, 1, lambda r: r, lambda z: 1 + 0.5 * np.exp(-20 * (z - 5) ** 2), 0.2)
+    assert case.holds(orbit.alpha, orbit.flight_time / 2)
+    assert orbit.certificate.energy_drift < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters", "length"),
+    [
+        ("r + b*sin(k*r)", {"b": 0.1, "k": 4.0}, 1 / 4.0),
+        ("(exp(b*r) - 1)/b", {"b": 0.5}, 2.0),
+        ("r + b*r**3", {"b": 0.3}, np.inf),
+    ],
+)
+def test_the_length_over_which_a_law_varies(law, parameters, length):
+    """That of sin(k r) is 1/k, that of exp(b r) is 1/b."""
+    machine = Hopper(law, parameters=parameters)
+    assert features(machine.spring.key, machine.spring.key, machine.values).length == pytest.approx(length, rel=1e-2)
+
+
+def test_smooth_laws_keep_their_model():
+    cubic, fine = Hopper("cubic"), Hopper("r + exp(-((r - c)/w)**2)", parameters={"c": -3.0, "w": 0.1})
+    assert cubic.with_values(beta=0.1).model is cubic.model
+    assert not cubic.model.flight.reaches
+    assert fine.model.flight.reaches == (((1.0, 0.0, -1.0, 0.0), fine.keys[0].reach),)
+    assert fine.with_values(w=1.0).model.flight.reaches == ()
+
+
+def test_both_orbits_beside_a_fold_are_found():
+    """At beta = -0.005 one lies before the fold and one after it, toward the barrier."""
+    machine = Hopper("cubic", parameters={"beta": -0.005})
+    orbits = find_all(machine)
+    assert [orbit.alpha for orbit in orbits] == pytest.approx([4.743231, 9.924044], abs=1e-6)
+    assert [orbit.known_in_family for orbit in orbits] == [2, 2]
+    assert find(machine).alpha == pytest.approx(orbits[0].alpha, rel=1e-13)
+    near = find_all(machine.with_values(beta=-0.0106952149), fastest=20)
+    assert [orbit.alpha for orbit in near] == pytest.approx([5.832224] * 2, abs=1e-3)
+    assert len(find_all(machine, fastest=6.0)) == 1
+
+
+def test_the_lowest_is_found_where_gravity_wiggles():
+    """As gravity's variation is brought in, the orbit under constant gravity becomes the fourth of its family."""
+    machine = Hopper("r", "1 + A*sin(z/l)", rest_length=10, parameters={"A": 0.9, "l": 1.0})
+    orbit = find(machine, 2)
+    assert orbit.alpha == pytest.approx(5.7719, abs=1e-4)
+    assert orbit.known_in_family >= 4
+    case = Case(machine, 2, lambda r: r, lambda z: 1 + 0.9 * np.sin(z), 0.2)
+    assert case.holds(orbit.alpha, orbit.flight_time / 2)
+    assert case.scanned(orbit.alpha)[0] == pytest.approx(orbit.alpha, rel=1e-3)
+
+
+@pytest.mark.parametrize("machine", [Hopper, Juggler])
+def test_the_linear_family_has_one_orbit(machine):
+    assert [orbit.alpha for orbit in find_all(machine("r"), family=2)] == [find(machine("r"), 2).alpha]
+
+
+def test_the_fallback_is_a_search():
+    """Under constant gravity this spring does not come back, in falling gravity it does."""
+    p = {"a": 0.3, "R": 20.0}
+    machine = Hopper("r*exp(a*r)", "1/(1 + z/R)**2", rest_length=10, parameters=p)
+    orbit = find(machine)
+    assert orbit.known_in_family == 2
+    case = Case(machine, 1, lambda r: r * np.exp(0.3 * r), lambda z: 1 / (1 + z / 20) ** 2, 1.0)
+    assert case.holds(orbit.alpha, orbit.flight_time / 2)
+
+
+def test_a_refusal_says_what_was_searched():
+    machine = Hopper("cubic", parameters={"beta": -0.0108})
+    with pytest.raises(NoOrbit, match=r"does not come back.*; a search from launch speed 0\.001 to 1e\+04 finds none"):
+        find(machine)
+    with pytest.raises(NoOrbit, match="to 20 finds none"):
+        find_all(machine, fastest=20)
+
+
+def test_what_cannot_be_searched():
+    with pytest.raises(InputError, match="not both"):
+        find_all(Hopper(), [], family=1)
+    with pytest.raises(InputError, match="give family="):
+        find_all(Hopper(), 2)
+    with pytest.raises(InputError, match="give find_all starts"):
+        find_all(Chain(masses=(1, 1, 1)), family=1)
+    with pytest.raises(InputError, match="a family is a whole number"):
+        find_all(Hopper(), family=0)
+    with pytest.raises(InputError, match="fastest"):
+        find_all(Hopper("cubic"), fastest=-1.0)
+
+
+def test_the_number_known_is_kept(tmp_path):
+    orbit = find_all(Hopper("cubic"))[0]
+    path = orbit.save(tmp_path / "orbit.json")
+    assert Orbit.load(path).known_in_family == 1
+    assert "known in its family     1" in str(orbit)
+    document = json.loads(path.read_text())
+    del document["known_in_family"]  # as in files of versions that did not have it
+    path.write_text(json.dumps(document))
+    assert Orbit.load(path).known_in_family is None
+
+
+def test_random_bumps_and_wiggles_against_a_scan():
+    counts = studies.search.main(1, 4)
+    for found in counts.values():
+        assert found.keys() <= {"lowest", "none, as scanned"}
+    assert counts["bumps"]["lowest"] == 1
+    assert counts["wiggles"]["lowest"] >= 2

@@ -1,0 +1,219 @@
+"""Measured tables: what test machines write, loops, noise, and what it does to an orbit."""
+
+import os
+import time
+
+import numpy as np
+import pytest
+
+from orbits import InputError, Orbit, find
+from problems import Hopper, hopper_in_si, springs
+from problems.springs import as_spring
+
+R = np.linspace(-5, 5, 11)
+# Files of the line 8 N/mm, from -5 to 5 mm, as test machines write them.
+LINES = {
+    "a header's units, a decimal comma and semicolons": (
+        "Weg [mm];Kraft (N)\n" + "".join(f"{r:.1f};{8 * r:.2f}\n" for r in R).replace(".", ",")
+    ),
+    "a preamble, units below the header, another column": (
+        "Protocol, force against travel;;\nCustomer;M\u00fcller;\n\nTime;Standardkraft;Federweg\ns;kN;mm\n"
+        + "".join(f"{i},5;{0.008 * r:.4f};{r:.1f}\n" for i, r in enumerate(R)).replace(".", ",")
+    ),
+    "tabs and comments": "# bench 3\r\nextension_mm\tforce_kN\r\n" + "".join(f"{r}\t{0.008 * r}\r\n" for r in R),
+    "a byte order mark": "\ufeffdeflection (um),load (N)\n" + "".join(f"{1000 * r},{8 * r}\n" for r in R),
+    "quoted decimal commas": (
+        '"Extension (cm)","Load"\n' + "".join(f'"{r / 10}"|"{8 * r}"\n' for r in R).replace(".", ",").replace("|", ",")
+    ),
+    "blanks": "; Instron\n% 2020\ntravel [mm]   force [N]\n" + "".join(f"{r}  {8 * r}\n" for r in R),
+    "a commented header": "# x f\n" + "".join(f"{r / 1000:g} {8 * r:g}\n" for r in R),
+    "compression": "compression/mm,force/N\n" + "".join(f"{r},{8 * r}\n" for r in R),
+}
+
+
+@pytest.mark.parametrize("name", LINES)
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "utf-16"])
+def test_files_of_test_machines(name, encoding, tmp_path):
+    text = LINES[name]
+    if encoding == "cp1252":
+        text = text.removeprefix("\ufeff")
+    (tmp_path / "bench.csv").write_bytes(text.encode(encoding))
+    law = springs.table(tmp_path / "bench.csv", in_si=True)
+    assert law.range() == pytest.approx((-0.005, 0.005))
+    assert law(R / 1000) == pytest.approx(8 * R, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("r,f\n0,5,1,5\n1,5,2,5\n", "4 cells, the header 2: separate the columns by ; or tab"),
+        ("r;f\n0;1.000,5\n1;2.000,5\n", "mixes decimal commas with points"),
+        ("load cell displacement\n1 2\n2 3\n", "2 cells, the header 3"),
+        ("r [furlong],f\n0,1\n1,2\n", "unknown unit 'furlong'"),
+        ("r;f\nmm;tons\n0;1\n", "unknown unit 'tons'"),
+    ],
+)
+def test_files_that_cannot_be_meant(text, message, tmp_path):
+    (tmp_path / "bench.csv").write_text(text)
+    with pytest.raises(InputError, match=message):
+        springs.table(tmp_path / "bench.csv", in_si=True)
+
+
+@pytest.mark.parametrize("header", ["r [mm],f", "r,force_kN", "r,f\nmm,N", "r (furlong),f"])
+def test_a_unit_without_si_is_an_error_with_the_remedy(header, tmp_path):
+    (tmp_path / "bench.csv").write_text(header + "\n" + "".join(f"{r},{r}\n" for r in R))
+    with pytest.raises(InputError, match="hopper_in_si"):
+        Hopper(f"table:{tmp_path / 'bench.csv'}")
+
+
+def test_capital_letters_tell_mega_from_milli(tmp_path):
+    for unit, newtons in (("MN", 1e6), ("mN", 1e-3)):
+        (tmp_path / "bench.csv").write_text(f"r [m],f [{unit}]\n" + "".join(f"{r},{r}\n" for r in R))
+        assert springs.table(tmp_path / "bench.csv", in_si=True)(2.0) == pytest.approx(2 * newtons)
+
+
+def test_only_regular_files_of_bounded_size_are_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    for path in ("/dev/zero", tmp_path / "pipe.csv"):
+        with pytest.raises(InputError, match="no regular file"):
+            springs.table(path)
+    with open(tmp_path / "sparse.csv", "wb") as file:
+        file.truncate(10**12)
+    with pytest.raises(InputError, match="larger than 32 MB"):
+        springs.table(tmp_path / "sparse.csv")
+    (tmp_path / "long.csv").write_text("r,f\n" + "1,1\n" * 1_000_000)
+    with pytest.raises(InputError, match="more than 1000000 lines"):
+        springs.table(tmp_path / "long.csv")
+
+
+@pytest.mark.parametrize("content", ["r,f\n0,0\n" + "9" * 9999 + "x,1\n", "s" * 9999 + ",f\n0,0\n1,1\n"])
+def test_messages_do_not_repeat_the_file(content, tmp_path):
+    (tmp_path / ("b" * 200 + ".csv")).write_text(content)
+    with pytest.raises(InputError) as caught:
+        springs.table(tmp_path / ("b" * 200 + ".csv"))
+    assert len(str(caught.value)) <= 300
+
+
+def test_many_rows_are_thinned_and_say_so():
+    """300,000 rows become 500 pieces, beside which the table of an exact law is off by rounding."""
+    began, r = time.process_time(), np.linspace(-6, 3, 300_000)
+    law = springs.table((r, r + 0.3 * r**3))
+    assert time.process_time() - began < 10
+    assert law.text == "table:table (500 of 300000 rows)"
+    assert law(R / 2) == pytest.approx(R / 2 + 0.3 * (R / 2) ** 3, abs=1e-9)
+
+
+class TestLoop:
+    """A cycle up and down on r + 0.02 r**3, whose branches lie 0.3 above and below it."""
+
+    R = np.linspace(-12, 8, 200)
+    TRAVEL = np.r_[R, R[::-1]]
+    FORCE = TRAVEL + 0.02 * TRAVEL**3 + np.repeat([0.3, -0.3], 200)
+
+    @pytest.mark.parametrize("noise", [0.0, 0.2])
+    def test_is_refused_with_its_branches_named(self, noise):
+        noisy = self.FORCE + noise * np.random.default_rng(1).normal(size=400)
+        with pytest.raises(InputError, match=r'by 0\.\d+, .* name one, branch="loading" or branch="unloading"'):
+            springs.table((self.TRAVEL, noisy))
+
+    @pytest.mark.parametrize(("branch", "off"), [("loading", 0.3), ("unloading", -0.3), ("mean", 0.0)])
+    def test_is_split_when_asked(self, branch, off):
+        law = springs.table((self.TRAVEL, self.FORCE), branch=branch)
+        assert law(2.0) == pytest.approx(2 + 0.02 * 8 + off, abs=1e-5)
+        assert law.text == f"table:table ({branch})"
+
+    @pytest.mark.parametrize("column", ["extension", "compression", "negative extension"])
+    def test_loading_is_where_the_travel_grows(self, column, tmp_path):
+        """On one side of rest, whichever sign that side has."""
+        travel = np.r_[np.linspace(0, 9, 50), np.linspace(9, 0, 50)]
+        sign = -1 if column.startswith("negative") else 1
+        rows = zip(sign * travel, sign * (travel + np.repeat([0.3, -0.3], 50)), strict=True)
+        path = tmp_path / "loop.csv"
+        path.write_text(f"{column.split()[-1]},force\n" + "".join(f"{a},{b}\n" for a, b in rows))
+        law = as_spring(f"table:{path}?branch=loading")
+        assert abs(law(3.0 if column == "extension" else -3.0)) == pytest.approx(3.3)
+
+    def test_rows_in_any_order_are_no_loop(self):
+        rng, r = np.random.default_rng(2), np.linspace(-3, 3, 25)
+        for force in (np.sinh(r), np.tanh(3 * r), r + 0.1 * rng.normal(size=25)):
+            order = rng.permutation(25)
+            assert "loop" not in springs.table((r[order], force[order])).text
+
+    @pytest.mark.parametrize(
+        ("query", "message"),
+        [
+            ("branch=up", "'loading', 'unloading' or 'mean'"),
+            ("brnch=loading", "did you mean 'branch'"),
+            ("noise=much", "'much' is not a number"),
+            ("noise=-1", "below 0"),
+            ("branch=unloading", "0 rows on the branch"),
+        ],
+    )
+    def test_options_that_cannot_be(self, query, message):
+        with pytest.raises(InputError, match=message):
+            as_spring(f"table:{springs.SAMPLE}?{query}", in_si=True)
+
+
+class TestNoise:
+    @pytest.mark.parametrize("count", [40, 200, 2000])
+    def test_is_estimated_and_smoothed_away(self, count):
+        r, rng = np.linspace(-12, 8, count), np.random.default_rng(4)
+        law = springs.table((r, r + 0.02 * r**3 + 0.5 * rng.normal(size=count)))
+        assert float(law.text.split("noise ")[1].split()[0]) == pytest.approx(0.5, rel=4 / np.sqrt(2 * count))
+        # The error of the smoothed curve is that of its degrees of freedom, ten to twenty.
+        fine = np.linspace(-10, 6, 99)
+        assert np.sqrt(np.mean((law(fine) - fine - 0.02 * fine**3) ** 2)) < 0.5 * np.sqrt(25 / count)
+
+    def test_does_not_flatten_the_spring_at_rest(self):
+        """15 N on a leg's spring, as a cheap load cell gives them."""
+        r = np.linspace(-0.03, 0.03, 400)
+        noisy = 8000 * r + 2e6 * r**3 + 15 * np.random.default_rng(7).normal(size=400)
+        machine = hopper_in_si(3.0, 1.5, force=springs.table((r, noisy), in_si=True))
+        assert machine.units.force / machine.units.length == pytest.approx(8000, rel=0.1)
+
+    @pytest.mark.parametrize("force", [np.sinh, np.tanh, lambda r: np.where(r < 0.5, r, 3 * r - 1)])
+    @pytest.mark.parametrize("count", [12, 40, 400])
+    def test_exact_rows_are_not_smoothed(self, force, count):
+        r = np.linspace(-3, 3, count)
+        law = springs.table((r, force(r)))
+        assert law.text == "table:table"
+        assert law(r) == pytest.approx(force(r), rel=1e-12, abs=1e-12)
+
+    def test_can_be_stated(self):
+        r = np.linspace(-12, 8, 200)
+        noisy = r + 0.1 * np.random.default_rng(5).normal(size=200)
+        assert "noise 0.3 stated" in springs.table((r, noisy), noise=0.3).text
+        exact = springs.table((r, noisy), noise=0)
+        assert exact(r) == pytest.approx(noisy, abs=1e-12)
+
+    @pytest.mark.slow
+    def test_moves_alpha_by_what_the_certificate_says(self):
+        """Against the same hop solved anew for laws drawn within the noise, and against the true spring's."""
+        truth, r = find(Hopper("r + 0.02*r**3")).alpha, np.linspace(-12, 8, 200)
+        law = springs.table((r, r + 0.02 * r**3 + 0.1 * np.random.default_rng(0).normal(size=200)))
+        orbit = find(Hopper(law))
+        said = orbit.certificate.alpha_noise
+        assert abs(orbit.alpha - truth) < 3 * said
+        assert f"{said:.1e}" in str(orbit)
+        assert orbit.document()["parameters"] == {}
+        rng = np.random.default_rng(6)
+        alphas = []
+        for _ in range(12):
+            values = dict(zip(law.parameters, rng.normal(size=len(law.parameters)), strict=True))
+            alphas.append(find(Hopper(law.with_parameters(**values)), start=orbit).alpha)
+        assert np.std(alphas) == pytest.approx(said, rel=0.5)  # 12 draws tell it to a fifth
+
+    def test_old_orbits_without_it_load(self, tmp_path):
+        orbit = find(Hopper())
+        assert orbit.certificate.alpha_noise is None
+        path = orbit.save(tmp_path / "hop.json")
+        path.write_text(path.read_text().replace('"alpha_noise": null, ', "").replace('"alpha_noise":null,', ""))
+        assert "alpha_noise" not in path.read_text()
+        assert Orbit.load(path).alpha == orbit.alpha
+
+
+def test_the_sample_hops_as_the_spring_that_it_was_made_from():
+    orbit = find(hopper_in_si(3.0, 1.5, force=f"table:{springs.SAMPLE}", rest_length=0.3))
+    exact = find(hopper_in_si(3.0, 1.5, force="8000*r + 2e6*r**3", rest_length=0.3))
+    assert orbit.admissible
+    assert abs(orbit.alpha - exact.alpha) < 3 * orbit.certificate.alpha_noise < 0.02
