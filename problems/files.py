@@ -42,7 +42,7 @@ KEYS = ("machine", *OWN_KEYS, *COMMON_KEYS, "si", "design")
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
 # The parameters of a machine in SI that its file states in [si].
 SI_PARAMETERS = {*SI_KEYS, *(name for names in MASSES.values() for name in names)}
-MOST_BYTES = 1 << 14  # of a machine file: reading a longer one may take its length squared
+LARGEST_MACHINE_FILE = 1 << 14  # of a machine file: reading a longer one may take its length squared
 
 
 class DesignTable(TypedDict, total=False):
@@ -61,7 +61,7 @@ class DesignTable(TypedDict, total=False):
 def read(path: str | Path) -> dict[str, Any]:
     """The statement in a TOML file, its keys checked; raises `InputError` that names the file and the key."""
     path = Path(path)
-    data = read_file(path, f"the machine file {str(path)!r} cannot be read", tomllib.load, MOST_BYTES)
+    data = read_file(path, f"the machine file {str(path)!r} cannot be read", tomllib.load, LARGEST_MACHINE_FILE)
     _check_keys(path, data, KEYS)
     for table in ("parameters", "si", "design"):
         if not isinstance(data.get(table, {}), dict):

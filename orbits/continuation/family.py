@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..io import MEGABYTE, check_ending, conform, fields_in_line, one_line, read_file, to_json, write_table
 from ..model.units import UNIT_TEXTS, Units
 from ..periodic.certificate import Certificate
-from ..periodic.orbit import SavedUnits, certificate_in_units
+from ..periodic.orbit import SavedLaws, SavedUnits, certificate_in_units
 
 FAMILY_FORMAT = "persistent-orbits family 1"
 # Endings of the files that a family is saved to; the first two are lines of JSON.
@@ -26,15 +26,13 @@ NUMBERS = COLUMNS[:-1]
 # Names that no parameter can have, since it stands beside these in a table or a document.
 RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point")
 # What is read of a saved family at most: some 100,000 points, and lines far longer than any that is written.
-MOST_BYTES, LONGEST_LINE = 128 * MEGABYTE, 4 * MEGABYTE
+LARGEST_FILE, LONGEST_LINE = 128 * MEGABYTE, 4 * MEGABYTE
 
 
-class _Machine(TypedDict):
+class _Machine(SavedLaws):
     """What a family's heading must say of its machine."""
 
     machine: str
-    spring: str
-    gravity: str
     parameters: Mapping[str, float]
     units: NotRequired[Mapping[str, str]]
 
@@ -258,7 +256,7 @@ class Family:
     @classmethod
     def load(cls, path: str | Path) -> "Family":
         """Read a family that `save` or an interrupted `follow` wrote; a last line that was cut short is left out."""
-        return read_file(path, f"{path} is not a saved family", cls._parsed, MOST_BYTES)
+        return read_file(path, f"{path} is not a saved family", cls._parsed, LARGEST_FILE)
 
     @classmethod
     def _parsed(cls, file: BinaryIO) -> "Family":

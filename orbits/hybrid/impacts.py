@@ -40,7 +40,7 @@ STATUSES = {
     "invalid": "the launch speed is not a number above 0",
 }
 STATUS = f"<U{max(map(len, STATUSES))}"  # the type of arrays of statuses
-FASTEST = 1e15  # a launch speed beyond this has no digits left for the motion between two impacts
+FASTEST_LAUNCH = 1e15  # a launch speed beyond this has no digits left for the motion between two impacts
 CAP = 10_000  # a hop is given up after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
 TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
@@ -266,6 +266,6 @@ def status_of_failure(error: FlowError, phase: str) -> str:
 
 def injected(inject: object) -> float:
     """What is added to launch speeds, checked."""
-    if abs(number := finite_number("inject", inject)) > FASTEST:
-        raise InputError(f"inject = {number:g}; it is at most {FASTEST:g}, as a launch speed is")
+    if abs(number := finite_number("inject", inject)) > FASTEST_LAUNCH:
+        raise InputError(f"inject = {number:g}; it is at most {FASTEST_LAUNCH:g}, as a launch speed is")
     return number

@@ -26,7 +26,7 @@ from ..periodic.find import certified_orbit, find
 from ..periodic.formulations import equations_of
 from ..periodic.orbit import Orbit
 from ..symbolic.exclusive import exclusive
-from .impacts import CAP, FASTEST, LIFTOFF_ORDER, STATUS, Impacts, injected, status_of_failure
+from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, Impacts, injected, status_of_failure
 from .multiplier import multiplier
 
 BATCH_SIZE = 1000  # launch speeds in one batch: few enough to stay in a processor's cache
@@ -382,8 +382,8 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | No
     `watch` is called after every impact with the states (m, n), kept in contact, and the losses so far (m,)."""
     m = len(alpha)
     loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
-    state, standing = impacts.launch(np.minimum(alpha, FASTEST)), np.zeros((m, impacts.contact.size))
-    too_fast = alpha > FASTEST
+    state, standing = impacts.launch(np.minimum(alpha, FASTEST_LAUNCH)), np.zeros((m, impacts.contact.size))
+    too_fast = alpha > FASTEST_LAUNCH
     flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
     status[flying], status[too_fast] = "cap", "lost"
     for _ in range(cap):
@@ -413,7 +413,7 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | No
 def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
     """One hop from each of the launch speeds (m,), given up after `cap` impacts, with `inject` added to the next."""
     loss, counts, status, standing = _decided_impacts(impacts, alpha, cap)
-    alpha, asked = np.minimum(alpha, FASTEST), alpha
+    alpha, asked = np.minimum(alpha, FASTEST_LAUNCH), alpha
     next_speed, left, lifting = np.full(len(alpha), np.nan), alpha**2 - loss, np.flatnonzero(status == "lifts_off")
     if impacts.contact.phase.closed_form:  # The force is linear: the energy alone decides whether it vanishes.
         status[lifting[left[lifting] < 0]] = "rests"

@@ -25,7 +25,7 @@ from ..numerics.bernstein import lowest
 from ..plot import Report
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
-from .impacts import CAP, FASTEST, LIFTOFF_ORDER, Impacts, injected, status_of_failure
+from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, Impacts, injected, status_of_failure
 
 TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
 # The units of a simulation's numbers, of a machine in SI; those of states are m and, for speeds, m/s.
@@ -310,8 +310,8 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
             raise InputError(f"alpha: a launch of this machine is told by {', '.join(names)}; not so '{unknown[0]}'")
         named = {name: finite_number(name, launch[name]) for name in names}
         return np.array([impacts.model.launch(named, impacts.values)], dtype=float), named["alpha"]
-    if not 0 < (alpha := finite_number("alpha", launch)) <= FASTEST:
-        raise InputError(f"alpha = {alpha:g}; a launch speed is above 0 and at most {FASTEST:g}")
+    if not 0 < (alpha := finite_number("alpha", launch)) <= FASTEST_LAUNCH:
+        raise InputError(f"alpha = {alpha:g}; a launch speed is above 0 and at most {FASTEST_LAUNCH:g}")
     return impacts.launch(np.array([alpha])), alpha
 
 

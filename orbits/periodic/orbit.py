@@ -337,13 +337,15 @@ class _SavedMotion(TypedDict):
     units: SavedUnits | None
 
 
-class SavedOrbit(TypedDict):
+# The laws of a machine in a file, which have these names.
+SavedLaws = TypedDict("SavedLaws", {"spring": str, "gravity": str})  # noqa: UP013 -- the engine names no such thing
+
+
+class SavedOrbit(SavedLaws):
     """A saved orbit, as far as it is read; the fields of `Certificate` stand beside these."""
 
     format: str
     machine: str
-    spring: str
-    gravity: str
     mass_ratio: float | None
     rest_length: float | None
     restitution: float | None
