@@ -122,9 +122,7 @@ class _ZeroSearch:
         form, block = self.flow.closed_form(self.p), CLOSED_BLOCK
         length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), np.zeros(1)
         rises, falls = form.positive_between(self.quantity, self.starts.T)
-        for _ in range(self.flow.control.max_calls):
-            if not len(remaining):
-                break
+        while len(remaining):
             interrupts.check()
             times = began[:, None] + length * np.arange(block)
             states = form.state(self.starts[remaining].T[:, :, None], times)
@@ -142,10 +140,11 @@ class _ZeroSearch:
             # While the quantity stays positive nothing is searched, up to the last block that begins before that ends.
             jump = np.floor(falls[remaining] / (block * length)) * (block * length)
             began = np.where(began >= rises[remaining], np.maximum(began, jump), began)
-            left = began < self.limit[remaining]
+            late = began > block * length * self.flow.control.max_calls
+            for i in remaining[late & (began < self.limit[remaining])]:
+                self.failed[int(i)] = FlowError(f"the {self.flow.phase.name} takes too many steps")
+            left = ~late & (began < self.limit[remaining])
             remaining, began = remaining[left], began[left]
-        for i in remaining:
-            self.failed[int(i)] = FlowError(f"the {self.flow.phase.name} takes too many steps")
         for i, (slope, value) in enumerate(form.watch.values(), start=self.flow.size):
             self.rows[:, i] = slope * self.rows[:, 0] + value
 
