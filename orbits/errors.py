@@ -5,6 +5,15 @@ from typing import Self
 
 import numpy as np
 
+LONGEST_MESSAGE = 300  # characters
+# What stays of a longer message, which quotes what it was given: its beginning and its end, where the remedy stands.
+HEAD, TAIL = 180, 110
+
+
+def shortened(message: str) -> str:
+    """A message of at most 300 characters, without the middle of a longer one."""
+    return message if len(message) <= LONGEST_MESSAGE else f"{message[:HEAD]} ... {message[-TAIL:]}"
+
 
 class OrbitsError(Exception):
     """Base of all errors raised on purpose; the message says what is wrong, where, and what to do.
@@ -13,6 +22,9 @@ class OrbitsError(Exception):
     """
 
     index: int | None = None
+
+    def __str__(self) -> str:
+        return shortened(super().__str__())
 
     def about(self, index: int) -> Self:
         """This error, with the position of the member of a batch that it is about."""

@@ -1,11 +1,17 @@
-"""Files that results are written to: their names checked, their contents as JSON, and the version that wrote them; and
+"""Files: names to write to checked, results as JSON, documents read and held against their types, and the version; and
 the one line in which a result tells what it is."""
 
+import csv
 import json
-from collections.abc import Mapping
+import math
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from types import NoneType, UnionType
+from typing import Any, BinaryIO, TypeVar, get_args, get_origin, get_type_hints, is_typeddict
 
 import numpy as np
 
@@ -15,6 +21,12 @@ try:
     __version__ = version("persistent-orbits")
 except PackageNotFoundError:  # the sources are used without being installed
     __version__ = "unknown"
+
+Read = TypeVar("Read")
+MEGABYTE = 1 << 20
+DOCUMENTS = (".json",)  # endings of JSON documents
+# What a document says where one of these is expected, and how a message calls it.
+WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
 
 
 def in_words(values: Mapping[str, Any]) -> list[str]:
@@ -54,11 +66,25 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{value!r} cannot be written as JSON")
 
 
-def write_json(document: Mapping, path: str | Path, what: str) -> Path:
-    """Write a document to a JSON file and return its path; `what` it is goes into the `InputError` when that fails."""
-    path = Path(path)
+def write_json(document: Mapping, path: str | Path, what: str, endings: tuple[str, ...] = DOCUMENTS) -> Path:
+    """Write a document to a JSON file and return its path; `what` it is and the `endings` that its files may have go
+    into the `InputError` when that fails."""
+    path = check_ending(path, endings)
     try:
         path.write_text(to_json(document) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"the {what} cannot be saved to {path}: {error}") from None
+    return path
+
+
+def write_table(names: Sequence[str], rows: Iterable[Sequence], path: str | Path, what: str) -> Path:
+    """Write a CSV file of named columns, floats with all their digits; the others as in `write_json`."""
+    path = Path(path)
+    try:
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(names)
+            writer.writerows([f"{each:.17g}" if isinstance(each, float) else each for each in row] for row in rows)
     except OSError as error:
         raise InputError(f"the {what} cannot be saved to {path}: {error}") from None
     return path
@@ -79,3 +105,104 @@ def check_path(path: str | Path, endings: tuple[str, ...]) -> Path:
     if not path.parent.is_dir():
         raise InputError(f"'{path}' cannot be written: there is no folder '{path.parent}'")
     return path
+
+
+def read_file(path: str | Path, complaint: str, parse: Callable[[BinaryIO], Read], most: int = 32 * MEGABYTE) -> Read:
+    """What `parse` makes of a file; whatever is wrong with it is an `InputError` that begins with the `complaint`.
+
+    most : bytes; a larger file is refused, since what is parsed takes some twenty times its file's memory
+    """
+    try:
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise ValueError("it is a folder or a device, not a file")
+        with open(path, "rb") as file:
+            if (size := os.fstat(file.fileno()).st_size) > most:
+                raise ValueError(f"it has {size} bytes, and at most {most} are read")
+            return parse(file)
+    except RecursionError:
+        reason: object = "it is nested too deeply"
+    except KeyError as error:
+        reason = f"it has no {error}"
+    except (OSError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
+        reason = error
+    raise InputError(f"{complaint}: {reason}") from None
+
+
+def conform(value: Any, kind: Any, name: str = "it") -> Any:
+    """A value of a JSON or TOML document as an object of a type, with everything in it; `name` is where it stands.
+
+    kind : float, int, str, bool, None, a union, tuple, list or mapping of such types, `numpy.ndarray`, a dataclass,
+        whose fields are the keys of a mapping, or a TypedDict, which may have further keys
+
+    Raises `InputError` that names the first value that is of another type, or missing, or not finite.
+    """
+    origin, inner = get_origin(kind), get_args(kind)
+    if kind is Any:
+        return value
+    if origin is UnionType:
+        kinds = [each for each in inner if each is not NoneType]
+        if value is None and len(kinds) < len(inner):
+            return None
+        of_list = [each for each in kinds if (get_origin(each) in (list, tuple)) == isinstance(value, list)]
+        return conform(value, (of_list or kinds)[0], name)
+    if is_dataclass(kind) or is_typeddict(kind):
+        return _record(_mapping(value, name), kind, name)
+    if origin in (tuple, list):
+        return origin(_items(value, inner, name))
+    if origin is not None:
+        return {key: conform(each, inner[1], f"{name}.{key}") for key, each in _mapping(value, name).items()}
+    if kind is np.ndarray:
+        return _array(value, name)
+    if kind is float and type(value) is int:
+        value = float(value) if abs(value) < 2**1000 else np.inf
+    if type(value) is not kind or (kind is float and not math.isfinite(value)):
+        raise InputError(f"{name} = {value!r}; it is {WORDS[kind]}")
+    return value
+
+
+def _mapping(value: Any, name: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise InputError(f"{name} = {value!r}; it is a table of names and values")
+    return value
+
+
+def _items(value: Any, inner: tuple, name: str) -> list:
+    """The items of a list, all of the first of the `inner` types, or each of its own."""
+    if not isinstance(value, list | tuple):
+        raise InputError(f"{name} = {value!r}; it is a list")
+    same = len(inner) == 1 or inner[1] is Ellipsis
+    if not same and len(value) != len(inner):
+        raise InputError(f"{name} = {value!r}; it is a list of {len(inner)}")
+    kinds = [inner[0]] * len(value) if same else inner
+    return [conform(each, kind, f"{name}[{i}]") for i, (each, kind) in enumerate(zip(value, kinds, strict=True))]
+
+
+def _array(value: Any, name: str) -> np.ndarray:
+    try:
+        array = np.array(value)
+    except ValueError:
+        array = np.array(None)
+    if array.dtype.kind not in "fi" or not array.size or not np.isfinite(array).all():
+        raise InputError(f"{name} is not an array of finite numbers")
+    return array
+
+
+@cache
+def _hints(kind: Any) -> dict[str, tuple[Any, bool]]:
+    """The types of a record's entries by name, and whether each must be there."""
+    kinds = get_type_hints(kind)
+    if is_typeddict(kind):
+        return {name: (each, name in kind.__required_keys__) for name, each in kinds.items()}
+    return {f.name: (kinds[f.name], f.default is MISSING and f.default_factory is MISSING) for f in fields(kind)}
+
+
+def _record(data: Mapping[str, Any], kind: Any, name: str) -> Any:
+    hints, inside = _hints(kind), "" if name == "it" else f"{name}."
+    if missing := [key for key, (_, needed) in hints.items() if needed and key not in data]:
+        raise InputError(f"{inside}{missing[0]} is missing")
+    known = {key: conform(data[key], each, inside + key) for key, (each, _) in hints.items() if key in data}
+    if is_typeddict(kind):
+        return {**data, **known}
+    if unknown := [key for key in data if key not in hints]:
+        raise InputError(f"{inside}{unknown[0]} is unknown")
+    return kind(**known)

@@ -3,9 +3,10 @@
 Results draw themselves by these functions, so this module stands below them and knows them by their attributes only.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import cycle, pairwise
 from pathlib import Path
+from subprocess import CalledProcessError
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,9 +17,10 @@ from .model.units import Units
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
 Axes: TypeAlias = Any
+Report: TypeAlias = Callable[[float], None] | None  # called with the share of the frames that are drawn
 
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
-ANIMATIONS = (".gif",)
+ANIMATIONS = (".gif", ".mp4")
 # One colour for each role; colour-blind readers can tell them apart too (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 SHADE = "#e8e4d8"
@@ -292,21 +294,21 @@ def save_figure(axes: Axes, path: str | Path) -> Path:
     return path
 
 
-def animate_orbit(orbit: Any, path: str | Path, frames: int = 80) -> Path:
-    """Write one cycle as an animated GIF of masses, spring and ground; returns the path."""
+def animate_orbit(orbit: Any, path: str | Path, frames: int = 80, progress: Report = None) -> Path:
+    """Write one cycle as an animation of masses, spring and ground, .gif or, by ffmpeg, .mp4; returns the path."""
     closed = orbit.contact_time is not None
     t = np.linspace(0, orbit.period if closed else orbit.flight_time, _frames(frames), endpoint=not closed)
     words = np.where(t <= orbit.flight_time, "flight", "contact")
     shape, floating = orbit.shape, orbit.machine["rest_length"] is None
-    return _animate(path, words, orbit(t), shape.heights, shape.springs, floating, orbit.units)
+    return _animate(path, words, orbit(t), shape.heights, shape.springs, floating, orbit.units, progress)
 
 
-def animate_simulation(run: Any, path: str | Path, frames: int = 200) -> Path:
-    """Write a simulated motion as an animated GIF of masses, spring and ground; returns the path."""
+def animate_simulation(run: Any, path: str | Path, frames: int = 200, progress: Report = None) -> Path:
+    """Write a simulated motion as an animation, as `animate_orbit` does; returns the path."""
     t, machine = np.linspace(0, run.end, _frames(frames)), run.machine
     words = np.where(run.in_contact(t), "contact", "flight")
     floating = machine.rest_length is None
-    return _animate(path, words, run(t), run.heights, machine.model.springs, floating, machine.units)
+    return _animate(path, words, run(t), run.heights, machine.model.springs, floating, machine.units, progress)
 
 
 def _frames(frames) -> int:
@@ -315,14 +317,28 @@ def _frames(frames) -> int:
     return int(frames)
 
 
-def _animate(path, words, states, functions: Mapping, springs, floating: bool, units: Units | None) -> Path:
+def check_animation(path: str | Path) -> Path:
+    """The path of an animation to write; raises `InputError` where its ending or folder, or a lack of ffmpeg, rules
+    that out."""
+    path = check_path(path, ANIMATIONS)
+    if path.suffix.lower() == ".mp4":
+        from matplotlib.animation import FFMpegWriter
+
+        if not FFMpegWriter.isAvailable():
+            raise InputError(f"'{path}' cannot be written: there is no ffmpeg to write .mp4 with; write .gif instead")
+    return path
+
+
+def _animate(
+    path, words, states, functions: Mapping, springs, floating: bool, units: Units | None, progress: Report
+) -> Path:
     """Animate masses, whose heights are functions of the states (frames, n), with a title from `words` for each frame.
 
     With `floating` no rest length says how far the masses are apart, and they are drawn with room between them.
     """
-    from matplotlib.animation import FuncAnimation, PillowWriter
+    from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 
-    path, (metres, *_) = check_path(path, ANIMATIONS), unit_labels(units)
+    path, (metres, *_) = check_animation(path), unit_labels(units)
     names = [name for name in functions if name != "centre of mass"]
     heights = {name: functions[name](states) for name in names} | {None: np.zeros(len(words))}
     if floating:  # room for springs that are long enough, from the lowest mass up
@@ -358,8 +374,11 @@ def _animate(path, words, states, functions: Mapping, springs, floating: bool, u
         label.set_text(words[i])
         return *coils, *masses, label
 
+    writer = (FFMpegWriter if path.suffix.lower() == ".mp4" else PillowWriter)(fps=30)
+    report = (lambda i, count: progress((i + 1) / count)) if progress else None
     try:
-        FuncAnimation(axes.figure, draw, frames=len(words), blit=False).save(path, PillowWriter(fps=30), dpi=80)
-    except OSError as error:
+        animation = FuncAnimation(axes.figure, draw, frames=len(words), blit=False)
+        animation.save(path, writer, dpi=80, progress_callback=report)
+    except (OSError, CalledProcessError) as error:
         raise InputError(f"the animation cannot be written to {path}: {error}") from None
     return path

@@ -23,7 +23,14 @@ Examples:
   orbits map --alpha 3:12:10000 --plot map.png         from launch speed to launch speed
   orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact on the way
   orbits optimize leg.toml --plot best.png             the best design, as [design] in the file asks
+
+\b
+Completion of commands and options by the shell, from a line in its start file:
+  eval "$(_ORBITS_COMPLETE=bash_source orbits)"        in ~/.bashrc; zsh_source in ~/.zshrc
+  _ORBITS_COMPLETE=fish_source orbits | source         in ~/.config/fish/config.fish
 """
+# A map of more launches is printed as a summary.
+LONGEST_TABLE = 100
 # How many orbits are drawn small above the figure of a family.
 THUMBNAILS = 6
 
@@ -127,7 +134,12 @@ def follow_command(
 @options.json_option
 @options.file_option("--plot", "figure", "Write a figure of the map from A to B (.png, .pdf, .svg).")
 @click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
-def return_map(alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, **stated: Any) -> None:
+@click.option("--all", "whole", is_flag=True, help=f"Print every launch, also of more than {LONGEST_TABLE}.")
+@click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts of one hop.")
+def return_map(
+    alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, whole: bool, cap: int,
+    **stated: Any,
+) -> None:  # fmt: skip
     """Map launch speeds to the next ones, with the losses and impacts in between."""
     from orbits.errors import InputError
     from orbits.hybrid.return_map import ReturnMap
@@ -144,13 +156,17 @@ def return_map(alpha: str, inject: float, as_json: bool, plot: str | None, cobwe
         raise InputError("--cobweb is drawn into a figure: give --plot FILE too")
     if cobweb is not None and not 0 < cobweb < float("inf"):
         raise InputError(f"--cobweb {cobweb:g}; a launch speed is above 0")
-    step = ReturnMap(options.machine_of(**stated), inject)
-    hops = step(speeds)
-    if plot is not None:
-        save_figure(plot_map(step, speeds[0], speeds[-1], start=cobweb), plot)
+    step = ReturnMap(options.machine_of(**stated), inject, cap)
+    with options.progress():
+        hops = step(speeds)
+        if plot is not None:
+            save_figure(plot_map(step, speeds[0], speeds[-1], start=cobweb), plot)
     in_si = step.machine.units is not None
     if as_json:
         click.echo(to_json(hops.document() | ({"units": UNITS_OF_HOPS} if in_si else {})))
+        return
+    if len(speeds) > LONGEST_TABLE and not whole:
+        click.echo(options.summary(hops, UNITS_OF_HOPS if in_si else {}))
         return
     heads = [f"{name} ({UNITS_OF_HOPS[key]})" if in_si else name for key, name in COLUMNS_OF_HOPS.items()]
     click.echo("{:>16}{:>20}{:>16}{:>9}  {}".format(*heads, "impacts", "status"))
@@ -166,19 +182,20 @@ def return_map(alpha: str, inject: float, as_json: bool, plot: str | None, cobwe
     "--alpha", type=float, required=True, metavar="A", help=f"Launch speed at the first lift-off{options.IN_UNITS}"
 )
 @click.option("--hops", type=click.IntRange(1), metavar="N", help="End after so many lift-offs.")
+@click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts of one hop.")
 @click.option("--time", "end", type=options.POSITIVE, metavar="T", help=f"End at this time{options.IN_UNITS}")
 @options.json_option
 @options.plot_option
 @options.animate_option
 def simulate_command(
-    alpha: float, hops: int | None, end: float | None, inject: float, as_json: bool, plot: str | None,
+    alpha: float, hops: int | None, end: float | None, cap: int, inject: float, as_json: bool, plot: str | None,
     animate: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Follow the machine's motion from a launch, through every impact and contact."""
     from orbits.hybrid.simulation import simulate
 
     machine = options.machine_of(**stated)
-    run = simulate(machine, alpha, hops=hops, time=float("inf") if end is None else end, inject=inject)
+    run = simulate(machine, alpha, hops=hops, time=float("inf") if end is None else end, inject=inject, cap=cap)
     options.write(run, as_json, plot, animate)
 
 
@@ -186,7 +203,7 @@ def simulate_command(
 @click.argument("file", metavar="FILE.toml")
 @options.json_option
 @options.file_option("--plot", "figure", "Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
-@options.file_option("--save", "document", "Save the design, or the front, as a JSON document.")
+@options.file_option("--save", "front", "Save the design (.json), or the front (.json, .csv).")
 def optimize_command(file: str, as_json: bool, plot: str | None, save: str | None) -> None:
     """Find the best design of a machine, or a front of two objectives, as its file asks."""
     from orbits.design.optimize import optimize as best_design
@@ -223,6 +240,8 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has closed it
         code = 0
+    except MemoryError:
+        code = _failed("there is not enough memory for what is asked: ask for fewer launches, hops or points", 1)
     except Exception as error:
         from orbits.errors import InputError, OrbitsError
 
@@ -234,6 +253,9 @@ def main() -> None:
 
 
 def _failed(message: str, code: int) -> int:
+    from orbits.errors import shortened
+
+    message = shortened(message)
     click.echo(f"orbits: {message}", err=True)
     if "--json" in sys.argv:
         click.echo(json.dumps({"error": message, "exit_code": code}))

@@ -22,9 +22,10 @@ k = [1e3, 1e5]
 import tomllib
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from orbits.errors import InputError
+from orbits.io import conform, read_file
 from orbits.symbolic.formula import suggest
 
 from .hopper import Hopper
@@ -38,20 +39,29 @@ MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_m
 OWN_KEYS = ("spring", "mass_ratio", "rest_length")
 COMMON_KEYS = ("gravity", "restitution", "damping", "drag", "parameters")
 KEYS = ("machine", *OWN_KEYS, *COMMON_KEYS, "si", "design")
-DESIGN_KEYS = ("minimise", "maximise", "over", "subject_to", "family", "starts", "seed", "points")
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
 # The parameters of a machine in SI that its file states in [si].
 SI_PARAMETERS = {*SI_KEYS, *(name for names in MASSES.values() for name in names)}
+LARGEST_MACHINE_FILE = 1 << 14  # of a machine file: reading a longer one may take its length squared
+
+
+class DesignTable(TypedDict, total=False):
+    """The table [design] of a file; `over` is looked at apart, since an error in it shows how it is written."""
+
+    minimise: str | list[str]
+    maximise: str
+    over: Any
+    subject_to: list[str]
+    family: int
+    starts: int
+    seed: int
+    points: int
 
 
 def read(path: str | Path) -> dict[str, Any]:
     """The statement in a TOML file, its keys checked; raises `InputError` that names the file and the key."""
     path = Path(path)
-    try:
-        with open(path, "rb") as file:
-            data = tomllib.load(file)
-    except (OSError, ValueError) as error:
-        raise InputError(f"the machine file {str(path)!r} cannot be read: {error}") from None
+    data = read_file(path, f"the machine file {str(path)!r} cannot be read", tomllib.load, LARGEST_MACHINE_FILE)
     _check_keys(path, data, KEYS)
     for table in ("parameters", "si", "design"):
         if not isinstance(data.get(table, {}), dict):
@@ -67,8 +77,8 @@ def design(statement: dict[str, Any], where: str) -> dict[str, Any]:
     objectives; raises `InputError` for unknown or missing keys."""
     if "design" not in statement:
         raise InputError(f"{where} has no [design]: state what to minimise or maximise, over which parameters")
-    asked = dict(statement["design"])
-    _check_keys(f"{where}, [design]", asked, DESIGN_KEYS)
+    _check_keys(f"{where}, [design]", statement["design"], DesignTable.__annotations__)
+    asked = conform(statement["design"], DesignTable, f"{where}: [design]")
     if not isinstance(asked.get("over"), dict):
         raise InputError(f"{where}: [design.over] names the parameters with their bounds, as k = [1e3, 1e5]")
     if not isinstance(asked.get("minimise"), list):

@@ -3,7 +3,7 @@
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import reduce
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,8 @@ import click
 
 if TYPE_CHECKING:
     import numpy as np
+
+    from orbits.hybrid.return_map import Hops
 
     from .units import AnyMachine
 
@@ -22,6 +24,7 @@ def combined(*options: Callable) -> Callable:
     return lambda command: reduce(lambda decorated, option: option(decorated), reversed(options), command)
 
 
+MOST_LAUNCHES = 1_000_000  # of one map, some hundred bytes each
 IN_UNITS = ", in the machine's units."
 POSITIVE = click.FloatRange(0, min_open=True)
 machine_options = combined(
@@ -57,10 +60,12 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
     def check(context, parameter, path):
         if path is not None:
             from orbits.continuation.family import ENDINGS
-            from orbits.io import check_path
-            from orbits.plot import ANIMATIONS, FIGURES
+            from orbits.io import DOCUMENTS, check_path
+            from orbits.plot import FIGURES, check_animation
 
-            endings = {"document": (), "figure": FIGURES, "animation": ANIMATIONS, "family": ENDINGS}
+            if kind == "animation":
+                return str(check_animation(path))
+            endings = {"document": DOCUMENTS, "front": (*DOCUMENTS, ".csv"), "figure": FIGURES, "family": ENDINGS}
             check_path(path, endings.get(kind, ENDINGS[:2]))
         return path
 
@@ -68,7 +73,7 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
 
 
 plot_option = file_option("--plot", "figure", "Write a figure (.png, .pdf, .svg).")
-animate_option = file_option("--animate", "animation", "Write an animation (.gif).")
+animate_option = file_option("--animate", "animation", "Write an animation (.gif, or .mp4 where ffmpeg is).")
 
 
 def write(
@@ -81,7 +86,8 @@ def write(
     if plot is not None:
         save_figure(result.plot(), plot)
     if animate is not None:
-        result.animate(animate)
+        with progress("drawing") as report:
+            result.animate(animate, progress=report)
     if save is not None:
         result.save(save)
     click.echo(to_json(result.document()) if as_json else str(result))
@@ -99,11 +105,30 @@ def launch_speeds(text: str) -> "np.ndarray":
         low, high, count = (kind(part) for kind, part in zip((float, float, int), text.split(":"), strict=True))
     except ValueError:
         count = 0
-    if count < 2 or not np.isfinite([low, high]).all():
-        raise InputError(f"--alpha {text!r} is neither a number nor a range A:B:N of N launch speeds, from 2")
+    if not 2 <= count <= MOST_LAUNCHES or not np.isfinite([low, high]).all():
+        bounds = f"from 2 to {MOST_LAUNCHES}"
+        raise InputError(f"--alpha {text!r} is neither a number nor a range A:B:N of N launch speeds, {bounds}")
     if not low < high:
         raise InputError(f"--alpha {text!r}: the range goes up, A < B")
     return np.linspace(low, high, count)
+
+
+def summary(hops: "Hops", units: Mapping[str, str]) -> str:
+    """What became of many launches, in some lines: how many of each status, and the ranges of their numbers."""
+    import numpy as np
+
+    lines = [f"{len(hops.alpha)} launches (--all prints each, --json all as one document)"]
+    for status in np.unique(hops.status):
+        these, rows = hops.status == status, {}
+        for name, values in vars(hops).items():
+            if name != "status" and np.isfinite(inside := values[these]).any():
+                rows[name] = f"{np.nanmin(inside):.10g} to {np.nanmax(inside):.10g}"
+        lines.append(f"  {status}: {these.sum()}")
+        words = {"alpha": "launch speed"}
+        lines += [
+            f"    {words.get(name, name):<14}{text} {units.get(name, '')}".rstrip() for name, text in rows.items()
+        ]
+    return "\n".join(lines)
 
 
 def machine_of(
@@ -166,8 +191,8 @@ def sets(setting: str, name: str) -> bool:
 
 
 @contextmanager
-def progress() -> Iterator[Callable[[float], None] | None]:
-    """Show the elapsed time and the share done on a terminal, once the first second has passed."""
+def progress(doing: str = "searching") -> Iterator[Callable[[float], None] | None]:
+    """Show what is done, the elapsed time and the share done on a terminal, once the first second has passed."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -177,7 +202,7 @@ def progress() -> Iterator[Callable[[float], None] | None]:
         wait = 1.0
         while not done.wait(wait):
             wait = 0.2
-            text = f"\rsearching, {time.monotonic() - began:.0f} s" + (f", {100 * share[0]:.0f}%" if share[0] else "")
+            text = f"\r{doing}, {time.monotonic() - began:.0f} s" + (f", {100 * share[0]:.0f}%" if share[0] else "")
             sys.stderr.write(text)
             sys.stderr.flush()
         if wait < 1:

@@ -62,7 +62,8 @@ def _points(curve: Curve, xs, tangents, evaluation: Evaluation, before, lengths=
     """Solved points (m, n + 1) with the directions of the curve there, turned to point onward from those `before`."""
     scaled = tangents / (sizes := curve.size(xs))
     sides = np.sign(np.einsum("mi,mi->m", scaled / sizes, before))
-    tangents = tangents / (sides * np.linalg.norm(scaled, axis=1))[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tangents = tangents / (sides * np.linalg.norm(scaled, axis=1))[:, None]
     if not np.isfinite(tangents).all():
         raise NoOrbit("the curve has no direction here")
     bordered = np.concatenate([evaluation.jacobian * sizes[:, None], (tangents / sizes)[:, None]], axis=1)

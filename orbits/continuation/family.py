@@ -1,19 +1,18 @@
 """A family: a curve of lossless orbits along a parameter, with its events and how it ends."""
 
-import csv
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, NotRequired, TypedDict
 
 import numpy as np
 
 from ..errors import InputError
-from ..io import check_ending, fields_in_line, one_line, to_json
+from ..io import MEGABYTE, check_ending, conform, fields_in_line, one_line, read_file, to_json, write_table
 from ..model.units import UNIT_TEXTS, Units
 from ..periodic.certificate import Certificate
-from ..periodic.orbit import certificate_in_units
+from ..periodic.orbit import SavedLaws, SavedUnits, certificate_in_units
 
 FAMILY_FORMAT = "persistent-orbits family 1"
 # Endings of the files that a family is saved to; the first two are lines of JSON.
@@ -26,6 +25,34 @@ COLUMNS = (*MOTION_COLUMNS, *CHECK_COLUMNS, *CONTACT_COLUMNS, "stable_side")
 NUMBERS = COLUMNS[:-1]
 # Names that no parameter can have, since it stands beside these in a table or a document.
 RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point")
+# What is read of a saved family at most: some 100,000 points, and lines far longer than any that is written.
+LARGEST_FILE, LONGEST_LINE = 128 * MEGABYTE, 4 * MEGABYTE
+
+
+class _Machine(SavedLaws):
+    """What a family's heading must say of its machine."""
+
+    machine: str
+    parameters: Mapping[str, float]
+    units: NotRequired[Mapping[str, str]]
+
+
+class _Settings(TypedDict):
+    """What a family that is resumed must say of how it was followed."""
+
+    start: float
+    family: int
+    method: str
+
+
+class Heading(TypedDict):
+    """The first line of a saved family."""
+
+    format: str
+    along: str
+    machine: _Machine
+    settings: _Settings
+    versions: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -206,7 +233,10 @@ class Family:
         path = check_ending(path, ENDINGS)
         try:
             if path.suffix.lower() == ".csv":
-                self._write_csv(path)
+                columns = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]
+                names = [self.heading(name) for name in columns]
+                rows = ((p.value, *p.also.values(), *(getattr(p, name) for name in COLUMNS)) for p in self.points)
+                write_table(names, rows, path, "family")
             elif path.suffix.lower() == ".nc":
                 self._dataset().to_netcdf(path)
             else:
@@ -226,41 +256,32 @@ class Family:
     @classmethod
     def load(cls, path: str | Path) -> "Family":
         """Read a family that `save` or an interrupted `follow` wrote; a last line that was cut short is left out."""
-        try:
-            lines = Path(path).read_bytes().decode(errors="replace").splitlines()  # it may be cut within a character
-            head = json.loads(lines[0])
-            if head["format"] != FAMILY_FORMAT:
-                raise ValueError(f"format {head['format']!r}, expected {FAMILY_FORMAT!r}")
-            points, events, end = [], [], End("interrupted", "resume it to go on")
-            for number, line in enumerate(lines[1:], start=2):
-                try:
-                    item = json.loads(line)
-                    kind, *_ = item
-                except (ValueError, TypeError):
-                    if number < len(lines):
-                        raise
-                    break
-                if kind == "point":
-                    points.append(_point(item["point"]))
-                elif kind == "event":
-                    event = item["event"]
-                    events.append(Event(event["kind"], event["after"], _point(event["point"])))
-                else:
-                    end = End(**item["end"])
-            found = tuple(points), tuple(events), end
-            family = cls(head["along"], head["machine"], *found, head["settings"], head["versions"])
-            return _modernised(family) if family.machine.get("laws_in") == "SI" else family
-        except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
-            raise InputError(f"{path} is not a saved family: {error}") from None
+        return read_file(path, f"{path} is not a saved family", cls._parsed, LARGEST_FILE)
 
-    def _write_csv(self, path):
-        with open(path, "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            names = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]
-            writer.writerow([self.heading(name) for name in names])
-            for point in self.points:
-                row = [point.value, *point.also.values(), *(getattr(point, name) for name in COLUMNS)]
-                writer.writerow([f"{value:.17g}" if isinstance(value, float) else value for value in row])
+    @classmethod
+    def _parsed(cls, file: BinaryIO) -> "Family":
+        head = conform(json.loads(next(_lines(file), "")), Heading)
+        if head["format"] != FAMILY_FORMAT:
+            raise ValueError(f"format {head['format']!r}, expected {FAMILY_FORMAT!r}")
+        points, events, end = list[Point](), list[Event](), End("interrupted", "resume it to go on")
+        for number, line in enumerate(_lines(file), start=2):
+            try:
+                item = json.loads(line)
+            except ValueError:
+                if next(file, None) is None:
+                    break
+                raise
+            where = f"line {number}"
+            if "point" in item:
+                points.append(conform(item["point"], Point, where))
+            elif "event" in item:
+                events.append(conform(item["event"], Event, where))
+            else:
+                end = conform(item["end"], End, where)
+        _check_points(points, events)
+        found = tuple(points), tuple(events), end
+        family = cls(head["along"], head["machine"], *found, head["settings"], head["versions"])
+        return _modernised(family) if family.machine.get("laws_in") == "SI" else family
 
     def _dataset(self):
         try:
@@ -282,7 +303,7 @@ def _modernised(family: Family) -> Family:
     parameters, they are without dimensions."""
     if "units" in family.machine:
         return family
-    units = Units(*(family.machine[f"unit_{name}"] for name in ("length", "time", "force")))
+    units = Units(**conform({name: family.machine[f"unit_{name}"] for name in ("length", "time", "force")}, SavedUnits))
     events = tuple(replace(event, point=point_in_units(event.point, units)) for event in family.events)
     points = tuple(point_in_units(point, units) for point in family.points)
     return replace(family, machine={**family.machine, "units": {}}, points=points, events=events)
@@ -293,6 +314,23 @@ def json_line(item: Point | Event | End) -> str:
     return to_json({type(item).__name__.lower(): asdict(item)})
 
 
-def _point(data: dict) -> Point:
-    certificate = Certificate(**{**data["certificate"], "violations": tuple(data["certificate"]["violations"])})
-    return Point(**{**data, "u": tuple(data["u"]), "tangent": tuple(data["tangent"]), "certificate": certificate})
+def _lines(file: BinaryIO) -> Iterator[str]:
+    """The lines of a file; the last one may be cut within a character, and none is longer than a point can be."""
+    while line := file.readline(LONGEST_LINE + 1):
+        if len(line) > LONGEST_LINE:
+            raise ValueError(f"a line has more than {LONGEST_LINE} bytes")
+        yield line.decode(errors="replace")
+
+
+def _check_points(points: Sequence[Point], events: Sequence[Event]) -> None:
+    """Raise `ValueError` where points have other numbers of unknowns than they should, or events no place."""
+    for point in (*points, *(event.point for event in events)):
+        if not point.u or len(point.u) != len((points or [point])[0].u) or len(point.tangent) != len(point.u) + 1:
+            counts = f"{len(point.u)} unknowns u, and a tangent of {len(point.tangent)}"
+            raise ValueError(f"the point at {point.value:g} has {counts}: as many for all points, and one more")
+        if point.also.keys() != (points or [point])[0].also.keys():
+            raise ValueError(f"the point at {point.value:g} has other further parameters than the first")
+        if point.error < 0 or point.family < 1:
+            raise ValueError(f"the point at {point.value:g} has error {point.error:g} and family {point.family}")
+    if wrong := [event for event in events if not -1 <= event.after < max(len(points), 1)]:
+        raise ValueError(f"an event comes after point {wrong[0].after} of {len(points)}")

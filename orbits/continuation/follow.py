@@ -171,6 +171,7 @@ def orbit_at(machine: Machine, point: Point, along: str, method: str | None = No
     was followed with, the simplest method where None is given."""
     machine, method = machine_at(machine, point, along, method)
     curve, x, row = Curve(machine, along, method, 1.0), np.array([*point.u, point.value]), np.array(point.tangent)
+    _check_unknowns(point, curve)
     with interrupts.deferred():
         return curve.orbit(curve.certify_at(correct(curve, x, row, row @ x, row), point.value))
 
@@ -229,11 +230,19 @@ def _resumed(machine, along: str, behind: float, stop: float, resume: Family, op
     """A run from the last point of a family, in the direction that it was going."""
     _check_resumable(machine, along, behind, stop, resume)
     last, curve = resume.points[-1], Curve(machine, along, resume.settings["method"], abs(stop - behind))
+    _check_unknowns(last, curve)
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
     row = tangent / curve.size(x) ** 2
     with interrupts.deferred():
         first = curve.certify_at(correct(curve, x, row, row @ x, tangent), last.value)
     return Tracer(curve, first, behind, stop, options, [curve.dimensionless(point) for point in resume.points[:-1]])
+
+
+def _check_unknowns(point: Point, curve: Curve) -> None:
+    """Raise `InputError` where a point of a family is no solution of a curve's equations, for it has other unknowns."""
+    names = curve.equations.statement.unknowns
+    if len(point.u) != len(names):
+        raise InputError(f"a point of the family has {len(point.u)} unknowns, its equations {', '.join(names)}")
 
 
 def _check_resumable(machine: Machine, along: str, behind: float, stop: float, resume: Family) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, OrbitsError, whole_number
-from ..io import one_line, write_json
+from ..io import DOCUMENTS, one_line, write_json, write_table
 from ..model.machine import Machine
 from ..periodic.find import find
 from ..symbolic import interrupts
@@ -63,8 +63,12 @@ class Front:
         return one_line(self, {"minimise": self.texts, "designs": len(self.designs), "seconds": self.seconds})
 
     def save(self, path: str | Path) -> Path:
-        """Write the document to a JSON file; returns the path."""
-        return write_json(self.document(), path, "front")
+        """Write the document (.json) or a table of objectives and parameters (.csv); returns the path."""
+        if Path(path).suffix.lower() != ".csv":
+            return write_json(self.document(), path, "front", (*DOCUMENTS, ".csv"))
+        names = list(self.designs[0].parameters)
+        rows = [(*_objectives(design), *(design.parameters[name] for name in names)) for design in self.designs]
+        return write_table([*self.texts, *names], rows, path, "front")
 
     def __str__(self) -> str:
         names = list(self.designs[0].parameters)

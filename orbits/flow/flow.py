@@ -26,6 +26,7 @@ from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField
 
 # Shares of a duration that are rounding: what is no step of its own in closed form, and no difference of two times.
 STEP_ROUNDING, SAME_TIME = 1e-12, 1e-15
+LARGEST_BLOCK = 4000  # steps in closed form that are searched in one call
 # (coefficients (m, rows, K + 1), steps (m,)) -> the step and the time in it at which to stop, None to go on.
 StopTest = Callable[[Array, Array], tuple[int, float] | None]
 
@@ -116,11 +117,12 @@ class Flow:
         form, control = self.closed_form(p), self.control
         step = 1.0 / np.sqrt(form.square)  # The series has long converged at this step.
         count = int(np.clip(np.ceil(duration / step * (1 - STEP_ROUNDING)), 1, control.max_steps))
-        block = control.look_ahead if stop else count
-        blocks, halt, end = [], None, duration
-        for first in range(0, count, block):
+        blocks, halt, end, first = [], None, duration, 0
+        while first < count:
             interrupts.check()
-            times = step * np.arange(first, min(first + block, count))
+            # The further a motion has come, the more steps are searched in one call.
+            block = min(max(first, control.look_ahead), LARGEST_BLOCK) if stop else count
+            times = step * np.arange(first, first := min(first + block, count))
             c = form.series(form.state(start, times), TAYLOR_ORDER)
             if stop and (halt := stop(c, np.minimum(step, duration - times))):
                 c, end = c[: halt[0] + 1], times[halt[0]] + halt[1]

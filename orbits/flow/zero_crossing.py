@@ -98,24 +98,33 @@ class _ZeroSearch:
 
     def in_closed_form(self):
         """Search motions in closed form, some expansions at a time."""
-        form = self.flow.closed_form(self.ps[0])
-        length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), 0.0
+        form, block = self.flow.closed_form(self.ps[0]), CLOSED_BLOCK
+        length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), np.zeros(1)
+        rises, falls = form.positive_between(self.quantity, self.starts.T)
         signs = np.zeros(len(self.starts))  # at the ends of the last block
         while len(remaining):
             interrupts.check()
-            times = began + length * np.arange(CLOSED_BLOCK)
+            times = began[:, None] + length * np.arange(block)
             states = form.state(self.starts[remaining].T[:, :, None], times)
             c = form.along(self.quantity.weights, states.reshape(len(states), -1), CLOSED_ORDER)
             c[:, 0] += self.quantity.offset
-            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), CLOSED_BLOCK))
-            skip = self.skip[remaining] if began == 0 else 0
+            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block))
+            skip = 0 if began.any() else self.skip[remaining]
             owner, piece, t = polynomials.first_roots(skip, self.rising, signs[remaining])
             signs[remaining] = polynomials.after
-            found, hits = began + length * piece + t, remaining[owner]
+            began = np.broadcast_to(began, remaining.shape)
+            found, hits = began[owner] + length * piece + t, remaining[owner]
             self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
             self.rows[hits, : self.flow.size] = form.state(self.starts[hits].T, found).T
-            remaining, began = np.delete(remaining, owner), began + CLOSED_BLOCK * length
-            remaining = remaining[began < self.limit[remaining]]
+            remaining, began = np.delete(remaining, owner), np.delete(began, owner) + block * length
+            # While the quantity stays positive nothing is searched, up to the last block that begins before that ends.
+            jump = np.floor(falls[remaining] / (block * length)) * (block * length)
+            began = np.where(began >= rises[remaining], np.maximum(began, jump), began)
+            late = began > block * length * self.flow.control.max_calls
+            for i in remaining[late & (began < self.limit[remaining])]:
+                self.failed[int(i)] = FlowError(f"the {self.flow.phase.name} takes too many steps")
+            left = ~late & (began < self.limit[remaining])
+            remaining, began = remaining[left], began[left]
         for i, (slope, value) in enumerate(form.watch.values(), start=self.flow.size):
             self.rows[:, i] = slope * self.rows[:, 0] + value
 
@@ -127,7 +136,7 @@ class _ZeroSearch:
         pieces = ActivePieces(flow, self.ps[0], self.starts)
         remaining, signs = np.arange(len(self.starts)), np.zeros((len(self.starts), self._tests(pieces)[1].shape[1]))
         z = stepper.watched_state(self.starts, np.zeros(len(signs)), self.skip, signs)
-        for _ in range(flow.control.max_steps):
+        for _ in range(flow.control.max_calls):
             inside = pieces.inside
             for i in np.flatnonzero(~inside):
                 self.failed[int(remaining[i])] = flow.out_of_range(self.ps[0], z[i, :n])

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
+from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway, finite_number
 from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zeros
@@ -40,6 +40,7 @@ STATUSES = {
     "invalid": "the launch speed is not a number above 0",
 }
 STATUS = f"<U{max(map(len, STATUSES))}"  # the type of arrays of statuses
+FASTEST_LAUNCH = 1e15  # a launch speed beyond this has no digits left for the motion between two impacts
 CAP = 10_000  # a hop is given up after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
 TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
@@ -261,3 +262,10 @@ def status_of_failure(error: FlowError, phase: str) -> str:
     if isinstance(error, RunsAway) and phase == "flight":
         return "carried_off"
     return "collapses" if isinstance(error, RunsAway | BreaksDown) else "lost"
+
+
+def injected(inject: object) -> float:
+    """What is added to launch speeds, checked."""
+    if abs(number := finite_number("inject", inject)) > FASTEST_LAUNCH:
+        raise InputError(f"inject = {number:g}; it is at most {FASTEST_LAUNCH:g}, as a launch speed is")
+    return number

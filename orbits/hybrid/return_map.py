@@ -26,7 +26,7 @@ from ..periodic.find import certified_orbit, find
 from ..periodic.formulations import equations_of
 from ..periodic.orbit import Orbit
 from ..symbolic.exclusive import exclusive
-from .impacts import CAP, LIFTOFF_ORDER, STATUS, Impacts, status_of_failure
+from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, Impacts, injected, status_of_failure
 from .multiplier import multiplier
 
 BATCH_SIZE = 2500  # launch speeds in one batch: few enough to stay in a processor's cache
@@ -99,7 +99,7 @@ class ReturnMap:
 
     @exclusive
     def __init__(self, machine: ImpactingMachine, inject: float = 0.0, cap: int = CAP):
-        self.inject, self.cap = finite_number("inject", inject), whole_number("cap", cap, "impacts")
+        self.inject, self.cap = injected(inject), whole_number("cap", cap, "impacts")
         self.machine, self._units = machine, getattr(machine, "units", None) or Units(1.0, 1.0, 1.0)
         self._bare: ReturnMap | None = None  # of the dimensionless machine, where this one has units
         self._speed: float = self._units.of(SPEED)
@@ -382,9 +382,10 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | No
     `watch` is called after every impact with the states (m, n), kept in contact, and the losses so far (m,)."""
     m = len(alpha)
     loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
-    state, standing = impacts.launch(alpha), np.zeros((m, impacts.contact.size))
-    flying, order = np.flatnonzero(impacts.opens(state)), LIFTOFF_ORDER
-    status[flying] = "cap"
+    state, standing = impacts.launch(np.minimum(alpha, FASTEST_LAUNCH)), np.zeros((m, impacts.contact.size))
+    too_fast = alpha > FASTEST_LAUNCH
+    flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
+    status[flying], status[too_fast] = "cap", "lost"
     for _ in range(cap):
         start, limit = state[flying], impacts.longest_flight(state[flying])
         times, rows, errors = first_zeros(impacts.flight, start, impacts.p, impacts.gap, limit, order)
@@ -412,6 +413,7 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | No
 def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
     """One hop from each of the launch speeds (m,), given up after `cap` impacts, with `inject` added to the next."""
     loss, counts, status, standing = _decided_impacts(impacts, alpha, cap)
+    alpha, asked = np.minimum(alpha, FASTEST_LAUNCH), alpha
     next_speed, left, lifting = np.full(len(alpha), np.nan), alpha**2 - loss, np.flatnonzero(status == "lifts_off")
     if impacts.contact.phase.closed_form:  # The force is linear: the energy alone decides whether it vanishes.
         status[lifting[left[lifting] < 0]] = "rests"
@@ -429,4 +431,4 @@ def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
     next_speed[lifting] = np.sqrt(np.maximum(left[lifting], 0.0)) + inject
     stopped = next_speed <= 0
     status[stopped], next_speed[stopped] = "rests", np.nan
-    return Hops(alpha, next_speed, loss, counts, status)
+    return Hops(asked, next_speed, loss, counts, status)

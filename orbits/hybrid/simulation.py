@@ -22,9 +22,10 @@ from ..model.machine import ImpactingMachine, dimensionless
 from ..model.phase import Affine
 from ..model.units import ENERGY, SPEED, TIME, Units, noted, without_units
 from ..numerics.bernstein import lowest
+from ..plot import Report
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
-from .impacts import CAP, LIFTOFF_ORDER, Impacts, status_of_failure
+from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, Impacts, injected, status_of_failure
 
 TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
 # The units of a simulation's numbers, of a machine in SI; those of states are m and, for speeds, m/s.
@@ -147,11 +148,11 @@ class Simulation:
 
         return plot_simulation(self, axes)
 
-    def animate(self, path: str | Path, frames: int = 200) -> Path:
-        """Write an animation of the whole motion (GIF); returns its path."""
+    def animate(self, path: str | Path, frames: int = 200, *, progress: Report = None) -> Path:
+        """Write an animation of the whole motion (.gif or .mp4); returns its path. See `animate_simulation`."""
         from ..plot import animate_simulation
 
-        return animate_simulation(self, path, frames)
+        return animate_simulation(self, path, frames, progress)
 
     def in_contact(self, t: ArrayLike) -> np.ndarray:
         """Whether the machine is in contact at times (...)."""
@@ -200,7 +201,7 @@ def simulate(
     if units := getattr(machine, "units", None):
         return _simulate_in(units, machine, alpha, state, hops, time, inject, cap, schedule)
     impacts, inputs = Impacts(machine), _Schedule(machine.values, schedule)
-    inject, cap = finite_number("inject", inject), whole_number("cap", cap, "impacts")
+    inject, cap = injected(inject), whole_number("cap", cap, "impacts")
     hops = None if hops is None else whole_number("hops", hops, "lift-offs")
     if not (isinstance(time, Real) and time > 0):
         raise InputError(f"time = {time!r}; it is a number above 0")
@@ -309,8 +310,8 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
             raise InputError(f"alpha: a launch of this machine is told by {', '.join(names)}; not so '{unknown[0]}'")
         named = {name: finite_number(name, launch[name]) for name in names}
         return np.array([impacts.model.launch(named, impacts.values)], dtype=float), named["alpha"]
-    if (alpha := finite_number("alpha", launch)) <= 0:
-        raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
+    if not 0 < (alpha := finite_number("alpha", launch)) <= FASTEST_LAUNCH:
+        raise InputError(f"alpha = {alpha:g}; a launch speed is above 0 and at most {FASTEST_LAUNCH:g}")
     return impacts.launch(np.array([alpha])), alpha
 
 

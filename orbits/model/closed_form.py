@@ -58,6 +58,10 @@ class Oscillator:
             rows[-1][:, 0] += value
         return np.stack(rows, axis=1)
 
+    def positive_between(self, quantity: Any, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Times (m,), none here, between which an affine quantity is known to be positive from `starts` (2, m)."""
+        return np.full(starts.shape[1], np.inf), np.zeros(starts.shape[1])
+
 
 @dataclass(frozen=True)
 class ThrownOscillator:
@@ -108,3 +112,17 @@ class ThrownOscillator:
         rows[:, 2, 0], rows[:, 2, 1], rows[:, 2, 2] = apart[2], apart[3], -0.5
         rows[:, 3, 0], rows[:, 3, 1] = apart[3], -1.0
         return self.mix @ rows
+
+    def positive_between(self, quantity: Any, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Times (m,) between which an affine quantity, of `weights` and `offset`, is positive on motions from `starts`
+        (4, m), whatever the oscillator does: its amplitude is less than the height of the thrown part's parabola."""
+        x, v, w, rate = np.tensordot(self.apart, starts, 1)
+        at_x, at_v, at_w, at_rate = np.asarray(quantity.weights) @ self.mix
+        centre, omega = self.oscillator.centre, np.sqrt(self.square)
+        with np.errstate(all="ignore"):
+            amplitude = np.hypot(at_x, omega * at_v) * np.hypot(x - centre, v / omega)
+            base = quantity.offset + at_x * centre + at_w * w + at_rate * rate - amplitude
+            slope = at_w * rate - at_rate
+            root = np.sqrt(slope**2 + 2 * at_w * base)
+            known = np.isfinite(root) & (at_w > 0)
+            return np.where(known, (slope - root) / at_w, np.inf), np.where(known, (slope + root) / at_w, 0.0)

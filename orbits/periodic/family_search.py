@@ -30,7 +30,7 @@ BEND_SAFETY = 4.0
 # then it is below this share of scale and speed.
 NARROWEST_CELL, TOUCHING_ZERO = 1e-6, 1e-9
 # After so many launches no cell is halved any more.
-MOST_LAUNCHES = 20_000
+MOST_SEARCHED = 20_000
 # A turn that does not come within this time, in multiples of the scale and the launch speed together, is that late.
 LATEST_TURN = 10.0
 
@@ -97,7 +97,7 @@ class Lateness:
             changes, settled = _judged(speeds, late)
             wide = np.diff(speeds) > NARROWEST_CELL * speeds[1:]
             halved = np.flatnonzero(~settled & wide)
-            if not len(halved) or self.launches > MOST_LAUNCHES:
+            if not len(halved) or self.launches > MOST_SEARCHED:
                 break
             middles = 0.5 * (speeds[halved] + speeds[halved + 1])
             speeds, late = np.insert(speeds, halved + 1, middles), np.insert(late, halved + 1, self(middles)[0])

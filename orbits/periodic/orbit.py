@@ -4,19 +4,19 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, NotRequired, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..io import one_line, to_json
+from ..io import conform, one_line, read_file, write_json
 from ..model.machine import Machine
 from ..model.phase import Affine
 from ..model.units import UNIT_TEXTS, Units, noted
 from ..numerics.bernstein import lowest
-from ..plot import animate_orbit, plot_orbit, plot_phase_portrait
+from ..plot import Report, animate_orbit, plot_orbit, plot_phase_portrait
 from .certificate import Certificate
 
 ORBIT_FORMAT = "persistent-orbits orbit 1"
@@ -250,9 +250,9 @@ class Orbit:
         """Plot speed against height over a cycle; returns the axes."""
         return plot_phase_portrait(self, axes)
 
-    def animate(self, path: str | Path, frames: int = 80) -> Path:
-        """Write an animation of one cycle (GIF); returns its path. See `orbits.plot.animate_orbit`."""
-        return animate_orbit(self, path, frames)
+    def animate(self, path: str | Path, frames: int = 80, *, progress: Report = None) -> Path:
+        """Write an animation of one cycle (.gif or .mp4); returns its path. See `orbits.plot.animate_orbit`."""
+        return animate_orbit(self, path, frames, progress)
 
     def save(self, path: str | Path) -> Path:
         """Write the orbit to a JSON file, every float with 17 significant digits; returns the path.
@@ -264,48 +264,103 @@ class Orbit:
         heights = {name: [height.weights, height.offset] for name, height in self.shape.heights.items()}
         shape, units = vars(self.shape) | {"heights": heights}, self.units and asdict(self.units)
         motion = {"shape": shape, "flight": flight, "contact": contact, "units": units}
-        path, document = Path(path), {"format": ORBIT_FORMAT, **self.document(), "motion": motion}
-        try:
-            path.write_text(to_json(document) + "\n", encoding="utf-8")
-        except (OSError, ValueError) as error:
-            raise InputError(f"the orbit cannot be saved to {path}: {error}") from None
-        return path
+        return write_json({"format": ORBIT_FORMAT, **self.document(), "motion": motion}, path, "orbit")
 
     @classmethod
     def load(cls, path: str | Path) -> "Orbit":
         """Read an orbit that `save` wrote; raises `InputError` when the file is not one."""
-        try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-            if data["format"] != ORBIT_FORMAT:
-                raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
-            motion = data["motion"]
-            names = Certificate.__dataclass_fields__.keys() & data.keys() - {"violations"}
-            checked = {name: data[name] for name in names}
-            units, stated = motion["units"] and Units(**motion["units"]), data.get("units")
-            orbit = cls(
-                machine=_machine_of(data),
-                alpha=_float_of(data["alpha"]),
-                liftoff_extension=_float_of(data["liftoff_extension"]),
-                flight_time=_float_of(data["flight_time"]),
-                contact_time=data["contact_time"] and _float_of(data["contact_time"]),
-                flight=_path_of(motion["flight"]),
-                contact=motion["contact"] and _path_of(motion["contact"]),
-                shape=_shape_of(motion["shape"]),
-                certificate=Certificate(**checked, violations=tuple(data["violations"])),
-                method=data["method"],
-                skipped=tuple(data["skipped"]),
-                seconds=data["seconds"],
-                known_in_family=data.get("known_in_family"),
-            )
-            if units is None:
-                return orbit
-            # A file of an orbit in SI that says no units has dimensionless numbers, from before results were in SI.
-            if stated is None:
-                return orbit_in_units(orbit, units, orbit.machine)
-            bare = orbit_in_units(orbit, units.inverse(), orbit.machine)
-            return replace(orbit, units=units, bare=replace(bare, units=None, bare=None))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise InputError(f"{path} is not a saved orbit: {error}") from None
+        return read_file(path, f"{path} is not a saved orbit", cls._parsed)
+
+    @classmethod
+    def _parsed(cls, file: BinaryIO) -> "Orbit":
+        data = conform(json.load(file), SavedOrbit)
+        if data["format"] != ORBIT_FORMAT:
+            raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
+        motion, checked = data["motion"], [name for name in Certificate.__dataclass_fields__ if name in data]
+        flight, contact = (path and _path_of(path) for path in (motion["flight"], motion["contact"]))
+        if (data["contact_time"] is None) != (contact is None) or not data["flight_time"] >= flight.times[-1]:
+            raise ValueError("its times do not fit its motion")
+        orbit = cls(
+            machine=_machine_of(data),
+            **{name: data[name] for name in ("alpha", "liftoff_extension", "flight_time", "contact_time", "method")},
+            flight=flight,
+            contact=contact,
+            shape=_shape_of(motion["shape"], flight, contact),
+            certificate=conform({name: data[name] for name in checked}, Certificate),
+            skipped=data["skipped"],
+            seconds=data["seconds"],
+            known_in_family=data.get("known_in_family"),
+        )
+        if motion["units"] is None:
+            return orbit
+        units = Units(**motion["units"])
+        # A file of an orbit in SI that says no units has dimensionless numbers, from before results were in SI.
+        if "units" not in data:
+            return orbit_in_units(orbit, units, orbit.machine)
+        bare = orbit_in_units(orbit, units.inverse(), orbit.machine)
+        return replace(orbit, units=units, bare=replace(bare, units=None, bare=None))
+
+
+class _SavedShape(TypedDict):
+    """A `Shape` in a file: its heights as pairs of weights and offset."""
+
+    reversor: tuple[int, ...] | None
+    contact_reversor: tuple[int, ...] | None
+    embed: np.ndarray
+    heights: Mapping[str, tuple[tuple[float, ...], float]]
+    springs: tuple[tuple[str | None, str], ...]
+
+
+class _SavedPath(TypedDict):
+    """A `Trajectory` in a file."""
+
+    names: tuple[str, ...]
+    times: np.ndarray
+    coefficients: np.ndarray
+
+
+class SavedUnits(TypedDict):
+    """`Units` in a file."""
+
+    length: float
+    time: float
+    force: float
+    energy: NotRequired[float | None]
+
+
+class _SavedMotion(TypedDict):
+    """What a saved orbit has beside its document."""
+
+    shape: _SavedShape
+    flight: _SavedPath
+    contact: _SavedPath | None
+    units: SavedUnits | None
+
+
+# The laws of a machine in a file, which have these names.
+SavedLaws = TypedDict("SavedLaws", {"spring": str, "gravity": str})  # noqa: UP013 -- the engine names no such thing
+
+
+class SavedOrbit(SavedLaws):
+    """A saved orbit, as far as it is read; the fields of `Certificate` stand beside these."""
+
+    format: str
+    machine: str
+    mass_ratio: float | None
+    rest_length: float | None
+    restitution: float | None
+    parameters: Mapping[str, float]
+    laws_in: str
+    alpha: float
+    liftoff_extension: float
+    flight_time: float
+    contact_time: float | None
+    method: str
+    skipped: tuple[str, ...]
+    seconds: float
+    known_in_family: NotRequired[int | None]
+    units: NotRequired[Mapping[str, str]]
+    motion: _SavedMotion
 
 
 def orbit_of(machine: Machine, orbit: Orbit) -> Orbit:
@@ -343,21 +398,24 @@ def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:
     return machine | {"units": {name: unit for name, unit in data["units"].items() if name not in results}}
 
 
-def _path_of(data: Mapping[str, Any]) -> Trajectory:
-    path = Trajectory(np.array(data["times"]), np.array(data["coefficients"]), tuple(data["names"]))
-    steps, rows, _ = path.coefficients.shape
-    if len(path.times) != steps + 1 or rows != len(path.names) or not (path.steps > 0).all():
+def _path_of(data: _SavedPath) -> Trajectory:
+    """A motion whose arrays fit each other; raises `ValueError`."""
+    times, coefficients, names = data["times"], data["coefficients"], data["names"]
+    if coefficients.ndim != 3 or times.shape != (len(coefficients) + 1,) or coefficients.shape[1] != len(names):
         raise ValueError("its motion is damaged")
-    return path
+    if times[0] != 0 or not (np.diff(times) > 0).all():
+        raise ValueError("its motion is damaged: the times do not ascend from 0")
+    return Trajectory(times, coefficients, names)
 
 
-def _shape_of(data: Mapping[str, Any]) -> Shape:
-    reversor, mirror = (data[name] and tuple(data[name]) for name in ("reversor", "contact_reversor"))
-    heights = {name: Affine(tuple(weights), offset) for name, (weights, offset) in data["heights"].items()}
-    return Shape(reversor, mirror, np.array(data["embed"]), heights, tuple(map(tuple, data["springs"])))
-
-
-def _float_of(value: Any) -> float:
-    if not isinstance(value, float):
-        raise ValueError(f"{value!r} is not a number")
-    return value
+def _shape_of(data: _SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
+    """A shape whose states are those of the motions; raises `ValueError`."""
+    heights = {name: Affine(*height) for name, height in data["heights"].items()}
+    embed, signs, known = data["embed"], (data["reversor"], data["contact_reversor"]), {*heights, None}
+    sizes = embed.shape if embed.ndim == 2 else (0, 0)
+    fits = 0 < sizes[0] <= len(flight.names) and 0 < sizes[1] <= (sizes[1] if contact is None else len(contact.names))
+    fits &= all(each is None or len(each) == size for each, size in zip(signs, sizes, strict=True))
+    fits &= bool(heights) and all(len(height.weights) == sizes[0] for height in heights.values())
+    if not fits or not {*sum(data["springs"], ())} <= known:
+        raise ValueError("its shape does not fit its motion")
+    return Shape(*signs, embed, heights, data["springs"])

@@ -106,7 +106,7 @@ class TestPlots:
             with Image.open(hop.animate(tmp_path / f"hop{index}.gif", frames=6)) as image:
                 assert image.n_frames == 6
         with pytest.raises(InputError, match=r"needs an ending, \.gif"):
-            orbit.animate(tmp_path / "hop.mp4")
+            orbit.animate(tmp_path / "hop.avi")
 
     @pytest.mark.parametrize("name", ["missing/hop.png", "hop.docx"])
     def test_files_that_cannot_be_written(self, orbit, tmp_path, name):

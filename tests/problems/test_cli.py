@@ -520,7 +520,7 @@ OUTPUTS = [
     ("find --plot none/hop.png", 2, "none/hop.png"),
     ("find --plot hop.xyz", 2, "xyz"),
     ("find --animate none/hop.gif", 2, "none"),
-    ("find --animate hop.mp4", 2, ".gif"),
+    ("find --animate hop.webm", 2, ".gif"),
     ("find --animate hop", 2, ".gif"),
     ("find --save none/hop.json", 2, "none/hop.json"),
     ("find --save folder.toml", 2, "folder.toml"),
@@ -563,7 +563,7 @@ def test_bad_input_is_one_message_and_a_code(line, code, telling, orbits, folder
         "find --spring cubic --set beta=-0.1",
         "find --machine key.toml",
         "find --plot none/hop.png",
-        "find --animate hop.mp4",
+        "find --animate hop.webm",
         "find --save none/hop.json",
     ],
 )
@@ -655,7 +655,7 @@ def test_the_progress_display_shows_on_a_terminal_and_clears_itself(monkeypatch)
 
 
 @pytest.mark.parametrize(
-    "option", ["--plot nowhere/hop.png", "--animate hop.mp4", "--save nowhere/hop.json", "--plot hop"]
+    "option", ["--plot nowhere/hop.png", "--animate hop.webm", "--save nowhere/hop.json", "--plot hop"]
 )
 def test_a_file_that_cannot_be_written_is_refused_before_the_search(orbits, option):
     result = orbits(f"find --family 400 --spring cubic --json {option}")

@@ -1,0 +1,312 @@
+"""Crafted files and options: whatever they say, there is a result or one short reason, soon and in little memory."""
+
+import json
+import random
+import signal
+import sys
+import time
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+from pathlib import Path
+from resource import RUSAGE_SELF, getrusage
+
+import numpy as np
+import pytest
+
+from orbits import Family, InputError, Orbit, find, follow, pareto, simulate
+from orbits.errors import LONGEST_MESSAGE, shortened
+from orbits.hybrid.impacts import Impacts
+from problems import Hopper
+from problems.cli import main
+
+LONGEST, LARGEST = 10.0, 1e6  # seconds of computing; kB of memory
+NUMBERS = ("0", "-1", "1", "1e15", "1e300", "1e-300", "nan", "inf", "-inf", "1e999", "x", "", "0x10", "9" * 5000, "1e4")
+TEXTS = (
+    "",
+    "x" * 10_000,
+    "'",
+    "\x00",
+    "\x1b[31m",
+    "é",
+    "r^3",
+    "(" * 5000,
+    "r" + "+r" * 4000,
+    "__import__('os')",
+    "1/0",
+    "r/r",
+)
+VALUES = (None, True, "abc", "", [], {}, [[]], -1, 1e308, 10**400, [1.0], ["x"], {"x": 1}, [None], 0, 2.5, "x" * 10_000)
+NESTED = ("[" * 60_000, '{"a":' * 60_000, "[" * 5000 + "]" * 5000)
+
+
+def saved(folder: Path) -> dict[str, str]:
+    """A saved orbit and a saved family, as texts."""
+    orbit = find(Hopper("r + beta*r**3", rest_length=20, parameters={"beta": 0.3}))
+    family = follow(Hopper("cubic", rest_length=20), "beta", 0.2, 0.1, longest=0.5)
+    return {"orbit": orbit.save(folder / "o.json").read_text(), "family": family.save(folder / "f.jsonl").read_text()}
+
+
+def mutated(document: object, rng: random.Random) -> object:
+    """A document with one value or key changed, somewhere in it."""
+    keys = list(document) if isinstance(document, dict) else range(len(document))  # type: ignore[arg-type]
+    if not keys:
+        return rng.choice(VALUES)
+    key = rng.choice(list(keys))
+    inner = document[key]  # type: ignore[index]
+    if isinstance(inner, dict | list) and inner and rng.random() < 0.75:
+        document[key] = mutated(inner, rng)  # type: ignore[index]
+    elif rng.random() < 0.2:
+        del document[key]  # type: ignore[attr-defined]
+    else:
+        document[key] = rng.choice(VALUES)  # type: ignore[index]
+    return document
+
+
+def crafted_document(text: str, rng: random.Random) -> str:
+    """A saved document with a fault: a changed value, a cut, foreign bytes, or deep nesting."""
+    kind = rng.random()
+    if kind < 0.75:
+        lines = text.splitlines()
+        at = rng.randrange(len(lines))
+        lines[at] = json.dumps(mutated(json.loads(lines[at]), rng))
+        return "\n".join(lines) + "\n"
+    if kind < 0.85:
+        return text[: rng.randrange(len(text))]
+    return rng.choice((*NESTED, "", "\x00" * 100, "null", "[]", "3", text * 2, text.replace(":", ": NaN, 1:", 1)))
+
+
+def crafted_machine(rng: random.Random) -> str:
+    """A machine file with a fault, sometimes with what to design."""
+    value = lambda: rng.choice((*map(json.dumps, ("x" * 5000, True, [], [1], {}, "r")), *NUMBERS[:12]))  # noqa: E731
+    lines = [
+        f"{key} = {value()}" for key in rng.sample(("mass_ratio", "rest_length", "spring", "machine", "damping"), 2)
+    ]
+    if rng.random() < 0.3:
+        return rng.choice(
+            (f"a = {NESTED[2]}", "a." * 20_000 + "b = 1", "[" * 50_000, f"spring = '{'(' * 30_000}'", "a=1\n" * 9)
+        )
+    if rng.random() < 0.5:
+        lines += ["[si]", f"body_mass = {value()}", "foot_mass = 1", f"stiffness = {value()}"]
+    else:
+        lines = ['spring = "cubic"', "[design]", f"minimise = {rng.choice((value(), json.dumps('alpha')))}"]
+        lines += [f"{key} = {value()}" for key in rng.sample(("family", "starts", "subject_to", "seed", "points"), 1)]
+        lines += ["[design.over]", f"beta = [{rng.choice(NUMBERS)}, {rng.choice(NUMBERS)}]"]
+    return "\n".join(lines)
+
+
+def crafted_line(rng: random.Random) -> list[str]:
+    """A command line with a value that no one means."""
+    number, text = rng.choice(NUMBERS), rng.choice(TEXTS)
+    lines = (
+        ["find", "--mass-ratio", number], ["find", "--rest-length", number], ["find", "--spring", text],
+        ["find", "--gravity", text, "--rest-length", "9"], ["find", "--spring", "cubic", "--set", f"beta={number}"],
+        ["find", "--set", text], ["find", "--method", text], ["find", "--machine", text], ["find", text], [text],
+        ["find", "--plot", text or "x"], ["map", "--alpha", number], ["map", "--alpha", f"1:{number}:5"],
+        ["map", "--alpha", f"{number}:9:5"], ["map", "--alpha", f"1:2:{number}"], ["map", "--alpha", text],
+        ["map", "--alpha", "4", "--inject", number], ["map", "--alpha", "4", "--damping", number],
+        ["map", "--alpha", "4", "--restitution", number], ["map", "--alpha", "4", "--drag", number, "--json"],
+        ["simulate", "--alpha", number, "--hops", "2"], ["simulate", "--alpha", "4", "--hops", number],
+        ["simulate", "--alpha", "4", "--time", number], ["simulate", "--alpha", "4", "--hops", "2", "--inject", number],
+        ["follow", "--spring", "cubic", "--along", "beta", "--from", "0.1", "--to", number, "--longest", "0.5"],
+        ["follow", "--along", text, "--to", "1"],
+        ["follow", "--spring", "cubic", "--along", "beta", "--to", "1", "--at", text],
+    )  # fmt: skip
+    return rng.choice(lines)
+
+
+class TooLong(BaseException):
+    """A run that has computed for too long; no `except Exception` swallows it."""
+
+
+def complaint_of(run, most: float = LONGEST) -> str:
+    """What is wrong with how a run ends, which returns its code and its message; "" where nothing is."""
+
+    def stop(*_):
+        raise TooLong
+
+    before, began = signal.signal(signal.SIGPROF, stop), time.process_time()
+    signal.setitimer(signal.ITIMER_PROF, most)
+    try:
+        code, message = run()
+    except TooLong:
+        return f"takes more than {most:g} s"
+    except Exception as error:
+        return f"raises {type(error).__name__}: {error}"[:200]
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
+    if code not in (0, 1, 2) or "internal error" in message or "Traceback" in message or "Warning" in message:
+        return f"code {code}: {message[:200]}"
+    if len(message) > LONGEST_MESSAGE + len("orbits: \n"):
+        return f"a message of {len(message)} characters: {message[:100]}"
+    used = time.process_time() - began
+    return f"takes {used:.1f} s" if used > most else ""
+
+
+def by_command(arguments: list[str]):
+    """A run of the command: its exit code and what it says on the terminal's error stream."""
+    out, err, before = StringIO(), StringIO(), sys.argv
+    sys.argv = ["orbits", *arguments]
+    try:
+        with redirect_stdout(out), redirect_stderr(err):
+            main()
+    except SystemExit as end:
+        return end.code, err.getvalue()
+    finally:
+        sys.argv = before
+    return 0, ""
+
+
+def by_loading(load, path: Path):
+    """A run that loads, prints and saves a document again: 0 where that goes, 2 with the error's message."""
+    try:
+        found = load(path)
+        str(found), found.document(), found.save(path.with_name(f"again{path.suffix}"))
+    except InputError as error:
+        return 2, str(error)
+    return 0, ""
+
+
+def crafted_run(documents: dict[str, str], folder: Path, rng: random.Random):
+    """A run of a crafted file or line, and what to call it."""
+    kind = rng.choice(("orbit", "family", "resume", "machine", "line", "line"))
+    if kind == "line":
+        line = crafted_line(rng)
+        return lambda: by_command(line), " ".join(line)
+    if kind == "machine":
+        path, text = folder / "machine.toml", crafted_machine(rng)
+        path.write_text(text)
+        line = ["optimize", str(path)] if "design" in text else ["find", "--machine", str(path)]
+        return lambda: by_command(line), text
+    text = crafted_document(documents["orbit" if kind == "orbit" else "family"], rng)
+    path = folder / ("orbit.json" if kind == "orbit" else "family.jsonl")
+    path.write_text(text)
+    if kind == "resume":
+        line = ["follow", "--spring", "cubic", "--rest-length", "20", "--along", "beta", "--from", "0.1", "--to", "0.3"]
+        line += ["--longest", "0.5", "--resume", str(path)]
+        return lambda: by_command(line), f"resume {text}"
+    load = Orbit.load if kind == "orbit" else Family.load
+    return lambda: by_loading(load, path), text
+
+
+def campaign(count: int, seed: int, folder: Path) -> list[str]:
+    """What is wrong with how each of so many crafted inputs ends, and with the memory that they take together."""
+    documents, rng, wrong = saved(folder), random.Random(seed), []
+    for number in range(count):
+        run, name = crafted_run(documents, folder, rng)
+        if complaint := complaint_of(run):
+            wrong.append(f"{number}: {complaint} | {ascii(name)[:300]}")
+    if (memory := getrusage(RUSAGE_SELF).ru_maxrss) > LARGEST:
+        wrong.append(f"the largest memory is {memory / 1e6:.2f} GB")
+    return wrong
+
+
+def test_sixty_crafted_inputs(tmp_path):
+    assert not campaign(60, 16, tmp_path)
+
+
+@pytest.mark.slow
+def test_a_thousand_crafted_inputs(tmp_path):
+    assert not campaign(1000, 2026, tmp_path)
+
+
+FAULTS = [
+    ("point", "u", []), ("point", "u", "abc"), ("point", "u", [1.0]), ("point", "tangent", []), ("point", "alpha", "x"),
+    ("point", "tangent", [1.0]), ("certificate", "violations", "abc"), ("certificate", "error", "x"),
+    ("certificate", "error", -1.0), ("certificate", "family", 1.5), ("point", "value", None),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def documents(tmp_path_factory):
+    return saved(tmp_path_factory.mktemp("saved"))
+
+
+@pytest.mark.parametrize(("where", "key", "value"), FAULTS)
+def test_a_point_with_a_wrong_value_is_refused_by_name(where, key, value, documents, tmp_path):
+    head, first, *rest = documents["family"].splitlines()
+    record = json.loads(first)
+    (record["point"] if where == "point" else record["point"]["certificate"])[key] = value
+    path = tmp_path / "family.jsonl"
+    path.write_text("\n".join([head, json.dumps(record), *rest]))
+    with pytest.raises(InputError, match=f"is not a saved family: .*{key}"):
+        Family.load(path)
+
+
+@pytest.mark.parametrize("key", ["violations", "error", "alpha", "skipped", "seconds", "parameters", "motion"])
+def test_an_orbit_with_a_wrong_value_is_refused_by_name(key, documents, tmp_path):
+    path = tmp_path / "orbit.json"
+    path.write_text(json.dumps(json.loads(documents["orbit"]) | {key: "abc"}))
+    with pytest.raises(InputError, match=f"is not a saved orbit: .*{key}"):
+        Orbit.load(path)
+
+
+def test_deep_nesting_and_large_files_are_refused(tmp_path):
+    path = tmp_path / "deep.toml"
+    path.write_text(f"a = {NESTED[2]}")
+    code, message = by_command(["find", "--machine", str(path)])
+    assert (code, "nested too deeply" in message) == (2, True)
+    path.write_text("#" * 100_000)
+    assert "at most 16384 are read" in by_command(["find", "--machine", str(path)])[1]
+
+
+def test_a_long_message_keeps_its_remedy():
+    message = str(InputError("the option '" + "x" * 10_000 + "' is too long: write a shorter one"))
+    assert len(message) <= LONGEST_MESSAGE
+    assert message.startswith("the option 'xxx")
+    assert message.endswith("write a shorter one")
+    assert shortened("as it is") == "as it is"
+
+
+@pytest.mark.parametrize("line", ["map --alpha 1e15 --json", "map --alpha 1e-300:1e300:5 --json"])
+def test_a_launch_too_fast_to_follow_is_lost(line, orbits):
+    done = orbits(line)
+    assert done.document["status"][-1] == "lost"
+    assert done.document["next"][-1] is None
+
+
+@pytest.mark.parametrize("mass_ratio", [0.3, 1.0, 7.0])
+def test_what_is_known_to_be_positive_is(mass_ratio):
+    """Of a flight in closed form: the gap on a fine grid between the times that are left out of the search."""
+    machine = Hopper(mass_ratio=mass_ratio)
+    impacts = Impacts(machine)
+    starts = impacts.launch(np.array([4.0, 30.0, 1000.0]))
+    form = impacts.flight.closed_form(impacts.p)
+    low, high = form.positive_between(impacts.gap, starts.T)
+    for start, a, b in zip(starts, low, high, strict=True):
+        assert 0 < a < b
+        assert impacts.gap(form.state(start, np.linspace(a, b, 20_001)[1:-1]).T).min() > 0
+
+
+def test_a_map_of_many_launches_is_a_summary_unless_all_are_asked_for(orbits):
+    short, whole = orbits("map --alpha 3:12:300"), orbits("map --alpha 3:12:300 --all")
+    document = orbits("map --alpha 3:12:300 --json").document
+    assert len(short.out.splitlines()) < 20
+    assert f"rests: {document['status'].count('rests')}\n" in short.out
+    assert len(whole.out.splitlines()) == 301
+    assert len(document["alpha"]) == 300
+
+
+def test_a_front_saves_a_table_and_refuses_what_it_does_not_know(tmp_path):
+    front = pareto(
+        Hopper("cubic", parameters={"beta": 0.1}), minimise=("alpha", "-stroke"), over={"beta": (0, 1)}, points=2
+    )
+    head, *rows = front.save(tmp_path / "front.csv").read_text().splitlines()
+    assert head == "alpha,-stroke,beta"
+    assert [float(cell) for cell in rows[0].split(",")] == [*front.values[0], front.column("beta")[0]]
+    for result in (front, front.designs[0], front.designs[0].orbit):
+        with pytest.raises(InputError, match=r"needs an ending, \.json"):
+            result.save(tmp_path / "result.xyz")
+
+
+def test_the_help_names_the_shells_completion(orbits):
+    assert "_ORBITS_COMPLETE=bash_source" in orbits("--help").out
+
+
+def test_an_animation_reports_its_frames_and_needs_ffmpeg_for_mp4(tmp_path, monkeypatch):
+    run, shares = simulate(Hopper(), 4.6, hops=1), []
+    run.animate(tmp_path / "hop.gif", 3, progress=shares.append)
+    assert shares == pytest.approx([1 / 3, 2 / 3, 1.0])
+    monkeypatch.setattr("matplotlib.animation.FFMpegWriter.isAvailable", lambda: False)
+    with pytest.raises(InputError, match="there is no ffmpeg"):
+        run.animate(tmp_path / "hop.mp4", 3)
