@@ -33,12 +33,16 @@ def correct_all(
     equations, xs, sizes, solved = curve.equations, guesses.copy(), curve.size(guesses), list[tuple]()
     left, last, tangents = np.arange(len(xs)), np.full(len(xs), np.inf), np.empty_like(xs)
     for taken in range(1, MOST_NEWTON_STEPS + 1):
-        evaluation, ps = curve.evaluate(xs[left]), curve.parameters_at(xs[left])
+        evaluate = curve.evaluate if taken >= least else curve.linearize
+        evaluation, ps = evaluate(xs[left]), curve.parameters_at(xs[left])
         steps, tangents[left] = equations.newton_steps(evaluation, xs[left], rows[left], levels[left])
         xs[left] += steps
         ps[:, equations.parameters.index(curve.along)] = xs[left, -1]
         moved = np.max(np.abs(steps) / sizes[left], axis=1)
-        settled = settles(moved, last[left], evaluation.amplification) & (taken >= least)
+        if taken < least and np.isfinite(moved).all():
+            last = moved
+            continue
+        settled = settles(moved, last[left], evaluation.amplification)
         if len(done := np.flatnonzero(settled)):
             here = evaluation if settled.all() else evaluation[done]
             solved.append((left[done], equations.moved(here, xs[left[done], :-1], ps[done], steps[done])))

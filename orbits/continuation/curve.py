@@ -124,6 +124,10 @@ class Curve:
         """The equations at points (m, n + 1)."""
         return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
 
+    def linearize(self, xs: np.ndarray) -> Evaluation:
+        """The equations at points (m, n + 1) for a Newton step that is not the last, mostly without their motions."""
+        return self.equations.linearize_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
+
     def certify(self, point: CurvePoint) -> CurvePoint:
         """The point, certified; raises the error when it cannot be."""
         if point.certified:

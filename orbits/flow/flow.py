@@ -88,7 +88,7 @@ class Flow:
         """
         if not self.smooth or (self.phase.closed_form and not parameter_seeds.any()):
             return self._run_each(starts, ps, durations, seeds, parameter_seeds)
-        stepper = self.stepper(seeds.shape[1], tuple(map(int, np.flatnonzero(parameter_seeds.any(1)))))
+        stepper = self.stepper(seeds.shape[1], _rows_used(parameter_seeds))
         assert isinstance(stepper, TaylorStepper)
         found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.max_block)
         begins = begins_of_steps(found.steps, found.counts)
@@ -106,6 +106,14 @@ class Flow:
             begins, c, slopes = (array[done[owner]] for array in arrays)
             parts = [Trajectories(begins, durations[done], c, found.counts[done], self.names, slopes), others]
         return Trajectories.joined(parts)[order], np.concatenate([found.variations[done], variations])[order]
+
+    def ends_of_all(self, starts: Array, ps: Array, durations: Array, *seeds: Array) -> tuple[Array, Array] | None:
+        """The ends (m, n) of motions of `run_all`, and the derivatives (m, n, columns) of these; None where one of the
+        motions has to be followed step by step."""
+        stepper = self.stepper(seeds[0].shape[1], _rows_used(seeds[1]))
+        assert isinstance(stepper, TaylorStepper)
+        found = stepper.advance_all(starts, ps, durations, *seeds, count=0)
+        return None if found.left.any() else (found.ends, found.variations)
 
     def _run_each(self, starts, ps, durations, *seeds) -> tuple[Trajectories, Array]:
         """`run_all` of one motion after the other."""
@@ -340,3 +348,8 @@ class Flow:
         assert pieces is not None
         place, bounds = float(self.coordinate @ x), f"[{breaks[0]:.6g}, {breaks[-1]:.6g}]"
         return OutOfRange(f"the {pieces.label} reaches {place:.6g}, outside the law's range {bounds}")
+
+
+def _rows_used(seeds: Array) -> tuple[int, ...]:
+    """The rows of parameter seeds (np, columns) that are not zero."""
+    return tuple(np.flatnonzero(seeds.any(1)).tolist())

@@ -85,14 +85,13 @@ class TaylorStepper:
         self, x: Array, p: Array, durations: Array, dx: Array, dp: Array, count: int = FLOW_CONTROL.max_steps
     ) -> Motions:
         """Motions from states (m, n) with parameters (m, np) or (1, np), each for its duration (m,) or at most so many
-        steps; dx (n, columns) and dp (np, columns) are their seeds."""
-        size, n, columns = len(x), self.n, self.columns
-        z = np.empty((size, n * (1 + columns) + 2))
-        z[:, :n], z[:, -2], z[:, -1] = x, durations, LONGEST_STEP
-        if columns:
-            z[:, n:-2] = dx.T.ravel()
-            p = np.hstack([p, np.tile(dp[self.varied].T.ravel(), (len(p), 1))])
-        z, (c, dc, steps), counts, _ = self.kernel(z, p, most=count)
+        steps; dx (n, columns) and dp (np, columns) are their seeds. Without a count, `ends`, `variations` and `left`
+        alone are returned, and no steps."""
+        size, n, columns, count_p = len(x), self.n, self.columns, p.shape[1]
+        z, data = np.empty((size, n * (1 + columns) + 2)), np.empty((len(p), self.kernel.sizes_in[1]))
+        z[:, :n], z[:, n:-2], z[:, -2], z[:, -1] = x, dx.T.ravel(), durations, LONGEST_STEP
+        data[:, :count_p], data[:, count_p:-1], data[:, -1] = p, dp[self.varied].T.ravel(), count > 0
+        z, (c, dc, steps), counts, _ = self.kernel(z, data, most=count or 1)
         orders = TAYLOR_ORDER + 1
         variations, slopes = z[:, n:-2].reshape(size, columns, n), dc.reshape(len(c), columns, n, orders)
         c = c.reshape(-1, self.rows, orders)
@@ -128,15 +127,16 @@ class TaylorStepper:
 
     def _motion_function(self) -> ca.Function:
         """The steps of a motion as a `Kernel` iterates them: recorded are coefficients, sensitivities and the length of
-        an accepted step; it goes on until no time is left, the state runs away or no step is accepted."""
-        z, data = (ca.MX.sym(name, self.step_function.numel_in(i)) for i, name in enumerate("zp"))
-        after, c, dc, made = self.step_function(z, data)
+        an accepted step, where the last entry of the data is 1; it goes on until no time is left, the state runs
+        away or no step is accepted."""
+        z, data = (ca.MX.sym(name, self.step_function.numel_in(i) + i) for i, name in enumerate("zp"))
+        after, c, dc, made = self.step_function(z, data[:-1])
         limits = ca.vertcat(after[: self.n], after[-2:])
         taken, goes = _progress(self.n, c.numel())(limits, ca.vec(c), made)
         # A motion whose last step is no number has not come to its end.
         left = ca.if_else(ca.logic_and(made[0] > 0, ca.logic_not(taken)), np.nan, after[-2])
         after = ca.vertcat(after[:-2], left, after[-1])
-        return ca.Function("motion", [z, data], [after, c, dc, made[0], taken, goes])
+        return ca.Function("motion", [z, data], [after, c, dc, made[0], ca.logic_and(taken, data[-1]), goes])
 
 
 def _progress(n: int, size: int) -> ca.Function:

@@ -80,8 +80,8 @@ def begins_of_steps(steps: Array, counts: Array) -> Array:
 class Trajectories:
     """Several motions of one phase, the N steps of all in one array, so that they are evaluated together.
 
-    Beside the fields, `steps` (N,) are the lengths of the steps, `owner` (N,) the motions that they belong to, `first`
-    and `last` (m,) the first and last step of each motion.
+    Beside the fields, `steps` (N,) are the lengths of the steps, `first` and `last` (m,) the first and last step of
+    each motion.
     """
 
     starts: Array  # (N,), times at which the steps begin
@@ -92,12 +92,17 @@ class Trajectories:
     variations: Array | None = None
 
     def __post_init__(self) -> None:
-        self.last = np.cumsum(self.counts) - 1
+        self.last = self.counts.cumsum() - 1
         self.first = self.last - self.counts + 1
-        self.owner = np.repeat(np.arange(len(self.counts)), self.counts)
-        self.steps = np.append(self.starts[1:], 0.0)
+        self.steps = np.empty_like(self.starts)
+        self.steps[:-1] = self.starts[1:]
         self.steps[self.last] = self.ends
         self.steps -= self.starts
+
+    @cached_property
+    def owner(self) -> Array:
+        """The motions (N,) that the steps belong to."""
+        return np.arange(len(self.counts)).repeat(self.counts)
 
     @classmethod
     def of(cls, paths: Sequence[Trajectory]) -> "Trajectories":

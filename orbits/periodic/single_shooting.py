@@ -163,14 +163,33 @@ class Shooting:
         """`evaluate` at points (m, n) with parameters (m, np)."""
         if not self._in_lanes(vary):
             return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
-        before, motions, transitions = np.zeros((len(us), 0)), list[Trajectories](), []
+        before, motions, ends, transitions = np.zeros((len(us), 0)), list[Trajectories](), [], []
         for flow, begin, seeds in zip(self.flows, self._beginnings, self.seeds(vary)[3], strict=True):
             start = begin(us, before, ps)[0][:, :, 0]
             paths, transition = flow.run_all(start[:, :-1], ps, start[:, -1], *seeds)
-            before = paths.finals[:, : flow.size]
+            ends.append(before := paths.finals[:, : flow.size])
             motions.append(paths)
             transitions.append(transition)
-        ends = [paths.finals[:, : flow.size] for flow, paths in zip(self.flows, motions, strict=True)]
+        return self._closed(us, ps, vary, motions, ends, transitions)
+
+    def linearize_all(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...]) -> Evaluation:
+        """`evaluate_all` for a Newton step that is not the last: without the motions, where these need not be kept."""
+        if not self._in_lanes(vary) or any(flow.phase.closed_form for flow in self.flows):
+            return self.evaluate_all(us, ps, vary)
+        before, ends, transitions = np.zeros((len(us), 0)), [], []
+        for flow, begin, seeds in zip(self.flows, self._beginnings, self.seeds(vary)[3], strict=True):
+            start = begin(us, before, ps)[0][:, :, 0]
+            durations = start[:, -1]
+            possible = ((durations > 0) & (durations < np.inf)).all()
+            found = flow.ends_of_all(start[:, :-1], ps, durations, *seeds) if possible else None
+            if found is None:
+                return self.evaluate_all(us, ps, vary)
+            ends.append(before := found[0])
+            transitions.append(found[1])
+        return self._closed(us, ps, vary, (), ends, transitions)
+
+    def _closed(self, us, ps, vary: tuple[str, ...], motions: Sequence, ends: list, transitions: list) -> Evaluation:
+        """The equations from the ends of all arcs and their transitions."""
         flat = [transition.swapaxes(1, 2).reshape(len(us), -1) for transition in transitions]
         residual, jacobian, *rest = self._closing(vary)(us, ps, *ends, *flat)
         derivatives = tuple(rest[::3]), tuple(longer[:, 0] for longer in rest[1::3]), tuple(rest[2::3])

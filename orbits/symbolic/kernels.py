@@ -17,7 +17,7 @@ from .kept import weigh
 from .machine_code import MachineCode, compile_seconds, target
 
 # About the seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
-SECONDS_INTERPRETED = 2e-9
+SECONDS_INTERPRETED = 3e-9
 # So many numbers are recorded at a time, at most.
 SCRATCH = 2_000_000
 # Records of a point for which there is room at first; points that need more go on where they stopped.
@@ -146,10 +146,11 @@ class Kernel:
                 memory[:] = array
             after, *values, recorded, goes = call.flat
             going, tried = True, 0
-            while going and len(records) < capacity * len(values):
-                call.trigger()
+            trigger, before, room = call.trigger, call.arguments[0], capacity * len(values)
+            while going and len(records) < room:
+                trigger()
                 tried += 1
-                call.arguments[0][:] = after
+                before[:] = after
                 going = bool(goes[0])
                 if recorded[0]:
                     records += [value.copy() for value in values]
@@ -190,15 +191,19 @@ class Kernel:
         assert self._code is not None
         size, *sizes = self.sizes_out[:-2]
         lengths, records, used = [capacity * size for size in sizes], [], 0
+        *places, place = (array.__array_interface__["data"][0] for array in (*inputs, memory))
+        after = np.empty(count * (size + 2))
+        z, ends = after[: count * size].reshape(count, size), after[count * size :].reshape(count, 2)
+        places.append(after.__array_interface__["data"][0])
         for length in lengths:
             records.append(memory[used : used + count * length].reshape(count, capacity, length // capacity))
+            places.append(place + used * memory.itemsize)
             used += count * length
-        z, ends = np.empty((count, size)), np.empty((count, 2))
-        arrays = [*inputs, z, *records, ends]
+        places.append(places[len(inputs)] + z.nbytes)
         strides = [size if len(array) == count else 0 for array, size in zip(inputs, self.sizes_in, strict=True)]
         strides += [size, *lengths, 2]
-        pointers = (ctypes.c_void_p * len(arrays))(*(array.__array_interface__["data"][0] for array in arrays))
-        self._code.run(pointers, (ctypes.c_int64 * len(arrays))(*strides), 0, count, capacity)
+        pointers = (ctypes.c_void_p * len(places))(*places)
+        self._code.run(pointers, (ctypes.c_int64 * len(places))(*strides), 0, count, capacity)
         counts = ends[:, 0].astype(int)
         if count == 1:
             return z, [record[0, : counts[0]].copy() for record in records], counts, ends[:, 1] != 0
