@@ -15,6 +15,7 @@ def diagram():
     return existence(MACHINE, "beta", (-0.02, 0.01), "delta", [-4e-5, 0.0, 3e-5], longest=0.05)
 
 
+@pytest.mark.slow
 def test_the_edges_are_folds_and_the_collapse(diagram):
     """Without the fifth power: orbits from the fold on, motions from where the contact no longer collapses."""
     family = follow(MACHINE, "beta", -0.02)

@@ -511,6 +511,7 @@ def test_a_stop_at_the_edge_of_a_law_is_reached():
     assert family[-1].alpha == pytest.approx(4.493409457909064, rel=1e-13)
 
 
+@pytest.mark.slow
 def test_watched_truths_poles_and_orbits_without_what_is_asked(softening):
     watch = {
         "fast": lambda orbit: orbit.alpha > 3.0,

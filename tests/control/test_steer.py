@@ -117,6 +117,7 @@ def test_a_cost_is_least_in_any_unit(scale):
     assert found.legs[0].inputs(0.2)[0] == pytest.approx(6 - 12 * 0.2, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_steps_are_halved_until_they_agree():
     pendulum = Phase("pendulum", ("a", "v"), lambda x, p, q: [x[1], p["f"] - 9 * ca.sin(x[0])])
     swing = {"inputs": {"f": Input(degree=2)}, "start": lambda x, before, p: x, **EFFORT}
@@ -313,6 +314,7 @@ def test_another_machine_starts_from_an_answer(kept):
     assert near.iterations < cold.iterations
 
 
+@pytest.mark.slow
 def test_a_plastic_landing_costs_less_and_each_cost_is_least_in_its_own(kept):
     machine = Hopper(damping=0.01)
     plastic = steering.keep_hopping(machine, lossless=False)

@@ -241,6 +241,7 @@ def test_far_away_is_not_without_bound(machine, verb, name, bounds, at, value):
     assert best.objective == pytest.approx(find(there).document()[name], rel=1e-10)
 
 
+@pytest.mark.slow
 def test_a_front_is_that_of_all_its_starts():
     """No design on a grid of parameters dominates the front; from the stiff end alone no light foot would be found."""
     over = {"b": RANGE, "mass_ratio": (0.05, 8.0)}

@@ -186,6 +186,7 @@ class TestStarts:
         counts = [len(Chain().starts(8.0, 8.0, seed=seed)) for seed in (1, 2)]
         assert counts == [11, 11]
 
+    @pytest.mark.slow
     def test_springs_are_brought_in(self):
         """Hops of hard springs, far from those of the linear ones, checked by another integrator elsewhere."""
         chain = Chain((1.0, 2.0, 3.0), "r + b*r**3", parameters={"b": 0.1})

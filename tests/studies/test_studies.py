@@ -154,6 +154,7 @@ def test_figure_6(tmp_path):
     assert numbers["lossless asymmetry"] < 1e-4
 
 
+@pytest.mark.slow
 def test_figure_8(tmp_path):
     """Curve (d), and what comes beyond it."""
     numbers = figure_8.main(tmp_path, quick=True)
@@ -169,6 +170,7 @@ def test_figure_8(tmp_path):
     assert (tmp_path / "figure_8.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_design(tmp_path):
     """The first family cannot hop 0.2 m with 0.25 m of stroke; the second can, with C = 1.857 (m/s)**(-1/3)."""
     numbers = design.main(tmp_path, quick=True)
@@ -247,6 +249,7 @@ def test_damped_hopper(tmp_path):
     assert (tmp_path / "damped_hopper.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_start_up(tmp_path):
     """A start onto the lossless hop, which goes on; recovery costs the square of what is missing."""
     numbers = start_up.main(tmp_path, quick=True)
