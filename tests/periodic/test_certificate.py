@@ -300,7 +300,7 @@ def test_a_loss_beyond_all_numbers_is_refused():
 
 def test_one_singular_system_of_several():
     square = np.array([np.eye(2), [[1.0, 2.0], [2.0, 4.0]], 2 * np.eye(2)])
-    found = solve(square, np.array([[1.0], [3.0]]))
+    found = solve(square, np.array([[[1.0], [3.0]]]))
     assert found[[0, 2], :, 0] == pytest.approx(np.array([[1.0, 3.0], [0.5, 1.5]]))
     assert np.isnan(found[1]).all()
 
