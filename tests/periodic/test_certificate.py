@@ -104,7 +104,7 @@ def exact_alpha(orbit, b, R, M, length):
         (0.05, 500.0, 0.1, 40.0, 3),
     ],
 )
-@pytest.mark.parametrize("method", [None, "shooting"])
+@pytest.mark.parametrize("method", [None, pytest.param("shooting", marks=pytest.mark.slow)])
 def test_error_bound_against_30_digits(b, R, M, length, family, method):
     law = "1/(1 + z/R)**2" if R else "1"
     parameters = {"b": b, "R": R} if R else {"b": b}

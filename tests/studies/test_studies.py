@@ -94,6 +94,7 @@ def test_spring_families(tmp_path):
     assert (tmp_path / "spring_families.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_gravity_families(tmp_path):
     """In a gradient the hopper ends where the tide stretches the spring to lift-off, the juggler where gravity ends."""
     found = gravity_families.main(tmp_path, quick=True)
@@ -230,6 +231,7 @@ def test_the_first_of_two_lift_offs_is_taken():
     assert find(machine).liftoff_extension == pytest.approx(0.484145, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_damped_hopper(tmp_path):
     """The effort goes with the square of the damping, above its bound, and the work is the dissipation: that of the
     lossless hop, in closed form."""
