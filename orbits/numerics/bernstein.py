@@ -37,6 +37,7 @@ def _to_bernstein(degree: int) -> np.ndarray:
     return matrix
 
 
+@np.errstate(over="ignore")  # a power beyond the largest number is infinite
 def powers(t: ArrayLike, count: int) -> np.ndarray:
     """The powers t**0 ... t**(count - 1), (..., count), by multiplication, which is many times faster than `**`."""
     t = np.asarray(t, dtype=float)

@@ -113,7 +113,10 @@ def enclosed_sign_changes(
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """The solution of a square system (n, n) or of a stack of them (m, n, n); NaN, and no error, for a singular one."""
+    """The solution of a square system (n, n) or of a stack of them (m, n, n); NaN, and no error, for a singular one.
+
+    right : (n,) or (n, k); for a stack (m, n, k), or (1, n, k) where all have the same
+    """
     try:
         return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:

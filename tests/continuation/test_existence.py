@@ -15,6 +15,7 @@ def diagram():
     return existence(MACHINE, "beta", (-0.02, 0.01), "delta", [-4e-5, 0.0, 3e-5], longest=0.05)
 
 
+@pytest.mark.slow
 def test_the_edges_are_folds_and_the_collapse(diagram):
     """Without the fifth power: orbits from the fold on, motions from where the contact no longer collapses."""
     family = follow(MACHINE, "beta", -0.02)
@@ -26,12 +27,14 @@ def test_the_edges_are_folds_and_the_collapse(diagram):
     assert diagram.motions(1) == [(min(low for low, _, motion in found if motion), 0.01)]
 
 
+@pytest.mark.slow
 def test_the_edge_moves_as_the_fold_does(diagram):
     (fold,) = [event.point for event in follow(MACHINE, "beta", -0.02).events if event.kind == "fold"]
     curve = follow_fold(MACHINE, fold, "beta", "delta", -4e-5)
     assert min(low for low, _, _ in diagram.stretches(0)) == pytest.approx(curve[-1].also["beta"], abs=1e-11)
 
 
+@pytest.mark.slow
 def test_stretches_cover_a_family_once():
     family = follow(MACHINE, "beta", -0.02)
     found = list(intervals_of(family))

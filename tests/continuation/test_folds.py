@@ -55,6 +55,7 @@ def quintic():
     return machine, fold_of(follow(machine, "beta", -0.02))
 
 
+@pytest.mark.slow
 def test_the_curve_is_made_of_the_folds_of_single_families(quintic):
     machine, fold = quintic
     curve = follow_fold(machine, fold, "beta", "delta", 3e-5, at=[2e-5])
@@ -66,6 +67,7 @@ def test_the_curve_is_made_of_the_folds_of_single_families(quintic):
     assert curve.column("delta")[-1] == 3e-5
 
 
+@pytest.mark.slow
 def test_two_folds_meet_in_a_cusp(quintic):
     machine, fold = quintic
     curve = follow_fold(machine, fold, "beta", "delta", 1e-4)

@@ -85,8 +85,10 @@ def test_the_saturating_spring_runs_off_to_its_limit(family):
 @pytest.mark.parametrize(
     ("machine", "along", "stop"),
     [
-        (Hopper("cubic", parameters={"beta": 0.0}), "beta", -0.02),
-        (Hopper("r + c*r**2 + d*r**3", parameters={"c": 0.0, "d": -0.003}), "c", 0.2),
+        pytest.param(Hopper("cubic", parameters={"beta": 0.0}), "beta", -0.02, marks=pytest.mark.slow),
+        pytest.param(
+            Hopper("r + c*r**2 + d*r**3", parameters={"c": 0.0, "d": -0.003}), "c", 0.2, marks=pytest.mark.slow
+        ),
         (Hopper("r", "1/(1 + k*z)**2", rest_length=20.0, parameters={"k": 0.0}), "k", 0.05),
         (Juggler("r + 0.1*r**3", "1/(1 + k*z)**2", rest_length=20.0, parameters={"k": 0.0}), "k", 0.05),
         (Hopper("bilinear", parameters={"ratio": 1.0}), "ratio", 5.0),
@@ -310,7 +312,10 @@ def test_plots(softening):
     assert {text.get_text() for text in axes.get_legend().get_texts()} == {"first", "second", "collapse", "fold"}
 
 
-@pytest.mark.parametrize(("text", "parameters", "family"), list(random_springs(12, seed=7)))
+@pytest.mark.parametrize(
+    ("text", "parameters", "family"),
+    [pytest.param(*law, marks=pytest.mark.slow if k >= 4 else ()) for k, law in enumerate(random_springs(12, seed=7))],
+)
 def test_random_families_keep_to_their_curve(text, parameters, family):
     curves = twice(text, parameters, family)
     assert curves is None or not differences(*curves, family)
@@ -403,6 +408,7 @@ def test_thumbnails_are_spread_along_the_curve_and_leave_room_for_the_labels(sof
         assert min(box.x0, box.y0, frame.x1 - box.x1, frame.y1 - box.y1) >= 0
 
 
+@pytest.mark.slow
 def test_memory_stays_flat_over_many_orbits():
     def grown() -> float:
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -457,6 +463,7 @@ def test_values_beside_a_fold_are_hit_twice(before):
     assert len(family) <= 60
 
 
+@pytest.mark.slow
 def test_a_family_does_not_depend_on_the_unit_of_its_parameter():
     plain, scaled = (
         follow(Hopper(f"r + {factor}*b*r**3", rest_length=30.0, parameters={"b": 0.0}), "b", -0.02 / factor)
@@ -505,6 +512,7 @@ def test_a_stop_at_the_edge_of_a_law_is_reached():
     assert family[-1].alpha == pytest.approx(4.493409457909064, rel=1e-13)
 
 
+@pytest.mark.slow
 def test_watched_truths_poles_and_orbits_without_what_is_asked(softening):
     watch = {
         "fast": lambda orbit: orbit.alpha > 3.0,

@@ -97,6 +97,7 @@ def test_points_certified_one_by_one_are_the_same_curve(monkeypatch):
     assert family[-1].alpha == pytest.approx(ALPHA, rel=1e-13)
 
 
+@pytest.mark.slow
 def test_every_way_along_a_curve_takes_them():
     machine = Hopper("r + beta*r**3 + delta*r**5", parameters={"beta": 0.0, "delta": 0.0})
     fold = next(event.point for event in follow(machine, "beta", -0.02).events if event.kind == "fold")

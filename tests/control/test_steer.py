@@ -4,7 +4,7 @@ import casadi as ca
 import mpmath as mp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import expm
 
 from orbits import Guess, Input, InputError, NoOrbit, Phase, Stage, find, simulate, steer
@@ -117,6 +117,7 @@ def test_a_cost_is_least_in_any_unit(scale):
     assert found.legs[0].inputs(0.2)[0] == pytest.approx(6 - 12 * 0.2, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_steps_are_halved_until_they_agree():
     pendulum = Phase("pendulum", ("a", "v"), lambda x, p, q: [x[1], p["f"] - 9 * ca.sin(x[0])])
     swing = {"inputs": {"f": Input(degree=2)}, "start": lambda x, before, p: x, **EFFORT}
@@ -242,7 +243,7 @@ def test_a_damped_hopper_is_kept_hopping(kept):
     t = np.linspace(0, kept.legs[0].duration, 20001)
     stretching = kept.legs[0].path(t) @ [0, 1, 0, -1, 0, *[0] * (len(kept.legs[0].path.names) - 5)]
     s = np.linspace(0, kept.legs[1].duration, 20001)
-    lost = np.trapezoid(stretching**2, t) + np.trapezoid(kept.legs[1].path(s)[:, 1] ** 2, s)
+    lost = trapezoid(stretching**2, t) + trapezoid(kept.legs[1].path(s)[:, 1] ** 2, s)
     assert done == pytest.approx(0.01 * lost, rel=1e-6)  # work in, dissipation out
     assert positive >= done
 
@@ -313,6 +314,7 @@ def test_another_machine_starts_from_an_answer(kept):
     assert near.iterations < cold.iterations
 
 
+@pytest.mark.slow
 def test_a_plastic_landing_costs_less_and_each_cost_is_least_in_its_own(kept):
     machine = Hopper(damping=0.01)
     plastic = steering.keep_hopping(machine, lossless=False)
@@ -438,7 +440,7 @@ def test_driven_energy_and_schedules():
     for i, rate in enumerate(rates):
         t = np.linspace(times[i], times[i + 1], 4001)
         states = run(t)
-        done -= rate * np.trapezoid(states[:, 0] - states[:, 2] - states[:, 4], t)
+        done -= rate * trapezoid(states[:, 0] - states[:, 2] - states[:, 4], t)
     impacts = Impacts(machine)
     assert impacts.energy(run(6.0)) - impacts.energy(run(0.0)) == pytest.approx(done, abs=1e-6)
     for schedule, words in (

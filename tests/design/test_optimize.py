@@ -241,6 +241,7 @@ def test_far_away_is_not_without_bound(machine, verb, name, bounds, at, value):
     assert best.objective == pytest.approx(find(there).document()[name], rel=1e-10)
 
 
+@pytest.mark.slow
 def test_a_front_is_that_of_all_its_starts():
     """No design on a grid of parameters dominates the front; from the stiff end alone no light foot would be found."""
     over = {"b": RANGE, "mass_ratio": (0.05, 8.0)}
@@ -269,6 +270,7 @@ def test_starts_are_seeded():
     assert len({start.parameters["b"] for start in one.starts}) == 2
 
 
+@pytest.mark.slow
 def test_front():
     """Every design is certified; one objective rises as the other falls, and the slope is the multiplier."""
     front = pareto(CUBIC, minimise=("loss_coefficient", "alpha"), over={"b": RANGE}, points=5)
@@ -432,6 +434,7 @@ def test_command_line(orbits, tmp_path):
     assert orbits("find --family 2 --machine", path).code == 0
 
 
+@pytest.mark.slow
 def test_command_line_of_a_front(orbits, tmp_path):
     path = tmp_path / "leg.toml"
     objectives = '["alpha", "loss_coefficient"]\npoints = 3'

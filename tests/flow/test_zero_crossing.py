@@ -31,7 +31,8 @@ def test_sign_changes_are_closed_to_neighbouring_numbers():
     ("machine", "low", "high"),
     [
         (Hopper("cubic", mass_ratio=10.0, parameters={"beta": -0.0104}), 4.0, 7.0),
-        (Hopper("r + 0.1*r**3"), 1.0, 9.0), (Juggler("tanh(0.15*r)/0.15"), 1.0, 9.0),
+        (Hopper("r + 0.1*r**3"), 1.0, 9.0),
+        pytest.param(Juggler("tanh(0.15*r)/0.15"), 1.0, 9.0, marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_every_lossless_hop_under_constant_gravity(machine, low, high):
@@ -62,7 +63,8 @@ def test_under_varying_gravity_those_of_find():
 @pytest.mark.parametrize(
     ("e", "inject", "root", "width", "samples"),
     [
-        (0.9, 0.3, 4.645714373490958, 0.01, 11), (0.8, 1.0, 4.8020163721065, 0.01, 11),
+        pytest.param(0.9, 0.3, 4.645714373490958, 0.01, 11, marks=pytest.mark.slow),
+        (0.8, 1.0, 4.8020163721065, 0.01, 11),
         (0.8, 1.5, 5.6082259848818, 0.02, 21), (0.5, 1.5, 4.3758465565328, 0.05, 11),
     ],
 )  # fmt: skip
@@ -88,7 +90,7 @@ def test_preimages_are_all_there():
     np.testing.assert_array_equal(within(alpha, wide), inside)
 
 
-@pytest.mark.parametrize("machine", [Hopper(), Hopper(mass_ratio=2.0)])
+@pytest.mark.parametrize("machine", [Hopper(), pytest.param(Hopper(mass_ratio=2.0), marks=pytest.mark.slow)])
 def test_the_basin_is_what_comes_to_a_lossless_hop(machine):
     step, high = ReturnMap(machine), 5.6
     basin = step.basin(4.5, high)

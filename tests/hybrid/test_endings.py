@@ -199,6 +199,7 @@ class TestStatuses:
         assert "outside the law's range" in run.reason
         assert run.document()["reason"] == run.reason
 
+    @pytest.mark.slow
     def test_carried_off_and_collapsed(self):
         far = {"rest_length": 5.0, "parameters": {"R": 5.0}}
         assert self.same(Hopper("r", "1/(1 + z/R)**2", **far), 9.0) == "carried_off"

@@ -104,7 +104,7 @@ def exact_alpha(orbit, b, R, M, length):
         (0.05, 500.0, 0.1, 40.0, 3),
     ],
 )
-@pytest.mark.parametrize("method", [None, "shooting"])
+@pytest.mark.parametrize("method", [None, pytest.param("shooting", marks=pytest.mark.slow)])
 def test_error_bound_against_30_digits(b, R, M, length, family, method):
     law = "1/(1 + z/R)**2" if R else "1"
     parameters = {"b": b, "R": R} if R else {"b": b}
@@ -300,7 +300,7 @@ def test_a_loss_beyond_all_numbers_is_refused():
 
 def test_one_singular_system_of_several():
     square = np.array([np.eye(2), [[1.0, 2.0], [2.0, 4.0]], 2 * np.eye(2)])
-    found = solve(square, np.array([[1.0], [3.0]]))
+    found = solve(square, np.array([[[1.0], [3.0]]]))
     assert found[[0, 2], :, 0] == pytest.approx(np.array([[1.0, 3.0], [0.5, 1.5]]))
     assert np.isnan(found[1]).all()
 

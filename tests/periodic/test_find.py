@@ -347,6 +347,7 @@ def test_what_is_narrower_than_a_step_is_not_missed_silently(spring, gravity):
         assert "certified" in refusal or "did not converge" in refusal if refusal else drift < 1e-12
 
 
+@pytest.mark.slow
 def test_a_force_that_jumps_at_a_breakpoint_is_the_limit_of_a_steep_one():
     """r + 0.2 sgn r against r + 0.2 tanh(w r): the difference falls with 1/w^2, in the derivatives too."""
     jump = find(Hopper(springs.function(lambda r: r + 0.2 * np.sign(r), breakpoints=(0,))))

@@ -64,6 +64,7 @@ class TestThreeMasses:
         assert rest_and_times(orbit) == pytest.approx(exactly((1, 1, 1), (1, 1), known), abs=1e-12)
         assert any(abs(orbit.alpha - other.alpha) < 1e-12 for other in three)
 
+    @pytest.mark.slow
     def test_every_hop_that_is_found_is_one(self, three):
         assert len(three) == len({round(orbit.alpha, 9) for orbit in three}) == 11
         for orbit in three:
@@ -155,7 +156,7 @@ class TestSimulation:
 
 
 class TestMany:
-    @pytest.mark.parametrize("count", [4, pytest.param(6, marks=pytest.mark.slow)])
+    @pytest.mark.parametrize("count", [pytest.param(count, marks=pytest.mark.slow) for count in (4, 6)])
     def test_hops_of_long_chains(self, count):
         chain = Chain([1.0] * count)
         orbits = find_all(chain, chain.starts(6.0, 6.0))
@@ -164,6 +165,7 @@ class TestMany:
             mine = rest_and_times(orbit)
             assert mine == pytest.approx(exactly([1] * count, [1] * (count - 1), mine), rel=1e-9)
 
+    @pytest.mark.slow
     def test_followed_in_a_mass_against_the_linear_closed_form(self, three):
         orbit = next(o for o in three if abs(o.alpha - 6.3478627438) < 1e-9)
         family = follow(Chain(), "m1", 1.5, orbit=orbit, at=[1.2])
@@ -172,6 +174,7 @@ class TestMany:
             there = Chain((point.value, 1.0, 1.0))
             assert min(abs(point.alpha - o.alpha) for o in find_all(there, there.starts(8.0, 8.0))) < 1e-11
 
+    @pytest.mark.slow
     def test_followed_in_the_springs_nonlinearity(self, three):
         chain = Chain(springs="r + b*r**3", parameters={"b": 0.0})
         orbit = next(o for o in three if abs(o.alpha - 6.3478627438) < 1e-9)
@@ -182,10 +185,12 @@ class TestMany:
 
 
 class TestStarts:
+    @pytest.mark.slow
     def test_every_seed_finds_all_of_three_masses(self):
         counts = [len(Chain().starts(8.0, 8.0, seed=seed)) for seed in (1, 2)]
         assert counts == [11, 11]
 
+    @pytest.mark.slow
     def test_springs_are_brought_in(self):
         """Hops of hard springs, far from those of the linear ones, checked by another integrator elsewhere."""
         chain = Chain((1.0, 2.0, 3.0), "r + b*r**3", parameters={"b": 0.1})

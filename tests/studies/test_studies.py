@@ -94,6 +94,7 @@ def test_spring_families(tmp_path):
     assert (tmp_path / "spring_families.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_gravity_families(tmp_path):
     """In a gradient the hopper ends where the tide stretches the spring to lift-off, the juggler where gravity ends."""
     found = gravity_families.main(tmp_path, quick=True)
@@ -154,6 +155,7 @@ def test_figure_6(tmp_path):
     assert numbers["lossless asymmetry"] < 1e-4
 
 
+@pytest.mark.slow
 def test_figure_8(tmp_path):
     """Curve (d), and what comes beyond it."""
     numbers = figure_8.main(tmp_path, quick=True)
@@ -169,6 +171,7 @@ def test_figure_8(tmp_path):
     assert (tmp_path / "figure_8.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_design(tmp_path):
     """The first family cannot hop 0.2 m with 0.25 m of stroke; the second can, with C = 1.857 (m/s)**(-1/3)."""
     numbers = design.main(tmp_path, quick=True)
@@ -228,6 +231,7 @@ def test_the_first_of_two_lift_offs_is_taken():
     assert find(machine).liftoff_extension == pytest.approx(0.484145, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_damped_hopper(tmp_path):
     """The effort goes with the square of the damping, above its bound, and the work is the dissipation: that of the
     lossless hop, in closed form."""
@@ -247,6 +251,7 @@ def test_damped_hopper(tmp_path):
     assert (tmp_path / "damped_hopper.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_start_up(tmp_path):
     """A start onto the lossless hop, which goes on; recovery costs the square of what is missing."""
     numbers = start_up.main(tmp_path, quick=True)

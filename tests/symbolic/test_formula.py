@@ -419,11 +419,12 @@ def scrambled(rng: random.Random) -> str:
     return text
 
 
-def test_random_text_is_a_formula_or_an_input_error():
-    rng = random.Random(1)
+@pytest.mark.parametrize(("seed", "count"), [(1, 25_000), pytest.param(2, 100_000, marks=pytest.mark.slow)])
+def test_random_text_is_a_formula_or_an_input_error(seed, count):
+    rng = random.Random(seed)
     values = np.array([0.5, -2.0])
     parsed, messages = 0, []
-    for _ in range(100_000):
+    for _ in range(count):
         try:
             formula = parse(scrambled(rng))
         except InputError as error:
@@ -434,7 +435,7 @@ def test_random_text_is_a_formula_or_an_input_error():
         if parsed % 20 == 0:
             assert np.shape(formula(**dict.fromkeys(formula.names, values))) in ((), (2,))
     assert all("formula" in message for message in messages)
-    assert min(parsed, len(messages)) > 20_000, "the strings are neither all formulas nor all nonsense"
+    assert min(parsed, len(messages)) > count / 5, "the strings are neither all formulas nor all nonsense"
 
 
 @pytest.mark.parametrize(

@@ -32,14 +32,13 @@ def test_calls_in_threads_and_a_child_give_the_sequential_answers():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("repeat", range(2))
-def test_many_calls_in_threads_give_the_sequential_answers(repeat):
-    run("concurrent_calls.py", 8, 400)
+def test_many_calls_in_threads_give_the_sequential_answers():
+    run("concurrent_calls.py", 8, 200)
 
 
 @pytest.mark.slow
 def test_many_laws_take_little_memory():
-    run("many_laws.py", 25, 400)
+    run("many_laws.py", 12, 400)
 
 
 def in_thread(function):
