@@ -3,8 +3,10 @@
 import ctypes
 import os
 import threading
+import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from typing import NamedTuple
 
 import casadi as ca
@@ -18,6 +20,8 @@ from .machine_code import MachineCode, compile_seconds, target
 
 # About the seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
 SECONDS_INTERPRETED = 3e-9
+# From this many instructions on, optimised code takes longer to make than it repays.
+LONG = 15_000
 # So many numbers are recorded at a time, at most.
 SCRATCH = 2_000_000
 # Records of a point for which there is room at first; points that need more go on where they stopped.
@@ -53,9 +57,9 @@ class Kernel:
     """A function of vectors iterated at several points, at each until it says that it is done.
 
     The function takes (z, data, ...) to (z after it, what is to be recorded ..., whether to record it, whether to go
-    on), all dense. Its iterations are interpreted until that has taken as long as compiling it, so that it costs at
-    most twice the best time and nothing is compiled for a few points. Each number is the same with any number of
-    threads.
+    on), all dense. Its iterations are interpreted until that has taken as long as compiling it, and what is compiled is
+    optimised when it has run for as long as that takes: so nothing is compiled for a few points. Each number is the
+    same either way, and with any number of threads.
     """
 
     def __init__(self, function: ca.Function):
@@ -64,6 +68,7 @@ class Kernel:
         self.sizes_out = [function.nnz_out(i) for i in range(function.n_out())]
         length = _length(function)
         self.seconds_per_step, self.interpretation_budget = length * SECONDS_INTERPRETED, compile_seconds(length)
+        self.optimisation_budget = compile_seconds(length, optimised=True) if length < LONG else np.inf
         self._interpreted: BufferedFunction | None = None
         self._code: MachineCode | None = None
         # Room for so many records of a point, learned from earlier calls, which no number depends on.
@@ -79,17 +84,24 @@ class Kernel:
         with LOCK:
             if self._code is None and self.interpretation_budget < np.inf:
                 self.interpretation_budget = np.inf  # It is tried once.
-                if target():
-                    expanded = self.function.expand()
-                    arguments = expanded.sx_in()
-                    options = {"cse": True}
-                    merged = ca.Function(self.function.name(), arguments, expanded.call(arguments), options)
-                    try:
-                        self._code = MachineCode(merged)
-                        weigh([merged], [np.empty(self._code.size, dtype=np.uint8)])
-                    except (NotImplementedError, RuntimeError):
-                        return False
+                self._make_code(optimised=False)
         return self.compiled
+
+    def optimise(self) -> None:
+        """Make the machine code that takes the least time."""
+        with LOCK:
+            if self.optimisation_budget < np.inf:
+                self.optimisation_budget = np.inf
+                self._make_code(optimised=True)
+
+    def _make_code(self, optimised: bool) -> None:
+        if target():
+            expanded = self.function.expand()
+            arguments = expanded.sx_in()
+            merged = ca.Function(self.function.name(), arguments, expanded.call(arguments), {"cse": True})
+            with suppress(NotImplementedError, RuntimeError):
+                self._code = MachineCode(merged, optimised)
+                weigh([merged], [np.empty(self._code.size, dtype=np.uint8)])
 
     def __call__(self, *arguments: np.ndarray, most: int = 2**31) -> Iterated:
         """Iterate from arguments (m, size), or (1, size) for all points, to at most so many records of a point."""
@@ -130,7 +142,11 @@ class Kernel:
             parts.append(self._interpret([array[first if len(array) == count else 0] for array in inputs], capacity))
             first += 1
         if first < count:
+            if self.optimisation_budget < 0:
+                self.optimise()
+            began = time.perf_counter()
             parts += self._in_lanes([array if len(array) < count else array[first:] for array in inputs], capacity)
+            self.optimisation_budget -= time.perf_counter() - began
         if len(parts) == 1:
             return parts[0]
         z, records, counts, going = zip(*parts, strict=True)
