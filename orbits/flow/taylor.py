@@ -215,12 +215,14 @@ def _step_function(graph: VectorField, columns: int, varied: tuple[int, ...]) ->
         dc = ca.MX(TAYLOR_ORDER + 1, 0)
     powers, limits, made = _length_function(graph, columns, len(varied))(c[:, :n], dc, p, ca.vec(dp), z[-2:])
     ends = (powers.T @ ca.horzcat(c[:, :n], dc)).T
-    return ca.Function("taylor", [z, data], [ca.vertcat(ends, limits), c, dc, made])
+    # A choice between ends costs less than powers of a chosen length, into which CasADi draws the choice.
+    after = ca.vertcat(ca.if_else(made[0] > 0, ends, z[:-2]), limits)
+    return ca.Function("taylor", [z, data], [after, c, dc, made])
 
 
 def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Function:
     """The choice of a step's length: coefficients of a step, p, dp, and limits (2,), which are the time left and the
-    longest step to try -> the powers (K + 1,) of the length, the next limits, the lengths taken and tried."""
+    longest step to try -> the powers (K + 1,) of the length tried, the next limits, the lengths taken and tried."""
     n, orders = graph.size, TAYLOR_ORDER + 1
     c, dc = ca.SX.sym("c", orders, n), ca.SX.sym("dc", orders, n * columns)
     dp, limits = ca.SX.sym("dp", varied * columns), ca.SX.sym("l", 2)
@@ -233,11 +235,12 @@ def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Functi
     h = ca.fmin(longest, length)
     h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
     size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # The size of a motion at rest at the origin would be 0.
-    accepted = _defect(graph, ca.diag(symbolic_powers(h)) @ c, h) <= LARGEST_DEFECT * size
+    powers = symbolic_powers(h)
+    accepted = _defect(graph, ca.diag(powers) @ c, h) <= LARGEST_DEFECT * size
     # A step that is far too long for the rate of the state is shortened at once instead of halved many times.
     shorter = 0.5 * ca.fmin(h, ca.sqrt(h * size / ca.norm_inf(c[1, :])))
     taken, next_longest = ca.if_else(accepted, h, 0), ca.if_else(accepted, LONGEST_STEP, shorter)
-    results = [symbolic_powers(taken), ca.vertcat(left - taken, next_longest), ca.vertcat(taken, h)]
+    results = [powers, ca.vertcat(left - taken, next_longest), ca.vertcat(taken, h)]
     return ca.Function("measure", [c, dc, graph.p, dp, limits], results)
 
 
