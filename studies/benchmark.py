@@ -34,6 +34,7 @@ from orbits import METHODS, InputError, ReturnMap, find, follow, orbit_at
 from orbits.continuation.curve import Curve
 from orbits.flow.flow import Flow
 from orbits.flow.runge_kutta import RungeKuttaStepper
+from orbits.periodic.formulations import equations_of
 from orbits.plot import COLOURS, new_row, save_figure
 from problems import Chain, Hopper
 
@@ -234,6 +235,52 @@ def maps_of(machine, rates: Callable, losses: dict[float, str], seconds: float) 
     ]
 
 
+def lanes_of(seconds: float, quick: bool) -> dict[str, list[dict]]:
+    """Many motions at a time in the lanes of machine code: half a flight with its derivatives, beside heyoka's batch
+    mode; a step of the relative flow; and a map whose launches several threads share."""
+    (machine, family, *_), count = SCENES["cubic"], 100 if quick else 1000
+    orbit = find(machine, family)
+    half, p = np.full(count, orbit.flight_time / 2), np.array([list(machine.values.values())])
+    flight, starts = Flow(replace(machine.model.flight, closed_form=None), tuple(machine.values)), orbit(0.0)
+    relative = equations_of(machine.model, "relative", tuple(machine.values)).flows[0]
+    found: dict[str, list[dict]] = {"half a flight and its slopes": [], "a step of the relative flow": []}
+    for scene, flow, start, columns in (
+        ("half a flight and its slopes", flight, starts, 4),
+        ("a step of the relative flow", relative, [orbit.liftoff_extension, orbit.alpha], 0),
+        ("a step of the relative flow", relative, [orbit.liftoff_extension, orbit.alpha], 2),
+    ):
+        stepper = flow.stepper(columns)
+        if not _compiled(stepper, wanted=True):
+            continue
+        stepper.kernel.optimise()
+        many = np.tile(start, (count, 1)), p, half, np.eye(flow.size, columns), np.zeros((p.size, columns))
+        took, motions = timed(lambda many=many, stepper=stepper: stepper.advance_all(*many, count=0), seconds)
+        steps = len(stepper.advance_all(*many).steps) if flow is relative else count
+        row = {"way": f"lanes, {columns} columns", "seconds": took / steps, "setting": count}
+        found[scene].append(row | {"error": float(np.abs(motions.ends[:, 1::2]).max())})
+    with contextlib.suppress(ImportError):
+        batch = peers.flows_by_heyoka(machine)
+        took, (ends, _) = timed(lambda: batch(np.tile(starts, (count, 1)), half), seconds)
+        row = {"way": "heyoka, batch", "seconds": took / count, "setting": count}
+        found["half a flight and its slopes"].append(row | {"error": float(np.abs(ends[:, 1::2]).max())})
+    return found | {"return map in threads": _threads_of(machine, 1000 if quick else 100_000)}
+
+
+def _threads_of(machine, count: int) -> list[dict]:
+    """A map of so many launches by one thread and by two; the error is that of the second against the first."""
+    step, alpha, before = ReturnMap(machine), np.linspace(3.5, 8.0, count), os.environ.get("ORBITS_THREADS")
+    _warmed(lambda: step(alpha[:1000]), 1.0)
+    rows, first = [], None
+    for threads in (1, 2):
+        os.environ["ORBITS_THREADS"] = str(threads)
+        took, hops = timed(lambda: step(alpha), 0.0)
+        first = hops.next if first is None else first
+        error = float(np.nanmax(np.abs(hops.next - first)))
+        rows.append({"way": f"{threads} threads", "seconds": took / count, "error": error, "setting": count})
+    os.environ.pop("ORBITS_THREADS") if before is None else os.environ.update(ORBITS_THREADS=before)
+    return rows
+
+
 def families_of(seconds: float, quick: bool) -> dict[str, list[dict]]:
     """A family through every scene: a point, certified, and what it is compared with; the cubic one by stepping scipy's
     shooting too."""
@@ -374,52 +421,49 @@ def environment() -> dict:
 
 
 def draw(results: dict):
-    """Work against precision of orbits, flows, maps and families; the cold starts and the scaling."""
-    axes = new_row(4, 4.3, 3.7, rows=3).ravel()
+    """The cubic scene's work against precision, cold starts, and how an orbit's time grows; the table has the rest."""
+    axes = new_row(3, 4.3, 3.7, rows=2).ravel()
     ours = (*METHODS, "warm", "Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8")
-    ours += ("return map, 1000 at a time", "return map, one", "follow, certified")
+    ours += ("return map, 1000 at a time", "return map, one", "follow, certified", "lanes, 4 columns")
     looks = {way: ("o", colour) for way, colour in zip(ours, cycle(COLOURS), strict=False)}
     looks |= {"Opti, RK4": ("^-", "0.6"), "rockit, RK4": ("v-", "0.75"), "heyoka + Newton": ("D", "0.2")}
-    looks |= {"heyoka": ("D", "0.2")} | dict.fromkeys(("scipy DOP853 + root", "scipy DOP853"), ("s-", "0.35"))
+    looks |= {"heyoka": ("D", "0.2"), "heyoka, batch": ("d", "0.2")}
+    looks |= dict.fromkeys(("scipy DOP853 + root", "scipy DOP853"), ("s-", "0.35"))
     looks |= dict.fromkeys(("scipy events, flight alone", "scipy, stepped"), ("s", "0.35"))
 
     def scatter(one, rows, title, unit):
         for way in dict.fromkeys(row["way"] for row in rows if row["way"] in looks):
             points = np.array([(row["error"], row["seconds"]) for row in rows if row["way"] == way])
             style, colour = looks[way]
-            one.loglog(np.maximum(points[:, 0], 1e-16), 1e3 * points[:, 1], style, color=colour, ms=5, label=way)
+            one.loglog(np.maximum(points[:, 0], 1e-16), 1e3 * points[:, 1], style, color=colour, label=way)
         one.set(title=title, xlabel="true error", ylabel=f"ms {unit}", xlim=(3e-17, 1))
-        one.legend(frameon=False, fontsize=5.5)
+        one.legend(frameon=False, fontsize="small")
 
-    for one, (name, rows) in zip(axes, results["orbits"].items(), strict=False):
-        scatter(one, rows, name, "an orbit")
-    bars, base = axes[5], np.zeros(len(SCENES))
+    flights = results["lanes"].get("half a flight and its slopes", [])
+    scatter(axes[0], results["orbits"]["cubic"], "an orbit", "an orbit")
+    scatter(axes[1], [*results["flows"]["cubic"], *flights], "half a flight and its slopes", "a flight")
+    scatter(axes[2], results["maps"]["cubic"], "the return map", "a launch")
+    scatter(axes[3], results["families"]["cubic"], "a family", "a point")
+    bars, base = axes[4], np.zeros(len(SCENES))
     for part, colour in zip(("import", "build", "solve", "certify"), COLOURS, strict=False):
         values = np.array([1e3 * results["cold"][name][part] for name in SCENES])
         bars.barh(range(len(SCENES)), values, left=base, color=colour, label=part)
         base = base + values
-    names = [name.replace("inverse-square ", "") for name in SCENES]
-    bars.set(yticks=range(len(SCENES)), yticklabels=names, xlabel="ms, cold start")
-    bars.legend(frameon=False, fontsize="x-small")
-    for one, names in ((axes[6], ("family", "stiffness")), (axes[7], ("masses of a chain", "shooting nodes"))):
-        for name in names:
-            found = results["scaling"][name]
-            label = f"{name}, exponent {found['exponent']:.2f}"
-            one.loglog(found["values"], 1e3 * np.array(found["seconds"]), "o-", label=label)
-        one.set(ylabel="ms an orbit", xlabel=" or ".join(names))
-        one.xaxis.set_minor_formatter("")
-        one.legend(frameon=False, fontsize="x-small")
-    for one, name in zip(axes[8:10], list(SCENES)[1:3], strict=True):
-        scatter(one, results["flows"][name], f"{name.split(',')[0]}: half a flight and its slopes", "a flow")
-    scatter(axes[10], results["maps"]["cubic"], "cubic: the return map", "a launch")
-    scatter(axes[11], results["families"]["cubic"], "cubic: a family", "a point")
+    names = [name.replace(", inverse-square gravity", ",\nfalling gravity") for name in SCENES]
+    bars.set(yticks=range(len(SCENES)), yticklabels=names, xlabel="ms", title="a new process")
+    bars.legend(frameon=False, fontsize="small")
+    for name, found in results["scaling"].items():
+        label = f"{name}: power {found['exponent']:.2f}"
+        axes[5].loglog(found["values"], 1e3 * np.array(found["seconds"]), "o-", label=label)
+    axes[5].set(ylabel="ms an orbit", xlabel="number, or stiffness", title="what makes an orbit longer")
+    axes[5].legend(frameon=False, fontsize="small")
     return axes[0]
 
 
 def rows_of(results: dict) -> dict[str, dict]:
     """Every row that was measured, by what it is of."""
     found = {}
-    for part in ("orbits", "flows", "maps", "families"):
+    for part in ("orbits", "flows", "lanes", "maps", "families"):
         for scene, rows in results[part].items():
             for row in rows:
                 found[" | ".join([part, scene, row["way"], *([str(row["setting"])] if "setting" in row else [])])] = row
@@ -447,6 +491,7 @@ def main(folder: Path, quick: bool = False, against: Path | None = None) -> dict
             machine, find(machine, family), seconds, peers.TOLERANCES[:: 4 if some else 1]
         )
         results["cold"][name] = cold(machine, family)
+    results["lanes"] = lanes_of(seconds, quick)
     results["maps"] = {
         name: maps_of(SCENES[name][0], SCENES[name][3], LOSSES[name], seconds)
         for name in list(LOSSES)[: 2 if quick else None]
