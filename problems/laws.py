@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -102,8 +103,11 @@ class Law:
     pieces: tuple[int, Callable] | None = None
 
     def __post_init__(self) -> None:
-        for name, value in self.parameters.items():
-            number(name, value)
+        checked = {name: number(name, value) for name, value in self.parameters.items()}
+        object.__setattr__(self, "parameters", MappingProxyType(checked))
+
+    def __reduce__(self) -> tuple[type, tuple]:
+        return Law, (self.text, self.variable, self.expression, dict(self.parameters), self.pieces)
 
     @property
     def key(self) -> Key:
