@@ -157,7 +157,12 @@ class TestTable:
         (lambda: springs.function(lambda r: {}["rubber"]), "KeyError: 'rubber'"),
         (lambda: springs.formula("r + c*v", c=0.1), "depends on the extension r alone.*damping"),
         (lambda: springs.formula("1/tanh(r/L) - L/r", L=2.0), "0/0 at r = 0; its limit there is about 0,.*table"),
-        (lambda: gravity.formula("sin(z)/z"), "0/0 at z = 0; its limit there is about 1,"),
+        (lambda: gravity.formula("sin(z)/z"), "0/0 at z = 0; its limit there is about 1,.* without that division$"),
+        (lambda: gravity.function(lambda z: np.sin(z) / z), "0/0 at z = 0; its limit there is about 1,"),
+        (
+            lambda: springs.function(lambda r, b: 1 / np.tanh(b * r) - 1 / (b * r), b=2.0),
+            "0/0 at r = 0; its limit.*table",
+        ),
         (lambda: springs.as_spring("r + b*r**3", {"b": 0.1, "c": 1.0}), "no parameter 'c'; known: b"),
         (lambda: springs.as_spring("cubic", {"bta": 0.1}), "no parameter 'bta'; did you mean 'beta'"),
         (lambda: springs.as_spring(springs.cubic(), {"k": 0.1}), "no parameter 'k'"),
