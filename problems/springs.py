@@ -27,7 +27,7 @@ from .smoothing import SmoothCurve, branch_of, curve_of
 from .tables import read_table, short
 
 # A sample to try tables with: a leg's spring in mm and N, with noise as from a bench.
-SAMPLE = Path(__file__).with_name("bench.csv")
+SAMPLE = Path(__file__).with_name("leg_spring.csv")
 TABLE_OPTIONS = ("branch", "noise")
 
 
