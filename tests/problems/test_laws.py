@@ -5,6 +5,7 @@ import itertools
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, OutOfRange, find
 from problems import Hopper, Juggler, gravity, hopper_in_si, springs
@@ -230,3 +231,20 @@ def test_a_body_radius_is_a_parameter_in_metres_beside_a_force_law_of_any_names(
     )
     assert machine.parameters == {"k": 8e3, "R": 2e6, "body_radius": 250.0}
     assert machine.describe()["laws_in"] == "SI"
+
+
+def test_a_narrow_quotient_is_not_leapt_over():
+    """Half the flight takes the time alpha, and ends where the extension turns: by SciPy in steps that see the bump."""
+    force = lambda r: r + 0.5 / (1 + ((r + 3) / 0.1) ** 40)  # noqa: E731
+    orbit = find(Hopper(force))
+    start = [orbit.liftoff_extension, orbit.alpha]
+    rates = lambda t, x: [x[1], -force(x[0])]  # noqa: E731
+    half = solve_ivp(rates, (0, orbit.alpha), start, method="DOP853", rtol=1e-12, atol=1e-12, max_step=0.002)
+    assert half.y[1, -1] == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "machine", [Hopper("air", rest_length=20), Hopper("rubber"), Hopper("r", "inverse_square", rest_length=9)]
+)
+def test_steps_along_laws_with_a_pole_are_not_bounded(machine):
+    assert {key.reach for key in machine.keys if key} == {np.inf}
