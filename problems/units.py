@@ -30,6 +30,8 @@ from .springs import as_spring
 STANDARD_GRAVITY = 9.80665
 # The parameter that sets the units beside a force law, and changes no motion.
 GAUGE, BODY_RADIUS = "unit_stiffness", "body_radius"
+# Beyond these, results that have powers of the units overflow.
+SIZES_OF_UNITS = 1e-60, 1e60
 DIMENSIONS_OF_PARAMETERS: dict[str, Dimension] = {
     **dict.fromkeys(("body_mass", "foot_mass", "ball_mass", "hand_mass"), MASS),
     **dict.fromkeys(("rest_length", BODY_RADIUS), LENGTH),
@@ -194,7 +196,7 @@ class MachineInSI(TwoMasses):
     def _dimensionless(self) -> TwoMassMachine:
         units = self.units
         for name, unit in (("length", units.length), ("time", units.time), ("force", units.force)):
-            number(f"the unit of {name}", unit, low=0)
+            number(f"the unit of {name}", unit, *SIZES_OF_UNITS)
         stated = _restated(units, {name: getattr(self, name) for name in ("rest_length", *DAMPERS)})
         return self.base(
             spring="r" if self.spring is None else self.spring.scaled(units.length, units.force),

@@ -419,6 +419,9 @@ def test_changes_and_refusals():
     for machine, name in ((ROVER, "body_radius"), (THROWER, "stiffness"), (THROWER, "surface_gravity")):
         with pytest.raises(InputError, match=f"{name} = -5 is out of bounds"):
             machine.with_values(**{name: -5.0})
+    for stiffness in (1e-300, 1e300):
+        with pytest.raises(InputError, match=r"the unit of length = .* is out of bounds"):
+            THROWER.with_values(stiffness=stiffness)
     with pytest.raises(InputError, match="'foot_mass' is the machine's own name"):
         hopper_in_si(1.0, 1.0, force="foot_mass*r", parameters={"foot_mass": 1.0})
     with pytest.raises(InputError, match="damping = -5 is below 0"):
