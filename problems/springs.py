@@ -257,8 +257,8 @@ def _columns_of(source: Any, label: str) -> tuple[np.ndarray, np.ndarray]:
         r, force = (np.asarray(column, dtype=float) for column in source)
     except (TypeError, ValueError):
         raise InputError(f"{label}: a table is two sequences of numbers, extensions and forces") from None
-    if r.ndim != 1 or r.shape != force.shape or not (np.isfinite(r).all() and np.isfinite(force).all()):
-        raise InputError(f"{label}: extensions and forces must be two finite lists of one length")
+    if r.ndim != 1 or not r.size or r.shape != force.shape or not (np.isfinite(r).all() and np.isfinite(force).all()):
+        raise InputError(f"{label}: extensions and forces must be two finite lists of one length, with rows")
     if max(np.abs(r).max(initial=0), np.abs(force).max(initial=0)) > 1e100:
         raise InputError(f"{label}: extensions or forces too large to compute with; they lie below 1e100")
     return r, force
