@@ -149,16 +149,17 @@ def machine_of(
         if not machine.endswith(".toml"):
             raise InputError(f"--machine {machine!r} is neither {' nor '.join(KINDS)} nor a .toml file")
         statement, where = read(machine), machine
-    statement |= {name: value for name, value in stated.items() if value is not None}
     if first is not None:
         settings = [setting for setting in settings if not sets(setting, first[0])]
-    values = _parameter_values(settings)
+    own = {name: value for name, value in stated.items() if value is not None}
+    values, parameters = _parameter_values(settings), dict(statement.get("parameters", {}))
     if first is not None:
-        name, value = first
-        in_si = name in SI_PARAMETERS and "si" in statement
-        place = statement["si"] if in_si else statement if name in ("mass_ratio", "rest_length") else values
+        (own if first[0] in ("mass_ratio", "rest_length") else values)[first[0]] = first[1]
+    for name, value in (own | values).items():
+        in_si = name in SI_PARAMETERS and "si" in statement and name not in parameters
+        place = statement["si"] if in_si else statement if name in own else parameters
         place[name] = value
-    statement["parameters"] = {**statement.get("parameters", {}), **values}
+    statement["parameters"] = parameters
     return build(statement, where)
 
 

@@ -16,7 +16,7 @@ import pytest
 from orbits import Family, InputError, Orbit, find, follow, pareto, simulate
 from orbits.errors import LONGEST_MESSAGE, shortened
 from orbits.hybrid.impacts import Impacts
-from problems import Hopper
+from problems import Hopper, springs
 from problems.cli import main
 
 LONGEST, LARGEST = 10.0, 1e6  # seconds of computing; kB of memory
@@ -94,8 +94,24 @@ def crafted_machine(rng: random.Random) -> str:
     return "\n".join(lines)
 
 
-def crafted_line(rng: random.Random) -> list[str]:
+def crafted_table(rng: random.Random) -> str:
+    """Rows of a measured spring, good, noisy or a loop, with a fault."""
+    r = [0.4 * i for i in range(-30, 31)]
+    r = rng.choice((r, r + r[::-1], r * 3, rng.sample(r, 40), r[30:], r[:2], [1.0] * 9))
+    bump = rng.choice((0.0, 0.01, 1.0, 1e200))
+    rows = [f"{x};{x + 0.02 * x**3 + rng.uniform(-bump, bump)}" for x in r]
+    for _ in range(rng.choice((0, 1, 3))):
+        row = rng.choice(("  # note", "1", ";", f"{rng.choice(NUMBERS)};{rng.choice(NUMBERS)}", "1;-1,234", "x" * 9999))
+        rows.insert(rng.randrange(len(rows)), row)
+    heads = ("r;f", "Travel time;Travel [mm];Force [N]", "compression;force", "Extension;Compressive force", "r", "")
+    return "\n".join([rng.choice(("r;f", "r [m];f [N]", *heads)), *rows])
+
+
+def crafted_line(rng: random.Random, folder: Path) -> list[str]:
     """A command line with a value that no one means."""
+    leg, table = folder / "leg.toml", folder / "rows.csv"
+    leg.write_text("[si]\nbody_mass = 60\nfoot_mass = 3\nstiffness = 8000\nrest_length = 0.8\n")
+    table.write_text(crafted_table(rng))
     number, text = rng.choice(NUMBERS), rng.choice(TEXTS)
     lines = (
         ["find", "--mass-ratio", number], ["find", "--rest-length", number], ["find", "--spring", text],
@@ -109,6 +125,12 @@ def crafted_line(rng: random.Random) -> list[str]:
         ["simulate", "--alpha", "4", "--time", number], ["simulate", "--alpha", "4", "--hops", "2", "--inject", number],
         ["follow", "--spring", "cubic", "--along", "beta", "--from", "0.1", "--to", number, "--longest", "0.5"],
         ["follow", "--along", text, "--to", "1"],
+        ["find", "--spring", f"table:{table}"], ["find", "--spring", f"table:{table}?noise={number}"],
+        ["find", "--spring", f"table:{table}?branch={rng.choice(('loading', 'unloading', 'mean', text))}&noise=0"],
+        ["find", "--spring", f"table:{springs.SAMPLE}?{text}"], ["find", "--machine", str(leg), "--spring", text],
+        ["find", "--machine", str(leg), "--set", f"{rng.choice(('body_mass', 'stiffness', 'body_radius'))}={number}"],
+        ["find", "--machine", str(leg), "--rest-length", number], ["map", "--alpha", "1:2:3", "--cobweb", number],
+        ["map", "--alpha", "3:9:5", "--plot", str(folder / "map.png"), "--cobweb", number],
         ["follow", "--spring", "cubic", "--along", "beta", "--to", "1", "--at", text],
     )  # fmt: skip
     return rng.choice(lines)
@@ -171,7 +193,7 @@ def crafted_run(documents: dict[str, str], folder: Path, rng: random.Random):
     """A run of a crafted file or line, and what to call it."""
     kind = rng.choice(("orbit", "family", "resume", "machine", "line", "line"))
     if kind == "line":
-        line = crafted_line(rng)
+        line = crafted_line(rng, folder)
         return lambda: by_command(line), " ".join(line)
     if kind == "machine":
         path, text = folder / "machine.toml", crafted_machine(rng)
