@@ -75,10 +75,10 @@ def find(
         with without_units(machine.units):
             orbit = find(dimensionless(machine), family, start=start, method=method, progress=progress)
         return orbit_of(machine, orbit)
-    began = time.perf_counter()
     with interrupts.deferred():
         if start is None:
-            return _lowest_of_family(machine, _family_number(1 if family is None else family), method, progress, began)
+            return lowest_of_family(machine, _family_number(1 if family is None else family), method, progress)
+        began = time.perf_counter()
         method, root = solve_near(machine, start, method)
         orbit = certified_orbit(machine, method, *root, began=began)
         if family is not None and orbit.family != _family_number(family):
@@ -135,9 +135,11 @@ def find_all(
     return tuple(sorted(found, key=lambda orbit: orbit.alpha))
 
 
-def _lowest_of_family(machine: Machine, family: int, method: str | None, progress, began: float) -> Orbit:
+def lowest_of_family(
+    machine: Machine, family: int, method: str | None, progress: Callable[[float], None] | None = None
+) -> Orbit:
     """The orbit of a family of least launch speed, as in `find`."""
-    model = machine.model
+    model, began = machine.model, time.perf_counter()
     search = model.search(machine.values) if model.search and model.reversor else None
     try:
         solved_by, root = solve_family(machine, family, method, progress)
