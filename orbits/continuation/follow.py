@@ -264,10 +264,11 @@ def _check_resumable(machine: Machine, along: str, behind: float, stop: float, r
     mine, theirs = machine.describe(), dict(resume.machine)
     for name in (along, "parameters"):
         mine.pop(name, None), theirs.pop(name, None)
-    others = {k: v for k, v in resume.machine["parameters"].items() if k != along}
-    if along != resume.name or mine != theirs or any(machine.values[name] != value for name, value in others.items()):
-        other = f"{resume.machine} along {resume.name}"
-        raise InputError(f"the family to resume is of another machine or parameter: {other}")
+    others = {name: value for name, value in resume.machine["parameters"].items() if name != along}
+    other = any(machine.values.get(name) != value for name, value in others.items())
+    if along != resume.name or mine != theirs or other:
+        which = f"{resume.machine} along {resume.name}"
+        raise InputError(f"the family to resume is of another machine or parameter: {which}")
     if not resume.points:
         raise InputError("the family to resume has no points: start it anew")
     if resume.end.kind == "closed":

@@ -8,11 +8,13 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from fractions import Fraction
+from typing import Any, NotRequired, TypedDict, TypeVar
 
 import numpy as np
 
-from ..errors import OrbitsError
+from ..errors import InputError, OrbitsError
+from ..io import conform
 
 # Powers of the units of length, time, force and energy; those left out at the end are 0.
 Dimension = tuple[float, ...]
@@ -33,6 +35,10 @@ DIMENSIONS: dict[str, Dimension] = {
 }
 # What follows a message whose numbers are without dimensions.
 NOTE = " (numbers in the units of machine.dimensionless())"
+# A power is told as a fraction where one with such a denominator is the same: those of formulas have nine digits.
+LARGEST_DENOMINATOR, SAME_POWER = 12, 2e-9
+# The powers of a unit in a file, of which there are few, stay far from the bounds of numbers.
+SMALLEST_SAVED = 1e-50
 # Names of composed dimensions.
 _NAMES: dict[Dimension, str] = {MASS: "kg", ENERGY: "J"}
 
@@ -87,6 +93,26 @@ class Units:
         return Units(1 / self.length, 1 / self.time, 1 / self.force, self.energy and 1 / self.energy)
 
 
+class SavedUnits(TypedDict):
+    """`Units` in a file."""
+
+    length: float
+    time: float
+    force: float
+    energy: NotRequired[float | None]
+
+
+def saved_units(data: Mapping[str, Any]) -> Units:
+    """The units that a file states; raises `InputError` where one is not above 0, or so small or so large that results
+    in it would be no numbers."""
+    units = Units(**conform(dict(data), SavedUnits))
+    for name, unit in vars(units).items():
+        if unit is not None and not SMALLEST_SAVED < unit < 1 / SMALLEST_SAVED:
+            bounds = f"{SMALLEST_SAVED:g} and {1 / SMALLEST_SAVED:g}"
+            raise InputError(f"its unit of {name} is {unit:g}; it lies between {bounds}")
+    return units
+
+
 @contextmanager
 def without_units(units: Units | None) -> Iterator[None]:
     """Where a machine with units is computed without: an error that tells a number says what its units are."""
@@ -117,7 +143,10 @@ def unit_text(dimension: Dimension) -> str:
 def _text_of_power(name: str, power: float) -> str:
     if power == 1:
         return name
-    return f"{name}^{power:g}" if power == round(power) else f"{name}^({round(3 * power)}/3)"
+    fraction = Fraction(power).limit_denominator(LARGEST_DENOMINATOR)
+    if abs(fraction - power) > SAME_POWER:
+        return f"{name}^{power:g}"
+    return f"{name}^{fraction}" if fraction.denominator == 1 else f"{name}^({fraction})"
 
 
 # Units of the results of a machine in SI, by name.

@@ -26,6 +26,7 @@ from orbits import (
     simulate,
     trace,
 )
+from orbits.io import to_json
 from orbits.model.units import DIMENSIONS, SPEED, unit_text
 from problems import hopper_in_si, juggler_in_si, steering
 
@@ -319,6 +320,36 @@ def test_steering():
     assert kept.units == {"cost": "m^2/s", "time": "s", "w": "m/s"}
     back = steering.recover(damped.with_values(damping=0.0), short=0.01, intervals=20, guess=None)
     assert back.parameters["aim"] - back.parameters["launch"] == pytest.approx(0.01, rel=1e-12)
+
+
+def test_an_orbit_is_the_same_after_its_file_also_without_dimensions(tmp_path):
+    orbit = find(ROVER.with_values(rest_length=6.0), 2)
+    again = Orbit.load(orbit.save(tmp_path / "hop.json"))
+    for one, other in ((again, orbit), (again.dimensionless(), orbit.dimensionless())):
+        assert one.document() == other.document()
+        assert str(one) == str(other)
+        assert np.array_equal(one(0.1), other(0.1))
+        assert one.certificate == other.certificate
+    data = json.loads((tmp_path / "hop.json").read_text())
+    assert data["alpha"] == orbit.alpha
+    del data["bare"]  # A file from before both were stated has the numbers in SI, and a motion in SI.
+    motion = {"flight": orbit.flight, "contact": orbit.contact}
+    parts = ("names", "times", "coefficients")
+    data["motion"] |= {key: {name: getattr(path, name) for name in parts} for key, path in motion.items()}
+    heights = {name: [height.weights, height.offset] for name, height in orbit.shape.heights.items()}
+    data["motion"]["shape"]["heights"] = heights
+    (tmp_path / "hop.json").write_text(to_json(data))
+    before = Orbit.load(tmp_path / "hop.json")
+    assert before.document() == orbit.document()
+    assert before.dimensionless().alpha == pytest.approx(orbit.dimensionless().alpha, rel=1e-14)
+
+
+def test_powers_of_units():
+    assert [unit_text((-power, 0, 1)) for power in (1.5, 0.5, 1 / 3, 0.333333333, 2.0, 1.25, 0.123)] == [
+        "N/m^(3/2)", "N/m^(1/2)", "N/m^(1/3)", "N/m^(1/3)", "N/m^2", "N/m^(5/4)", "N/m^0.123",
+    ]  # fmt: skip
+    contact = hopper_in_si(2.0, 1.0, force="k*abs(r)**1.5*sign(r)", stiffness=1e4, parameters={"k": 1e4})
+    assert contact.units_of_parameters()["k"] == "N/m^(3/2)"
 
 
 def test_files_from_before_results_were_in_si(tmp_path):
