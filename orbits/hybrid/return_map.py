@@ -202,8 +202,8 @@ class ReturnMap:
 
         All launches just above a lossless one come down to it, up to where the map falls below it; all others enter
         one of these intervals before, within at most `hops` hops. Intervals that would add only some 1e-5 of the range
-        are left out. Called after every hop, `progress` is given the share of the range that is found. Raises
-        `InputError` with injection or damping.
+        are left out. Called after every hop, `progress` is given the share of the range that is found, and 0 while the
+        grid is refined. Raises `InputError` with injection or damping.
         """
         low, high = _speed_range(low, high)
         if self.inject != 0 or not self.impacts.model.conservative:
@@ -214,7 +214,7 @@ class ReturnMap:
         lossless = lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high)
         if not lossless or lossless[0] >= high:
             return []
-        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False)
+        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False, progress)
         intervals = resolved_map.basin(lossless, hops, high - low, progress)
         return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
 
@@ -223,15 +223,23 @@ class ResolvedMap:
     """A return map on a grid of launch speeds that resolves it; `following` are the next ones, 0 where there are none.
 
     The grid, from `low` to `high`, is refined toward the lossless launch speeds, where the map has no slope, and toward
-    its extrema: all of them, or with `identity` those that may touch the identity line.
+    its extrema: all of them, or with `identity` those that may touch the identity line. Meanwhile `progress` is 0.
     """
 
-    def __init__(self, return_map: Callable, lossless: list, low: float, high: float, samples: int, identity: bool):
+    def __init__(
+        self, return_map: Callable, lossless: list, low: float, high: float, samples: int, identity: bool,
+        progress: Callable[[float], None] | None = None,
+    ):  # fmt: skip
+        def above(alpha: np.ndarray) -> np.ndarray:
+            if progress:
+                progress(0.0)
+            return return_map(alpha).next - slope * alpha
+
         distances, slope = np.geomspace(1e-12, high - low, 200), float(identity)
         beside = [alpha + side * distances for alpha in lossless for side in (-1, 1)]
         grid = np.concatenate([np.linspace(low, high, whole_number("samples", samples, "launches", 2)), *beside])
         grid = np.unique(grid[(grid >= low) & (grid <= high)])
-        self.grid, values = resolved(lambda alpha: return_map(alpha).next - slope * alpha, grid, identity)
+        self.grid, values = resolved(above, grid, identity)
         self.following = np.nan_to_num(values + slope * self.grid)
         self.next = lambda alpha: np.nan_to_num(return_map(alpha).next)
         self._passages = dict[float, np.ndarray]()  # where the map passes a level: the levels of a basin come again

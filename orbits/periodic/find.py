@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from .formulations import contact_reversor, equations_of, halved, interpret, or_
 from .orbit import Orbit, Shape, orbit_of
 from .single_shooting import Evaluation, Shooting
 
+Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
 METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 10_000
 # Orbits whose launch speeds, times and states agree to this share are the same.
@@ -51,7 +52,7 @@ def find(
     *,
     start: Orbit | Mapping[str, float] | None = None,
     method: str | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
 ) -> Orbit:
     """Find the lossless orbit of a family, with its certificate.
 
@@ -94,6 +95,7 @@ def find_all(
     family: int | None = None,
     fastest: float | None = None,
     method: str | None = None,
+    progress: Progress = None,
 ) -> tuple[Orbit, ...]:
     """All orbits of a family, or the different ones that `find` comes to from several starts, by launch speed.
 
@@ -101,11 +103,12 @@ def find_all(
     fastest : the largest launch speed that is searched for a family; None for 1e4 times the family in multiples of the
         inverse root of the spring's slope at rest, and 30 times where gravity varies and where the spring has a narrow
         feature or bends often. The slowest is 1e-3 in these multiples.
+    progress : called with the share that is done of the launches that lie near an orbit, or of the starts
 
     The orbits of a family are the zeros of one function of the launch speed (see `family_search`), whose bends between
     sampled speeds are taken to be at most four times those that its second differences show: no proof, but the samples
-    go where that matters. Starts that lead to no orbit are left out. Raises `NoOrbit` where there is none, with what
-    was searched or the last reason.
+    go where that matters. A search that is stopped after 20,000 launches may miss some. Starts that lead to no orbit
+    are left out. Raises `NoOrbit` where there is none, with what was searched or the last reason.
     """
     if starts is None:
         check_machine(machine)
@@ -114,16 +117,20 @@ def find_all(
         if (units := machine.units) is not None:
             speed = None if fastest is None else fastest / units.of(SPEED)
             with without_units(units):
-                whole = find_all(dimensionless(machine), family=family, fastest=speed, method=method)
+                bare = dimensionless(machine)
+                whole = find_all(bare, family=family, fastest=speed, method=method, progress=progress)
             return tuple(orbit_of(machine, orbit) for orbit in whole)
         with interrupts.deferred():
-            return _all_of_family(machine, _family_number(1 if family is None else family), method, fastest)
+            family = _family_number(1 if family is None else family)
+            return _all_of_family(machine, family, method, fastest, progress)
     if family is not None or fastest is not None:
         raise InputError("find_all takes starts, or a family with the fastest launch speed to search, not both")
     if isinstance(starts, Mapping | Orbit | int):
         raise InputError("starts is a list of starts: for one there is find(machine, start=...); or give family=")
-    found, reason = list[Orbit](), None
-    for start in starts:
+    found, reason, starts = list[Orbit](), None, list(starts)
+    for i, start in enumerate(starts):
+        if progress:
+            progress(i / len(starts))
         try:
             orbit = find(machine, start=start, method=method)
             if not any(_same(orbit, other) for other in found):
@@ -135,9 +142,7 @@ def find_all(
     return tuple(sorted(found, key=lambda orbit: orbit.alpha))
 
 
-def lowest_of_family(
-    machine: Machine, family: int, method: str | None, progress: Callable[[float], None] | None = None
-) -> Orbit:
+def lowest_of_family(machine: Machine, family: int, method: str | None, progress: Progress = None) -> Orbit:
     """The orbit of a family of least launch speed, as in `find`."""
     model, began = machine.model, time.perf_counter()
     search = model.search(machine.values) if model.search and model.reversor else None
@@ -152,7 +157,8 @@ def lowest_of_family(
         try:
             return replace(_all_of_family(machine, family, method)[0], seconds=time.perf_counter() - began)
         except NoOrbit as none:
-            raise type(error)(f"{error}; {none}") from None
+            further = (part for part in str(none).split("; ") if part not in str(error))  # not the same remedy again
+            raise type(error)("; ".join([str(error), *further])) from None
     if search is None or search.single or solved_by == "closed form":
         return orbit
     try:
@@ -165,7 +171,7 @@ def lowest_of_family(
 
 
 def _all_of_family(
-    machine: Machine, family: int, method: str | None, fastest: float | None = None
+    machine: Machine, family: int, method: str | None, fastest: float | None = None, progress: Progress = None
 ) -> tuple[Orbit, ...]:
     """All orbits of a family, as in `find_all`."""
     model, p, began = machine.model, machine.values, time.perf_counter()
@@ -177,10 +183,15 @@ def _all_of_family(
         only = certified_orbit(machine, method, *root, began=began)
         if only.family != family:
             raise NoOrbit(another_family(family, only.family))
+        if fastest is not None and only.alpha > fastest:
+            raise NoOrbit(f"the only orbit of family {family} has the launch speed {only.alpha:.6g}, above {fastest:g}")
         return (replace(only, known_in_family=1),)
     lateness = Lateness(machine, "relative" if method == "relative" else "half orbit", family, model.search(p))
     found, refused = list[Orbit](), ""
-    for cell, about in zip(*lateness.cells(fastest), strict=True):
+    cells, abouts = lateness.cells(fastest)
+    for i, (cell, about) in enumerate(zip(cells, abouts, strict=True)):
+        if progress:
+            progress(i / len(cells))
         try:
             orbit = _orbit_in_cell(machine, lateness, cell, about)
             if orbit and not any(_same(orbit, other) for other in found):
@@ -188,8 +199,8 @@ def _all_of_family(
         except NoOrbit as error:
             refused = f"; the one near {about:.6g} is refused: {error}"
     if not found:
-        low, high = lateness.searched
-        raise NoOrbit(f"a search from launch speed {low:.3g} to {high:.4g} finds none{refused}")
+        (low, high), stopped = lateness.searched, f", stopped after {lateness.launches} launches," * lateness.stopped
+        raise NoOrbit(f"a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}")
     return tuple(replace(orbit, known_in_family=len(found)) for orbit in found)
 
 
@@ -213,9 +224,7 @@ def _orbit_in_cell(machine: Machine, lateness: Lateness, cell: np.ndarray, about
     return None
 
 
-def solve_family(
-    machine: Machine, family: int, method: str | None, progress: Callable[[float], None] | None = None
-) -> tuple[str, Root]:
+def solve_family(machine: Machine, family: int, method: str | None, progress: Progress = None) -> tuple[str, Root]:
     """The method, and the solution that it finds for a family, as in `find`; not certified to be of that family."""
     family, model, p = _family_number(family), machine.model, dict(machine.values)
     method, equations, correct = _opening(machine, method)
@@ -258,8 +267,11 @@ def certified_orbit(
     model, p = machine.model, machine.values
     equations = equations_of(model, method, tuple(p))
     us, ps, errors = np.reshape(u, (1, -1)), vector(p)[None], np.array([error])
-    fresh = equations.evaluate_all(us, ps)  # with the derivatives at the solution itself
-    evaluation = replace(evaluation, transitions=fresh.transitions, starts=fresh.starts, correction=fresh.correction)
+    if method != "closed form":  # for the derivatives at the solution itself
+        fresh = equations.evaluate_all(us, ps)
+        evaluation = replace(
+            evaluation, transitions=fresh.transitions, starts=fresh.starts, correction=fresh.correction
+        )
     if error is None:
         errors, refused = error_bounds(equations, us, ps, evaluation)
         if refused:

@@ -78,7 +78,7 @@ class Orbit:
         units are in SI, but for `residual`, `energy_drift` and `unfolding`, which are shares
     bare : the same orbit without units, None where there are none
     known_in_family : how many orbits of its family a search over launch speeds has found, this one among them; None
-        where none was made
+        where none was made. A search of many sign changes ends after 20,000 launches and may leave some out.
     """
 
     machine: Mapping[str, Any]

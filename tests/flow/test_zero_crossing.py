@@ -93,7 +93,10 @@ def test_preimages_are_all_there():
 @pytest.mark.parametrize("machine", [Hopper(), pytest.param(Hopper(mass_ratio=2.0), marks=pytest.mark.slow)])
 def test_the_basin_is_what_comes_to_a_lossless_hop(machine):
     step, high = ReturnMap(machine), 5.6
-    basin = step.basin(4.5, high)
+    shares: list[float] = []
+    basin = step.basin(4.5, high, progress=shares.append)
+    assert shares[0] == 0.0  # while the grid is refined
+    assert shares == sorted(shares)
     stars = [point.alpha for point in step.fixed_points(1.0, high)]
     start = np.random.default_rng(3).uniform(4.5, high, 300)
     alpha = start.copy()

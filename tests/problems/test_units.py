@@ -287,7 +287,7 @@ def test_quantities_and_sensitivities(name):
             assert slope[name] == pytest.approx(difference, rel=1e-6, abs=1e-8 * size), (quantity, name)
 
 
-def test_designs_over_masses():
+def test_designs_over_masses(tmp_path):
     limits = {"over": {"k": (2e3, 2e4), "foot_mass": (1.0, 10.0)}, "subject_to": ["centre_of_mass_rise == 0.05"]}
     best = optimize(LEG, minimise="largest_contact_force", **limits)
     assert best.quantities["centre_of_mass_rise"] == pytest.approx(0.05, rel=1e-10)
@@ -299,6 +299,9 @@ def test_designs_over_masses():
                    over={"foot_mass": (2.0, 4.0)})  # fmt: skip
     assert len(front.designs) >= 1
     assert front.designs[0].orbit.units
+    head = front.save(tmp_path / "front.csv").read_text().splitlines()[0]
+    assert head == "-centre_of_mass_rise (m),largest_contact_force (N),foot_mass (kg)"
+    assert [best.unit_of(name) for name in ("body_rise", "stroke/body_rise", "2*foot_rise")] == ["m", "", ""]
 
 
 def test_steering():
