@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
-from ..flow.zero_crossing import first_zeros
 from ..io import fields_in_line, one_line
 from ..model.machine import ImpactingMachine, dimensionless
 from ..model.units import SPEED, SPEED_SQUARED, Units, without_units
@@ -26,7 +25,7 @@ from ..periodic.find import certified_orbit, find
 from ..periodic.formulations import equations_of
 from ..periodic.orbit import Orbit
 from ..symbolic.exclusive import exclusive
-from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, Impacts, injected, status_of_failure
+from .impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from .multiplier import multiplier
 
 BATCH_SIZE = 1000  # launch speeds in one batch: few enough to stay in a processor's cache
@@ -35,9 +34,6 @@ JUMP = 1e-6  # where the map changes by less than this share between neighbourin
 FURTHER = 3  # the search for lossless orbits ends after this many families in a row without one in the range
 PER_TURN, MOST_SAMPLES = 8, 2000  # launches in the grid searched for lossless orbits: per half oscillation, and at most
 SETTLED = 1e-5  # a basin, maybe of infinitely many intervals, is complete when a hop adds a smaller share of the range
-# With restitutions from here on the end of many bounces is compared with that of a launch that is faster by this share,
-# beyond the roundings of a flight: motions that part by more than this share of the state have digits no more.
-MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
 # (lowest, highest) of each interval, ascending.
 Intervals = list[tuple[float, float]]
 
@@ -365,62 +361,9 @@ def _speed_range(low: float, high: float) -> tuple[float, float]:
     return low, high
 
 
-def _decided_impacts(impacts: Impacts, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, ...]:
-    """`_flights_and_impacts`, with the status "undecided" where many bounces have made a change of the launch speed by
-    some roundings into another motion. Where so much energy is lost before that no launch has so little, it rests."""
-    if impacts.restitution < MANY_BOUNCES:
-        return _flights_and_impacts(impacts, alpha, cap)
-    m, both = len(alpha), np.concatenate([alpha, alpha * (1 + NEIGHBOUR)])
-    parted, undecided = np.zeros((2, m), bool)
-
-    def compare(states: np.ndarray, loss: np.ndarray) -> None:
-        far = np.abs(states[:m] - states[m:]).max(1) > PARTED * np.abs(states[:m]).max(1)
-        spent = impacts.model.conservative & (loss[:m] > alpha**2)
-        undecided[far & ~parted & ~spent] = True
-        parted[far] = True
-
-    loss, counts, status, standing = _flights_and_impacts(impacts, both, cap, compare)
-    undecided &= status[:m] != "cap"
-    status[:m][undecided | (status[:m] != status[m:])] = "undecided"
-    return loss[:m], counts[:m], status[:m], standing[:m]
-
-
-def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | None = None):
-    """Losses, numbers of impacts, statuses (m,) and contact states (m, k) up to sustained contact ("lifts_off");
-    `watch` is called after every impact with the states (m, n), kept in contact, and the losses so far (m,)."""
-    m = len(alpha)
-    loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
-    state, standing = impacts.launch(np.minimum(alpha, FASTEST_LAUNCH)), np.zeros((m, impacts.contact.size))
-    too_fast = alpha > FASTEST_LAUNCH
-    flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
-    status[flying], status[too_fast] = "cap", "lost"
-    for _ in range(cap):
-        start, limit = state[flying], impacts.longest_flight(state[flying])
-        times, rows, errors = first_zeros(impacts.flight, start, impacts.p, impacts.gap, limit, order)
-        gone, order = np.isnan(times), impacts.bounce_order
-        status[flying[gone]] = "carried_off"
-        for i, error in errors.items():
-            status[flying[i]] = status_of_failure(error, "flight")
-        flying = flying[~gone]
-        if not len(flying):
-            break
-        held, after, lost, _ = impacts.landing(rows[~gone, : impacts.flight.size])
-        counts[flying] += 1
-        loss[flying] += 2 * lost / impacts.launch_inertia
-        landed = flying[held]
-        standing[landed], status[landed] = after[held] @ impacts.onto_contact.T, "lifts_off"
-        state[flying] = after
-        if watch:
-            watch(state, loss)
-        flying = flying[~held]
-        if not len(flying):
-            break
-    return loss, counts, status, standing
-
-
 def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
     """One hop from each of the launch speeds (m,), given up after `cap` impacts, with `inject` added to the next."""
-    loss, counts, status, standing = _decided_impacts(impacts, alpha, cap)
+    loss, counts, status, standing = decided_impacts(impacts, alpha, cap)
     alpha, asked = np.minimum(alpha, FASTEST_LAUNCH), alpha
     next_speed, left, lifting = np.full(len(alpha), np.nan), alpha**2 - loss, np.flatnonzero(status == "lifts_off")
     if impacts.contact.phase.closed_form:  # The force is linear: the energy alone decides whether it vanishes.

@@ -25,7 +25,16 @@ from ..numerics.bernstein import lowest
 from ..plot import Report
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
-from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, Impacts, injected, status_of_failure
+from .impacts import (
+    CAP,
+    FASTEST_LAUNCH,
+    LIFTOFF_ORDER,
+    MANY_BOUNCES,
+    Impacts,
+    decided_impacts,
+    injected,
+    status_of_failure,
+)
 
 TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
 # The units of a simulation's numbers, of a machine in SI; those of states are m and, for speeds, m/s.
@@ -196,7 +205,9 @@ def simulate(
     schedule : (times (k + 1,), values (k,) of parameters by name): an actuator's inputs from one time to the next, at
         which legs are cut; the machine's own values hold before and after
 
-    Raises `InputError` for arguments without a meaning, such as a launch at which the contact would not open.
+    A hop from a launch whose end is "undecided" in the `ReturnMap` ends the simulation with that status, at the landing
+    after its many bounces. Raises `InputError` for arguments without a meaning, such as a launch at which the contact
+    would not open.
     """
     if units := getattr(machine, "units", None):
         return _simulate_in(units, machine, alpha, state, hops, time, inject, cap, schedule)
@@ -323,6 +334,7 @@ class _Run:
         self.time, self.cap, self.inputs = time, cap, inputs
         self.legs, self.events, self.launches = list[Leg](), list[ContactEvent](), list[float]()
         self.now, self.impact_count, self.liftoff_count, self.reason = 0.0, 0, 0, ""
+        self.launch: np.ndarray | None = None  # the state in which the hop began, where it began with a lift-off
 
     def simulate(self, x, order: int | None, alpha: float | None) -> Simulation:
         """Alternate flights, from a zero of the gap of this order, and contacts, order None, up to the end's status."""
@@ -340,6 +352,7 @@ class _Run:
     def flight(self, x, order: int) -> tuple[str | None, np.ndarray, bool]:
         """Fly until the gap closes: the status at an end, the state after the impact, whether contact follows."""
         until, closed = self.update_parameters(), False
+        self.launch = x if order == LIFTOFF_ORDER else self.launch
         last = self.now + float(self.impacts.longest_flight(x))
         if order == LIFTOFF_ORDER and not self.impacts.opens(x[None])[0]:
             return "no_launch", x, False
@@ -360,7 +373,17 @@ class _Run:
         (held,), (after,), (loss,), (wait,) = self.impacts.landing(x[None])
         self.impact_count += 1
         self.add_event("landing" if held else "impact", x, after, float(loss), float(wait))
-        return ("cap" if not held and self.impact_count >= self.cap else None), after, bool(held)
+        if held:
+            return ("undecided" if self.undecided() else None), after, True
+        return ("cap" if self.impact_count >= self.cap else None), after, False
+
+    def undecided(self) -> bool:
+        """Whether rounding decides how the hop ends that has just landed, as the map tells of hops from launches."""
+        impacts, alpha = self.impacts, np.array(self.launches[-1:])
+        if impacts.restitution < MANY_BOUNCES or not (alpha > 0).any() or not impacts.model.one_speed:
+            return False
+        launched = self.launch is not None and np.array_equal(impacts.launch(alpha)[0], self.launch)
+        return launched and bool(decided_impacts(impacts, alpha, self.cap)[2][0] == "undecided")
 
     def contact(self, x) -> tuple[str | None, np.ndarray]:
         """Stay in contact until lift-off: the status if the simulation ends, and the state after lift-off."""
