@@ -13,7 +13,7 @@ from typing import Any, NotRequired, TypedDict, TypeVar
 
 import numpy as np
 
-from ..errors import InputError, OrbitsError
+from ..errors import InputError, OrbitsError, finite_number
 from ..io import conform
 
 # Powers of the units of length, time, force and energy; those left out at the end are 0.
@@ -32,6 +32,11 @@ DIMENSIONS: dict[str, Dimension] = {
     "landing_jerk": (1, -3, 0),
     "landing_sensitivity": TIME,
     **dict.fromkeys(("loss_coefficient", "loss_error"), (-1 / 3, 1 / 3, 0)),
+}
+# Dimensions of unknowns, beside the flight states, that a launch or half an orbit is told by.
+UNKNOWNS: dict[str, Dimension] = {
+    **dict.fromkeys(("duration", "contact_duration"), TIME),
+    **{"alpha": SPEED, "liftoff": LENGTH, "unfolding": ()},
 }
 # What follows a message whose numbers are without dimensions.
 NOTE = " (numbers in the units of machine.dimensionless())"
@@ -67,6 +72,12 @@ class Units:
         """The units (n,) of states, lengths or speeds, by their names; `own` has the dimensions of other rows."""
         own = {"contact force": FORCE, **(own or {})}
         return np.array([self.of(own.get(name, SPEED if name.endswith("'") else LENGTH)) for name in names])
+
+    def without(self, what: str, unknowns: Mapping[str, Any]) -> dict[str, float]:
+        """Unknowns of a launch or half an orbit, by name, without these units; raises `InputError` for what is no
+        number."""
+        sizes = {name: UNKNOWNS.get(name, SPEED if str(name).endswith("'") else LENGTH) for name in unknowns}
+        return {name: finite_number(f"{what} '{name}'", unknowns[name]) / self.of(sizes[name]) for name in unknowns}
 
     def convert(self, record: Record, **own: Dimension) -> Record:
         """A frozen record of dimensionless numbers with those of known names in SI; `own` are further dimensions."""
@@ -121,7 +132,9 @@ def without_units(units: Units | None) -> Iterator[None]:
     except OrbitsError as error:
         if units is None or (text := noted(str(error))) == str(error):
             raise
-        raise type(error)(text) from error
+        told = type(error)(text)
+        told.index = error.index
+        raise told from error
 
 
 def noted(text: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.machine import Machine, check_machine, dimensionless
 from ..model.model import NOISE, Model
-from ..model.units import LENGTH, SPEED, TIME, without_units
+from ..model.units import SPEED, without_units
 from ..numerics.roots import solve
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
@@ -71,18 +71,20 @@ def find(
     solve ends on another family, and `InputError` for a family or a method that cannot be.
     """
     check_machine(machine)
+    number = None if family is None else _family_number(family)
     if machine.units is not None:
+        _possible_method(machine.model, method)
         start = _dimensionless_start(start, machine)
         with without_units(machine.units):
             orbit = find(dimensionless(machine), family, start=start, method=method, progress=progress)
         return orbit_of(machine, orbit)
     with interrupts.deferred():
         if start is None:
-            return lowest_of_family(machine, _family_number(1 if family is None else family), method, progress)
+            return lowest_of_family(machine, number or 1, method, progress)
         began = time.perf_counter()
         method, root = solve_near(machine, start, method)
         orbit = certified_orbit(machine, method, *root, began=began)
-        if family is not None and orbit.family != _family_number(family):
+        if number not in (None, orbit.family):
             raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
         return orbit
 
@@ -114,6 +116,7 @@ def find_all(
         check_machine(machine)
         if fastest is not None and not finite_number("fastest", fastest) > 0:
             raise InputError(f"fastest = {fastest:g} is no launch speed; it lies above 0")
+        family, method = _family_number(1 if family is None else family), _possible_method(machine.model, method)
         if (units := machine.units) is not None:
             speed = None if fastest is None else fastest / units.of(SPEED)
             with without_units(units):
@@ -121,7 +124,6 @@ def find_all(
                 whole = find_all(bare, family=family, fastest=speed, method=method, progress=progress)
             return tuple(orbit_of(machine, orbit) for orbit in whole)
         with interrupts.deferred():
-            family = _family_number(1 if family is None else family)
             return _all_of_family(machine, family, method, fastest, progress)
     if family is not None or fastest is not None:
         raise InputError("find_all takes starts, or a family with the fastest launch speed to search, not both")
@@ -335,11 +337,7 @@ def _dimensionless_start(start: Any, machine: Machine) -> Any:
         return start.dimensionless()
     if machine.units is None or not isinstance(start, Mapping):
         return start
-    times = dict.fromkeys(("duration", "contact_duration"), TIME) | {"alpha": SPEED, "liftoff": LENGTH, "unfolding": ()}
-    names = [name for name in start if name not in times]
-    sizes = dict(zip(names, machine.units.of_states(names).tolist(), strict=True))
-    sizes |= {name: machine.units.of(dimension) for name, dimension in times.items()}
-    return {name: finite_number(f"start '{name}'", value) / sizes[name] for name, value in start.items()}
+    return machine.units.without("start", start)
 
 
 def _family_number(family: int) -> int:
