@@ -55,4 +55,4 @@ def check_scheduled(inputs: Inputs, names: Sequence[str]) -> None:
     """Raise `InputError` where a schedule changes what is none of the parameters that may be."""
     if unknown := [name for name in inputs[1] if name not in names]:
         there = f"there are {', '.join(names)}" if names else "this machine has none that may change in time"
-        raise InputError(f"schedule: '{unknown[0]}' is no parameter, or sets the units; {there}")
+        raise InputError(f"schedule: the machine has no parameter '{unknown[0]}', or it sets the units; {there}")

@@ -400,7 +400,7 @@ def test_a_schedule_names_what_may_change_in_time():
     noisy = springs.table((r, r + 0.1 * np.random.default_rng(5).normal(size=200)))
     assert noisy.parameters  # of the noise
     for machine in (Hopper(noisy, rest_length=20.0), hopper_in_si(1.0, 1.0, force=noisy)):
-        with pytest.raises(InputError, match="schedule: 'zz' is no parameter") as raised:
+        with pytest.raises(InputError, match="schedule: the machine has no parameter 'zz'") as raised:
             simulate(machine, 4.0, hops=1, schedule=([0.0, 1.0], {"zz": [1.0]}))
         assert "_noise" not in str(raised.value)
 
