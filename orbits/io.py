@@ -94,7 +94,7 @@ def writing(what: str, path: str | Path) -> Iterator[None]:
     except InputError:
         raise
     except (OSError, ValueError) as error:
-        raise InputError(f"the {what} cannot be saved to {path}: {error}") from None
+        raise InputError(f"the {what} cannot be written to {path}: {error}") from None
 
 
 def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:

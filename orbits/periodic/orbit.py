@@ -397,7 +397,9 @@ def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:
     if "units" not in data:
         return machine
     results = {*UNIT_TEXTS, "rises", "state_mid_flight"}
-    return machine | {"units": {name: unit for name, unit in data["units"].items() if name not in results}}
+    units = {name: unit for name, unit in data["units"].items() if name not in results}
+    numbers = {name: conform(machine[name], float | None, name) for name in units if name in machine}
+    return machine | numbers | {"units": units}
 
 
 def _path_of(data: _SavedPath) -> Trajectory:

@@ -262,6 +262,13 @@ def test_an_orbit_with_a_unit_that_is_none_is_refused(value, layout, documents, 
             Orbit.load(path)
 
 
+def test_an_orbit_in_si_with_a_mass_that_is_no_number_is_refused(documents, tmp_path):
+    path = tmp_path / "orbit.json"
+    path.write_text(json.dumps(json.loads(documents["orbit in SI"]) | {"foot_mass": [1.0]}))
+    with pytest.raises(InputError, match="is not a saved orbit: foot_mass = "):
+        Orbit.load(path)
+
+
 @pytest.mark.parametrize("value", NO_UNITS)
 def test_an_old_family_with_a_unit_that_is_none_is_refused(value, documents, tmp_path):
     head, *rest = documents["family"].splitlines()
@@ -289,7 +296,7 @@ def test_a_name_that_no_file_can_have_is_refused(name, documents, tmp_path):
     path.write_text(documents["family"])
     family = Family.load(path)
     for save, ending in ((orbit.save, ".json"), (family.save, ".csv"), (family.save, ".jsonl")):
-        with pytest.raises(InputError, match="cannot be saved to"):
+        with pytest.raises(InputError, match="cannot be written to"):
             save(tmp_path / f"{name}{ending}")
 
 
