@@ -25,8 +25,8 @@ COLUMNS = (*MOTION_COLUMNS, *CHECK_COLUMNS, *CONTACT_COLUMNS, "stable_side")
 NUMBERS = COLUMNS[:-1]
 # Names that no parameter can have, since it stands beside these in a table or a document.
 RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point")
-# A tangent, which is a direction, all of whose components are smaller is none.
-SHORTEST_TANGENT = 1e-100
+# Unknowns and tangents whose largest component is smaller, or larger than its inverse, are none.
+SMALLEST_SIZE = 1e-100
 # What is read of a saved family at most: some 100,000 points, and lines far longer than any that is written.
 LARGEST_FILE, LONGEST_LINE = 128 * MEGABYTE, 4 * MEGABYTE
 
@@ -330,8 +330,9 @@ def _check_points(points: Sequence[Point], events: Sequence[Event]) -> None:
             raise ValueError(f"the point at {point.value:g} has {counts}: as many for all points, and one more")
         if point.also.keys() != (points or [point])[0].also.keys():
             raise ValueError(f"the point at {point.value:g} has other further parameters than the first")
-        if not any(abs(each) > SHORTEST_TANGENT for each in point.tangent):
-            raise ValueError(f"the point at {point.value:g} has the tangent {point.tangent}: the curve goes nowhere")
+        for name in ("u", "tangent"):
+            if not SMALLEST_SIZE < max(map(abs, getattr(point, name))) < 1 / SMALLEST_SIZE:
+                raise ValueError(f"the point at {point.value:g} has {name} = {getattr(point, name)}, no such numbers")
         if point.error < 0 or point.family < 1:
             raise ValueError(f"the point at {point.value:g} has error {point.error:g} and family {point.family}")
     if wrong := [event for event in events if not -1 <= event.after < max(len(points), 1)]:
