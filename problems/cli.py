@@ -73,9 +73,8 @@ def find_command(
         raise click.exceptions.Exit(1)
 
 
-# Columns of the table of a map's hops, and the units of a machine in SI.
+# Columns of the table of a map's hops.
 COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
-UNITS_OF_HOPS = {"alpha": "m/s", "next": "m/s", "loss": "m^2/s^2"}
 
 
 @orbits.command(
@@ -167,16 +166,16 @@ def return_map(
         hops = step(speeds)
         if plot is not None:
             save_figure(plot_map(step, speeds[0], speeds[-1], start=cobweb), plot)
-    in_si = step.machine.units is not None
     if as_json:
-        click.echo(to_json(hops.document() | ({"units": UNITS_OF_HOPS} if in_si else {})))
+        click.echo(to_json(hops.document()))
         return
     if len(speeds) > LONGEST_TABLE and not whole:
-        click.echo(options.summary(hops, UNITS_OF_HOPS if in_si else {}))
+        click.echo(options.summary(hops))
         return
-    heads = [f"{name} ({UNITS_OF_HOPS[key]})" if in_si else name for key, name in COLUMNS_OF_HOPS.items()]
+    heads = [f"{name} ({hops.units[key]})" if hops.units else name for key, name in COLUMNS_OF_HOPS.items()]
     click.echo("{:>16}{:>20}{:>16}{:>9}  {}".format(*heads, "impacts", "status"))
-    for row in zip(*hops.document().values(), strict=True):
+    columns = [hops.document()[name] for name in (*COLUMNS_OF_HOPS, "impacts", "status")]
+    for row in zip(*columns, strict=True):
         following = "-" if row[1] is None else f"{row[1]:.12g}"
         click.echo(f"{row[0]:16.12g}{following:>20}{row[2]:16.9g}{row[3]:9d}  {row[4]}")
 

@@ -181,7 +181,7 @@ class MachineInSI(TwoMasses):
     @property
     def scheduled(self) -> dict[str, float]:
         """The units of the parameters that a simulation may vary in time: not of those that set the units."""
-        return {name: 1.0 for name in self.parameters if name != "stiffness" or self.spring is not None}
+        return {name: 1.0 for name in stated(self.parameters) if name != "stiffness" or self.spring is not None}
 
     @property
     def model(self) -> Model:

@@ -16,6 +16,8 @@ from .trajectory import Trajectories
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
 # this order are below rounding there, 1 / 19! = 8e-18. So many expansions are searched in one call.
 CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 4
+# After so many of these steps the phase of the oscillation has fewer than four digits left, and the motion is given up.
+MOST_CLOSED_STEPS = 1e12
 
 
 def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> StopTest:
@@ -122,7 +124,9 @@ class _ZeroSearch:
         form, block = self.flow.closed_form(self.p), CLOSED_BLOCK
         length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), np.zeros(1)
         rises, falls = form.positive_between(self.quantity, self.starts.T)
-        while len(remaining):
+        for _ in range(self.flow.control.max_calls):
+            if not len(remaining):
+                break
             interrupts.check()
             times = began[:, None] + length * np.arange(block)
             states = form.state(self.starts[remaining].T[:, :, None], times)
@@ -140,11 +144,10 @@ class _ZeroSearch:
             # While the quantity stays positive nothing is searched, up to the last block that begins before that ends.
             jump = np.floor(falls[remaining] / (block * length)) * (block * length)
             began = np.where(began >= rises[remaining], np.maximum(began, jump), began)
-            late = began > block * length * self.flow.control.max_calls
-            for i in remaining[late & (began < self.limit[remaining])]:
-                self.failed[int(i)] = FlowError(f"the {self.flow.phase.name} takes too many steps")
-            left = ~late & (began < self.limit[remaining])
-            remaining, began = remaining[left], began[left]
+            left, followed = began < self.limit[remaining], began < MOST_CLOSED_STEPS * length
+            self._give_up(remaining[left & ~followed])
+            remaining, began = remaining[left & followed], began[left & followed]
+        self._give_up(remaining)
         for i, (slope, value) in enumerate(form.watch.values(), start=self.flow.size):
             self.rows[:, i] = slope * self.rows[:, 0] + value
 
@@ -181,8 +184,12 @@ class _ZeroSearch:
                 left &= ~self._given_up(self.over, remaining, left, steps, c)
             remaining, x, began = remaining[left], ends[left], began[left]
             pieces.enter(left)
-        for i in remaining:
-            self.failed[int(i)] = FlowError(f"the {flow.phase.name} takes too many steps")
+        self._give_up(remaining)
+
+    def _give_up(self, remaining):
+        """Motions that have neither the zero nor an end after the most calls."""
+        for i in remaining.tolist():
+            self.failed[i] = FlowError(f"the {self.flow.phase.name} takes too many steps")
 
     def one_by_one(self, indices, x, began):
         """Search the motions `indices` one after the other, from the states `x` at the times `began`."""

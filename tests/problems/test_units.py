@@ -14,6 +14,7 @@ import pytest
 from orbits import (
     Family,
     InputError,
+    NoOrbit,
     Orbit,
     ReturnMap,
     existence,
@@ -30,10 +31,12 @@ from orbits import (
     simulate,
     trace,
 )
-from orbits.model.units import DIMENSIONS, SPEED, unit_text
+from orbits.io import to_json
+from orbits.model.units import DIMENSIONS, SPEED, unit_text, without_units
 from problems import Hopper, gravity, hopper_in_si, juggler_in_si, springs, steering
 from problems.units import MachineInSI
 
+SCHEDULE = "; it is a list of times, and lists of values of parameters by name"
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 5000.0, "b": 1e5}, rest_length=0.8)
 THROWER = juggler_in_si(0.3, 0.2, stiffness=40.0, rest_length=0.5, surface_gravity=3.7)
 ROVER = hopper_in_si(
@@ -291,7 +294,7 @@ def test_quantities_and_sensitivities(name):
             assert slope[name] == pytest.approx(difference, rel=1e-6, abs=1e-8 * size), (quantity, name)
 
 
-def test_designs_over_masses():
+def test_designs_over_masses(tmp_path):
     limits = {"over": {"k": (2e3, 2e4), "foot_mass": (1.0, 10.0)}, "subject_to": ["centre_of_mass_rise == 0.05"]}
     best = optimize(LEG, minimise="largest_contact_force", **limits)
     assert best.quantities["centre_of_mass_rise"] == pytest.approx(0.05, rel=1e-10)
@@ -303,6 +306,9 @@ def test_designs_over_masses():
                    over={"foot_mass": (2.0, 4.0)})  # fmt: skip
     assert len(front.designs) >= 1
     assert front.designs[0].orbit.units
+    head = front.save(tmp_path / "front.csv").read_text().splitlines()[0]
+    assert head == "-centre_of_mass_rise (m),largest_contact_force (N),foot_mass (kg)"
+    assert [best.unit_of(name) for name in ("body_rise", "stroke/body_rise", "2*foot_rise")] == ["m", "", ""]
 
 
 def test_steering():
@@ -324,6 +330,98 @@ def test_steering():
     assert kept.units == {"cost": "m^2/s", "time": "s", "w": "m/s"}
     back = steering.recover(damped.with_values(damping=0.0), short=0.01, intervals=20, guess=None)
     assert back.parameters["aim"] - back.parameters["launch"] == pytest.approx(0.01, rel=1e-12)
+
+
+def test_an_orbit_is_the_same_after_its_file_also_without_dimensions(tmp_path):
+    orbit = find(ROVER.with_values(rest_length=6.0), 2)
+    again = Orbit.load(orbit.save(tmp_path / "hop.json"))
+    for one, other in ((again, orbit), (again.dimensionless(), orbit.dimensionless())):
+        assert one.document() == other.document()
+        assert str(one) == str(other)
+        assert np.array_equal(one(0.1), other(0.1))
+        assert one.certificate == other.certificate
+    data = json.loads((tmp_path / "hop.json").read_text())
+    assert data["alpha"] == orbit.alpha
+    del data["bare"]  # A file from before both were stated has the numbers in SI, and a motion in SI.
+    motion = {"flight": orbit.flight, "contact": orbit.contact}
+    parts = ("names", "times", "coefficients")
+    data["motion"] |= {key: {name: getattr(path, name) for name in parts} for key, path in motion.items()}
+    heights = {name: [height.weights, height.offset] for name, height in orbit.shape.heights.items()}
+    data["motion"]["shape"]["heights"] = heights
+    (tmp_path / "hop.json").write_text(to_json(data))
+    before = Orbit.load(tmp_path / "hop.json")
+    assert before.document() == orbit.document()
+    assert before.dimensionless().alpha == pytest.approx(orbit.dimensionless().alpha, rel=1e-14)
+
+
+def test_a_launch_by_its_unknowns_is_in_si():
+    machine = hopper_in_si(60.0, 3.0, stiffness=5000.0, rest_length=0.8)
+    named = simulate(machine, {"alpha": 3.0, "liftoff": machine.units.length}, hops=1)
+    assert named.launches == pytest.approx(simulate(machine, 3.0, hops=1).launches, rel=1e-12)
+    assert str(named).splitlines()[-1].endswith(" s")
+    hops = ReturnMap(machine)([1.0, 2.0])
+    assert hops.document()["units"] == {"alpha": "m/s", "next": "m/s", "loss": "m^2/s^2"}
+    assert "units" not in ReturnMap(machine.dimensionless())([1.0, 2.0]).document()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda m: find(m, start={1: 2}), "start has '1'; the unknowns are liftoff, alpha, duration"),
+        (lambda m: find(m, start={"alpha": "x"}), "start 'alpha' = 'x' is not a finite number"),
+        (lambda m: find(m, 0), "family = 0; a family is a whole number from 1 to 10000"),
+        (lambda m: find_all(m, family=0), "family = 0; a family is a whole number from 1 to 10000"),
+        (lambda m: find(m, method="x 2"), "unknown method 'x 2'; known: closed form, relative, half orbit, shooting"),
+        (lambda m: simulate(m, 1.5, time=-2.0), "time = -2.0; it is a number above 0"),
+        (lambda m: simulate(m, 1.5, hops=0), "hops = 0; it is a number of lift-offs, from 1 upwards"),
+        (lambda m: simulate(m, -1.5, hops=1), "alpha = -1.5; a launch speed is above 0"),
+        (lambda m: simulate(m, state=[1, 2], hops=1), "state = [1, 2]; it is 4 numbers, y1, y1', y2, y2'"),
+        (lambda m: simulate(m, 1.5, hops=1, schedule=5), f"schedule = 5{SCHEDULE}"),
+        (lambda m: simulate(m, 1.5, hops=1, schedule=([0, "x"], {})), f"schedule = ([0, 'x'], {{}}){SCHEDULE}"),
+        (lambda m: simulate(m, 1.5, hops=1, schedule=([0, 1], 2)), f"schedule = ([0, 1], 2){SCHEDULE}"),
+        (
+            lambda m: simulate(m, 1.5, hops=1, schedule=([0, 1], {"k": [1, 2]})),
+            "schedule: 'k' has 2 values between 2 times",
+        ),
+        (
+            lambda m: ReturnMap(m).fixed_points(1, 2, samples=0),
+            "samples = 0; it is a number of launches, from 2 upwards",
+        ),
+    ],
+)
+def test_arguments_that_cannot_be_are_told_as_they_were_given(call, message):
+    """With units and without, and without a note on units where the numbers have none."""
+    for machine in (LEG, LEG.dimensionless()):
+        with pytest.raises(InputError) as raised:
+            call(machine)
+        assert str(raised.value) == message
+
+
+def test_a_schedule_names_what_may_change_in_time():
+    linear = hopper_in_si(60.0, 3.0, stiffness=5000.0, rest_length=0.8)
+    with pytest.raises(InputError, match="none that may change in time"):
+        simulate(linear, 1.5, hops=1, schedule=([0.0, 1.0], {"stiffness": [1.0]}))
+    r = np.linspace(-12.0, 8.0, 200)
+    noisy = springs.table((r, r + 0.1 * np.random.default_rng(5).normal(size=200)))
+    assert noisy.parameters  # of the noise
+    for machine in (Hopper(noisy, rest_length=20.0), hopper_in_si(1.0, 1.0, force=noisy)):
+        with pytest.raises(InputError, match="schedule: the machine has no parameter 'zz'") as raised:
+            simulate(machine, 4.0, hops=1, schedule=([0.0, 1.0], {"zz": [1.0]}))
+        assert "_noise" not in str(raised.value)
+
+
+def test_an_error_about_a_member_keeps_its_index():
+    with pytest.raises(NoOrbit, match="in the units of") as raised, without_units(LEG.units):
+        raise NoOrbit("alpha = 3").about(4)
+    assert raised.value.index == 4
+
+
+def test_powers_of_units():
+    assert [unit_text((-power, 0, 1)) for power in (1.5, 0.5, 1 / 3, 0.333333333, 2.0, 1.25, 0.123)] == [
+        "N/m^(3/2)", "N/m^(1/2)", "N/m^(1/3)", "N/m^(1/3)", "N/m^2", "N/m^(5/4)", "N/m^0.123",
+    ]  # fmt: skip
+    contact = hopper_in_si(2.0, 1.0, force="k*abs(r)**1.5*sign(r)", stiffness=1e4, parameters={"k": 1e4})
+    assert contact.units_of_parameters()["k"] == "N/m^(3/2)"
 
 
 def test_files_from_before_results_were_in_si(tmp_path):
