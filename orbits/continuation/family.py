@@ -333,6 +333,8 @@ def _check_points(points: Sequence[Point], events: Sequence[Event]) -> None:
         for name in ("u", "tangent"):
             if not SMALLEST_SIZE < max(map(abs, getattr(point, name))) < 1 / SMALLEST_SIZE:
                 raise ValueError(f"the point at {point.value:g} has {name} = {getattr(point, name)}, no such numbers")
+        if not point.alpha > SMALLEST_SIZE:
+            raise ValueError(f"the point at {point.value:g} has alpha = {point.alpha:g}; a launch speed is above 0")
         if point.error < 0 or point.family < 1:
             raise ValueError(f"the point at {point.value:g} has error {point.error:g} and family {point.family}")
     if wrong := [event for event in events if not -1 <= event.after < max(len(points), 1)]:

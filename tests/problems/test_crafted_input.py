@@ -242,7 +242,7 @@ FAULTS = [
     ("point", "u", []), ("point", "u", "abc"), ("point", "u", [1.0]), ("point", "tangent", []), ("point", "alpha", "x"),
     ("point", "tangent", [1.0]), ("certificate", "violations", "abc"), ("certificate", "error", "x"),
     ("certificate", "error", -1.0), ("certificate", "family", 1.5), ("point", "value", None),
-    ("point", "tangent", [0.0, 0.0, 0.0]), ("point", "tangent", [0.0, 0.0, 1e-320]),
+    ("point", "alpha", 0.0), ("point", "tangent", [0.0, 0.0, 0.0]), ("point", "tangent", [0.0, 0.0, 1e-320]),
 ]  # fmt: skip
 
 
