@@ -5,7 +5,8 @@ import csv
 import json
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -69,25 +70,31 @@ def _plain(value: Any) -> Any:
 def write_json(document: Mapping, path: str | Path, what: str, endings: tuple[str, ...] = DOCUMENTS) -> Path:
     """Write a document to a JSON file and return its path; `what` it is and the `endings` that its files may have go
     into the `InputError` when that fails."""
-    path = check_ending(path, endings)
-    try:
-        path.write_text(to_json(document) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"the {what} cannot be saved to {path}: {error}") from None
+    path, text = check_ending(path, endings), to_json(document) + "\n"
+    with writing(what, path):
+        path.write_text(text, encoding="utf-8")
     return path
 
 
 def write_table(names: Sequence[str], rows: Iterable[Sequence], path: str | Path, what: str) -> Path:
     """Write a CSV file of named columns, floats with all their digits; the others as in `write_json`."""
     path = Path(path)
-    try:
-        with open(path, "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(names)
-            writer.writerows([f"{each:.17g}" if isinstance(each, float) else each for each in row] for row in rows)
-    except OSError as error:
-        raise InputError(f"the {what} cannot be saved to {path}: {error}") from None
+    with writing(what, path), open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(names)
+        writer.writerows([f"{each:.17g}" if isinstance(each, float) else each for each in row] for row in rows)
     return path
+
+
+@contextmanager
+def writing(what: str, path: str | Path) -> Iterator[None]:
+    """Where a file is written: a failure, or a name that no file can have, is an `InputError` about `what` it is."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (OSError, ValueError) as error:
+        raise InputError(f"the {what} cannot be written to {path}: {error}") from None
 
 
 def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:
@@ -123,7 +130,7 @@ def read_file(path: str | Path, complaint: str, parse: Callable[[BinaryIO], Read
         reason: object = "it is nested too deeply"
     except KeyError as error:
         reason = f"it has no {error}"
-    except (OSError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
+    except (OSError, ValueError, TypeError, AttributeError, IndexError, ArithmeticError) as error:
         reason = error
     raise InputError(f"{complaint}: {reason}") from None
 

@@ -14,7 +14,7 @@ Examples:
   orbits find --family 3 --mass-ratio 0.5              a higher hop
   orbits find --spring "r + beta*r**3" --set beta=0.3  a spring of your own
   orbits find --spring tanh --set b=0.2 --plot hop.png
-  orbits find --spring table:bench.csv --json          a measured spring
+  orbits find --spring table:rows.csv --json           a measured spring, in the machine's units
   orbits find --gravity "1/(1 + z/R)**2" --set R=150 --rest-length 20
   orbits find --machine rover.toml --animate hop.gif   a machine in SI units
   orbits follow --spring cubic --along beta --from 0 --to 5 --at 0.5,1,2
@@ -41,7 +41,8 @@ def orbits() -> None:
     """Motions of hopping and juggling machines that lose nothing, even with plastic collisions.
 
     A spring's force is a formula of its extension r, gravity a formula of the height z; every other name in them is a
-    parameter that --set gives a value. Lengths are in units of the foot's weight over the stiffness.
+    parameter that --set gives a value. Lengths are in units of the foot's weight over the stiffness; a machine whose
+    file has [si] is in SI, and its masses are parameters too.
     """
 
 
@@ -72,9 +73,8 @@ def find_command(
         raise click.exceptions.Exit(1)
 
 
-# Columns of the table of a map's hops, and the units of a machine in SI.
+# Columns of the table of a map's hops.
 COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
-UNITS_OF_HOPS = {"alpha": "m/s", "next": "m/s", "loss": "m^2/s^2"}
 
 
 @orbits.command(
@@ -82,7 +82,12 @@ UNITS_OF_HOPS = {"alpha": "m/s", "next": "m/s", "loss": "m^2/s^2"}
 )
 @options.machine_options
 @options.family_option("As in find.")
-@click.option("--along", required=True, metavar="NAME", help="The parameter: a law's, mass_ratio or rest_length.")
+@click.option(
+    "--along",
+    required=True,
+    metavar="NAME",
+    help="The parameter: a law's, mass_ratio or rest_length; in SI also a mass, stiffness or surface_gravity.",
+)
 @click.option("--from", "start", type=float, metavar="A", help="Its first value; default: as --set has it.")
 @click.option("--to", "stop", type=float, required=True, metavar="B", help="Its last value.")
 @click.option("--at", metavar="V1,V2,...", help="Values to hit exactly.")
@@ -161,16 +166,16 @@ def return_map(
         hops = step(speeds)
         if plot is not None:
             save_figure(plot_map(step, speeds[0], speeds[-1], start=cobweb), plot)
-    in_si = step.machine.units is not None
     if as_json:
-        click.echo(to_json(hops.document() | ({"units": UNITS_OF_HOPS} if in_si else {})))
+        click.echo(to_json(hops.document()))
         return
     if len(speeds) > LONGEST_TABLE and not whole:
-        click.echo(options.summary(hops, UNITS_OF_HOPS if in_si else {}))
+        click.echo(options.summary(hops))
         return
-    heads = [f"{name} ({UNITS_OF_HOPS[key]})" if in_si else name for key, name in COLUMNS_OF_HOPS.items()]
+    heads = [f"{name} ({hops.units[key]})" if hops.units else name for key, name in COLUMNS_OF_HOPS.items()]
     click.echo("{:>16}{:>20}{:>16}{:>9}  {}".format(*heads, "impacts", "status"))
-    for row in zip(*hops.document().values(), strict=True):
+    columns = [hops.document()[name] for name in (*COLUMNS_OF_HOPS, "impacts", "status")]
+    for row in zip(*columns, strict=True):
         following = "-" if row[1] is None else f"{row[1]:.12g}"
         click.echo(f"{row[0]:16.12g}{following:>20}{row[2]:16.9g}{row[3]:9d}  {row[4]}")
 

@@ -23,6 +23,8 @@ LAW_SAMPLES, FARTHEST = 4096, 20.0
 SOFTEST = 1e-12
 # Functions that vanish, or come to a limit, as fast as an exponential: a series far from where they vary shows nothing.
 HIDING = {getattr(ca, f"OP_{name}") for name in ("EXP", "EXPM1", "TANH", "COSH", "SINH", "ERF")}
+# Quotients and powers hide bumps, where a law bends there and back; where it only steepens, there is a pole ahead.
+HIDING_BUMPS = {getattr(ca, f"OP_{name}") for name in ("DIV", "INV", "POW", "CONSTPOW")}
 # A step goes at most so many times the length over which the law varies, which is 0.3 widths of a Gaussian bump: a
 # series sees one from nine widths away, and from six its force is below rounding. No bound is set for lengths above
 # this share of the unit: the steps are as short by themselves.
@@ -61,10 +63,11 @@ def with_reach(key: Key, spring: Key, p: Mapping[str, float]) -> Key:
 
     That is infinite for one that hides nothing. Else it is rounded to a power of two, so that machines share models.
     """
-    if not _may_hide(key):
+    hides, hides_bumps = (not functions.isdisjoint(_operations(key)) for functions in (HIDING, HIDING_BUMPS))
+    if not (hides or hides_bumps):
         return key
-    length = features(key, spring, p).length
-    narrow = length < NARROW_SHARE * unit_of_length(spring, p)
+    length, bends = features(key, spring, p)
+    narrow = length < NARROW_SHARE * unit_of_length(spring, p) and (hides or bends > 1)
     return key._replace(reach=STEP_LENGTHS * 2.0 ** math.floor(math.log2(length))) if narrow else key
 
 
@@ -76,11 +79,12 @@ def unit_of_length(spring: Key, p: Mapping[str, float]) -> float:
 
 
 @lru_cache(maxsize=256)
-def _may_hide(key: Key) -> bool:
+def _operations(key: Key) -> frozenset[int]:
+    """What the slope of a law is computed by; nothing for laws in which no features are looked for."""
     if key.pieces is not None or key.degree() < 2:
-        return False
+        return frozenset()
     slope = _slopes(key).function
-    return any(slope.instruction_id(i) in HIDING for i in range(slope.n_instructions()))
+    return frozenset(slope.instruction_id(i) for i in range(slope.n_instructions()))
 
 
 @lru_cache(maxsize=256)

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -102,8 +103,11 @@ class Law:
     pieces: tuple[int, Callable] | None = None
 
     def __post_init__(self) -> None:
-        for name, value in self.parameters.items():
-            number(name, value)
+        checked = {name: number(name, value) for name, value in self.parameters.items()}
+        object.__setattr__(self, "parameters", MappingProxyType(checked))
+
+    def __reduce__(self) -> tuple[type, tuple]:
+        return Law, (self.text, self.variable, self.expression, dict(self.parameters), self.pieces)
 
     @property
     def key(self) -> Key:
@@ -179,22 +183,24 @@ def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
         hint = suggest(unused[0], sorted(names)) if names else ""
         raise InputError(f"'{text}' does not use {', '.join(map(repr, unused))}{hint}")
     law = Law(text, variable, _formula_expression(text, variable), {name: parameters[name] for name in sorted(names)})
-    _refuse_removable(law)
+    values = {name: np.float64(value) for name, value in law.parameters.items()}
+    _refuse_removable(law, lambda x: law.expression(x, values, []))
     return law
 
 
-def _refuse_removable(law: Law) -> None:
-    """Raise `InputError` for a formula that is 0/0 at 0 but has a limit there: near 0 it loses all its digits."""
-    values, h = {name: np.float64(value) for name, value in law.parameters.items()}, np.array(NEAR_ZERO)
+def _refuse_removable(law: Law, force: Callable) -> None:
+    """Raise `InputError` for a law that is 0/0 at 0 but has a limit there: near 0 its `force` loses all its digits."""
+    h = np.array(NEAR_ZERO)
     with np.errstate(all="ignore"):
-        if not np.isnan(law.expression(np.float64(0.0), values, [])):
+        if not np.isnan(force(np.float64(0.0))):
             return
-        up, down, further = (law.expression(x, values, []) for x in (h, -h, 2 * h))
+        up, down, further = (force(x) for x in (h, -h, 2 * h))
         apart = np.maximum(abs(up - down), abs(up - further))
         together = np.flatnonzero(apart[1:] <= COMES_TOGETHER * apart[:-1])
     if together.size:
         limit = f"its limit there is about {(up + down)[together[-1] + 1] / 2:.3g}, but near it digits are lost"
-        remedy = "write it without that division, or as a table of its values, springs.table((r, force), noise=0)"
+        table = ", or as a table of its values, springs.table((r, force), noise=0)" if law.variable == "r" else ""
+        remedy = f"write it without that division{table}"
         raise InputError(f"'{law.text[:60]}' is 0/0 at {law.variable} = 0; {limit}: {remedy}")
 
 
@@ -226,6 +232,7 @@ def from_function(function: Callable, variable: str, parameters: Given = None, b
     table = (0, _break_table(tuple(breaks))) if breakpoints else None
     parameters = dict(parameters or {})
     law = Law(name, variable, _function_expression(function, variable, tuple(parameters)), parameters, table)
+    _refuse_removable(law, law)
     if not np.isfinite(law(0.0)):  # float() of a symbol is NaN
         raise InputError(f"the law '{name}' has no finite value at {variable} = 0; {HOW_TO_WRITE}")
     return law

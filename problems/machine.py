@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any, Self, cast
 
 import numpy as np
@@ -48,11 +49,57 @@ class Stated:
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields of the machine; its laws are pickled as what they were made from."""
-        return {each.name: getattr(self, each.name) for each in fields(cast(Any, self))}
+        told = {each.name: getattr(self, each.name) for each in fields(cast(Any, self))}
+        return {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in told.items()}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        self._keep(**state)
+
+    def _keep(self, **checked: Any) -> None:
+        """Store fields as they were checked, mappings so that nobody can change them."""
+        for name, value in checked.items():
+            object.__setattr__(self, name, MappingProxyType(dict(value)) if isinstance(value, Mapping) else value)
+
+
+class TwoMasses(Stated):
+    """What machines of two masses have in common, dimensionless or in SI."""
+
+    rest_length: float | None
+    restitution: float
+    damping: float
+    drag: float
+
+    @property
+    def damped(self) -> bool:
+        """Whether the machine loses energy otherwise than by impacts."""
+        return self.damping > 0 or self.drag > 0
+
+    def _keep_common(self) -> None:
+        """Keep length and losses as numbers; raises `InputError` that names what they cannot be."""
+        length = self.rest_length if self.rest_length is None else number("rest_length", self.rest_length, low=0)
+        self._keep(rest_length=length, restitution=coefficient_of_restitution(self.restitution))
+        for name in DAMPERS:
+            self._keep(**{name: number(name, getattr(self, name))})
+            if getattr(self, name) < 0:
+                raise InputError(f"{name} = {getattr(self, name):g} is below 0: it would drive the machine")
+
+    def _described(self: Any, spring: str, laws_in: str) -> dict[str, Any]:
+        """The machine as JSON-ready data, with its spring in words."""
+        return {
+            "machine": self.kind,
+            "spring": spring,
+            "gravity": self.gravity.text,
+            "mass_ratio": self.mass_ratio,
+            "rest_length": self.rest_length,
+            "restitution": self.restitution,
+            **({name: getattr(self, name) for name in DAMPERS} if self.damped else {}),
+            "parameters": {name: self.parameters[name] for name in stated(self.parameters)},
+            "laws_in": laws_in,
+        }
 
 
 @dataclass(frozen=True, repr=False)
-class TwoMassMachine(Stated):
+class TwoMassMachine(TwoMasses):
     """Two masses, a spring and gravity, in the units of the machine's module.
 
     spring : a law of `problems.springs`, a formula of the extension r, a law's name, "table:FILE",
@@ -81,17 +128,10 @@ class TwoMassMachine(Stated):
 
     @exclusive
     def __post_init__(self) -> None:
-        number("mass_ratio", self.mass_ratio, *MASS_RATIOS)
-        coefficient_of_restitution(self.restitution)
-        if self.rest_length is not None:
-            number("rest_length", self.rest_length, low=0)
-        for name in DAMPERS:
-            if not number(name, getattr(self, name)) >= 0:
-                raise InputError(f"{name} = {getattr(self, name):g} is below 0: it would drive the machine")
+        self._keep(mass_ratio=number("mass_ratio", self.mass_ratio, *MASS_RATIOS))
+        self._keep_common()
         spring, gravity = self._laws()
-        parameters = {**spring.parameters, **gravity.parameters}
-        for name, value in (("spring", spring), ("gravity", gravity), ("parameters", parameters)):
-            object.__setattr__(self, name, value)
+        self._keep(spring=spring, gravity=gravity, parameters={**spring.parameters, **gravity.parameters})
         if self.rest_length is None and self.varying_gravity:
             high = "the upper mass is as high as its coordinate and the rest length together"
             raise InputError(f"gravity '{gravity.text}' varies with height, and {high}: give the rest length")
@@ -130,11 +170,6 @@ class TwoMassMachine(Stated):
         p = {**self.parameters, "rest_length": self.rest_length or 0.0}
         return with_reach(spring, spring, p), gravity and with_reach(gravity, spring, p)
 
-    @property
-    def damped(self) -> bool:
-        """Whether the machine loses energy otherwise than by impacts."""
-        return self.damping > 0 or self.drag > 0
-
     @staticmethod
     def build(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
         """The model from the keys of the laws (None: constant gravity), and whether there is a length, a damping."""
@@ -151,7 +186,7 @@ class TwoMassMachine(Stated):
             values |= {name: getattr(self, name) for name in DAMPERS}
         if self.model.homotopy:
             values[self.model.homotopy] = 1.0
-        return {name: float(value) for name, value in values.items()}
+        return values
 
     def with_values(self, **values: float) -> Self:
         """The same machine with other values of mass_ratio, rest_length, damping, drag or the formulas' parameters.
@@ -171,17 +206,7 @@ class TwoMassMachine(Stated):
 
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""
-        return {
-            "machine": self.kind,
-            "spring": self.spring.text,
-            "gravity": self.gravity.text,
-            "mass_ratio": float(self.mass_ratio),
-            "rest_length": None if self.rest_length is None else float(self.rest_length),
-            "restitution": float(self.restitution),
-            **({name: float(getattr(self, name)) for name in DAMPERS} if self.damped else {}),
-            "parameters": {name: float(self.parameters[name]) for name in stated(self.parameters)},
-            "laws_in": "units of the machine",
-        }
+        return self._described(self.spring.text, "units of the machine")
 
 
 def spring_pieces(key: Key, coordinate: tuple[float, ...]) -> Pieces | None:
@@ -300,8 +325,10 @@ class TwoMassEquations:
         spring, gravity, unit = self.spring, self.gravity, unit_of_length(self.spring, p)
         in_spring, around = features(spring, spring, p), features(gravity, spring, p) if gravity else NO_FEATURES
         finest = min(in_spring.length, AT_SPEED * around.length) / unit
-        often = in_spring.bends > MOST_BENDS or around.bends > 1
-        single = not (often or (in_spring.bends > 1 and in_spring.length < UNBENT * unit))
+        wavy = in_spring.bends > MOST_BENDS or around.bends > 1
+        bump = in_spring.bends > 1 and in_spring.length < UNBENT * unit
+        single = not (wavy or bump)
+        # Where gravity varies or steps are kept short, the fastest flights would take most of the search's time.
         fastest = FASTEST if single and not gravity and spring.reach == math.inf else FASTEST_IN_DETAIL
         return Search(float(np.sqrt(unit)), float(np.clip(finest, *SPACINGS)), fastest, single)
 

@@ -3,7 +3,7 @@
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import reduce
 from typing import TYPE_CHECKING, Any
@@ -113,20 +113,20 @@ def launch_speeds(text: str) -> "np.ndarray":
     return np.linspace(low, high, count)
 
 
-def summary(hops: "Hops", units: Mapping[str, str]) -> str:
+def summary(hops: "Hops") -> str:
     """What became of many launches, in some lines: how many of each status, and the ranges of their numbers."""
     import numpy as np
 
     lines = [f"{len(hops.alpha)} launches (--all prints each, --json all as one document)"]
     for status in np.unique(hops.status):
         these, rows = hops.status == status, {}
-        for name, values in vars(hops).items():
-            if name != "status" and np.isfinite(inside := values[these]).any():
+        for name in ("alpha", "next", "loss", "impacts"):
+            if np.isfinite(inside := getattr(hops, name)[these]).any():
                 rows[name] = f"{np.nanmin(inside):.10g} to {np.nanmax(inside):.10g}"
         lines.append(f"  {status}: {these.sum()}")
         words = {"alpha": "launch speed"}
         lines += [
-            f"    {words.get(name, name):<14}{text} {units.get(name, '')}".rstrip() for name, text in rows.items()
+            f"    {words.get(name, name):<14}{text} {hops.units.get(name, '')}".rstrip() for name, text in rows.items()
         ]
     return "\n".join(lines)
 
@@ -149,16 +149,17 @@ def machine_of(
         if not machine.endswith(".toml"):
             raise InputError(f"--machine {machine!r} is neither {' nor '.join(KINDS)} nor a .toml file")
         statement, where = read(machine), machine
-    statement |= {name: value for name, value in stated.items() if value is not None}
     if first is not None:
         settings = [setting for setting in settings if not sets(setting, first[0])]
-    values = _parameter_values(settings)
+    own = {name: value for name, value in stated.items() if value is not None}
+    values, parameters = _parameter_values(settings), dict(statement.get("parameters", {}))
     if first is not None:
-        name, value = first
-        in_si = name in SI_PARAMETERS and "si" in statement
-        place = statement["si"] if in_si else statement if name in ("mass_ratio", "rest_length") else values
+        (own if first[0] in ("mass_ratio", "rest_length") else values)[first[0]] = first[1]
+    for name, value in (own | values).items():
+        in_si = name in SI_PARAMETERS and "si" in statement and name not in parameters
+        place = statement["si"] if in_si else statement if name in own else parameters
         place[name] = value
-    statement["parameters"] = {**statement.get("parameters", {}), **values}
+    statement["parameters"] = parameters
     return build(statement, where)
 
 

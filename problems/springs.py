@@ -23,12 +23,11 @@ from orbits.symbolic.formula import suggest
 
 from . import laws
 from .laws import Expression, Law, number, positive
-from .tables import FEWEST_ROWS, SmoothCurve, branch_of, curve_of, read_table, short
+from .smoothing import SmoothCurve, branch_of, curve_of
+from .tables import read_table, short
 
 # A sample to try tables with: a leg's spring in mm and N, with noise as from a bench.
-SAMPLE = Path(__file__).with_name("bench.csv")
-# Extensions that differ by this share of their range or less are the same.
-SAME_EXTENSION = 1e-9
+SAMPLE = Path(__file__).with_name("leg_spring.csv")
 TABLE_OPTIONS = ("branch", "noise")
 
 
@@ -137,19 +136,20 @@ def table(
     in_si : whether the law is in m and N, to which the units in the header are then converted; without, units there are
         an error, since a dimensionless machine takes the numbers as they stand
     branch : of a loop, whose rows are in the order of the measurement: "loading", on which the measured travel grows,
-        "unloading", or "mean" for both together
+        "unloading", or "mean", half way between both, where both have been measured
     noise : standard deviation of a row's force, in the law's unit; 0 where the rows are exact, None to estimate it
 
     The header names one column of `tables.EXTENSION_NAMES` and one of `tables.FORCE_NAMES`, tension and extension
-    positive; under `compression` both are counted the other way. Units follow the names, as in `Weg [mm]`, `force_kN`,
-    or stand in the row below. Tabs, semicolons, commas or blanks separate the columns; with commas a decimal comma has
-    to be in quotes. Lines before the header and comments (#, ;, %, //) are left aside. Branches may have their rows in
-    any order, and the forces at repeated extensions are averaged.
+    positive; both are counted the other way where one says compression, unless the other says tension. Units follow the
+    names, as in `Weg [mm]`, `force_kN`, or stand in the row below. Tabs, semicolons, commas or blanks separate the
+    columns; with commas a decimal comma has to be in quotes. Lines before the header and comments (#, ;, %, //) are
+    left aside. Branches may have their rows in any order; forces at repeated extensions are averaged, and how they
+    differ is noise.
 
     The law is the C2 cubic spline, as a quintic Hermite interpolant whose slopes and curvatures are cut back where the
     spline would overshoot: between rows the force is monotone, and the whole is twice differentiable. Noisy rows are
-    smoothed first, see `tables.curve_of`; the law's text says so, and orbits say how far it can move alpha. Outside the
-    table there is no force: an orbit that needs one is refused with the range. Raises `InputError` for a table that
+    smoothed first, see `smoothing.curve_of`; the law's text says so, and orbits say how far it can move alpha. Outside
+    the table there is no force: an orbit that needs one is refused with the range. Raises `InputError` for a table that
     cannot be read or interpolated, and for a loop of which no branch is named.
     """
     if noise is not None and number("noise", noise, high=1e100) < 0:
@@ -159,8 +159,7 @@ def table(
         label = short(Path(source).name)
         pairs, sense = read_table(Path(source), in_si)
     r, force = _columns_of(pairs, label)
-    rows = branch_of(r, force, sense, branch, label)
-    curve = curve_of(*_averaged(r[rows], force[rows], label), noise)
+    curve = curve_of(branch_of(r, force, sense, branch, label), noise)
     note = ", ".join(filter(None, (branch, curve.note)))
     return Law(f"table:{label}" + (f" ({note})" if note else ""), "r", _piece_expression, *_table_pieces(curve))
 
@@ -258,22 +257,11 @@ def _columns_of(source: Any, label: str) -> tuple[np.ndarray, np.ndarray]:
         r, force = (np.asarray(column, dtype=float) for column in source)
     except (TypeError, ValueError):
         raise InputError(f"{label}: a table is two sequences of numbers, extensions and forces") from None
-    if r.ndim != 1 or r.shape != force.shape or not (np.isfinite(r).all() and np.isfinite(force).all()):
-        raise InputError(f"{label}: extensions and forces must be two finite lists of one length")
-    return r, force
-
-
-def _averaged(r: np.ndarray, force: np.ndarray, label: str) -> tuple[np.ndarray, np.ndarray]:
-    """Ascending extensions (n,) and the mean force (n,) at each; raises `InputError` where no law goes through them."""
+    if r.ndim != 1 or not r.size or r.shape != force.shape or not (np.isfinite(r).all() and np.isfinite(force).all()):
+        raise InputError(f"{label}: extensions and forces must be two finite lists of one length, with rows")
     if max(np.abs(r).max(initial=0), np.abs(force).max(initial=0)) > 1e100:
         raise InputError(f"{label}: extensions or forces too large to compute with; they lie below 1e100")
-    order = np.argsort(r, kind="stable")
-    r, force = r[order], force[order]
-    place = np.cumsum(np.diff(r, prepend=r[:1]) > SAME_EXTENSION * np.ptp(r)) if len(r) else np.zeros(0, int)
-    counts = np.bincount(place)
-    if len(counts) < FEWEST_ROWS:
-        raise InputError(f"{label}: {len(counts)} different extensions; a table needs at least {FEWEST_ROWS}")
-    return np.bincount(place, r) / counts, np.bincount(place, force) / counts
+    return r, force
 
 
 def _quintic_pieces(x: np.ndarray, y: np.ndarray) -> np.ndarray:

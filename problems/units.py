@@ -24,20 +24,22 @@ from .gravity import as_gravity
 from .hopper import Hopper
 from .juggler import Juggler
 from .laws import UNIT_FORCE, UNIT_LENGTH, Key, Law, number, stated
-from .machine import DAMPERS, Stated, TwoMassMachine
+from .machine import DAMPERS, TwoMasses, TwoMassMachine
 from .springs import as_spring
 
 STANDARD_GRAVITY = 9.80665
 # The parameter that sets the units beside a force law, and changes no motion.
-GAUGE = "unit_stiffness"
+GAUGE, BODY_RADIUS = "unit_stiffness", "body_radius"
+# Beyond these, results that have powers of the units overflow.
+SIZES_OF_UNITS = 1e-60, 1e60
 DIMENSIONS_OF_PARAMETERS: dict[str, Dimension] = {
     **dict.fromkeys(("body_mass", "foot_mass", "ball_mass", "hand_mass"), MASS),
-    **dict.fromkeys(("rest_length", "body_radius"), LENGTH),
+    **dict.fromkeys(("rest_length", BODY_RADIUS), LENGTH),
     "surface_gravity": ACCELERATION,
     "stiffness": (-1, 0, 1),
     **dict.fromkeys(DAMPERS, (-1, 1, 1)),
 }
-RESERVED = {*DIMENSIONS_OF_PARAMETERS, GAUGE, UNIT_LENGTH, UNIT_FORCE, "mass_ratio", "gravity_share"} - {"body_radius"}
+RESERVED = {*DIMENSIONS_OF_PARAMETERS, GAUGE, UNIT_LENGTH, UNIT_FORCE, "mass_ratio", "gravity_share"} - {BODY_RADIUS}
 
 
 def hopper_in_si(
@@ -62,10 +64,10 @@ def hopper_in_si(
 
     Raises `InputError` that names what cannot be meant.
     """
-    masses = {"body_mass": body_mass, "foot_mass": foot_mass}
-    spring = _spring(force, stiffness, parameters)
-    losses = {"restitution": restitution, "damping": damping, "drag": drag}
-    return _machine(Hopper, masses, spring, rest_length, surface_gravity, body_radius, gravity, losses, parameters)
+    return _machine(
+        Hopper, {"body_mass": body_mass, "foot_mass": foot_mass}, force, stiffness, body_radius, gravity, parameters,
+        surface_gravity=surface_gravity, rest_length=rest_length, restitution=restitution, damping=damping, drag=drag,
+    )  # fmt: skip
 
 
 def juggler_in_si(
@@ -75,14 +77,14 @@ def juggler_in_si(
     restitution: float = 0.0, damping: float = 0.0, drag: float = 0.0, parameters: Mapping[str, float] | None = None,
 ) -> "MachineInSI":  # fmt: skip
     """A juggler in SI from the masses of ball and hand (kg); the rest as in `hopper_in_si`."""
-    masses = {"ball_mass": ball_mass, "hand_mass": hand_mass}
-    spring = _spring(force, stiffness, parameters)
-    losses = {"restitution": restitution, "damping": damping, "drag": drag}
-    return _machine(Juggler, masses, spring, rest_length, surface_gravity, body_radius, gravity, losses, parameters)
+    return _machine(
+        Juggler, {"ball_mass": ball_mass, "hand_mass": hand_mass}, force, stiffness, body_radius, gravity, parameters,
+        surface_gravity=surface_gravity, rest_length=rest_length, restitution=restitution, damping=damping, drag=drag,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class MachineInSI(Stated):
+class MachineInSI(TwoMasses):
     """A machine of two masses stated in SI, made by `hopper_in_si` or `juggler_in_si`; see there for the arguments.
 
     base : the class of the dimensionless machine
@@ -104,15 +106,13 @@ class MachineInSI(Stated):
 
     @exclusive
     def __post_init__(self) -> None:
-        for name, mass in self.masses.items():
-            number(name, mass, low=0)
+        self._keep(masses={name: number(name, mass, low=0) for name, mass in self.masses.items()})
+        for name in ("surface_gravity", "stiffness"):
+            self._keep(**{name: number(name, getattr(self, name), low=0)})
+        if BODY_RADIUS in self.gravity.parameters:
+            number(BODY_RADIUS, self.gravity.parameters[BODY_RADIUS], low=0)
         number("mass_ratio", self.mass_ratio, low=0)
-        number("surface_gravity", self.surface_gravity, low=0)
-        if self.rest_length is not None:
-            number("rest_length", self.rest_length, low=0)
-        for name in DAMPERS:
-            if not number(name, getattr(self, name)) >= 0:
-                raise InputError(f"{name} = {getattr(self, name):g} is below 0: it would drive the machine")
+        self._keep_common()
         laws = [] if self.spring is None else [*self.spring.parameters]
         if taken := sorted(RESERVED & {*laws, *self.gravity.parameters}):
             raise InputError(f"'{taken[0]}' is the machine's own name; call the formula's parameter something else")
@@ -120,7 +120,7 @@ class MachineInSI(Stated):
 
     def __repr__(self) -> str:
         units, laws = self.units_of_parameters(), self.describe()
-        named = {name: self.values[name] for name in stated(self.values) if name != GAUGE}
+        named = self.stated_values | ({"restitution": self.restitution} if self.restitution else {})
         values = [f"{name} = {x:g} {units.get(name, '')}".rstrip() for name, x in named.items()]
         return f"{self.kind} in SI, spring {laws['spring']}, gravity {laws['gravity']}: {', '.join(values)}"
 
@@ -134,11 +134,6 @@ class MachineInSI(Stated):
         """The lower mass over the upper one."""
         upper, lower = self.masses.values()
         return lower / upper
-
-    @property
-    def damped(self) -> bool:
-        """Whether the machine loses energy otherwise than by impacts."""
-        return self.damping > 0 or self.drag > 0
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -159,7 +154,13 @@ class MachineInSI(Stated):
             values[GAUGE] = self.stiffness
         if homotopy := self.dimensionless().model.homotopy:
             values[homotopy] = 1.0
-        return {name: float(value) for name, value in values.items()}
+        return values
+
+    @property
+    def stated_values(self) -> dict[str, float]:
+        """The values, in SI, of the parameters that users state."""
+        hidden = (GAUGE, self.model.homotopy)
+        return {name: self.values[name] for name in stated(self.values) if name not in hidden}
 
     @exclusive_property
     def units(self) -> Units:
@@ -180,7 +181,7 @@ class MachineInSI(Stated):
     @property
     def scheduled(self) -> dict[str, float]:
         """The units of the parameters that a simulation may vary in time: not of those that set the units."""
-        return {name: 1.0 for name in self.parameters if name != "stiffness" or self.spring is not None}
+        return {name: 1.0 for name in stated(self.parameters) if name != "stiffness" or self.spring is not None}
 
     @property
     def model(self) -> Model:
@@ -195,7 +196,7 @@ class MachineInSI(Stated):
     def _dimensionless(self) -> TwoMassMachine:
         units = self.units
         for name, unit in (("length", units.length), ("time", units.time), ("force", units.force)):
-            number(f"the unit of {name}", unit, low=0)
+            number(f"the unit of {name}", unit, *SIZES_OF_UNITS)
         stated = _restated(units, {name: getattr(self, name) for name in ("rest_length", *DAMPERS)})
         return self.base(
             spring="r" if self.spring is None else self.spring.scaled(units.length, units.force),
@@ -210,7 +211,6 @@ class MachineInSI(Stated):
 
         Raises `InputError` for an unknown name.
         """
-        known = [name for name in stated(self.values) if name not in (GAUGE, self.model.homotopy)] if values else []
         changes: dict[str, Any] = {}
         for name, value in values.items():
             if name == "mass_ratio":
@@ -218,11 +218,11 @@ class MachineInSI(Stated):
                     f"'mass_ratio' of a machine in SI follows from its masses: set {' or '.join(self.masses)}"
                 )
             if name in self.masses:
-                changes["masses"] = {**changes.get("masses", self.masses), name: number(name, value, low=0)}
+                changes["masses"] = {**changes.get("masses", self.masses), name: value}
             elif name in ("surface_gravity", "rest_length", *DAMPERS) or name == self._stiffness_name == "stiffness":
-                changes[name] = number(name, value)
+                changes[name] = value
             elif name not in self.parameters:
-                raise InputError(f"this machine has no parameter '{name}'{suggest(name, known)}")
+                raise InputError(f"this machine has no parameter '{name}'{suggest(name, self.stated_values)}")
             else:
                 for law in ("spring", "gravity"):
                     mine = changes.get(law, getattr(self, law))
@@ -233,17 +233,9 @@ class MachineInSI(Stated):
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""
         return {
-            "machine": self.kind,
-            "spring": "stiffness*r" if self.spring is None else self.spring.text,
-            "gravity": self.gravity.text,
-            "mass_ratio": float(self.mass_ratio),
-            "rest_length": None if self.rest_length is None else float(self.rest_length),
-            "restitution": float(self.restitution),
-            **({name: float(getattr(self, name)) for name in DAMPERS} if self.damped else {}),
-            "parameters": {name: float(self.parameters[name]) for name in stated(self.parameters)},
-            "laws_in": "SI",
-            **{name: float(value) for name, value in self.masses.items()},
-            "surface_gravity": float(self.surface_gravity),
+            **self._described("stiffness*r" if self.spring is None else self.spring.text, "SI"),
+            **self.masses,
+            "surface_gravity": self.surface_gravity,
             **{f"unit_{name}": value for name, value in asdict(self.units).items()},
             "units": self.units_of_parameters(),
         }
@@ -308,23 +300,19 @@ def _model_in_si(model: Model, hopper: bool, upper: str, lower: str, stiffness: 
 
 
 def _machine(
-    base: type[TwoMassMachine], masses: dict[str, float], spring: tuple[Law | None, float], rest_length: float | None,
-    surface_gravity: float, body_radius: float | None, gravity: Any, losses: dict[str, float], parameters: Any,
+    base: type[TwoMassMachine], masses: dict[str, float], force: Any, stiffness: float | None,
+    body_radius: float | None, gravity: Any, parameters: Any, **numbers: Any,
 ) -> MachineInSI:  # fmt: skip
-    """The machine of checked statements."""
-    given = _given(parameters)
-    law, stiffness = spring
+    """The machine of what was stated; `numbers` are further fields of it."""
+    if not isinstance(parameters or {}, Mapping):
+        raise InputError(f"parameters = {parameters!r}; they are a mapping of names to numbers")
+    given = {name: number(name, value) for name, value in (parameters or {}).items()}
+    law, stiffness = _spring(force, stiffness, given)
     pull = _gravity_law(gravity, body_radius, given)
     known = [*(law.parameters if law else ()), *pull.parameters]
     if unknown := [name for name in given if name not in known]:
         raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], stated(known))}")
-    return MachineInSI(base, masses, law, stiffness, pull, surface_gravity, rest_length, **losses)
-
-
-def _given(parameters: Any) -> dict[str, float]:
-    if not isinstance(parameters or {}, Mapping):
-        raise InputError(f"parameters = {parameters!r}; they are a mapping of names to numbers")
-    return {name: number(name, value) for name, value in (parameters or {}).items()}
+    return MachineInSI(base, masses, law, stiffness, pull, **numbers)
 
 
 def _gravity_law(gravity: Any, body_radius: float | None, given: Mapping[str, float]) -> Law:
@@ -333,17 +321,17 @@ def _gravity_law(gravity: Any, body_radius: float | None, given: Mapping[str, fl
         return as_gravity("1" if gravity is None else gravity, given, shared=True)
     if gravity is not None:
         raise InputError("give body_radius or gravity, not both")
-    return gravities.formula("1/(1 + z/body_radius)**2", body_radius=number("body_radius", body_radius, low=0))
+    return gravities.formula("1/(1 + z/body_radius)**2", body_radius=number(BODY_RADIUS, body_radius, low=0))
 
 
-def _spring(force: Any, stiffness: float | None, parameters: Any) -> tuple[Law | None, float]:
+def _spring(force: Any, stiffness: float | None, given: Mapping[str, float]) -> tuple[Law | None, float]:
     """The law in SI, None where it is linear, and the stiffness that sets the units."""
     if force is None:
         if stiffness is None:
             raise InputError("a spring in SI needs its stiffness (N/m) or its force law")
         return None, number("stiffness", stiffness, low=0)
-    law = as_spring(force, _given(parameters), in_si=True, shared=True)
-    slope = float(law.with_slope(0.0)[1])
+    law = as_spring(force, given, in_si=True, shared=True)
+    slope = float(law.with_slope(law.rest())[1])
     if stiffness is not None:
         k = number("stiffness", stiffness, low=0)
         if 0 < slope < float("inf") and abs(slope / k - 1) > 1e-6:

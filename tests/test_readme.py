@@ -1,13 +1,17 @@
 """The README's Python runs as it stands, and what it says of the answers is so."""
 
 import re
+import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
+from problems import springs
+
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```python\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
+BLOCKS, FILES = (
+    re.findall(rf"^```{kind}\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL) for kind in ("python", "toml")
+)
 
 
 def executed(block: str) -> dict:
@@ -19,8 +23,6 @@ def executed(block: str) -> dict:
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.split("\n")[0][-40:])
 def test_block_runs(block, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    r = np.linspace(-8, 4, 13)
-    np.savetxt("bench.csv", np.column_stack([r, r + 0.1 * r**3]), delimiter=",", header="extension,force", comments="")
     names = executed(block)
     if "Buoyed" in names:
         hop, plain = names["find"](names["Buoyed"]()), names["find"](names["Hopper"]())
@@ -34,3 +36,13 @@ def test_extensions_are_short(what):
     (block,) = (block for block in BLOCKS if what in block)
     frame = ("from ", "import ", "print(")
     assert len([line for line in block.splitlines() if line.strip() and not line.startswith(frame)]) < 15
+
+
+@pytest.mark.parametrize("text", FILES, ids=lambda text: text.split("\n")[0][:40])
+def test_machine_file_hops(text, orbits, tmp_path):
+    """With the shipped sample beside it, as the command that is shown takes it."""
+    shutil.copy(springs.SAMPLE, tmp_path)
+    (tmp_path / "measured.toml").write_text(text, encoding="utf-8")
+    assert "orbits find --machine measured.toml --json" in README
+    done = orbits("find --json --machine", tmp_path / "measured.toml")
+    assert (done.code, done.document["admissible"]) == (0, True)

@@ -55,7 +55,7 @@ MACHINES = {
     "Hopper(spring='<lambda>', b=0.5, damping=0.01)": lambda: Hopper(
         springs.function(lambda r, b: r + b * r**3, b=0.5), damping=0.01
     ),
-    "Hopper(spring='<lambda>', gravity='<lambda>', H=90.0, rest_length=9)": lambda: Hopper(
+    "Hopper(spring='<lambda>', gravity='<lambda>', H=90.0, rest_length=9.0)": lambda: Hopper(
         springs.function(lambda r: r + 0.1 * abs(r), breakpoints=(0.0,)),
         gravity.function(lambda z, H: 1 - z / H, H=90.0),
         rest_length=9,

@@ -4,15 +4,14 @@ import os
 import platform
 import tempfile
 from collections.abc import Callable
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
 from .. import io
-from ..errors import InputError
-from ..io import check_ending
+from ..io import check_ending, writing
 from ..symbolic import interrupts
 from .curve import CurvePoint
 from .family import ENDINGS, End, Event, Family, Point, json_line
@@ -45,7 +44,7 @@ def collect_family(
             else:
                 line = end = item
             if output is not None:
-                with _writing(output):
+                with writing("family", output):
                     print(json_line(line), file=file, flush=True)
             if progress and isinstance(item, CurvePoint):
                 progress((item.value - tracer.start) / (tracer.stop - tracer.start))
@@ -74,16 +73,8 @@ def _opened(family: Family, output):
         return nullcontext()
     path = check_ending(output, ENDINGS[:2])
     *lines, _ = family.records()  # all but the end
-    with _writing(path):
+    with writing("family", path):
         with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=path.parent, delete=False) as file:
             file.writelines(line + "\n" for line in lines)
         os.replace(file.name, path)
         return open(path, "a", encoding="utf-8")
-
-
-@contextmanager
-def _writing(path):
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"the family cannot be written to {Path(path)}: {error}") from None

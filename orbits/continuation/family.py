@@ -9,10 +9,10 @@ from typing import Any, BinaryIO, NotRequired, TypedDict
 import numpy as np
 
 from ..errors import InputError
-from ..io import MEGABYTE, check_ending, conform, fields_in_line, one_line, read_file, to_json, write_table
-from ..model.units import UNIT_TEXTS, Units
+from ..io import MEGABYTE, check_ending, conform, fields_in_line, one_line, read_file, to_json, write_table, writing
+from ..model.units import UNIT_TEXTS, Units, saved_units
 from ..periodic.certificate import Certificate
-from ..periodic.orbit import SavedLaws, SavedUnits, certificate_in_units
+from ..periodic.orbit import SavedLaws, certificate_in_units
 
 FAMILY_FORMAT = "persistent-orbits family 1"
 # Endings of the files that a family is saved to; the first two are lines of JSON.
@@ -25,6 +25,8 @@ COLUMNS = (*MOTION_COLUMNS, *CHECK_COLUMNS, *CONTACT_COLUMNS, "stable_side")
 NUMBERS = COLUMNS[:-1]
 # Names that no parameter can have, since it stands beside these in a table or a document.
 RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point")
+# Unknowns and tangents whose largest component is smaller, or larger than its inverse, are none.
+SMALLEST_SIZE = 1e-100
 # What is read of a saved family at most: some 100,000 points, and lines far longer than any that is written.
 LARGEST_FILE, LONGEST_LINE = 128 * MEGABYTE, 4 * MEGABYTE
 
@@ -231,7 +233,7 @@ class Family:
     def save(self, path: str | Path) -> Path:
         """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`)."""
         path = check_ending(path, ENDINGS)
-        try:
+        with writing("family", path):
             if path.suffix.lower() == ".csv":
                 columns = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]
                 names = [self.heading(name) for name in columns]
@@ -241,8 +243,6 @@ class Family:
                 self._dataset().to_netcdf(path)
             else:
                 path.write_text("".join(line + "\n" for line in self.records()), encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"the family cannot be saved to {path}: {error}") from None
         return path
 
     def records(self) -> Iterator[str]:
@@ -303,7 +303,7 @@ def _modernised(family: Family) -> Family:
     parameters, they are without dimensions."""
     if "units" in family.machine:
         return family
-    units = Units(**conform({name: family.machine[f"unit_{name}"] for name in ("length", "time", "force")}, SavedUnits))
+    units = saved_units({name: family.machine[f"unit_{name}"] for name in ("length", "time", "force")})
     events = tuple(replace(event, point=point_in_units(event.point, units)) for event in family.events)
     points = tuple(point_in_units(point, units) for point in family.points)
     return replace(family, machine={**family.machine, "units": {}}, points=points, events=events)
@@ -330,6 +330,11 @@ def _check_points(points: Sequence[Point], events: Sequence[Event]) -> None:
             raise ValueError(f"the point at {point.value:g} has {counts}: as many for all points, and one more")
         if point.also.keys() != (points or [point])[0].also.keys():
             raise ValueError(f"the point at {point.value:g} has other further parameters than the first")
+        for name in ("u", "tangent"):
+            if not SMALLEST_SIZE < max(map(abs, getattr(point, name))) < 1 / SMALLEST_SIZE:
+                raise ValueError(f"the point at {point.value:g} has {name} = {getattr(point, name)}, no such numbers")
+        if not point.alpha > SMALLEST_SIZE:
+            raise ValueError(f"the point at {point.value:g} has alpha = {point.alpha:g}; a launch speed is above 0")
         if point.error < 0 or point.family < 1:
             raise ValueError(f"the point at {point.value:g} has error {point.error:g} and family {point.family}")
     if wrong := [event for event in events if not -1 <= event.after < max(len(points), 1)]:

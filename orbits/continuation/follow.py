@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
 from ..model.units import without_units
-from ..periodic.find import another_family, solve_family, solve_near
+from ..periodic.find import Root, another_family, lowest_of_family, solve_family, solve_near
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
 from ..symbolic.exclusive import LOCK, exclusive
@@ -206,12 +206,26 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
         return _resumed(machine, along, behind, stop, resume, options)
     with interrupts.deferred(), without_units(machine.units):
         family = 1 if family is None else family
-        method, root = solve_family(machine, family, method) if orbit is None else solve_near(machine, orbit, method)
+        method, root = _of_family(machine, family, method) if orbit is None else solve_near(machine, orbit, method)
         curve = Curve(machine, along, "relative" if method == "closed form" else method, abs(stop - behind))
     tracer = start_tracer(curve, np.append(root.u, start), start, behind, stop, options)
     if orbit is None and tracer.first.point.family != family:
         raise NoOrbit(another_family(family, tracer.first.point.family))
     return tracer
+
+
+def _of_family(machine: Machine, family: int, method: str | None) -> tuple[str, Root]:
+    """The method, and the solution of the orbit that `find` gives for a family. Where the first that is solved for is
+    taken for the lowest, it is certified with the points that follow."""
+    search = machine.model.search and machine.model.search(machine.values)
+    if search is None or search.single:
+        try:
+            return solve_family(machine, family, method)
+        except NoOrbit:
+            if search is None:
+                raise
+    lowest = lowest_of_family(machine, family, method)
+    return solve_near(machine, lowest, method or lowest.method)
 
 
 def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop: float, options: Options) -> Tracer:
@@ -250,10 +264,11 @@ def _check_resumable(machine: Machine, along: str, behind: float, stop: float, r
     mine, theirs = machine.describe(), dict(resume.machine)
     for name in (along, "parameters"):
         mine.pop(name, None), theirs.pop(name, None)
-    others = {k: v for k, v in resume.machine["parameters"].items() if k != along}
-    if along != resume.name or mine != theirs or any(machine.values[name] != value for name, value in others.items()):
-        other = f"{resume.machine} along {resume.name}"
-        raise InputError(f"the family to resume is of another machine or parameter: {other}")
+    others = {name: value for name, value in resume.machine["parameters"].items() if name != along}
+    other = any(machine.values.get(name) != value for name, value in others.items())
+    if along != resume.name or mine != theirs or other:
+        which = f"{resume.machine} along {resume.name}"
+        raise InputError(f"the family to resume is of another machine or parameter: {which}")
     if not resume.points:
         raise InputError("the family to resume has no points: start it anew")
     if resume.end.kind == "closed":

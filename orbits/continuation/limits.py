@@ -117,8 +117,8 @@ class Endings:
         return None
 
     def lost(self, reason: str, last: CurvePoint, history: History) -> End:
-        """The end of a curve that cannot be followed beyond its last point, for a reason that one that escapes does not
-        need: its limit is known."""
+        """The end of a curve that cannot be followed beyond its last point. The reason is that of a curve that stays
+        bounded; of one that escapes the limit says more."""
         alpha, value = last.point.alpha, last.value
         where = f"{self.curve.along} = {value:.10g}, alpha = {self.curve.in_units(last.point).alpha:.10g}"
         if alpha > self.control.running_ratio * self.origin.alpha and (found := limit(history, self.bounds, -1)):

@@ -115,7 +115,7 @@ class Design:
         if not self.orbit.units:
             return ""
         known = {**UNIT_TEXTS, **self.orbit.machine.get("units", {})}
-        return known.get(name, "m" if name.endswith("_rise") else "")
+        return known.get(name, "m" if name.isidentifier() and name.endswith("_rise") else "")
 
     def save(self, path: str | Path) -> Path:
         """Write the document to a JSON file; returns the path."""

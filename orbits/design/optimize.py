@@ -4,23 +4,20 @@ Objectives and constraints are formulas of the quantities in an orbit's JSON doc
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, whole_number
 from ..model.machine import Machine
-from ..periodic.find import find
+from ..periodic.find import Progress, find
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
 from .local import Infeasible, Unbounded, local_optimum
 from .optimality import Design, Start
 from .problem import DesignProblem, design_problem
 
-# Called with the share of the starts, or of a front, that is done.
-Progress: TypeAlias = Callable[[float], None] | None
 FURTHER_STARTS = 3  # further starts that are tried when no number is asked for and the first start leads to no optimum
 
 

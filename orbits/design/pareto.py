@@ -11,11 +11,11 @@ import numpy as np
 from ..errors import InputError, OrbitsError, whole_number
 from ..io import DOCUMENTS, one_line, write_json, write_table
 from ..model.machine import Machine
-from ..periodic.find import find
+from ..periodic.find import Progress, find
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
 from .optimality import Design
-from .optimize import Progress, best_design, multistart, starting_points
+from .optimize import best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
 from .sensitivities import quantities, sensitivities
 
@@ -68,13 +68,17 @@ class Front:
             return write_json(self.document(), path, "front", (*DOCUMENTS, ".csv"))
         names = list(self.designs[0].parameters)
         rows = [(*_objectives(design), *(design.parameters[name] for name in names)) for design in self.designs]
-        return write_table([*self.texts, *names], rows, path, "front")
+        return write_table(self._headings(), rows, path, "front")
+
+    def _headings(self) -> list[str]:
+        """The objectives and parameters with their units, where they have one."""
+        names = (*self.texts, *self.designs[0].parameters)
+        units = [self.designs[0].unit_of(name.lstrip("-")) for name in names]
+        return [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
 
     def __str__(self) -> str:
-        names = list(self.designs[0].parameters)
-        units = [self.designs[0].unit_of(name.lstrip("-")) for name in (*self.texts, *names)]
-        heads = [f"{name} ({unit})" if unit else name for name, unit in zip((*self.texts, *names), units, strict=True)]
-        width = max(24, *(len(head) + 2 for head in heads)) if any(units) else 24
+        heads = self._headings()
+        width = max(24, *(len(head) + 2 for head in heads))
         lines = ["".join(f"{head:>{width}}" for head in heads)]
         rows = [(*_objectives(design), *design.parameters.values()) for design in self.designs]
         lines += ["".join(f"{value:{width}.12g}" for value in row) for row in rows]

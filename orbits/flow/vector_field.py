@@ -22,7 +22,7 @@ class FlowControl:
 
     shortest_step: float = 1e-15  # a step shorter than this, relative to the time, is a singularity of the vector field
     max_steps: int = 50_000  # steps after which a motion is given up, some seconds, far more than any that ends
-    max_calls: int = 10_000  # calls, of one or more steps each, after which motions that are searched together are
+    max_calls: int = 10_000  # calls, of one or more steps each, after which a search of motions together ends
     runaway: float = 1e20  # a state with a component larger than this has run away
     singular_step: float = 1e-3  # a state runs away to infinity in longer steps, in shorter ones into a singularity
     look_ahead: int = 6  # steps of one call while a stop is looked for; two such calls are most of an oscillation

@@ -16,6 +16,8 @@ from .trajectory import Trajectories, begins_of_steps
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
 # this order are below rounding there, 1 / 19! = 8e-18. So many expansions are searched in one call.
 CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 4
+# After so many of these steps the phase of the oscillation has fewer than four digits left, and the motion is given up.
+MOST_CLOSED_STEPS = 1e12
 
 
 def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> StopTest:
@@ -102,7 +104,9 @@ class _ZeroSearch:
         length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), np.zeros(1)
         rises, falls = form.positive_between(self.quantity, self.starts.T)
         signs = np.zeros(len(self.starts))  # at the ends of the last block
-        while len(remaining):
+        for _ in range(self.flow.control.max_calls):
+            if not len(remaining):
+                break
             interrupts.check()
             times = began[:, None] + length * np.arange(block)
             states = form.state(self.starts[remaining].T[:, :, None], times)
@@ -120,11 +124,10 @@ class _ZeroSearch:
             # While the quantity stays positive nothing is searched, up to the last block that begins before that ends.
             jump = np.floor(falls[remaining] / (block * length)) * (block * length)
             began = np.where(began >= rises[remaining], np.maximum(began, jump), began)
-            late = began > block * length * self.flow.control.max_calls
-            for i in remaining[late & (began < self.limit[remaining])]:
-                self.failed[int(i)] = FlowError(f"the {self.flow.phase.name} takes too many steps")
-            left = ~late & (began < self.limit[remaining])
-            remaining, began = remaining[left], began[left]
+            left, followed = began < self.limit[remaining], began < MOST_CLOSED_STEPS * length
+            self._give_up(remaining[left & ~followed])
+            remaining, began = remaining[left & followed], began[left & followed]
+        self._give_up(remaining)
         for i, (slope, value) in enumerate(form.watch.values(), start=self.flow.size):
             self.rows[:, i] = slope * self.rows[:, 0] + value
 
@@ -161,8 +164,12 @@ class _ZeroSearch:
             left = self._search_steps(pieces, remaining, z, c, before)
             remaining, z = remaining[left], z[left]
             pieces.enter(left)
-        for i in remaining:
-            self.failed[int(i)] = FlowError(f"the {flow.phase.name} takes too many steps")
+        self._give_up(remaining)
+
+    def _give_up(self, remaining):
+        """Motions that have neither the zero nor an end after the most calls."""
+        for i in remaining.tolist():
+            self.failed[i] = FlowError(f"the {self.flow.phase.name} takes too many steps")
 
     def _keep(self, remaining, c, before, counts, found):
         """Keep the steps of the motions that have `found` one that may hold a zero."""

@@ -6,7 +6,7 @@ For most springs that happens on the launch set. A spring whose force does not r
 elsewhere, or at the extension of a launch while it moves down.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -41,6 +41,9 @@ STATUSES = {
 }
 STATUS = f"<U{max(map(len, STATUSES))}"  # the type of arrays of statuses
 FASTEST_LAUNCH = 1e15  # a launch speed beyond this has no digits left for the motion between two impacts
+# With restitutions from here on the end of many bounces is compared with that of another launch, which is faster by a
+# share beyond the roundings of a flight. States that differ by a larger share than the last belong to other motions.
+MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
 CAP = 10_000  # a hop is given up after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
 TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
@@ -253,6 +256,64 @@ class Impacts:
         q = [0.0] * (self.model.flight.pieces.size if self.model.flight.pieces else 0)
         gradient = np.array([float(g) for g in self.model.flight_gradient(launch.real.tolist(), self.values, q)])
         return float(gradient[moved] @ direction[moved])
+
+
+def decided_impacts(impacts: Impacts, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, ...]:
+    """The impacts of hops with launch speeds (m,), of which each is given up after `cap`.
+
+    Returns the losses (m,) of the launch speed's square, the numbers (m,) of impacts, the statuses (m,), and the
+    contact states (m, k) where sustained contact begins, with the status "lifts_off". The status is "undecided" where
+    another launch, faster by some roundings, comes to another motion after many bounces. It is not where the energy
+    that is left by then is too little for any launch, so that the machine rests in any case.
+    """
+    if impacts.restitution < MANY_BOUNCES:
+        return _flights_and_impacts(impacts, alpha, cap)
+    m, both = len(alpha), np.concatenate([alpha, alpha * (1 + NEIGHBOUR)])
+    parted, undecided = np.zeros((2, m), bool)
+
+    def compare(states: np.ndarray, loss: np.ndarray) -> None:
+        far = np.abs(states[:m] - states[m:]).max(1) > PARTED * np.abs(states[:m]).max(1)
+        spent = impacts.model.conservative & (loss[:m] > alpha**2)
+        undecided[far & ~parted & ~spent] = True
+        parted[far] = True
+
+    loss, counts, status, standing = _flights_and_impacts(impacts, both, cap, compare)
+    undecided &= status[:m] != "cap"
+    status[:m][undecided | (status[:m] != status[m:])] = "undecided"
+    return loss[:m], counts[:m], status[:m], standing[:m]
+
+
+def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | None = None):
+    """Losses, numbers of impacts, statuses (m,) and contact states (m, k) up to sustained contact ("lifts_off");
+    `watch` is called after every impact with the states (m, n), kept in contact, and the losses so far (m,)."""
+    m = len(alpha)
+    loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
+    state, standing = impacts.launch(np.minimum(alpha, FASTEST_LAUNCH)), np.zeros((m, impacts.contact.size))
+    too_fast = alpha > FASTEST_LAUNCH
+    flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
+    status[flying], status[too_fast] = "cap", "lost"
+    for _ in range(cap):
+        start, limit = state[flying], impacts.longest_flight(state[flying])
+        times, rows, errors = first_zeros(impacts.flight, start, impacts.p, impacts.gap, limit, order)
+        gone, order = np.isnan(times), impacts.bounce_order
+        status[flying[gone]] = "carried_off"
+        for i, error in errors.items():
+            status[flying[i]] = status_of_failure(error, "flight")
+        flying = flying[~gone]
+        if not len(flying):
+            break
+        held, after, lost, _ = impacts.landing(rows[~gone, : impacts.flight.size])
+        counts[flying] += 1
+        loss[flying] += 2 * lost / impacts.launch_inertia
+        landed = flying[held]
+        standing[landed], status[landed] = after[held] @ impacts.onto_contact.T, "lifts_off"
+        state[flying] = after
+        if watch:
+            watch(state, loss)
+        flying = flying[~held]
+        if not len(flying):
+            break
+    return loss, counts, status, standing
 
 
 def status_of_failure(error: FlowError, phase: str) -> str:

@@ -6,8 +6,8 @@ the power 4/3 of the distance, and the difference would be rounding.
 """
 
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any
 
@@ -16,17 +16,16 @@ from numpy.typing import ArrayLike
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
-from ..flow.zero_crossing import first_zeros
 from ..io import fields_in_line, one_line
 from ..model.machine import ImpactingMachine, dimensionless
-from ..model.units import SPEED, SPEED_SQUARED, Units, without_units
+from ..model.units import SPEED, SPEED_SQUARED, Units, unit_text, without_units
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
 from ..periodic.find import certified_orbit, find
 from ..periodic.formulations import equations_of
 from ..periodic.orbit import Orbit
 from ..symbolic.exclusive import exclusive
-from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, Impacts, injected, status_of_failure
+from .impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from .multiplier import multiplier
 
 BATCH_SIZE = 2500  # launch speeds in one batch: few enough to stay in a processor's cache
@@ -35,9 +34,8 @@ JUMP = 1e-6  # where the map changes by less than this share between neighbourin
 FURTHER = 3  # the search for lossless orbits ends after this many families in a row without one in the range
 PER_TURN, MOST_SAMPLES = 8, 2000  # launches in the grid searched for lossless orbits: per half oscillation, and at most
 SETTLED = 1e-5  # a basin, maybe of infinitely many intervals, is complete when a hop adds a smaller share of the range
-# With restitutions from here on the end of many bounces is compared with that of a launch that is faster by this share,
-# beyond the roundings of a flight: motions that part by more than this share of the state have digits no more.
-MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
+DIMENSIONS_OF_HOPS = {"alpha": SPEED, "next": SPEED, "loss": SPEED_SQUARED}
+UNITS_OF_HOPS = {name: unit_text(dimension) for name, dimension in DIMENSIONS_OF_HOPS.items()}
 # (lowest, highest) of each interval, ascending.
 Intervals = list[tuple[float, float]]
 
@@ -51,6 +49,7 @@ class Hops:
     loss : loss of alpha**2 in the hop before the injection, or in its impacts where there is no next launch
     impacts : number of impacts in between
     status : "lifts_off", or why there is no next launch: a name of `orbits.hybrid.impacts.STATUSES`
+    units : of the numbers, by name; empty for a dimensionless machine
     """
 
     alpha: np.ndarray
@@ -58,10 +57,11 @@ class Hops:
     loss: np.ndarray
     impacts: np.ndarray
     status: np.ndarray
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def in_units(self, units: Units) -> "Hops":
         """Dimensionless hops in these units."""
-        return units.convert(self, next=SPEED, loss=SPEED_SQUARED)
+        return replace(units.convert(self, **DIMENSIONS_OF_HOPS), units=UNITS_OF_HOPS)
 
     def __repr__(self) -> str:
         statuses, counts = np.unique(self.status, return_counts=True)
@@ -69,9 +69,10 @@ class Hops:
 
     def document(self) -> dict[str, Any]:
         """The hops as the JSON document of the command line."""
-        columns = {name: np.ravel(values).tolist() for name, values in vars(self).items()}
-        names = ("alpha", "next", "loss")  # what is no number has none in a document
-        return columns | {name: [value if np.isfinite(value) else None for value in columns[name]] for name in names}
+        columns = {name: np.ravel(values).tolist() for name, values in vars(self).items() if name != "units"}
+        for name in DIMENSIONS_OF_HOPS:  # what is no number has none in a document
+            columns[name] = [value if np.isfinite(value) else None for value in columns[name]]
+        return columns | ({"units": self.units} if self.units else {})
 
 
 @dataclass(frozen=True)
@@ -145,9 +146,10 @@ class ReturnMap:
         otherwise those of `find`. Else the map crosses the identity line there: next - alpha changes its sign between
         neighbours of a grid of `samples` launches, refined toward lossless ones and toward extrema.
         """
-        low, high = _speed_range(low, high)
+        low, high, samples = _checked_grid(low, high, samples)
         if self._bare:
-            found = self._bare.fixed_points(low / self._speed, high / self._speed, samples)
+            with without_units(self._units):
+                found = self._bare.fixed_points(low / self._speed, high / self._speed, samples)
             return tuple(self._units.convert(point) for point in found)
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative:
@@ -167,7 +169,8 @@ class ReturnMap:
         """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
         and the next launch speed is not continuous."""
         if self._bare:
-            return self._bare.jumps(hops.in_units(self._units.inverse()))
+            with without_units(self._units):
+                return self._bare.jumps(hops.in_units(self._units.inverse()))
         change = np.abs(np.diff(np.nan_to_num(hops.next)))
         beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
         # A jump that is smaller than the changes beside it would not be seen in a plot.
@@ -180,13 +183,15 @@ class ReturnMap:
     def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
         """The intervals of launch speeds between `low` and `high`, ascending, whose next one lies in one of the
         intervals `edges`. They end where the map passes an edge, or jumps; the grid is as in `fixed_points`."""
-        low, high = _speed_range(low, high)
+        low, high, samples = _checked_grid(low, high, samples)
         edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in edges]
         if wrong := [pair for pair in edges if not 0 < pair[0] <= pair[1]]:
             raise InputError(f"edges = {wrong[0]}; the launch speeds of an interval are above 0 and ascend")
         if self._bare:
             speeds = [(a / self._speed, b / self._speed) for a, b in edges]
-            return self._in_units(self._bare.preimages(speeds, low / self._speed, high / self._speed, samples))
+            with without_units(self._units):
+                found = self._bare.preimages(speeds, low / self._speed, high / self._speed, samples)
+            return self._in_units(found)
         lossless = lossless_speeds(self.impacts, low, high)
         return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
 
@@ -202,19 +207,21 @@ class ReturnMap:
 
         All launches just above a lossless one come down to it, up to where the map falls below it; all others enter
         one of these intervals before, within at most `hops` hops. Intervals that would add only some 1e-5 of the range
-        are left out. Called after every hop, `progress` is given the share of the range that is found. Raises
-        `InputError` with injection or damping.
+        are left out. Called after every hop, `progress` is given the share of the range that is found, and 0 while the
+        grid is refined. Raises `InputError` with injection or damping.
         """
-        low, high = _speed_range(low, high)
+        low, high, samples = _checked_grid(low, high, samples)
         if self.inject != 0 or not self.impacts.model.conservative:
             raise InputError("with injection or damping no hop is lossless, and none comes to one")
         hops = whole_number("hops", hops, "hops", 0)
         if self._bare:
-            return self._in_units(self._bare.basin(low / self._speed, high / self._speed, hops, samples, progress))
+            with without_units(self._units):
+                found = self._bare.basin(low / self._speed, high / self._speed, hops, samples, progress)
+            return self._in_units(found)
         lossless = lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high)
         if not lossless or lossless[0] >= high:
             return []
-        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False)
+        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False, progress)
         intervals = resolved_map.basin(lossless, hops, high - low, progress)
         return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
 
@@ -223,15 +230,23 @@ class ResolvedMap:
     """A return map on a grid of launch speeds that resolves it; `following` are the next ones, 0 where there are none.
 
     The grid, from `low` to `high`, is refined toward the lossless launch speeds, where the map has no slope, and toward
-    its extrema: all of them, or with `identity` those that may touch the identity line.
+    its extrema: all of them, or with `identity` those that may touch the identity line. Meanwhile `progress` is 0.
     """
 
-    def __init__(self, return_map: Callable, lossless: list, low: float, high: float, samples: int, identity: bool):
+    def __init__(
+        self, return_map: Callable, lossless: list, low: float, high: float, samples: int, identity: bool,
+        progress: Callable[[float], None] | None = None,
+    ):  # fmt: skip
+        def above(alpha: np.ndarray) -> np.ndarray:
+            if progress:
+                progress(0.0)
+            return return_map(alpha).next - slope * alpha
+
         distances, slope = np.geomspace(1e-12, high - low, 200), float(identity)
         beside = [alpha + side * distances for alpha in lossless for side in (-1, 1)]
-        grid = np.concatenate([np.linspace(low, high, whole_number("samples", samples, "launches", 2)), *beside])
+        grid = np.concatenate([np.linspace(low, high, samples), *beside])
         grid = np.unique(grid[(grid >= low) & (grid <= high)])
-        self.grid, values = resolved(lambda alpha: return_map(alpha).next - slope * alpha, grid, identity)
+        self.grid, values = resolved(above, grid, identity)
         self.following = np.nan_to_num(values + slope * self.grid)
         self.next = lambda alpha: np.nan_to_num(return_map(alpha).next)
         self._passages = dict[float, np.ndarray]()  # where the map passes a level: the levels of a basin come again
@@ -349,70 +364,17 @@ def within(values: np.ndarray, edges: ArrayLike) -> np.ndarray:
     return (i >= 0) & (values <= pairs[i, 1]) if len(pairs) else np.zeros(len(values), bool)
 
 
-def _speed_range(low: float, high: float) -> tuple[float, float]:
-    """Two launch speeds, checked."""
+def _checked_grid(low: float, high: float, samples: int) -> tuple[float, float, int]:
+    """Two launch speeds and the number of launches of a grid between them, checked."""
     low, high = finite_number("low", low), finite_number("high", high)
     if not 0 < low < high:
         raise InputError(f"low = {low:g}, high = {high:g}: 0 < low < high is needed")
-    return low, high
-
-
-def _decided_impacts(impacts: Impacts, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, ...]:
-    """`_flights_and_impacts`, with the status "undecided" where many bounces have made a change of the launch speed by
-    some roundings into another motion. Where so much energy is lost before that no launch has so little, it rests."""
-    if impacts.restitution < MANY_BOUNCES:
-        return _flights_and_impacts(impacts, alpha, cap)
-    m, both = len(alpha), np.concatenate([alpha, alpha * (1 + NEIGHBOUR)])
-    parted, undecided = np.zeros((2, m), bool)
-
-    def compare(states: np.ndarray, loss: np.ndarray) -> None:
-        far = np.abs(states[:m] - states[m:]).max(1) > PARTED * np.abs(states[:m]).max(1)
-        spent = impacts.model.conservative & (loss[:m] > alpha**2)
-        undecided[far & ~parted & ~spent] = True
-        parted[far] = True
-
-    loss, counts, status, standing = _flights_and_impacts(impacts, both, cap, compare)
-    undecided &= status[:m] != "cap"
-    status[:m][undecided | (status[:m] != status[m:])] = "undecided"
-    return loss[:m], counts[:m], status[:m], standing[:m]
-
-
-def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | None = None):
-    """Losses, numbers of impacts, statuses (m,) and contact states (m, k) up to sustained contact ("lifts_off");
-    `watch` is called after every impact with the states (m, n), kept in contact, and the losses so far (m,)."""
-    m = len(alpha)
-    loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
-    state, standing = impacts.launch(np.minimum(alpha, FASTEST_LAUNCH)), np.zeros((m, impacts.contact.size))
-    too_fast = alpha > FASTEST_LAUNCH
-    flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
-    status[flying], status[too_fast] = "cap", "lost"
-    for _ in range(cap):
-        start, limit = state[flying], impacts.longest_flight(state[flying])
-        times, rows, errors = first_zeros(impacts.flight, start, impacts.p, impacts.gap, limit, order)
-        gone, order = np.isnan(times), impacts.bounce_order
-        status[flying[gone]] = "carried_off"
-        for i, error in errors.items():
-            status[flying[i]] = status_of_failure(error, "flight")
-        flying = flying[~gone]
-        if not len(flying):
-            break
-        held, after, lost, _ = impacts.landing(rows[~gone, : impacts.flight.size])
-        counts[flying] += 1
-        loss[flying] += 2 * lost / impacts.launch_inertia
-        landed = flying[held]
-        standing[landed], status[landed] = after[held] @ impacts.onto_contact.T, "lifts_off"
-        state[flying] = after
-        if watch:
-            watch(state, loss)
-        flying = flying[~held]
-        if not len(flying):
-            break
-    return loss, counts, status, standing
+    return low, high, whole_number("samples", samples, "launches", 2)
 
 
 def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
     """One hop from each of the launch speeds (m,), given up after `cap` impacts, with `inject` added to the next."""
-    loss, counts, status, standing = _decided_impacts(impacts, alpha, cap)
+    loss, counts, status, standing = decided_impacts(impacts, alpha, cap)
     alpha, asked = np.minimum(alpha, FASTEST_LAUNCH), alpha
     next_speed, left, lifting = np.full(len(alpha), np.nan), alpha**2 - loss, np.flatnonzero(status == "lifts_off")
     if impacts.contact.phase.closed_form:  # The force is linear: the energy alone decides whether it vanishes.

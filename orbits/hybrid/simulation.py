@@ -18,27 +18,35 @@ from ..errors import FlowError, InputError, finite_number, whole_number
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
 from ..io import fields_in_line
-from ..model.machine import ImpactingMachine, dimensionless
+from ..model.machine import ImpactingMachine, check_machine, dimensionless
 from ..model.phase import Affine
-from ..model.units import ENERGY, SPEED, TIME, Units, noted, without_units
+from ..model.units import ENERGY, LENGTH, SPEED, TIME, Units, noted, unit_text, without_units
 from ..numerics.bernstein import lowest
 from ..plot import Report
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
-from .impacts import CAP, FASTEST_LAUNCH, LIFTOFF_ORDER, Impacts, injected, status_of_failure
+from .impacts import (
+    CAP,
+    FASTEST_LAUNCH,
+    LIFTOFF_ORDER,
+    MANY_BOUNCES,
+    Impacts,
+    decided_impacts,
+    injected,
+    status_of_failure,
+)
+from .schedule import Inputs, Schedule, check_scheduled, parsed_schedule
 
 TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
-# The units of a simulation's numbers, of a machine in SI; those of states are m and, for speeds, m/s.
-UNITS_OF_SIMULATIONS = {
-    "launches": "m/s",
-    "end": "s",
-    "smallest_separation": "m",
-    "time": "s",
-    "energy": "J",
-    "loss": "J",
+# The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
+DIMENSIONS_OF_SIMULATIONS = {
+    "launches": SPEED,
+    **dict.fromkeys(("end", "time"), TIME),
+    "smallest_separation": LENGTH,
+    **dict.fromkeys(("energy", "loss"), ENERGY),
 }
-# An event this close to a change of the schedule, relative to the time, is at it: event times are no more accurate.
-SIMULTANEOUS = 1e-9
+UNITS_OF_SIMULATIONS = {name: unit_text(dimension) for name, dimension in DIMENSIONS_OF_SIMULATIONS.items()}
+AFTER_NUMBERS = ("end", "launches", "smallest_separation")  # whose units follow the numbers in a printed simulation
 
 
 @dataclass(frozen=True)
@@ -133,11 +141,13 @@ class Simulation:
         }  # fmt: skip
 
     def __str__(self) -> str:
-        second, joule, speed, metre = (" (s)", " (J)", " m/s", " m") if self.machine.units else ("", "", "", "")
-        lines = [f"{'time' + second:>14}  {'event':<10}{'energy' + joule:>16}{'loss' + joule:>14}"]
+        units = UNITS_OF_SIMULATIONS if self.machine.units else {}
+        time, energy, loss = (f"{name} ({units[name]})" if units else name for name in ("time", "energy", "loss"))
+        second, speed, metre = ("", "", "") if not units else (f" {units[name]}" for name in AFTER_NUMBERS)
+        lines = [f"{time:>14}  {'event':<10}{energy:>16}{loss:>14}"]
         lines += [f"{e.time:14.9g}  {e.kind:<10}{e.energy:16.9g}{e.loss:14.6g}" for e in self.events]
         speeds, why = ", ".join(f"{alpha:.10g}" for alpha in self.launches), f": {self.reason}" if self.reason else ""
-        lines += [f"  launch speeds {speeds}{speed}", f"  {self.status} at time {self.end:.9g}{second[2:3]}{why}"]
+        lines += [f"  launch speeds {speeds}{speed}", f"  {self.status} at time {self.end:.9g}{second}{why}"]
         if (least := self.smallest_separation) is not None and least <= 0:
             lines.append(f"  the masses pass through each other: their least separation is {least:.6g}{metre}")
         return "\n".join(lines)
@@ -196,44 +206,59 @@ def simulate(
     schedule : (times (k + 1,), values (k,) of parameters by name): an actuator's inputs from one time to the next, at
         which legs are cut; the machine's own values hold before and after
 
-    Raises `InputError` for arguments without a meaning, such as a launch at which the contact would not open.
+    A hop from a launch whose end is "undecided" in the `ReturnMap` ends the simulation with that status, at the landing
+    after its many bounces. Raises `InputError` for arguments without a meaning, such as a launch at which the contact
+    would not open.
     """
-    if units := getattr(machine, "units", None):
-        return _simulate_in(units, machine, alpha, state, hops, time, inject, cap, schedule)
-    impacts, inputs = Impacts(machine), _Schedule(machine.values, schedule)
     inject, cap = injected(inject), whole_number("cap", cap, "impacts")
     hops = None if hops is None else whole_number("hops", hops, "lift-offs")
     if not (isinstance(time, Real) and time > 0):
         raise InputError(f"time = {time!r}; it is a number above 0")
     if hops is None and time == np.inf:
         raise InputError("a simulation needs hops or a time at which to end")
+    if not (alpha is None or isinstance(alpha, Mapping) or finite_number("alpha", alpha) > 0):
+        raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
+    inputs = None if schedule is None else parsed_schedule(schedule)
+    check_machine(machine)
+    state = None if state is None else _checked_state(machine, state)
+    if units := getattr(machine, "units", None):
+        return _simulate_in(units, machine, alpha, state, hops, time, inject, cap, inputs)
+    impacts = Impacts(machine)
     if inject != 0 and not impacts.model.one_speed:
         name = impacts.model.name
         raise InputError(f"inject = {inject:g}: a launch of a {name} is more than the speed that it adds to")
-    x, launch_speed, order = _initial_state(impacts, inputs(0.0)[0], alpha, state)
+    known = Schedule(machine, inputs)
+    x, launch_speed, order = _initial_state(impacts, known(0.0)[0], alpha, state)
     with interrupts.deferred():
-        return _Run(impacts, inject, hops, float(time), cap, inputs).simulate(x, order, launch_speed)
+        return _Run(impacts, inject, hops, float(time), cap, known).simulate(x, order, launch_speed)
 
 
-def _simulate_in(units: Units, machine, alpha, state, hops, time, inject, cap, schedule) -> Simulation:
+def _checked_state(machine: ImpactingMachine, state: ArrayLike) -> np.ndarray:
+    """A flight state (n,); raises `InputError` where it is none."""
+    names = machine.model.flight.states
+    with suppress(TypeError, ValueError):
+        x = np.array(state, dtype=float)
+        if x.shape == (len(names),) and np.isfinite(x).all():
+            return x
+    raise InputError(f"state = {state!r}; it is {len(names)} numbers, {', '.join(names)}")
+
+
+def _simulate_in(units: Units, machine, alpha, state, hops, time, inject, cap, inputs: Inputs | None) -> Simulation:
     """The simulation of a machine with units: that of its dimensionless self, its arguments and results converted."""
-    speed, bare = units.of(SPEED), dimensionless(machine)
-    start = alpha if alpha is None else finite_number("alpha", alpha) / speed
+    speed = units.of(SPEED)
+    if isinstance(alpha, Mapping):
+        alpha = units.without("alpha", alpha)
+    elif alpha is not None:
+        alpha = alpha / speed
     if state is not None:
-        with suppress(TypeError, ValueError):  # what is no state is refused with its value
-            state = np.array(state, dtype=float) / units.of_states(machine.model.flight.states)
-    if schedule is not None:
-        (times, changes), sizes = schedule, machine.scheduled
-        if unknown := [name for name in changes if name not in sizes]:
-            raise InputError(
-                f"schedule: '{unknown[0]}' is no parameter, or sets the units; there are {', '.join(sizes)}"
-            )
-        changes = {name: np.asarray(values, dtype=float) / sizes[name] for name, values in changes.items()}
-        schedule = np.asarray(times, dtype=float) / units.time, changes
-    until = time / units.time if isinstance(time, Real) else time
-    inject = finite_number("inject", inject) / speed
+        state = state / units.of_states(machine.model.flight.states)
+    if inputs is not None:
+        sizes = machine.scheduled
+        check_scheduled(inputs, [*sizes])
+        inputs = inputs[0] / units.time, {name: values / sizes[name] for name, values in inputs[1].items()}
+    options = {"hops": hops, "time": time / units.time, "inject": inject / speed, "cap": cap, "schedule": inputs}
     with without_units(units):
-        run = simulate(bare, start, state=state, hops=hops, time=until, inject=inject, cap=cap, schedule=schedule)
+        run = simulate(dimensionless(machine), alpha, state=state, **options)
     return run_in_units(run, units, machine)
 
 
@@ -250,30 +275,6 @@ def run_in_units(run: Simulation, units: Units, machine: ImpactingMachine) -> Si
     return replace(run, legs=legs, events=events, launches=launches, end=end, machine=machine, reason=reason)
 
 
-class _Schedule:
-    """Parameters as piecewise constant functions of time, as in `simulate`, with the machine's own `values` outside."""
-
-    def __init__(self, values: Mapping[str, float], schedule: tuple[ArrayLike, Mapping[str, ArrayLike]] | None) -> None:
-        times, changes = ((), {}) if schedule is None else schedule
-        self.times = np.asarray(times, dtype=float)
-        if unknown := [name for name in changes if name not in values]:
-            raise InputError(f"schedule: the machine has no parameter '{unknown[0]}'; it has {', '.join(values)}")
-        if schedule is not None and not (np.isfinite(self.times).all() and (np.diff(self.times) > 0).all()):
-            raise InputError("schedule: its times are finite and rise")
-        count, rows = max(len(self.times) - 1, 0), []
-        for name, own in values.items():
-            given = np.asarray(changes.get(name, np.full(count, own)), dtype=float)
-            if given.shape != (count,) or not np.isfinite(given).all():
-                raise InputError(f"schedule: '{name}' has {given.size} values between {len(self.times)} times")
-            rows.append([own, *given, own] if len(self.times) else [own])
-        self.columns = np.array(rows, dtype=float).T  # (k + 2, np)
-
-    def __call__(self, now: float) -> tuple[np.ndarray, float]:
-        """The parameters (np,) that hold from a time on, and the time until which they hold."""
-        index = int(np.searchsorted(self.times, now + SIMULTANEOUS * (1.0 + now), side="right"))
-        return self.columns[index], float(self.times[index]) if index < len(self.times) else np.inf
-
-
 def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None]:
     """The first flight state, the launch speed if it is a launch, and the order of the gap's zero, None in contact."""
     if (alpha is None) == (state is None):
@@ -283,13 +284,7 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
         if not impacts.opens(x)[0]:
             raise InputError(f"alpha = {alpha:g} is no launch: the damper is too strong for the contact to open")
         return x[0], alpha, LIFTOFF_ORDER
-    try:
-        x = np.array(state, dtype=float)
-    except (TypeError, ValueError):
-        x = np.zeros(0)
-    if x.shape != (impacts.flight.size,) or not np.isfinite(x).all():
-        names = impacts.model.flight.states
-        raise InputError(f"state = {state!r}; it is {len(names)} numbers, {', '.join(names)}")
+    x = np.array(state)
     gap, speed, tolerance = impacts.gap(x), float(x @ impacts.gap_speed), TOUCHING * (1 + np.abs(x).max())
     if abs(gap) <= tolerance and abs(speed) <= tolerance:
         path, _ = impacts.contact.run(impacts.onto_contact @ x, p, tolerance)
@@ -318,11 +313,12 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
 class _Run:
     """The state of a simulation while it runs."""
 
-    def __init__(self, impacts: Impacts, inject: float, hops: int | None, time: float, cap: int, inputs: _Schedule):
+    def __init__(self, impacts: Impacts, inject: float, hops: int | None, time: float, cap: int, inputs: Schedule):
         self.impacts, self.inject, self.hops = impacts, inject, hops
         self.time, self.cap, self.inputs = time, cap, inputs
         self.legs, self.events, self.launches = list[Leg](), list[ContactEvent](), list[float]()
         self.now, self.impact_count, self.liftoff_count, self.reason = 0.0, 0, 0, ""
+        self.launch: np.ndarray | None = None  # the state in which the hop began, where it began with a lift-off
 
     def simulate(self, x, order: int | None, alpha: float | None) -> Simulation:
         """Alternate flights, from a zero of the gap of this order, and contacts, order None, up to the end's status."""
@@ -340,6 +336,7 @@ class _Run:
     def flight(self, x, order: int) -> tuple[str | None, np.ndarray, bool]:
         """Fly until the gap closes: the status at an end, the state after the impact, whether contact follows."""
         until, closed = self.update_parameters(), False
+        self.launch = x if order == LIFTOFF_ORDER else self.launch
         last = self.now + float(self.impacts.longest_flight(x))
         if order == LIFTOFF_ORDER and not self.impacts.opens(x[None])[0]:
             return "no_launch", x, False
@@ -360,7 +357,17 @@ class _Run:
         (held,), (after,), (loss,), (wait,) = self.impacts.landing(x[None])
         self.impact_count += 1
         self.add_event("landing" if held else "impact", x, after, float(loss), float(wait))
-        return ("cap" if not held and self.impact_count >= self.cap else None), after, bool(held)
+        if held:
+            return ("undecided" if self.undecided() else None), after, True
+        return ("cap" if self.impact_count >= self.cap else None), after, False
+
+    def undecided(self) -> bool:
+        """Whether rounding decides how the hop ends that has just landed, as the map tells of hops from launches."""
+        impacts, alpha = self.impacts, np.array(self.launches[-1:])
+        if impacts.restitution < MANY_BOUNCES or not (alpha > 0).any() or not impacts.model.one_speed:
+            return False
+        launched = self.launch is not None and np.array_equal(impacts.launch(alpha)[0], self.launch)
+        return launched and bool(decided_impacts(impacts, alpha, self.cap)[2][0] == "undecided")
 
     def contact(self, x) -> tuple[str | None, np.ndarray]:
         """Stay in contact until lift-off: the status if the simulation ends, and the state after lift-off."""

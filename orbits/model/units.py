@@ -8,11 +8,13 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from fractions import Fraction
+from typing import Any, NotRequired, TypedDict, TypeVar
 
 import numpy as np
 
-from ..errors import OrbitsError
+from ..errors import InputError, OrbitsError, finite_number
+from ..io import conform
 
 # Powers of the units of length, time, force and energy; those left out at the end are 0.
 Dimension = tuple[float, ...]
@@ -31,8 +33,17 @@ DIMENSIONS: dict[str, Dimension] = {
     "landing_sensitivity": TIME,
     **dict.fromkeys(("loss_coefficient", "loss_error"), (-1 / 3, 1 / 3, 0)),
 }
+# Dimensions of unknowns, beside the flight states, that a launch or half an orbit is told by.
+UNKNOWNS: dict[str, Dimension] = {
+    **dict.fromkeys(("duration", "contact_duration"), TIME),
+    **{"alpha": SPEED, "liftoff": LENGTH, "unfolding": ()},
+}
 # What follows a message whose numbers are without dimensions.
 NOTE = " (numbers in the units of machine.dimensionless())"
+# A power is told as a fraction where one with such a denominator is the same: those of formulas have nine digits.
+LARGEST_DENOMINATOR, SAME_POWER = 12, 2e-9
+# The powers of a unit in a file, of which there are few, stay far from the bounds of numbers.
+SMALLEST_SAVED = 1e-50
 # Names of composed dimensions.
 _NAMES: dict[Dimension, str] = {MASS: "kg", ENERGY: "J"}
 
@@ -62,6 +73,12 @@ class Units:
         own = {"contact force": FORCE, **(own or {})}
         return np.array([self.of(own.get(name, SPEED if name.endswith("'") else LENGTH)) for name in names])
 
+    def without(self, what: str, unknowns: Mapping[str, Any]) -> dict[str, float]:
+        """Unknowns of a launch or half an orbit, by name, without these units; raises `InputError` for what is no
+        number."""
+        sizes = {name: UNKNOWNS.get(name, SPEED if str(name).endswith("'") else LENGTH) for name in unknowns}
+        return {name: finite_number(f"{what} '{name}'", unknowns[name]) / self.of(sizes[name]) for name in unknowns}
+
     def convert(self, record: Record, **own: Dimension) -> Record:
         """A frozen record of dimensionless numbers with those of known names in SI; `own` are further dimensions."""
         known: dict[str, Any] = {}
@@ -87,6 +104,26 @@ class Units:
         return Units(1 / self.length, 1 / self.time, 1 / self.force, self.energy and 1 / self.energy)
 
 
+class SavedUnits(TypedDict):
+    """`Units` in a file."""
+
+    length: float
+    time: float
+    force: float
+    energy: NotRequired[float | None]
+
+
+def saved_units(data: Mapping[str, Any]) -> Units:
+    """The units that a file states; raises `InputError` where one is not above 0, or so small or so large that results
+    in it would be no numbers."""
+    units = Units(**conform(dict(data), SavedUnits))
+    for name, unit in vars(units).items():
+        if unit is not None and not SMALLEST_SAVED < unit < 1 / SMALLEST_SAVED:
+            bounds = f"{SMALLEST_SAVED:g} and {1 / SMALLEST_SAVED:g}"
+            raise InputError(f"its unit of {name} is {unit:g}; it lies between {bounds}")
+    return units
+
+
 @contextmanager
 def without_units(units: Units | None) -> Iterator[None]:
     """Where a machine with units is computed without: an error that tells a number says what its units are."""
@@ -95,7 +132,9 @@ def without_units(units: Units | None) -> Iterator[None]:
     except OrbitsError as error:
         if units is None or (text := noted(str(error))) == str(error):
             raise
-        raise type(error)(text) from error
+        told = type(error)(text)
+        told.index = error.index
+        raise told from error
 
 
 def noted(text: str) -> str:
@@ -117,7 +156,10 @@ def unit_text(dimension: Dimension) -> str:
 def _text_of_power(name: str, power: float) -> str:
     if power == 1:
         return name
-    return f"{name}^{power:g}" if power == round(power) else f"{name}^({round(3 * power)}/3)"
+    fraction = Fraction(power).limit_denominator(LARGEST_DENOMINATOR)
+    if abs(fraction - power) > SAME_POWER:
+        return f"{name}^{power:g}"
+    return f"{name}^{fraction}" if fraction.denominator == 1 else f"{name}^({fraction})"
 
 
 # Units of the results of a machine in SI, by name.

@@ -36,7 +36,10 @@ LATEST_TURN = 10.0
 
 
 class Lateness:
-    """The lateness of one family of a machine as a function of the launch speed; `launches` counts its evaluations."""
+    """The lateness of one family of a machine as a function of the launch speed; `launches` counts its evaluations,
+    and `stopped` says whether a search has ended with cells that may hold a further orbit."""
+
+    stopped = False
 
     def __init__(self, machine: Machine, method: str, family: int, search: Search):
         self.machine, self.method, self.family, self.search, self.launches = machine, method, family, search, 0
@@ -97,7 +100,8 @@ class Lateness:
             changes, settled = _judged(speeds, late)
             wide = np.diff(speeds) > NARROWEST_CELL * speeds[1:]
             halved = np.flatnonzero(~settled & wide)
-            if not len(halved) or self.launches > MOST_SEARCHED:
+            self.stopped = len(halved) > 0 and self.launches > MOST_SEARCHED
+            if self.stopped or not len(halved):
                 break
             middles = 0.5 * (speeds[halved] + speeds[halved + 1])
             speeds, late = np.insert(speeds, halved + 1, middles), np.insert(late, halved + 1, self(middles)[0])

@@ -3,14 +3,14 @@
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.machine import Machine, check_machine, dimensionless
 from ..model.model import NOISE, Model
-from ..model.units import LENGTH, SPEED, TIME, without_units
+from ..model.units import SPEED, without_units
 from ..numerics.roots import solve
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
@@ -21,6 +21,7 @@ from .formulations import contact_reversor, equations_of, halved, interpret, or_
 from .orbit import Orbit, Shape, orbit_of
 from .single_shooting import Evaluation, Shooting
 
+Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
 METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 10_000
 # Orbits whose launch speeds, times and states agree to this share are the same.
@@ -51,7 +52,7 @@ def find(
     *,
     start: Orbit | Mapping[str, float] | None = None,
     method: str | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
 ) -> Orbit:
     """Find the lossless orbit of a family, with its certificate.
 
@@ -70,18 +71,20 @@ def find(
     solve ends on another family, and `InputError` for a family or a method that cannot be.
     """
     check_machine(machine)
+    number = None if family is None else _family_number(family)
     if machine.units is not None:
+        _possible_method(machine.model, method)
         start = _dimensionless_start(start, machine)
         with without_units(machine.units):
             orbit = find(dimensionless(machine), family, start=start, method=method, progress=progress)
         return orbit_of(machine, orbit)
-    began = time.perf_counter()
     with interrupts.deferred():
         if start is None:
-            return _lowest_of_family(machine, _family_number(1 if family is None else family), method, progress, began)
+            return lowest_of_family(machine, number or 1, method, progress)
+        began = time.perf_counter()
         method, root = solve_near(machine, start, method)
         orbit = certified_orbit(machine, method, *root, began=began)
-        if family is not None and orbit.family != _family_number(family):
+        if number not in (None, orbit.family):
             raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
         return orbit
 
@@ -94,6 +97,7 @@ def find_all(
     family: int | None = None,
     fastest: float | None = None,
     method: str | None = None,
+    progress: Progress = None,
 ) -> tuple[Orbit, ...]:
     """All orbits of a family, or the different ones that `find` comes to from several starts, by launch speed.
 
@@ -101,29 +105,34 @@ def find_all(
     fastest : the largest launch speed that is searched for a family; None for 1e4 times the family in multiples of the
         inverse root of the spring's slope at rest, and 30 times where gravity varies and where the spring has a narrow
         feature or bends often. The slowest is 1e-3 in these multiples.
+    progress : called with the share that is done of the launches that lie near an orbit, or of the starts
 
     The orbits of a family are the zeros of one function of the launch speed (see `family_search`), whose bends between
     sampled speeds are taken to be at most four times those that its second differences show: no proof, but the samples
-    go where that matters. Starts that lead to no orbit are left out. Raises `NoOrbit` where there is none, with what
-    was searched or the last reason.
+    go where that matters. A search that is stopped after 20,000 launches may miss some. Starts that lead to no orbit
+    are left out. Raises `NoOrbit` where there is none, with what was searched or the last reason.
     """
     if starts is None:
         check_machine(machine)
         if fastest is not None and not finite_number("fastest", fastest) > 0:
             raise InputError(f"fastest = {fastest:g} is no launch speed; it lies above 0")
+        family, method = _family_number(1 if family is None else family), _possible_method(machine.model, method)
         if (units := machine.units) is not None:
             speed = None if fastest is None else fastest / units.of(SPEED)
             with without_units(units):
-                whole = find_all(dimensionless(machine), family=family, fastest=speed, method=method)
+                bare = dimensionless(machine)
+                whole = find_all(bare, family=family, fastest=speed, method=method, progress=progress)
             return tuple(orbit_of(machine, orbit) for orbit in whole)
         with interrupts.deferred():
-            return _all_of_family(machine, _family_number(1 if family is None else family), method, fastest)
+            return _all_of_family(machine, family, method, fastest, progress)
     if family is not None or fastest is not None:
         raise InputError("find_all takes starts, or a family with the fastest launch speed to search, not both")
     if isinstance(starts, Mapping | Orbit | int):
         raise InputError("starts is a list of starts: for one there is find(machine, start=...); or give family=")
-    found, reason = list[Orbit](), None
-    for start in starts:
+    found, reason, starts = list[Orbit](), None, list(starts)
+    for i, start in enumerate(starts):
+        if progress:
+            progress(i / len(starts))
         try:
             orbit = find(machine, start=start, method=method)
             if not any(_same(orbit, other) for other in found):
@@ -135,9 +144,9 @@ def find_all(
     return tuple(sorted(found, key=lambda orbit: orbit.alpha))
 
 
-def _lowest_of_family(machine: Machine, family: int, method: str | None, progress, began: float) -> Orbit:
+def lowest_of_family(machine: Machine, family: int, method: str | None, progress: Progress = None) -> Orbit:
     """The orbit of a family of least launch speed, as in `find`."""
-    model = machine.model
+    model, began = machine.model, time.perf_counter()
     search = model.search(machine.values) if model.search and model.reversor else None
     try:
         solved_by, root = solve_family(machine, family, method, progress)
@@ -150,7 +159,8 @@ def _lowest_of_family(machine: Machine, family: int, method: str | None, progres
         try:
             return replace(_all_of_family(machine, family, method)[0], seconds=time.perf_counter() - began)
         except NoOrbit as none:
-            raise type(error)(f"{error}; {none}") from None
+            further = (part for part in str(none).split("; ") if part not in str(error))  # not the same remedy again
+            raise type(error)("; ".join([str(error), *further])) from None
     if search is None or search.single or solved_by == "closed form":
         return orbit
     try:
@@ -163,7 +173,7 @@ def _lowest_of_family(machine: Machine, family: int, method: str | None, progres
 
 
 def _all_of_family(
-    machine: Machine, family: int, method: str | None, fastest: float | None = None
+    machine: Machine, family: int, method: str | None, fastest: float | None = None, progress: Progress = None
 ) -> tuple[Orbit, ...]:
     """All orbits of a family, as in `find_all`."""
     model, p, began = machine.model, machine.values, time.perf_counter()
@@ -175,10 +185,15 @@ def _all_of_family(
         only = certified_orbit(machine, method, *root, began=began)
         if only.family != family:
             raise NoOrbit(another_family(family, only.family))
+        if fastest is not None and only.alpha > fastest:
+            raise NoOrbit(f"the only orbit of family {family} has the launch speed {only.alpha:.6g}, above {fastest:g}")
         return (replace(only, known_in_family=1),)
     lateness = Lateness(machine, "relative" if method == "relative" else "half orbit", family, model.search(p))
     found, refused = list[Orbit](), ""
-    for cell, about in zip(*lateness.cells(fastest), strict=True):
+    cells, abouts = lateness.cells(fastest)
+    for i, (cell, about) in enumerate(zip(cells, abouts, strict=True)):
+        if progress:
+            progress(i / len(cells))
         try:
             orbit = _orbit_in_cell(machine, lateness, cell, about)
             if orbit and not any(_same(orbit, other) for other in found):
@@ -186,8 +201,8 @@ def _all_of_family(
         except NoOrbit as error:
             refused = f"; the one near {about:.6g} is refused: {error}"
     if not found:
-        low, high = lateness.searched
-        raise NoOrbit(f"a search from launch speed {low:.3g} to {high:.4g} finds none{refused}")
+        (low, high), stopped = lateness.searched, f", stopped after {lateness.launches} launches," * lateness.stopped
+        raise NoOrbit(f"a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}")
     return tuple(replace(orbit, known_in_family=len(found)) for orbit in found)
 
 
@@ -211,9 +226,7 @@ def _orbit_in_cell(machine: Machine, lateness: Lateness, cell: np.ndarray, about
     return None
 
 
-def solve_family(
-    machine: Machine, family: int, method: str | None, progress: Callable[[float], None] | None = None
-) -> tuple[str, Root]:
+def solve_family(machine: Machine, family: int, method: str | None, progress: Progress = None) -> tuple[str, Root]:
     """The method, and the solution that it finds for a family, as in `find`; not certified to be of that family."""
     family, model, p = _family_number(family), machine.model, dict(machine.values)
     method, equations, correct = _opening(machine, method)
@@ -256,8 +269,11 @@ def certified_orbit(
     model, p = machine.model, machine.values
     equations = equations_of(model, method, tuple(p))
     us, ps, errors = np.reshape(u, (1, -1)), vector(p)[None], np.array([error])
-    fresh = equations.evaluate_all(us, ps)  # with the derivatives at the solution itself
-    evaluation = replace(evaluation, transitions=fresh.transitions, starts=fresh.starts, correction=fresh.correction)
+    if method != "closed form":  # for the derivatives at the solution itself
+        fresh = equations.evaluate_all(us, ps)
+        evaluation = replace(
+            evaluation, transitions=fresh.transitions, starts=fresh.starts, correction=fresh.correction
+        )
     if error is None:
         errors, refused = error_bounds(equations, us, ps, evaluation)
         if refused:
@@ -321,11 +337,7 @@ def _dimensionless_start(start: Any, machine: Machine) -> Any:
         return start.dimensionless()
     if machine.units is None or not isinstance(start, Mapping):
         return start
-    times = dict.fromkeys(("duration", "contact_duration"), TIME) | {"alpha": SPEED, "liftoff": LENGTH, "unfolding": ()}
-    names = [name for name in start if name not in times]
-    sizes = dict(zip(names, machine.units.of_states(names).tolist(), strict=True))
-    sizes |= {name: machine.units.of(dimension) for name, dimension in times.items()}
-    return {name: finite_number(f"start '{name}'", value) / sizes[name] for name, value in start.items()}
+    return machine.units.without("start", start)
 
 
 def _family_number(family: int) -> int:

@@ -14,7 +14,7 @@ from ..flow.trajectory import Trajectory
 from ..io import conform, one_line, read_file, write_json
 from ..model.machine import Machine
 from ..model.phase import Affine
-from ..model.units import UNIT_TEXTS, Units, noted
+from ..model.units import UNIT_TEXTS, SavedUnits, Units, noted, saved_units
 from ..numerics.bernstein import lowest
 from ..plot import Report, animate_orbit, plot_orbit, plot_phase_portrait
 from .certificate import Certificate
@@ -31,7 +31,7 @@ DOCUMENT_FIELDS = (
     *("liftoff_extension", "state_mid_flight", "method", "skipped", "seconds"),
 )
 # What is in the file of an orbit beside the machine.
-OTHER_FIELDS = {*DOCUMENT_FIELDS, "format", "motion", "units", "si"}
+OTHER_FIELDS = {*DOCUMENT_FIELDS, "format", "motion", "units", "si", "bare"}
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Orbit:
         units are in SI, but for `residual`, `energy_drift` and `unfolding`, which are shares
     bare : the same orbit without units, None where there are none
     known_in_family : how many orbits of its family a search over launch speeds has found, this one among them; None
-        where none was made
+        where none was made. A search of many sign changes ends after 20,000 launches and may leave some out.
     """
 
     machine: Mapping[str, Any]
@@ -259,12 +259,14 @@ class Orbit:
 
         Raises `InputError` when the file cannot be written.
         """
-        parts, motions = ("names", "times", "coefficients"), (self.flight, self.contact)
+        bare = self.dimensionless()
+        parts, motions = ("names", "times", "coefficients"), (bare.flight, bare.contact)
         flight, contact = (path and {name: getattr(path, name) for name in parts} for path in motions)
-        heights = {name: [height.weights, height.offset] for name, height in self.shape.heights.items()}
-        shape, units = vars(self.shape) | {"heights": heights}, self.units and asdict(self.units)
+        heights = {name: [height.weights, height.offset] for name, height in bare.shape.heights.items()}
+        shape, units = vars(bare.shape) | {"heights": heights}, self.units and asdict(self.units)
         motion = {"shape": shape, "flight": flight, "contact": contact, "units": units}
-        return write_json({"format": ORBIT_FORMAT, **self.document(), "motion": motion}, path, "orbit")
+        document = self.document() | ({"bare": bare.document()} if self.units else {})
+        return write_json({"format": ORBIT_FORMAT, **document, "motion": motion}, path, "orbit")
 
     @classmethod
     def load(cls, path: str | Path) -> "Orbit":
@@ -276,11 +278,27 @@ class Orbit:
         data = conform(json.load(file), SavedOrbit)
         if data["format"] != ORBIT_FORMAT:
             raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
+        units = data["motion"]["units"] and saved_units(data["motion"]["units"])
+        if units is None:
+            return cls._stated(data)
+        if "bare" in data:  # The motion is that of the dimensionless orbit.
+            bare = conform({**data["bare"], "format": ORBIT_FORMAT, "motion": data["motion"]}, SavedOrbit)
+            return orbit_in_units(cls._stated(bare), units, _machine_of(data))
+        orbit = cls._stated(data)
+        # A file of an orbit in SI that says no units has dimensionless numbers, from before results were in SI.
+        if "units" not in data:
+            return orbit_in_units(orbit, units, orbit.machine)
+        converted = orbit_in_units(orbit, units.inverse(), orbit.machine)
+        return replace(orbit, units=units, bare=replace(converted, units=None, bare=None))
+
+    @classmethod
+    def _stated(cls, data: Mapping[str, Any]) -> "Orbit":
+        """The orbit whose numbers a document states, without units."""
         motion, checked = data["motion"], [name for name in Certificate.__dataclass_fields__ if name in data]
         flight, contact = (path and _path_of(path) for path in (motion["flight"], motion["contact"]))
         if (data["contact_time"] is None) != (contact is None) or not data["flight_time"] >= flight.times[-1]:
             raise ValueError("its times do not fit its motion")
-        orbit = cls(
+        return cls(
             machine=_machine_of(data),
             **{name: data[name] for name in ("alpha", "liftoff_extension", "flight_time", "contact_time", "method")},
             flight=flight,
@@ -291,14 +309,6 @@ class Orbit:
             seconds=data["seconds"],
             known_in_family=data.get("known_in_family"),
         )
-        if motion["units"] is None:
-            return orbit
-        units = Units(**motion["units"])
-        # A file of an orbit in SI that says no units has dimensionless numbers, from before results were in SI.
-        if "units" not in data:
-            return orbit_in_units(orbit, units, orbit.machine)
-        bare = orbit_in_units(orbit, units.inverse(), orbit.machine)
-        return replace(orbit, units=units, bare=replace(bare, units=None, bare=None))
 
 
 class _SavedShape(TypedDict):
@@ -317,15 +327,6 @@ class _SavedPath(TypedDict):
     names: tuple[str, ...]
     times: np.ndarray
     coefficients: np.ndarray
-
-
-class SavedUnits(TypedDict):
-    """`Units` in a file."""
-
-    length: float
-    time: float
-    force: float
-    energy: NotRequired[float | None]
 
 
 class _SavedMotion(TypedDict):
@@ -360,6 +361,7 @@ class SavedOrbit(SavedLaws):
     seconds: float
     known_in_family: NotRequired[int | None]
     units: NotRequired[Mapping[str, str]]
+    bare: NotRequired[Mapping[str, Any]]
     motion: _SavedMotion
 
 
@@ -395,7 +397,9 @@ def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:
     if "units" not in data:
         return machine
     results = {*UNIT_TEXTS, "rises", "state_mid_flight"}
-    return machine | {"units": {name: unit for name, unit in data["units"].items() if name not in results}}
+    units = {name: unit for name, unit in data["units"].items() if name not in results}
+    numbers = {name: conform(machine[name], float | None, name) for name in units if name in machine}
+    return machine | numbers | {"units": units}
 
 
 def _path_of(data: _SavedPath) -> Trajectory:

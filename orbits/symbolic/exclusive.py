@@ -51,7 +51,7 @@ def _end(self: Any, dying: deque = _DYING, lock: Any = LOCK) -> None:
 
     The garbage collector ends objects in any thread. It must not wait there, since the thread may hold other locks.
     """
-    dying.append(self.__dict__.get("this"))
+    dying.append(self.__dict__.pop("this", None))
     if lock.acquire(blocking=False):
         try:
             dying.clear()

@@ -535,6 +535,22 @@ def test_where_the_contact_does_not_end_its_force_says_nothing():
     assert abs(family.events[1].point.smallest_contact_force) < 1e-11
 
 
+@pytest.mark.parametrize(
+    ("machine", "along", "stop", "family"),
+    [
+        # The orbit is found by the search alone.
+        (Hopper("r*exp(a*r)", "1/(1+z/R)**2", rest_length=10.0, parameters={"a": 0.3, "R": 20.0}), "R", 20.01, 1),
+        # The one to which the guess leads is not the lowest.
+        (Hopper("r", "1 + 0.9*sin(z)", rest_length=10.0), "rest_length", 10.01, 2),
+    ],
+)
+def test_a_family_begins_with_what_find_gives(machine, along, stop, family):
+    lowest = find(machine, family).alpha
+    assert follow(machine, along, stop, family=family)[0].alpha == pytest.approx(lowest, rel=1e-12)
+    first = next(trace(machine, along, stop, family=family))
+    assert first.alpha == pytest.approx(lowest, rel=1e-12)
+
+
 def test_a_watched_function_may_divide_by_zero():
     orbit = find(Hopper("cubic"))
     assert watched("pole", lambda orbit: 1.0 / (orbit.alpha - orbit.alpha), orbit) is None

@@ -93,7 +93,10 @@ def test_preimages_are_all_there():
 @pytest.mark.parametrize("machine", [Hopper(), pytest.param(Hopper(mass_ratio=2.0), marks=pytest.mark.slow)])
 def test_the_basin_is_what_comes_to_a_lossless_hop(machine):
     step, high = ReturnMap(machine), 5.6
-    basin = step.basin(4.5, high)
+    shares: list[float] = []
+    basin = step.basin(4.5, high, progress=shares.append)
+    assert shares[0] == 0.0  # while the grid is refined
+    assert shares == sorted(shares)
     stars = [point.alpha for point in step.fixed_points(1.0, high)]
     start = np.random.default_rng(3).uniform(4.5, high, 300)
     alpha = start.copy()
@@ -150,6 +153,20 @@ def test_grazing_by_taylor_and_piecewise(spring):
     assert not failed
     assert ((times < lowest) == below).all()
     assert bool(rules.flight.phase.pieces) == (spring == "bilinear")
+
+
+@pytest.mark.parametrize("alpha", [2.4e4, 1e5, 1e8])
+def test_a_fast_launch_lands_at_the_first_zero_of_the_gap(alpha):
+    """The flight's end against its closed form, and no earlier zero while the parabola comes down to the amplitude."""
+    impacts = Impacts(Hopper(rest_length=20.0))
+    start, form = impacts.launch(np.array([alpha])), impacts.flight.closed_form(impacts.p)
+    (time,), _, failed = first_zeros(impacts.flight, start, impacts.p, impacts.gap, np.inf, 3)
+    assert not failed
+    _, (falls,) = form.positive_between(impacts.gap, start.T)
+    before = np.linspace(falls, time * (1 - 1e-14), 1000)
+    assert impacts.gap(form.state(start[0], before).T).min() > 0
+    assert abs(impacts.gap(form.state(start[0], time))) < 1e-14 * alpha**2
+    assert ReturnMap(impacts.machine)(alpha).status == "lifts_off"
 
 
 @pytest.mark.parametrize(

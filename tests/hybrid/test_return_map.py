@@ -203,6 +203,16 @@ def test_many_bounces_that_rounding_decides_are_undecided():
         assert one.next[told] == pytest.approx(two.next[told], abs=1e-3, nan_ok=True)
 
 
+def test_a_simulation_ends_where_the_map_is_undecided():
+    machine = Hopper(restitution=0.9)
+    run = simulate(machine, 6.498522512839427, hops=1)
+    assert run.status == str(ReturnMap(machine)(6.498522512839427).status) == "undecided"
+    assert run.events[-1].kind == "landing"
+    assert simulate(machine, 2.0, hops=1).status == "done"
+    # Of a start in flight the map tells nothing.
+    assert simulate(machine, state=run(1.0), hops=1).status != "undecided"
+
+
 def test_preimages_map_onto_their_interval():
     step = ReturnMap(Hopper())
     for low, high in step.preimages([(4.4, 4.45)], 3.0, 12.0):

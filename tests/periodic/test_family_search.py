@@ -7,6 +7,7 @@ import pytest
 
 import studies.search
 from orbits import InputError, NoOrbit, Orbit, find, find_all
+from orbits.errors import LONGEST_MESSAGE
 from problems import Chain, Hopper, Juggler
 from problems.features import features
 from studies.search import Case
@@ -97,6 +98,43 @@ def test_a_refusal_says_what_was_searched():
         find(machine)
     with pytest.raises(NoOrbit, match="to 20 finds none"):
         find_all(machine, fastest=20)
+
+
+@pytest.mark.parametrize("method", ["closed form", "relative"])
+def test_no_orbit_beyond_the_fastest_launch(method):
+    with pytest.raises(NoOrbit):
+        find_all(Hopper(rest_length=20), fastest=2.0, method=method)
+    assert len(find_all(Hopper(rest_length=20), fastest=5.0, method=method)) == 1
+
+
+def test_a_search_that_is_stopped_says_so(monkeypatch):
+    monkeypatch.setattr("orbits.periodic.family_search.MOST_SEARCHED", 10)
+    with pytest.raises(NoOrbit, match=r"stopped after \d+ launches, finds none"):
+        find_all(Hopper("cubic", parameters={"beta": -0.01069521492}), fastest=30)
+
+
+def test_a_refusal_says_a_remedy_once(monkeypatch):
+    machine, reason = Hopper("cubic"), "the solve for family 1 ended on an orbit of family 2; try another method"
+
+    def refused(*_):
+        raise NoOrbit(reason)
+
+    monkeypatch.setattr("orbits.periodic.find.solve_family", refused)
+    monkeypatch.setattr("orbits.periodic.find._orbit_in_cell", refused)
+    with pytest.raises(NoOrbit) as raised:
+        find(machine)
+    assert str(raised.value).count("try another method") == 1
+    assert "a search from launch speed" in str(raised.value)
+    assert len(str(raised.value)) <= LONGEST_MESSAGE
+
+
+def test_progress_of_a_search():
+    shares = []
+    machine = Hopper("cubic", parameters={"beta": -0.005})
+    assert len(find_all(machine, progress=shares.append)) == 2
+    assert shares == [0.0, 0.5]
+    find_all(machine, [{"alpha": 4.7, "liftoff": 1.0, "duration": 4.7}] * 2, progress=shares.append)
+    assert shares[2:] == [0.0, 0.5]
 
 
 def test_what_cannot_be_searched():

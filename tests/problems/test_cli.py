@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from conftest import Result
 
-from orbits import METHODS, Orbit
+from orbits import METHODS, Orbit, find
 from orbits.io import to_json
+from problems import hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper
 DUFFING = 2.936459188494196478  # tests/data/orbits.json: r + 0.3 r**3
@@ -271,6 +272,26 @@ def test_a_machine_in_si(orbits, tmp_path):
     assert "launch speed (m/s)" in orbits("map --alpha 0.9 --machine", path).out
     run = orbits("simulate --json --alpha 0.9 --hops 1 --machine", path).document
     assert run["launches"] == pytest.approx([0.9, hop["next"][0]], rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("options", "changed"),
+    [
+        ("--set body_mass=70 --set stiffness=9000", {"body_mass": 70.0, "stiffness": 9000.0}),
+        ("--rest-length 0.9", {"rest_length": 0.9}),
+        ("--rest-length 0.9 --set surface_gravity=3.7", {"rest_length": 0.9, "surface_gravity": 3.7}),
+        ("--set body_radius=250", {"body_radius": 250.0}),
+    ],
+)
+def test_numbers_of_a_machine_in_si_are_parameters(options, changed, orbits, tmp_path):
+    stated = {"body_mass": 60.0, "foot_mass": 3.0, "stiffness": 8000.0, "rest_length": 0.8}
+    path = tmp_path / "leg.toml"
+    path.write_text("[si]\n" + "".join(f"{name} = {value}\n" for name, value in stated.items()))
+    done = orbits(f"find --json {options} --machine", path)
+    assert done.code == 0
+    assert done.document["alpha"] == find(hopper_in_si(**stated | changed)).alpha
+    refused = orbits("find --mass-ratio 2 --machine", path)
+    assert (refused.code, "state lengths and masses in [si]" in refused.err) == (2, True)
 
 
 def test_a_spring_in_si_is_its_dimensionless_self(orbits, tmp_path):

@@ -16,7 +16,7 @@ import pytest
 from orbits import Family, InputError, Orbit, find, follow, pareto, simulate
 from orbits.errors import LONGEST_MESSAGE, shortened
 from orbits.hybrid.impacts import Impacts
-from problems import Hopper
+from problems import Hopper, hopper_in_si, springs
 from problems.cli import main
 
 LONGEST, LARGEST = 10.0, 1e6  # seconds of computing; kB of memory
@@ -35,15 +35,21 @@ TEXTS = (
     "1/0",
     "r/r",
 )
-VALUES = (None, True, "abc", "", [], {}, [[]], -1, 1e308, 10**400, [1.0], ["x"], {"x": 1}, [None], 0, 2.5, "x" * 10_000)
+VALUES = (
+    *(None, True, "abc", "", [], {}, [[]], -1, 1e308, 10**400, [1.0], ["x"], {"x": 1}, [None], 0, 2.5, "x" * 10_000),
+    *(1e-320, [0.0, 0.0, 0.0]),
+)
+NO_UNITS = (0, -1.0, 1e-320, 1e200)  # of which none can be a unit
 NESTED = ("[" * 60_000, '{"a":' * 60_000, "[" * 5000 + "]" * 5000)
 
 
 def saved(folder: Path) -> dict[str, str]:
-    """A saved orbit and a saved family, as texts."""
+    """Saved orbits, one of them in SI, and a saved family, as texts."""
     orbit = find(Hopper("r + beta*r**3", rest_length=20, parameters={"beta": 0.3}))
     family = follow(Hopper("cubic", rest_length=20), "beta", 0.2, 0.1, longest=0.5)
-    return {"orbit": orbit.save(folder / "o.json").read_text(), "family": family.save(folder / "f.jsonl").read_text()}
+    in_si = find(hopper_in_si(2.0, 1.0, stiffness=50.0, rest_length=1.0))
+    texts = {"orbit": orbit.save(folder / "o.json").read_text(), "family": family.save(folder / "f.jsonl").read_text()}
+    return {**texts, "orbit in SI": in_si.save(folder / "o.json").read_text()}
 
 
 def mutated(document: object, rng: random.Random) -> object:
@@ -94,8 +100,24 @@ def crafted_machine(rng: random.Random) -> str:
     return "\n".join(lines)
 
 
-def crafted_line(rng: random.Random) -> list[str]:
+def crafted_table(rng: random.Random) -> str:
+    """Rows of a measured spring, good, noisy or a loop, with a fault."""
+    r = [0.4 * i for i in range(-30, 31)]
+    r = rng.choice((r, r + r[::-1], r * 3, rng.sample(r, 40), r[30:], r[:2], [1.0] * 9))
+    bump = rng.choice((0.0, 0.01, 1.0, 1e200))
+    rows = [f"{x};{x + 0.02 * x**3 + rng.uniform(-bump, bump)}" for x in r]
+    for _ in range(rng.choice((0, 1, 3))):
+        row = rng.choice(("  # note", "1", ";", f"{rng.choice(NUMBERS)};{rng.choice(NUMBERS)}", "1;-1,234", "x" * 9999))
+        rows.insert(rng.randrange(len(rows)), row)
+    heads = ("r;f", "Travel time;Travel [mm];Force [N]", "compression;force", "Extension;Compressive force", "r", "")
+    return "\n".join([rng.choice(("r;f", "r [m];f [N]", *heads)), *rows])
+
+
+def crafted_line(rng: random.Random, folder: Path) -> list[str]:
     """A command line with a value that no one means."""
+    leg, table = folder / "leg.toml", folder / "rows.csv"
+    leg.write_text("[si]\nbody_mass = 60\nfoot_mass = 3\nstiffness = 8000\nrest_length = 0.8\n")
+    table.write_text(crafted_table(rng))
     number, text = rng.choice(NUMBERS), rng.choice(TEXTS)
     lines = (
         ["find", "--mass-ratio", number], ["find", "--rest-length", number], ["find", "--spring", text],
@@ -109,6 +131,12 @@ def crafted_line(rng: random.Random) -> list[str]:
         ["simulate", "--alpha", "4", "--time", number], ["simulate", "--alpha", "4", "--hops", "2", "--inject", number],
         ["follow", "--spring", "cubic", "--along", "beta", "--from", "0.1", "--to", number, "--longest", "0.5"],
         ["follow", "--along", text, "--to", "1"],
+        ["find", "--spring", f"table:{table}"], ["find", "--spring", f"table:{table}?noise={number}"],
+        ["find", "--spring", f"table:{table}?branch={rng.choice(('loading', 'unloading', 'mean', text))}&noise=0"],
+        ["find", "--spring", f"table:{springs.SAMPLE}?{text}"], ["find", "--machine", str(leg), "--spring", text],
+        ["find", "--machine", str(leg), "--set", f"{rng.choice(('body_mass', 'stiffness', 'body_radius'))}={number}"],
+        ["find", "--machine", str(leg), "--rest-length", number], ["map", "--alpha", "1:2:3", "--cobweb", number],
+        ["map", "--alpha", "3:9:5", "--plot", str(folder / "map.png"), "--cobweb", number],
         ["follow", "--spring", "cubic", "--along", "beta", "--to", "1", "--at", text],
     )  # fmt: skip
     return rng.choice(lines)
@@ -169,23 +197,23 @@ def by_loading(load, path: Path):
 
 def crafted_run(documents: dict[str, str], folder: Path, rng: random.Random):
     """A run of a crafted file or line, and what to call it."""
-    kind = rng.choice(("orbit", "family", "resume", "machine", "line", "line"))
+    kind = rng.choice(("orbit", "orbit in SI", "family", "resume", "machine", "line", "line"))
     if kind == "line":
-        line = crafted_line(rng)
+        line = crafted_line(rng, folder)
         return lambda: by_command(line), " ".join(line)
     if kind == "machine":
         path, text = folder / "machine.toml", crafted_machine(rng)
         path.write_text(text)
         line = ["optimize", str(path)] if "design" in text else ["find", "--machine", str(path)]
         return lambda: by_command(line), text
-    text = crafted_document(documents["orbit" if kind == "orbit" else "family"], rng)
-    path = folder / ("orbit.json" if kind == "orbit" else "family.jsonl")
+    text = crafted_document(documents["family" if kind == "resume" else kind], rng)
+    path = folder / ("orbit.json" if kind.startswith("orbit") else "family.jsonl")
     path.write_text(text)
     if kind == "resume":
         line = ["follow", "--spring", "cubic", "--rest-length", "20", "--along", "beta", "--from", "0.1", "--to", "0.3"]
         line += ["--longest", "0.5", "--resume", str(path)]
         return lambda: by_command(line), f"resume {text}"
-    load = Orbit.load if kind == "orbit" else Family.load
+    load = Orbit.load if kind.startswith("orbit") else Family.load
     return lambda: by_loading(load, path), text
 
 
@@ -214,6 +242,7 @@ FAULTS = [
     ("point", "u", []), ("point", "u", "abc"), ("point", "u", [1.0]), ("point", "tangent", []), ("point", "alpha", "x"),
     ("point", "tangent", [1.0]), ("certificate", "violations", "abc"), ("certificate", "error", "x"),
     ("certificate", "error", -1.0), ("certificate", "family", 1.5), ("point", "value", None),
+    ("point", "alpha", 0.0), ("point", "tangent", [0.0, 0.0, 0.0]), ("point", "tangent", [0.0, 0.0, 1e-320]),
 ]  # fmt: skip
 
 
@@ -239,6 +268,58 @@ def test_an_orbit_with_a_wrong_value_is_refused_by_name(key, documents, tmp_path
     path.write_text(json.dumps(json.loads(documents["orbit"]) | {key: "abc"}))
     with pytest.raises(InputError, match=f"is not a saved orbit: .*{key}"):
         Orbit.load(path)
+
+
+@pytest.mark.parametrize("layout", ["bare", "units", "oldest"])
+@pytest.mark.parametrize("value", NO_UNITS)
+def test_an_orbit_with_a_unit_that_is_none_is_refused(value, layout, documents, tmp_path):
+    """In the layout of today, in that with numbers in SI alone, and in that without units of results."""
+    data, path = json.loads(documents["orbit in SI"]), tmp_path / "orbit.json"
+    for name in {"bare": (), "units": ("bare",), "oldest": ("bare", "units")}[layout]:
+        del data[name]
+    for name in ("length", "time", "force", "energy"):
+        units = {**data["motion"]["units"], name: value}
+        path.write_text(json.dumps(data | {"motion": data["motion"] | {"units": units}}))
+        with pytest.raises(InputError, match=f"is not a saved orbit: its unit of {name} is"):
+            Orbit.load(path)
+
+
+def test_an_orbit_in_si_with_a_mass_that_is_no_number_is_refused(documents, tmp_path):
+    path = tmp_path / "orbit.json"
+    path.write_text(json.dumps(json.loads(documents["orbit in SI"]) | {"foot_mass": [1.0]}))
+    with pytest.raises(InputError, match="is not a saved orbit: foot_mass = "):
+        Orbit.load(path)
+
+
+@pytest.mark.parametrize("value", NO_UNITS)
+def test_an_old_family_with_a_unit_that_is_none_is_refused(value, documents, tmp_path):
+    head, *rest = documents["family"].splitlines()
+    record, path = json.loads(head), tmp_path / "family.jsonl"
+    record["machine"] |= {"laws_in": "SI", "unit_length": value, "unit_time": 1.0, "unit_force": 1.0}
+    path.write_text("\n".join([json.dumps(record), *rest]))
+    with pytest.raises(InputError, match="is not a saved family: its unit of length is"):
+        Family.load(path)
+
+
+def test_a_family_to_resume_with_a_further_parameter_is_another_machines(documents, tmp_path):
+    head, *rest = documents["family"].splitlines()
+    record, path = json.loads(head), tmp_path / "family.jsonl"
+    record["machine"]["parameters"]["zz"] = 1
+    path.write_text("\n".join([json.dumps(record), *rest]))
+    with pytest.raises(InputError, match="of another machine or parameter"):
+        follow(Hopper("cubic", rest_length=20), "beta", 0.3, 0.1, longest=0.5, resume=Family.load(path))
+
+
+@pytest.mark.parametrize("name", ["a\0", "a\ud800"])
+def test_a_name_that_no_file_can_have_is_refused(name, documents, tmp_path):
+    path = tmp_path / "saved"
+    path.write_text(documents["orbit"])
+    orbit = Orbit.load(path)
+    path.write_text(documents["family"])
+    family = Family.load(path)
+    for save, ending in ((orbit.save, ".json"), (family.save, ".csv"), (family.save, ".jsonl")):
+        with pytest.raises(InputError, match="cannot be written to"):
+            save(tmp_path / f"{name}{ending}")
 
 
 def test_deep_nesting_and_large_files_are_refused(tmp_path):

@@ -5,6 +5,7 @@ import itertools
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, OutOfRange, find
 from problems import Hopper, Juggler, gravity, hopper_in_si, springs
@@ -157,7 +158,12 @@ class TestTable:
         (lambda: springs.function(lambda r: {}["rubber"]), "KeyError: 'rubber'"),
         (lambda: springs.formula("r + c*v", c=0.1), "depends on the extension r alone.*damping"),
         (lambda: springs.formula("1/tanh(r/L) - L/r", L=2.0), "0/0 at r = 0; its limit there is about 0,.*table"),
-        (lambda: gravity.formula("sin(z)/z"), "0/0 at z = 0; its limit there is about 1,"),
+        (lambda: gravity.formula("sin(z)/z"), "0/0 at z = 0; its limit there is about 1,.* without that division$"),
+        (lambda: gravity.function(lambda z: np.sin(z) / z), "0/0 at z = 0; its limit there is about 1,"),
+        (
+            lambda: springs.function(lambda r, b: 1 / np.tanh(b * r) - 1 / (b * r), b=2.0),
+            "0/0 at r = 0; its limit.*table",
+        ),
         (lambda: springs.as_spring("r + b*r**3", {"b": 0.1, "c": 1.0}), "no parameter 'c'; known: b"),
         (lambda: springs.as_spring("cubic", {"bta": 0.1}), "no parameter 'bta'; did you mean 'beta'"),
         (lambda: springs.as_spring(springs.cubic(), {"k": 0.1}), "no parameter 'k'"),
@@ -211,6 +217,7 @@ def test_laws_are_not_mixed_up():
         (lambda: hopper_in_si(60, 3, stiffness=8e3).with_values(mass_ratio=0.5), "in SI follows from its masses"),
         (lambda: springs.table(5), "two sequences"),
         (lambda: springs.table((r, r, r)), "two sequences"),
+        (lambda: springs.table(([], [])), "two finite lists of one length, with rows"),
         (lambda: Hopper(parameters=[1]), "mapping of names"),
         (lambda: Hopper(parameters=None), "mapping of names"),
         (lambda: find(object()), "is no machine"),
@@ -225,3 +232,20 @@ def test_a_body_radius_is_a_parameter_in_metres_beside_a_force_law_of_any_names(
     )
     assert machine.parameters == {"k": 8e3, "R": 2e6, "body_radius": 250.0}
     assert machine.describe()["laws_in"] == "SI"
+
+
+def test_a_narrow_quotient_is_not_leapt_over():
+    """Half the flight takes the time alpha, and ends where the extension turns: by SciPy in steps that see the bump."""
+    force = lambda r: r + 0.5 / (1 + ((r + 3) / 0.1) ** 40)  # noqa: E731
+    orbit = find(Hopper(force))
+    start = [orbit.liftoff_extension, orbit.alpha]
+    rates = lambda t, x: [x[1], -force(x[0])]  # noqa: E731
+    half = solve_ivp(rates, (0, orbit.alpha), start, method="DOP853", rtol=1e-12, atol=1e-12, max_step=0.002)
+    assert half.y[1, -1] == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "machine", [Hopper("air", rest_length=20), Hopper("rubber"), Hopper("r", "inverse_square", rest_length=9)]
+)
+def test_steps_along_laws_with_a_pole_are_not_bounded(machine):
+    assert {key.reach for key in machine.keys if key} == {np.inf}

@@ -27,6 +27,13 @@ LINES = {
     ),
     "blanks": "; Instron\n% 2020\ntravel [mm]   force [N]\n" + "".join(f"{r}  {8 * r}\n" for r in R),
     "a commented header": "# x f\n" + "".join(f"{r / 1000:g} {8 * r:g}\n" for r in R),
+    "a setpoint, and times named after the columns": (
+        "Travel time [s];Load time [s];Travel [mm];Force setpoint [N];Force [N]\n"
+        + "".join(f"{i};{i};{r};0;{8 * r}\n" for i, r in enumerate(R))
+    ),
+    "indented comments": "r [mm],f [N]\n  # bench 3\n" + "".join(f"{r},{8 * r}\n  # weaker\n" for r in R),
+    "three decimals": "r;f\nmm;N\n" + "".join(f"{r:.3f};{8 * r:.3f}\n" for r in R).replace(".", ","),
+    "compressive force": "travel (mm),Compressive load (N)\n" + "".join(f"{r},{8 * r}\n" for r in R),
     "compression": "compression/mm,force/N\n" + "".join(f"{r},{8 * r}\n" for r in R),
 }
 
@@ -51,6 +58,10 @@ def test_files_of_test_machines(name, encoding, tmp_path):
         ("load cell displacement\n1 2\n2 3\n", "2 cells, the header 3"),
         ("r [furlong],f\n0,1\n1,2\n", "unknown unit 'furlong'"),
         ("r;f\nmm;tons\n0;1\n", "unknown unit 'tons'"),
+        ("r;f\n-1;-1,234\n0;0\n1;1,234\n2;2,468\n", "decimals or thousands"),
+        ("r;f\n-1;-1,234\n0;0.5\n", "row 3: '0;0.5' mixes decimal commas with points"),
+        ("r;f\n0;0\n1;nan\n", "row 3: '1;nan' does not hold two finite numbers"),
+        ("Extension;Compressive force\n0;0\n", "'Extension' and 'Compressive force' count opposite ways"),
     ],
 )
 def test_files_that_cannot_be_meant(text, message, tmp_path):
@@ -94,6 +105,12 @@ def test_messages_do_not_repeat_the_file(content, tmp_path):
     assert len(str(caught.value)) <= 300
 
 
+def test_rows_beyond_what_can_be_squared_are_refused():
+    r = np.r_[R, R[::-1]]
+    with pytest.raises(InputError, match="too large to compute with"):
+        springs.table((r, 1e200 * r))
+
+
 def test_many_rows_are_thinned_and_say_so():
     """300,000 rows become 500 pieces, beside which the table of an exact law is off by rounding."""
     began, r = time.process_time(), np.linspace(-6, 3, 300_000)
@@ -132,6 +149,37 @@ class TestLoop:
         path.write_text(f"{column.split()[-1]},force\n" + "".join(f"{a},{b}\n" for a, b in rows))
         law = as_spring(f"table:{path}?branch=loading")
         assert abs(law(3.0 if column == "extension" else -3.0)) == pytest.approx(3.3)
+
+    @pytest.mark.parametrize("counts", [(5, 5), (40, 23), (7, 60)])
+    def test_the_mean_lies_half_way_where_both_branches_are(self, counts):
+        """Branches of r + 0.1 and r - 0.1 on unequal grids that are offset."""
+        up, down = np.linspace(-1, 1, counts[0]), np.linspace(0.75, -1.25, counts[1])
+        law = springs.table((np.r_[up, down], np.r_[up + 0.1, down - 0.1]), branch="mean", noise=0)
+        low, high = law.range()
+        assert (low > -1.01, high < 0.8) == (True, True)
+        value, slope = law.with_slope(np.linspace(low, high, 99))
+        assert value == pytest.approx(np.linspace(low, high, 99), abs=1e-12)
+        assert slope == pytest.approx(1.0, abs=1e-9)
+
+    def test_the_mean_of_noisy_branches_has_their_noise(self):
+        rng, r = np.random.default_rng(5), np.r_[np.linspace(-9, 9, 150), np.linspace(9, -9, 90)]
+        force = r + np.repeat([0.4, -0.4], [150, 90]) + 0.2 * rng.normal(size=240)
+        law = springs.table((r, force), branch="mean")
+        assert float(law.text.split("noise ")[1].split()[0]) == pytest.approx(0.2, rel=0.2)
+        assert law(R) == pytest.approx(R, abs=0.1)
+
+    @pytest.mark.parametrize(("low", "high"), [(-12, 5), (-12, 1), (-5, 12)])
+    def test_loading_of_a_table_of_two_sides_is_where_the_travel_grows(self, low, high):
+        r = np.r_[np.linspace(low, high, 60), np.linspace(high, low, 60)]
+        law = springs.table((r, r + np.repeat([0.3, -0.3], 60)), branch="loading")
+        assert law(0.5) == pytest.approx(0.8)
+
+    @pytest.mark.parametrize("rows", [(15, 15), (15, 40), (4, 3)])
+    def test_is_seen_on_one_side_alone_and_in_few_rows(self, rows):
+        r = np.r_[np.linspace(-8, 8, rows[0]), np.linspace(8, -8, rows[1])]
+        wide = 0.05 * np.maximum(r * (8 - r), 0) if min(rows) > 4 else 0.4
+        with pytest.raises(InputError, match="is a loop"):
+            springs.table((r, r + np.repeat([1, -1], rows) * wide))
 
     def test_rows_in_any_order_are_no_loop(self):
         rng, r = np.random.default_rng(2), np.linspace(-3, 3, 25)
@@ -178,6 +226,23 @@ class TestNoise:
         law = springs.table((r, force(r)))
         assert law.text == "table:table"
         assert law(r) == pytest.approx(force(r), rel=1e-12, abs=1e-12)
+
+    @pytest.mark.parametrize("noise", [None, 0.5])
+    def test_repeated_rows_tell_it(self, noise):
+        """25 rows at each of 21 extensions, and two at each of 15, as of a loop that was stored in order."""
+        r, rng = np.tile(np.linspace(-12, 8, 21), 25), np.random.default_rng(0)
+        law = springs.table((r, r + 0.02 * r**3 + 0.5 * rng.normal(size=525)), noise=noise)
+        assert "525 rows smoothed" in law.text
+        assert float(law.text.split("noise ")[1].split()[0]) == pytest.approx(0.5, rel=0.1)
+        assert law(R) == pytest.approx(R + 0.02 * R**3, abs=4 * 0.5 / 5)
+        at_rest = [float(law.with_parameters(**{name: 1.0})(0.0) - law(0.0)) for name in law.parameters]
+        assert 0.02 < np.linalg.norm(at_rest) < 0.5 / 5  # no more than 25 rows at rest alone have
+        r = np.repeat(np.linspace(-12, 8, 15), 2)
+        assert "30 rows smoothed" in springs.table((r, r + np.tile([0.5, -0.5], 15)), noise=noise).text
+
+    def test_exact_rows_may_be_repeated(self):
+        r = np.tile(np.linspace(-3, 3, 40), 3)
+        assert springs.table((r, np.sinh(r))).text == "table:table"
 
     def test_can_be_stated(self):
         r = np.linspace(-12, 8, 200)

@@ -1,8 +1,12 @@
 """A machine stated in SI answers in SI: every public number against the dimensionless machine's, to rounding."""
 
+import copy
 import json
+import pickle
 import time
 from dataclasses import fields
+from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -10,6 +14,7 @@ import pytest
 from orbits import (
     Family,
     InputError,
+    NoOrbit,
     Orbit,
     ReturnMap,
     existence,
@@ -26,9 +31,12 @@ from orbits import (
     simulate,
     trace,
 )
-from orbits.model.units import DIMENSIONS, SPEED, unit_text
-from problems import hopper_in_si, juggler_in_si, steering
+from orbits.io import to_json
+from orbits.model.units import DIMENSIONS, SPEED, unit_text, without_units
+from problems import Hopper, gravity, hopper_in_si, juggler_in_si, springs, steering
+from problems.units import MachineInSI
 
+SCHEDULE = "; it is a list of times, and lists of values of parameters by name"
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 5000.0, "b": 1e5}, rest_length=0.8)
 THROWER = juggler_in_si(0.3, 0.2, stiffness=40.0, rest_length=0.5, surface_gravity=3.7)
 ROVER = hopper_in_si(
@@ -286,7 +294,7 @@ def test_quantities_and_sensitivities(name):
             assert slope[name] == pytest.approx(difference, rel=1e-6, abs=1e-8 * size), (quantity, name)
 
 
-def test_designs_over_masses():
+def test_designs_over_masses(tmp_path):
     limits = {"over": {"k": (2e3, 2e4), "foot_mass": (1.0, 10.0)}, "subject_to": ["centre_of_mass_rise == 0.05"]}
     best = optimize(LEG, minimise="largest_contact_force", **limits)
     assert best.quantities["centre_of_mass_rise"] == pytest.approx(0.05, rel=1e-10)
@@ -298,6 +306,9 @@ def test_designs_over_masses():
                    over={"foot_mass": (2.0, 4.0)})  # fmt: skip
     assert len(front.designs) >= 1
     assert front.designs[0].orbit.units
+    head = front.save(tmp_path / "front.csv").read_text().splitlines()[0]
+    assert head == "-centre_of_mass_rise (m),largest_contact_force (N),foot_mass (kg)"
+    assert [best.unit_of(name) for name in ("body_rise", "stroke/body_rise", "2*foot_rise")] == ["m", "", ""]
 
 
 def test_steering():
@@ -319,6 +330,98 @@ def test_steering():
     assert kept.units == {"cost": "m^2/s", "time": "s", "w": "m/s"}
     back = steering.recover(damped.with_values(damping=0.0), short=0.01, intervals=20, guess=None)
     assert back.parameters["aim"] - back.parameters["launch"] == pytest.approx(0.01, rel=1e-12)
+
+
+def test_an_orbit_is_the_same_after_its_file_also_without_dimensions(tmp_path):
+    orbit = find(ROVER.with_values(rest_length=6.0), 2)
+    again = Orbit.load(orbit.save(tmp_path / "hop.json"))
+    for one, other in ((again, orbit), (again.dimensionless(), orbit.dimensionless())):
+        assert one.document() == other.document()
+        assert str(one) == str(other)
+        assert np.array_equal(one(0.1), other(0.1))
+        assert one.certificate == other.certificate
+    data = json.loads((tmp_path / "hop.json").read_text())
+    assert data["alpha"] == orbit.alpha
+    del data["bare"]  # A file from before both were stated has the numbers in SI, and a motion in SI.
+    motion = {"flight": orbit.flight, "contact": orbit.contact}
+    parts = ("names", "times", "coefficients")
+    data["motion"] |= {key: {name: getattr(path, name) for name in parts} for key, path in motion.items()}
+    heights = {name: [height.weights, height.offset] for name, height in orbit.shape.heights.items()}
+    data["motion"]["shape"]["heights"] = heights
+    (tmp_path / "hop.json").write_text(to_json(data))
+    before = Orbit.load(tmp_path / "hop.json")
+    assert before.document() == orbit.document()
+    assert before.dimensionless().alpha == pytest.approx(orbit.dimensionless().alpha, rel=1e-14)
+
+
+def test_a_launch_by_its_unknowns_is_in_si():
+    machine = hopper_in_si(60.0, 3.0, stiffness=5000.0, rest_length=0.8)
+    named = simulate(machine, {"alpha": 3.0, "liftoff": machine.units.length}, hops=1)
+    assert named.launches == pytest.approx(simulate(machine, 3.0, hops=1).launches, rel=1e-12)
+    assert str(named).splitlines()[-1].endswith(" s")
+    hops = ReturnMap(machine)([1.0, 2.0])
+    assert hops.document()["units"] == {"alpha": "m/s", "next": "m/s", "loss": "m^2/s^2"}
+    assert "units" not in ReturnMap(machine.dimensionless())([1.0, 2.0]).document()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda m: find(m, start={1: 2}), "start has '1'; the unknowns are liftoff, alpha, duration"),
+        (lambda m: find(m, start={"alpha": "x"}), "start 'alpha' = 'x' is not a finite number"),
+        (lambda m: find(m, 0), "family = 0; a family is a whole number from 1 to 10000"),
+        (lambda m: find_all(m, family=0), "family = 0; a family is a whole number from 1 to 10000"),
+        (lambda m: find(m, method="x 2"), "unknown method 'x 2'; known: closed form, relative, half orbit, shooting"),
+        (lambda m: simulate(m, 1.5, time=-2.0), "time = -2.0; it is a number above 0"),
+        (lambda m: simulate(m, 1.5, hops=0), "hops = 0; it is a number of lift-offs, from 1 upwards"),
+        (lambda m: simulate(m, -1.5, hops=1), "alpha = -1.5; a launch speed is above 0"),
+        (lambda m: simulate(m, state=[1, 2], hops=1), "state = [1, 2]; it is 4 numbers, y1, y1', y2, y2'"),
+        (lambda m: simulate(m, 1.5, hops=1, schedule=5), f"schedule = 5{SCHEDULE}"),
+        (lambda m: simulate(m, 1.5, hops=1, schedule=([0, "x"], {})), f"schedule = ([0, 'x'], {{}}){SCHEDULE}"),
+        (lambda m: simulate(m, 1.5, hops=1, schedule=([0, 1], 2)), f"schedule = ([0, 1], 2){SCHEDULE}"),
+        (
+            lambda m: simulate(m, 1.5, hops=1, schedule=([0, 1], {"k": [1, 2]})),
+            "schedule: 'k' has 2 values between 2 times",
+        ),
+        (
+            lambda m: ReturnMap(m).fixed_points(1, 2, samples=0),
+            "samples = 0; it is a number of launches, from 2 upwards",
+        ),
+    ],
+)
+def test_arguments_that_cannot_be_are_told_as_they_were_given(call, message):
+    """With units and without, and without a note on units where the numbers have none."""
+    for machine in (LEG, LEG.dimensionless()):
+        with pytest.raises(InputError) as raised:
+            call(machine)
+        assert str(raised.value) == message
+
+
+def test_a_schedule_names_what_may_change_in_time():
+    linear = hopper_in_si(60.0, 3.0, stiffness=5000.0, rest_length=0.8)
+    with pytest.raises(InputError, match="none that may change in time"):
+        simulate(linear, 1.5, hops=1, schedule=([0.0, 1.0], {"stiffness": [1.0]}))
+    r = np.linspace(-12.0, 8.0, 200)
+    noisy = springs.table((r, r + 0.1 * np.random.default_rng(5).normal(size=200)))
+    assert noisy.parameters  # of the noise
+    for machine in (Hopper(noisy, rest_length=20.0), hopper_in_si(1.0, 1.0, force=noisy)):
+        with pytest.raises(InputError, match="schedule: the machine has no parameter 'zz'") as raised:
+            simulate(machine, 4.0, hops=1, schedule=([0.0, 1.0], {"zz": [1.0]}))
+        assert "_noise" not in str(raised.value)
+
+
+def test_an_error_about_a_member_keeps_its_index():
+    with pytest.raises(NoOrbit, match="in the units of") as raised, without_units(LEG.units):
+        raise NoOrbit("alpha = 3").about(4)
+    assert raised.value.index == 4
+
+
+def test_powers_of_units():
+    assert [unit_text((-power, 0, 1)) for power in (1.5, 0.5, 1 / 3, 0.333333333, 2.0, 1.25, 0.123)] == [
+        "N/m^(3/2)", "N/m^(1/2)", "N/m^(1/3)", "N/m^(1/3)", "N/m^2", "N/m^(5/4)", "N/m^0.123",
+    ]  # fmt: skip
+    contact = hopper_in_si(2.0, 1.0, force="k*abs(r)**1.5*sign(r)", stiffness=1e4, parameters={"k": 1e4})
+    assert contact.units_of_parameters()["k"] == "N/m^(3/2)"
 
 
 def test_files_from_before_results_were_in_si(tmp_path):
@@ -353,6 +456,53 @@ def test_new_numbers_are_quick_and_share_a_model():
     assert time.process_time() - began < 20 * 5e-3  # measured 0.5 ms each; 130 ms without the cache
 
 
+@pytest.mark.parametrize("kind", [int, np.float32, np.int64, Decimal, Fraction])
+def test_numbers_of_any_kind_are_floats(kind):
+    """All stated numbers are whole, which every kind holds exactly."""
+    numbers = {"body_mass": 60, "foot_mass": 3, "stiffness": 8000, "rest_length": 2, "body_radius": 4096, "damping": 0}
+    machine = hopper_in_si(**{name: kind(value) for name, value in numbers.items()}, surface_gravity=kind(10))
+    plain = hopper_in_si(**{name: float(value) for name, value in numbers.items()}, surface_gravity=10.0)
+    assert machine == plain
+    assert {type(value) for value in machine.values.values()} == {float}
+    assert json.dumps(machine.describe()) == json.dumps(plain.describe())
+    assert find(machine).alpha == find(plain).alpha
+    bare = Hopper("r + b*r**3", mass_ratio=kind(2), rest_length=kind(9), parameters={"b": kind(1)})
+    assert json.dumps(bare.describe()) == json.dumps(bare.with_values(mass_ratio=2.0).describe())
+    assert type(bare.mass_ratio) is type(bare.parameters["b"]) is float
+
+
+def test_a_machine_cannot_be_changed():
+    masses = {"body_mass": 60.0, "foot_mass": 3.0}
+    machine = MachineInSI(Hopper, masses, None, 8e3, gravity.constant(), 9.81)
+    masses["body_mass"] = 99.0
+    for each in (machine, pickle.loads(pickle.dumps(machine)), copy.deepcopy(machine)):
+        assert each == machine
+        assert each.values["body_mass"] == 60.0
+        with pytest.raises(TypeError):
+            each.masses["body_mass"] = 99.0
+    bare = pickle.loads(pickle.dumps(Hopper("cubic")))
+    for laws in (bare, bare.spring):
+        with pytest.raises(TypeError):
+            laws.parameters["beta"] = 1.0
+
+
+def test_a_table_that_does_not_contain_rest():
+    """Preloaded rows of 8 N/mm from 1 mm on; the units are set by the slope at the nearest row, or as stated."""
+    r = np.linspace(1e-3, 0.05, 20)
+    law = springs.table((r, 8e3 * r), in_si=True)
+    for stiffness in (None, 8e3):
+        machine = hopper_in_si(60.0, 3.0, force=law, stiffness=stiffness)
+        assert machine.stiffness == pytest.approx(8e3, rel=1e-12)
+    with pytest.raises(InputError, match="has stiffness 8000 N/m at rest, not 5000"):
+        hopper_in_si(60.0, 3.0, force=law, stiffness=5e3)
+
+
+def test_the_text_shows_what_was_stated():
+    machine = hopper_in_si(60.0, 3.0, stiffness=8e3, rest_length=0.8, body_radius=250.0, restitution=0.5)
+    assert repr(machine).endswith("body_radius = 250 m, restitution = 0.5")
+    assert "gravity_share" not in machine.stated_values
+
+
 def test_changes_and_refusals():
     heavier = LEG.with_values(body_mass=70.0, rest_length=0.9, k=6000.0)
     assert heavier.values == LEG.values | {"body_mass": 70.0, "rest_length": 0.9, "k": 6000.0}
@@ -364,6 +514,12 @@ def test_changes_and_refusals():
     ):
         with pytest.raises(InputError, match=message):
             LEG.with_values(**values)
+    for machine, name in ((ROVER, "body_radius"), (THROWER, "stiffness"), (THROWER, "surface_gravity")):
+        with pytest.raises(InputError, match=f"{name} = -5 is out of bounds"):
+            machine.with_values(**{name: -5.0})
+    for stiffness in (1e-300, 1e300):
+        with pytest.raises(InputError, match=r"the unit of length = .* is out of bounds"):
+            THROWER.with_values(stiffness=stiffness)
     with pytest.raises(InputError, match="'foot_mass' is the machine's own name"):
         hopper_in_si(1.0, 1.0, force="foot_mass*r", parameters={"foot_mass": 1.0})
     with pytest.raises(InputError, match="damping = -5 is below 0"):

@@ -75,6 +75,19 @@ def test_graphs_that_end_in_another_thread_are_released_under_the_lock():
         assert len(_DYING) == 0
 
 
+def test_what_an_object_refers_to_ends_while_the_lock_is_held():
+    owned = []
+
+    class Graph:
+        def __del__(self):
+            owned.append(LOCK._is_owned())
+
+    x = ca.SX.sym("x")
+    x.__dict__["this"] = Graph()
+    del x
+    assert owned == [True]
+
+
 def test_what_is_kept_is_let_go_of_when_it_grows(monkeypatch):
     monkeypatch.setattr(kept, "BUDGET", 3e6)
     most = 0.0
