@@ -16,7 +16,7 @@ from . import interrupts
 from .calls import BufferedFunction
 from .exclusive import LOCK
 from .kept import weigh
-from .machine_code import MachineCode, compile_seconds, target
+from .machine_code import MOST_ITERATIONS, MachineCode, compile_seconds, target
 
 # About the seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
 SECONDS_INTERPRETED = 3e-9
@@ -31,7 +31,8 @@ _memory = threading.local()  # the array that records are written to, kept by ea
 
 
 class Iterated(NamedTuple):
-    """What a `Kernel` returns."""
+    """What a `Kernel` returns. A point that has less than the most records and yet is going has used up its
+    `MOST_ITERATIONS`."""
 
     z: np.ndarray  # (m, size), the last z
     records: list[np.ndarray]  # (N, size), of one point after the other
@@ -111,7 +112,7 @@ class Kernel:
             inputs[0] = np.tile(inputs[0], (count, 1))
         capacity = min(self._capacity, most)
         found = Iterated(*self._iterated(inputs, capacity))
-        if (found.going & (found.counts < most)).any():
+        if capacity < most and (found.going & (found.counts == capacity)).any():
             found = self._continued(inputs, found, capacity, most)
         largest = int(found.counts.max(initial=0)) + 2
         most_room = SCRATCH // (8 * max(1, sum(self.sizes_out[1:-2])))
@@ -121,13 +122,14 @@ class Kernel:
     def _continued(self, inputs: list[np.ndarray], found: Iterated, capacity: int, most: int) -> Iterated:
         """Iterate those points to their ends that had room for too few records."""
         (z, records, counts, going), owners = found, [np.repeat(np.arange(len(found.z)), found.counts)]
-        parts = [records]
-        while len(left := np.flatnonzero(going & (counts < most))):  # all of them have as many records
+        parts, full = [records], counts == capacity
+        while len(left := np.flatnonzero(going & full & (counts < most))):  # all of them have as many records
             interrupts.check()
             capacity = min(2 * capacity, most - int(counts[left[0]]))
             part = [z[left], *(array[left] if len(array) == len(z) else array for array in inputs[1:])]
             z[left], records, taken, going[left] = self._iterated(part, capacity)
             counts[left] += taken
+            full[left] = taken == capacity
             owners.append(np.repeat(left, taken))
             parts.append(records)
         order = np.argsort(np.concatenate(owners), kind="stable")
@@ -163,7 +165,7 @@ class Kernel:
             after, *values, recorded, goes = call.flat
             going, tried = True, 0
             trigger, before, room = call.trigger, call.arguments[0], capacity * len(values)
-            while going and len(records) < room:
+            while going and len(records) < room and tried < MOST_ITERATIONS:
                 trigger()
                 tried += 1
                 before[:] = after

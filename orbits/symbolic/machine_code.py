@@ -27,6 +27,8 @@ _OF_ONE = [*_TRIGONOMETRIC, "exp", "log", "expm1", "log1p", "erf"]
 _LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _OF_ONE}
 _OF_TWO = ["pow", "atan2", "fmod", "hypot", "remainder"]
 _LIBRARY_OF_TWO = {getattr(ca, f"OP_{name.upper()}"): name for name in _OF_TWO} | {ca.OP_CONSTPOW: "pow"}
+# A point is iterated at most so many times in one call, which nothing can interrupt.
+MOST_ITERATIONS = 100_000
 # (arrays, lengths of their rows, first point, last point and one, most records of a point)
 Run = Callable[[Any, Any, int, int, int], None]
 
@@ -278,6 +280,7 @@ class _Iteration(_Code):
         self.do(f"%alive = phi {self.masks} [splat (i1 1), %block], [%alive_next, %go]")
         self.do(f"%went = phi {self.masks} [zeroinitializer, %block], [%went_next, %go]")
         self.do(f"%taken = phi {self.indices} [zeroinitializer, %block], [%taken_next, %go]")
+        self.do("%iterations = phi i64 [1, %block], [%iterations_next, %go]", "%iterations_next = add i64 %iterations, 1")
         after, *values, recorded, going = self.graph(function, [z, *given])
         taken = self(f"and {self.masks} %alive, {self.nonzero(recorded[0])}")
         goes = self(f"and {self.masks} %alive, {self.nonzero(going[0])}")
@@ -294,7 +297,8 @@ class _Iteration(_Code):
         self.do(f"%went_next = select {self.masks} %alive, {self.masks} {goes}, {self.masks} %went")
         room = self(f"icmp slt {self.indices} %taken_next, {most}")
         self.do(f"%alive_next = and {self.masks} {goes}, {room}")
-        self.do(f"br i1 {self.any('%alive_next')}, label %step, label %end")
+        allowed, alive = self(f"icmp slt i64 %iterations, {MOST_ITERATIONS}"), self.any("%alive_next")
+        self.do(f"br i1 {self(f'and i1 {allowed}, {alive}')}, label %step, label %end")
 
     def any(self, mask: str) -> str:
         """Whether a mask has a lane."""

@@ -115,6 +115,25 @@ def test_the_most_records():
         assert (some.going == (z[:, 1] // 2 >= most)).all()
 
 
+def test_what_never_ends_is_stopped():
+    """After the most iterations, with what was recorded until then, and said to be going on."""
+    z = ca.SX.sym("z", 2)
+    endless = ca.Function("endless", [z], [ca.vertcat(z[0] + 1, z[1]), z[0], z[0] < z[1], 1])
+    points = np.array([[0.0, 0.0], [0.0, 3.0], [0.0, 7.0]])
+    for found in both(endless, points):
+        assert found.going.all()
+        assert (found.z[:, 0] == machine_code.MOST_ITERATIONS).all()
+        assert found.counts.tolist() == [0, 3, 7]
+
+
+def test_optimised_code_gives_the_same():
+    kernel, z = Kernel(countdown()), starts(50, 8)
+    kernel.compile()
+    quick = kernel(z, np.ones((1, 1)))
+    kernel.optimise()
+    assert_equal(kernel(z, np.ones((1, 1))), quick)
+
+
 def test_any_number_of_threads(monkeypatch):
     """Not a bit depends on it, nor on how the points are divided."""
     kernel, z = Kernel(countdown()), starts(1000, 5)
