@@ -10,7 +10,7 @@ from typing import NamedTuple
 from ..errors import NoOrbit, OrbitsError
 from .corrector import MEMORY
 from .curve import Curve, CurvePoint
-from .events import Segment
+from .events import Segment, may_happen
 from .family import End, Event
 from .limits import Endings
 from .step_control import Options, Stepper
@@ -77,10 +77,9 @@ class Tracer:
             state = state._replace(batch_size=min(state.batch_size, options.most - state.before))
             batch = batch or self._next_batch(state)
             last, index, ends = state.last, state.before, [*state.ends]
-            for point in batch.certified:
+            for point, quiet in zip(batch.certified, self._quiet(last, batch.certified), strict=True):
                 try:
-                    segment, end = self.endings.cut(Segment(self.curve, last, point))
-                    located = segment.events(options.at, options.watch)
+                    segment, end, located = self._next_segment(last, point, quiet)
                 except OrbitsError as error:
                     reason = NoOrbit(f"what happens next cannot be located ({error})")
                     batch = batch._replace(rejection=reason, length=0.5 * point.length)
@@ -92,7 +91,7 @@ class Tracer:
                 yield from items
                 last, index = segment.b, index + added
                 history.append((last.point.alpha, last.value))
-                if end := end or self.endings.far(last, history):
+                if end := end or (None if quiet else self.endings.far(last, history)):
                     yield end
                     return
                 ends += [point] if point.parts else []
@@ -102,6 +101,20 @@ class Tracer:
                 yield self.endings.lost(str(batch.rejection or batch.failure), last, history)
                 return
             batch = None
+
+    def _quiet(self, last: CurvePoint, points: Sequence[CurvePoint]) -> list[bool]:
+        """Of each of the points whether nothing can happen from the one before up to it, as is mostly so."""
+        points = [last, *points]
+        busy = self.endings.may_end(points) | may_happen(points, self.options.at, self.options.watch)
+        return (~busy).tolist()
+
+    def _next_segment(self, last: CurvePoint, point: CurvePoint, quiet: bool) -> tuple[Segment, End | None, list]:
+        """The curve from a point to the next one, or to its end; that end, if any; and the events on the way."""
+        segment = Segment(self.curve, last, point)
+        if quiet:
+            return segment, None, []
+        segment, end = self.endings.cut(segment)
+        return segment, end, segment.events(self.options.at, self.options.watch)
 
     def _next_batch(self, state: TracerState) -> Batch:
         """The next points, certified, after the state's last point if that is not certified yet."""
@@ -128,11 +141,11 @@ class Tracer:
     def _certified(self, state: TracerState, points: list[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
         """The points that are certified, up to the first that is not or is of another family; and its error."""
         certified, error = self.curve.certify_all(points)
-        family = (state.last.certified or certified[0].point).family if certified else None
-        for i, point in enumerate(certified):
-            if point.point.family != family and point.length > RESOLVED * self.control.shortest_step:
+        families = [point.point.certificate.family for point in certified]
+        before = [state.last.point.certificate.family] if state.last.certified else families[:1]
+        for i, (family, new) in enumerate(zip([*before, *families], families, strict=False)):
+            if new != family and certified[i].length > RESOLVED * self.control.shortest_step:
                 return certified[:i], NoOrbit(f"the orbit changes from family {family} to another one")
-            family = point.point.family
         return certified, error
 
     def _items(self, located, point: CurvePoint, index: int, goes_on: bool):
