@@ -94,7 +94,8 @@ class MappedFunction:
         with LOCK:
             for memory, argument in zip(inputs, arguments, strict=True):
                 memory[:count] = argument
-                memory[count:] = argument[-1]
+                if count < capacity:
+                    memory[count:] = argument[-1]
             call.trigger()
             return [memory[:count].copy(order=self._order) for memory in outputs]
 
