@@ -101,7 +101,9 @@ class _HopperEquations(TwoMassEquations):
     @staticmethod
     def complete(times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
         M, flown, swung = np.reshape(p["mass_ratio"], (-1, 1, 1)), thrown(times, 3, u), coefficients[:, :2]
-        rows = np.concatenate([M * swung, -swung], axis=1)
+        rows = np.empty((len(swung), 4, swung.shape[2]))
+        np.multiply(M, swung, out=rows[:, :2])
+        np.negative(swung, out=rows[:, 2:])
         rows[:, :2, :3] += flown
         rows[:, 2:, :3] += flown
         rows /= 1 + M
