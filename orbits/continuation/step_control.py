@@ -67,7 +67,7 @@ class StepControl:
     largest_correction: float = _between(1e-10, 1.0, 1e-2)
     largest_turn: float = _between(1e-3, 1.5, 0.25)
     steepest_rate: float = _between(0.0, 1.0, 0.1)
-    largest_batch: int = _between(1, 100_000, 160)
+    largest_batch: int = _between(1, 100_000, 640)
     batch_growth: int = _between(1, 1000, 4)
     neighbours: int = _between(1, 8, 3)
     separation: float = _between(0.0, 0.5, 0.1)
