@@ -80,12 +80,6 @@ class CurvePoint(NamedTuple):
             raise ValueError("this point of the curve is not certified")
         return self.certified
 
-    @property
-    def signs(self) -> tuple:
-        """The signs of all test functions at a certified point."""
-        sides = [(value := test(self.point)) is not None and value >= 0 for test in TEST_FUNCTIONS.values()]
-        return self.tangent[-1] >= 0, self.branch_test >= 0, self.point.certificate.family, *sides
-
 
 class Curve:
     """The curve F(u, value) = 0 of a machine's orbits along a parameter, whose whole way `span` is its unit."""

@@ -139,9 +139,12 @@ def may_happen(points: Sequence[CurvePoint], asked: tuple[float, ...], watch: Wa
     """Whether there may be an event between each of the certified points but the first and the one before, (m - 1,)."""
     if watch:
         return np.ones(len(points) - 1, bool)
-    signs, values = np.array([point.signs for point in points]), np.array([[point.value] for point in points])
+    orbits, values = [point.point for point in points], np.array([point.x for point in points])[:, -1:]
+    tests = [[(x := test(orbit)) is not None and x >= 0 for orbit in orbits] for test in TEST_FUNCTIONS.values()]
+    tests += [[point.tangent[-1] >= 0 for point in points], [point.branch_test >= 0 for point in points]]
+    signs = np.array([*tests, [orbit.certificate.family for orbit in orbits]])
     low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
-    return (signs[:-1] != signs[1:]).any(1) | ((low <= asked) & (asked <= high)).any(1)
+    return (signs[:, :-1] != signs[:, 1:]).any(0) | ((low <= asked) & (asked <= high)).any(1)
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:

@@ -66,7 +66,7 @@ class Endings:
     def may_end(self, points: Sequence[CurvePoint]) -> np.ndarray:
         """Whether the curve may end between each of the certified points but the first and the one before, or there,
         (m - 1,); where it turns round between them, that is an event."""
-        values, lengths = np.array([(point.value, point.length) for point in points]).T
+        values, lengths = np.array([point.x for point in points])[:, -1], np.array([point.length for point in points])
         orbits, first, ratio = [point.point for point in points[1:]], self.origin, self.control.escape_ratio
         alpha, time = np.array([(orbit.alpha, orbit.flight_time) for orbit in orbits]).reshape(-1, 2).T
         grown = [point.amplification for point in points[1:]]

@@ -79,17 +79,18 @@ class Tracer:
             last, index, ends = state.last, state.before, [*state.ends]
             for point, quiet in zip(batch.certified, self._quiet(last, batch.certified), strict=True):
                 try:
-                    segment, end, located = self._next_segment(last, point, quiet)
+                    items, reached, added, end = (
+                        ([point], point, 1, None) if quiet else self._onward(last, point, index)
+                    )
                 except OrbitsError as error:
                     reason = NoOrbit(f"what happens next cannot be located ({error})")
                     batch = batch._replace(rejection=reason, length=0.5 * point.length)
                     break
-                items, added = self._items(located, segment.b, index, goes_on=end is None)
                 if index + added >= options.most:
                     yield End("stopped", f"after {index + 1} points: no more than {options.most} were asked for")
                     return
                 yield from items
-                last, index = segment.b, index + added
+                last, index = reached, index + added
                 history.append((last.point.alpha, last.value))
                 if end := end or (None if quiet else self.endings.far(last, history)):
                     yield end
@@ -107,14 +108,6 @@ class Tracer:
         points = [last, *points]
         busy = self.endings.may_end(points) | may_happen(points, self.options.at, self.options.watch)
         return (~busy).tolist()
-
-    def _next_segment(self, last: CurvePoint, point: CurvePoint, quiet: bool) -> tuple[Segment, End | None, list]:
-        """The curve from a point to the next one, or to its end; that end, if any; and the events on the way."""
-        segment = Segment(self.curve, last, point)
-        if quiet:
-            return segment, None, []
-        segment, end = self.endings.cut(segment)
-        return segment, end, segment.events(self.options.at, self.options.watch)
 
     def _next_batch(self, state: TracerState) -> Batch:
         """The next points, certified, after the state's last point if that is not certified yet."""
@@ -148,18 +141,20 @@ class Tracer:
                 return certified[:i], NoOrbit(f"the orbit changes from family {family} to another one")
         return certified, error
 
-    def _items(self, located, point: CurvePoint, index: int, goes_on: bool):
-        """The items from the point `index` on to the next one, events between included; and how many are points."""
-        items, before = [], index
-        for kind, event in located:
+    def _onward(self, last: CurvePoint, point: CurvePoint, before: int) -> tuple[list, CurvePoint, int, End | None]:
+        """The items from the point `last`, number `before`, on to the next one or to the end of the curve, events
+        included; the last point among them; how many are points; and the end, if any."""
+        asked, items, index = self.options.at, list[CurvePoint | Event](), before
+        segment, end = self.endings.cut(Segment(self.curve, last, point))
+        for kind, event in segment.events(asked, self.options.watch):
             if kind == "asked":
                 index += 1
                 items.append(event)
             items.append(Event(kind, index, event.point))
-        items.append(point)
-        if goes_on and point.value in self.options.at:
-            items.append(Event("asked", index + 1, point.point))
-        return items, index + 1 - before
+        items.append(segment.b)
+        if not end and segment.b.value in asked:
+            items.append(Event("asked", index + 1, segment.b.point))
+        return items, segment.b, index + 1 - before, end
 
     def _after(self, state: TracerState, batch: Batch, ends: list[CurvePoint]) -> TracerState:
         """The state after a batch: longer batches if nothing was rejected, else shorter steps one at a time."""
