@@ -100,9 +100,14 @@ class _HopperEquations(TwoMassEquations):
 
     @staticmethod
     def complete(times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
-        M, flown = np.reshape(p["mass_ratio"], (-1, 1, 1)), thrown(times, coefficients.shape[2], u)
-        swung = coefficients[:, :2]
-        return np.concatenate([M * swung + flown, flown - swung], axis=1) / (1 + M)
+        M, flown, swung = np.reshape(p["mass_ratio"], (-1, 1, 1)), thrown(times, 3, u), coefficients[:, :2]
+        rows = np.empty((len(swung), 4, swung.shape[2]))
+        np.multiply(M, swung, out=rows[:, :2])
+        np.negative(swung, out=rows[:, 2:])
+        rows[:, :2, :3] += flown
+        rows[:, 2:, :3] += flown
+        rows /= 1 + M
+        return rows
 
     @staticmethod
     def gap_slope(times: np.ndarray, dz: np.ndarray, p: Parameters) -> np.ndarray:

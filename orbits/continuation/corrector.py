@@ -30,35 +30,33 @@ def correct_all(
 ) -> list[CurvePoint]:
     """`correct` of several guesses (m, n + 1), at levels (m,) of rows (m, n + 1), with tangents `before` (m, n + 1) and
     `gaps` (m,), lengths of the curve from the point before."""
-    equations, xs, sizes, solved = curve.equations, guesses.copy(), curve.size(guesses), list[tuple]()
-    left, last, tangents = np.arange(len(xs)), np.full(len(xs), np.inf), np.empty_like(xs)
+    left, xs, sizes, last, solved = np.arange(len(guesses)), guesses, curve.size(guesses), np.inf, list[tuple]()
     for taken in range(1, MOST_NEWTON_STEPS + 1):
-        evaluate = curve.evaluate if taken >= least else curve.linearize
-        evaluation, ps = evaluate(xs[left]), curve.parameters_at(xs[left])
-        steps, tangents[left] = equations.newton_steps(evaluation, xs[left], rows[left], levels[left])
-        xs[left] += steps
-        ps[:, equations.parameters.index(curve.along)] = xs[left, -1]
-        moved = np.max(np.abs(steps) / sizes[left], axis=1)
+        evaluation = (curve.evaluate if taken >= least else curve.linearize)(xs)
+        steps, tangents = curve.equations.newton_steps(evaluation, xs, rows[left], levels[left])
+        xs, moved = xs + steps, (np.abs(steps) / sizes).max(1)
         if taken < least and np.isfinite(moved).all():
             last = moved
             continue
-        settled = settles(moved, last[left], evaluation.amplification)
-        if len(done := np.flatnonzero(settled)):
-            here = evaluation if settled.all() else evaluation[done]
-            solved.append((left[done], equations.moved(here, xs[left[done], :-1], ps[done], steps[done])))
+        settled = settles(moved, last, evaluation.amplification)
         if settled.all():
+            solved.append((left, xs, tangents, steps, evaluation))
             break
-        if not (moved < STALLED_RATIO * last[left])[~settled].all():
+        if len(done := np.flatnonzero(settled)):
+            solved.append(tuple(part[done] for part in (left, xs, tangents, steps, evaluation)))
+        if not (moved < STALLED_RATIO * last)[~settled].all():
             raise NoOrbit("the corrector does not converge")
-        last[left] = moved
-        left = left[~settled]
+        left, xs, sizes, last = (part[~settled] for part in (left, xs, sizes, moved))
     else:
         raise NoOrbit("the corrector converges too slowly")
+    whole = joined([curve.equations.moved(e, x[:, :-1], curve.parameters_at(x), step) for _, x, _, step, e in solved])
+    if len(solved) > 1:
+        left, xs, tangents = (np.concatenate(parts) for parts in list(zip(*solved, strict=True))[:3])
+        order = np.argsort(left)
+        xs, tangents, whole = xs[order], tangents[order], whole[order]
     # Where the level is a value of the parameter, the point has exactly that value.
     at_value = (rows[:, -1] == 1.0) & ~rows[:, :-1].any(axis=1)
     xs[at_value, -1] = levels[at_value]
-    places, evaluations = zip(*solved, strict=True)
-    whole = joined(evaluations) if len(solved) == 1 else joined(evaluations)[np.argsort(np.concatenate(places))]
     return _points(curve, xs, tangents, whole, before, gaps)
 
 

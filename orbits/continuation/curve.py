@@ -6,9 +6,8 @@ X = (u, value), measured in units of its own size.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,14 +42,13 @@ def _smallest_force(point: Point) -> float:
     return 1.0 if (least := point.certificate.smallest_contact_force) is None else least
 
 
-@dataclass(frozen=True, eq=False)
-class CurvePoint:
+class CurvePoint(NamedTuple):
     """A solved point of the curve; a certified one is a new object.
 
     x : (n + 1,), the unknowns and the parameter's value
     tangent : (n + 1,), of length 1 in units of the curve's size
     branch_test : determinant of the Jacobian bordered by the tangent, which changes its sign at a branch point
-    evaluation, index : the equations at several points, to first order from the last Newton step, and this one's place
+    evaluation, place : the equations at several points, to first order from the last Newton step, and this one's place
     length : length of the curve from the point before
     parts : number of points that the step ending here is divided into; 0 at a point that does not end a step
     certified : the orbit without its motion, None before it is certified
@@ -60,7 +58,7 @@ class CurvePoint:
     tangent: np.ndarray
     branch_test: float
     evaluation: Evaluation
-    index: int
+    place: int
     length: float = 0.0
     parts: int = 0
     certified: Point | None = None
@@ -73,7 +71,7 @@ class CurvePoint:
     @property
     def amplification(self) -> float:
         """The largest growth of a small change over the motion."""
-        return float(self.evaluation.amplification[self.index])
+        return float(self.evaluation.amplification[self.place])
 
     @property
     def point(self) -> Point:
@@ -81,17 +79,6 @@ class CurvePoint:
         if self.certified is None:
             raise ValueError("this point of the curve is not certified")
         return self.certified
-
-    @cached_property
-    def signs(self) -> tuple:
-        """The signs of all test functions at a certified point."""
-        sides = [(value := test(self.point)) is not None and value >= 0 for test in TEST_FUNCTIONS.values()]
-        return self.tangent[-1] >= 0, self.branch_test >= 0, self.point.certificate.family, *sides
-
-    def with_orbit(self, orbit: Point) -> "CurvePoint":
-        """The same point, certified; this is faster than `replace`, and done for every point."""
-        solved = self.x, self.tangent, self.branch_test, self.evaluation, self.index
-        return CurvePoint(*solved, self.length, self.parts, orbit)
 
 
 class Curve:
@@ -140,9 +127,9 @@ class Curve:
     def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
         """The points, certified, up to the first that cannot be, and its error."""
         # Points that were solved in one call are certified in one call.
-        groups = {id(point.evaluation): i for i, point in reversed(list(enumerate(points)))}
-        keys = [(groups[id(point.evaluation)], point.index) for point in points]
-        order = np.array(sorted(range(len(points)), key=keys.__getitem__), int)
+        groups: dict[int, int] = {}
+        calls = [groups.setdefault(id(point.evaluation), len(groups)) for point in points]
+        order = np.lexsort(([point.place for point in points], calls))
         if not len(order):
             return [], None
         us, ps, evaluation, closing = self.solutions([points[i] for i in order])
@@ -163,7 +150,7 @@ class Curve:
             certified, earlier = self.certify_all(points[:first])
             return certified, earlier or error
         by_index = dict(zip(order.tolist(), orbits, strict=True))
-        return [points[i].with_orbit(by_index[i]) for i in range(end)], refused.get(end)
+        return [CurvePoint(*points[i][:-1], by_index[i]) for i in range(end)], refused.get(end)
 
     def solutions(self, points: Sequence[CurvePoint]) -> tuple[np.ndarray, np.ndarray, Evaluation, np.ndarray]:
         """The unknowns (m, n) and parameters (m, np) of the machine's own equations `orbits`, these equations there,
@@ -174,7 +161,7 @@ class Curve:
         evaluations = []
         for _, group in groupby(points, key=lambda point: id(point.evaluation)):
             solved = list(group)
-            indices, evaluation = np.array([point.index for point in solved]), solved[0].evaluation
+            indices, evaluation = np.array([point.place for point in solved]), solved[0].evaluation
             whole = np.array_equal(indices, np.arange(len(evaluation.jacobian)))
             evaluations.append(evaluation if whole else evaluation[indices])
         closing = np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
@@ -188,8 +175,10 @@ class Curve:
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
         figures = cycles.u["alpha"].tolist(), cycles.u["liftoff"].tolist(), cycles.flight_times.tolist()
         columns = *figures, or_none(cycles.contact_times), certify(model, cycles), others
-        places = [(point.value, tuple(point.x[:-1].tolist()), tuple(point.tangent.tolist())) for point in points]
-        return [Point(*place, *row) for place, *row in zip(places, *columns, strict=True)]
+        *us, values = np.array([point.x for point in points]).T.tolist()
+        tangents = np.array([point.tangent for point in points]).tolist()
+        places = values, zip(*us, strict=True), map(tuple, tangents)
+        return [Point(*row) for row in zip(*places, *columns, strict=True)]
 
     def _refused(self, ps: np.ndarray) -> dict[int, OrbitsError]:
         """By index why the machine cannot have some of the parameters (m, np)."""
@@ -228,7 +217,7 @@ class Curve:
 
     def certify_at(self, point: CurvePoint, value: float) -> CurvePoint:
         """A point whose parameter is `value` but for rounding, certified with exactly that value."""
-        return self.certify(replace(point, x=np.append(point.x[:-1], value), certified=None))
+        return self.certify(point._replace(x=np.append(point.x[:-1], value), certified=None))
 
 
 def interpolated(points: Sequence[CurvePoint], row: np.ndarray, levels: np.ndarray) -> np.ndarray:

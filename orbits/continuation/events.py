@@ -4,7 +4,7 @@ A test function changes its sign at an event: those of orbits (`curve.TEST_FUNCT
 parameter's share of the tangent at a fold, and the determinant of the bordered Jacobian at a branch point.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -86,7 +86,7 @@ class Segment:
 
     def events(self, asked: tuple[float, ...], watch: Watch) -> list[tuple[str, CurvePoint]]:
         """The events by kind and point, in order along the curve; `asked` are values of the parameter to stop at."""
-        if not watch and self.a.signs == self.b.signs and not self._passed(asked):
+        if not may_happen((self.a, self.b), asked, watch).any():
             return []
         located = [(kind, share, self.curve.certify(point)) for kind, share, point in self._sign_changes(watch)]
         turns = [0.0, *([] if self.fold is None else [self.fold]), 1.0]
@@ -133,6 +133,18 @@ class Segment:
         if kind in TEST_FUNCTIONS:
             return TEST_FUNCTIONS[kind](point.point)
         return watched(kind, watch[kind], self.curve.orbit(point))
+
+
+def may_happen(points: Sequence[CurvePoint], asked: tuple[float, ...], watch: Watch) -> np.ndarray:
+    """Whether there may be an event between each of the certified points but the first and the one before, (m - 1,)."""
+    if watch:
+        return np.ones(len(points) - 1, bool)
+    orbits, values = [point.point for point in points], np.array([point.x for point in points])[:, -1:]
+    tests = [[(x := test(orbit)) is not None and x >= 0 for orbit in orbits] for test in TEST_FUNCTIONS.values()]
+    tests += [[point.tangent[-1] >= 0 for point in points], [point.branch_test >= 0 for point in points]]
+    signs = np.array([*tests, [orbit.certificate.family for orbit in orbits]])
+    low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
+    return (signs[:, :-1] != signs[:, 1:]).any(0) | ((low <= asked) & (asked <= high)).any(1)
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:

@@ -18,6 +18,9 @@ CLEAR, ARRIVED = 0.1, 1e-6
 POWERS = ([0, 1, 2, 3, 4, 5], [0, 2, 3, 4, 5, 6])
 # The error is taken as this many times the change by the last term, since the terms left out may be larger.
 CAUTION = 3
+# The curve may pass its first point on a chord that begins within this many lengths of the step from it, in the
+# parameter; these are about the chord's.
+CLOSING = 3
 
 History = Sequence[tuple[float, float]]
 
@@ -60,6 +63,19 @@ class Endings:
         self.curve, self.origin, self.start, self.bounds = curve, origin, start, bounds
         self.stop_inadmissible, self.control = options.stop_inadmissible, options.step_control
 
+    def may_end(self, points: Sequence[CurvePoint]) -> np.ndarray:
+        """Whether the curve may end between each of the certified points but the first and the one before, or there,
+        (m - 1,); where it turns round between them, that is an event."""
+        values, lengths = np.array([point.x for point in points])[:, -1], np.array([point.length for point in points])
+        orbits, first, ratio = [point.point for point in points[1:]], self.origin, self.control.escape_ratio
+        alpha, time = np.array([(orbit.alpha, orbit.flight_time) for orbit in orbits]).reshape(-1, 2).T
+        grown = [point.amplification for point in points[1:]]
+        ends = (values[1:] <= self.bounds[0]) | (values[1:] >= self.bounds[1])
+        ends |= np.abs(self.start - values[:-1]) <= CLOSING * lengths[1:] * self.curve.span
+        ends |= (alpha > ratio * first.alpha) | (time > ratio * first.flight_time) | (alpha < first.alpha / ratio)
+        ends |= np.array(grown) > self.control.largest_amplification
+        return ends | np.array([self.stop_inadmissible and not orbit.admissible for orbit in orbits], bool)
+
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
         """The segment up to where the curve ends on it, and that end; all of it and None where the curve goes on."""
         curve, a, b = self.curve, segment.a, segment.b
@@ -84,8 +100,7 @@ class Endings:
     def _closing(self, segment: Segment) -> CurvePoint | None:
         """The first point of all, if the curve passes it again on a segment."""
         a, b, curve = segment.a, segment.b, self.curve
-        # The length of the step is about that of the chord.
-        if a.point is self.origin or abs(self.start - a.value) > 3 * b.length * curve.span:
+        if a.point is self.origin or abs(self.start - a.value) > CLOSING * b.length * curve.span:
             return None
         size, origin = curve.size(a.x), np.array([*self.origin.u, self.start])
         chord, away = (b.x - a.x) / size, (origin - a.x) / size

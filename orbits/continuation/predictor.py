@@ -56,6 +56,7 @@ def around(
         return np.empty((0, xs.shape[1])), np.empty(0)
     indices = i[:, None] + np.arange(-behind, ahead)
     inside = (indices >= 0) & (indices < len(xs))
-    neighbours = (part[np.clip(indices, 0, len(xs) - 1)].reshape(len(i), -1) for part in (xs, tangents))
+    within = np.minimum(np.maximum(indices, 0), len(xs) - 1)
+    neighbours = (part[within].reshape(len(i), -1) for part in (xs, tangents))
     points, rests = _mapped(xs.shape[1], behind, ahead)(*neighbours, inside, rows, levels[:, None])
     return points[:, :, 0], rests[:, 0, 0]

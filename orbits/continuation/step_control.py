@@ -67,7 +67,7 @@ class StepControl:
     largest_correction: float = _between(1e-10, 1.0, 1e-2)
     largest_turn: float = _between(1e-3, 1.5, 0.25)
     steepest_rate: float = _between(0.0, 1.0, 0.1)
-    largest_batch: int = _between(1, 100_000, 160)
+    largest_batch: int = _between(1, 100_000, 640)
     batch_growth: int = _between(1, 1000, 4)
     neighbours: int = _between(1, 8, 3)
     separation: float = _between(0.0, 0.5, 0.1)
@@ -174,7 +174,7 @@ class Stepper:
         end, guess, rests = predict_and_correct(self.curve, ends, length, value)
         moved = self._correction(ends[-1], [end], guess[None], np.array([length]))
         parts = max(2, int(np.ceil(length / self.longest)))
-        end = replace(end, length=length / parts, parts=parts)
+        end = end._replace(length=length / parts, parts=parts)
         if alone:  # otherwise the points between the ends of several steps are solved together later
             self.points_between(ends, [end], 1)
         # The interpolant of k points with tangents has an error of order 2k in the step.
@@ -193,7 +193,7 @@ class Stepper:
         x, along_parameter = np.append(u, guess[0, -1]), np.eye(len(last.x))[-1]
         point = correct(curve, x, along_parameter, x[-1], last.tangent)
         self._correction(last, [point], guess, np.array([length]))
-        return replace(point, length=length, parts=1)
+        return point._replace(length=length, parts=1)
 
     def _correction(self, last: CurvePoint, points: Points, guesses, lengths) -> float:
         """The largest correction from guesses (m, n + 1) to points `lengths` (m,) apart; raises `NoOrbit` when that, or

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from ..errors import NoOrbit, OrbitsError
 from .corrector import MEMORY
 from .curve import Curve, CurvePoint
-from .events import Segment
+from .events import Segment, may_happen
 from .family import End, Event
 from .limits import Endings
 from .step_control import Options, Stepper
@@ -77,22 +77,22 @@ class Tracer:
             state = state._replace(batch_size=min(state.batch_size, options.most - state.before))
             batch = batch or self._next_batch(state)
             last, index, ends = state.last, state.before, [*state.ends]
-            for point in batch.certified:
+            for point, quiet in zip(batch.certified, self._quiet(last, batch.certified), strict=True):
                 try:
-                    segment, end = self.endings.cut(Segment(self.curve, last, point))
-                    located = segment.events(options.at, options.watch)
+                    items, reached, added, end = (
+                        ([point], point, 1, None) if quiet else self._onward(last, point, index)
+                    )
                 except OrbitsError as error:
                     reason = NoOrbit(f"what happens next cannot be located ({error})")
                     batch = batch._replace(rejection=reason, length=0.5 * point.length)
                     break
-                items, added = self._items(located, segment.b, index, goes_on=end is None)
                 if index + added >= options.most:
                     yield End("stopped", f"after {index + 1} points: no more than {options.most} were asked for")
                     return
                 yield from items
-                last, index = segment.b, index + added
+                last, index = reached, index + added
                 history.append((last.point.alpha, last.value))
-                if end := end or self.endings.far(last, history):
+                if end := end or (None if quiet else self.endings.far(last, history)):
                     yield end
                     return
                 ends += [point] if point.parts else []
@@ -102,6 +102,12 @@ class Tracer:
                 yield self.endings.lost(str(batch.rejection or batch.failure), last, history)
                 return
             batch = None
+
+    def _quiet(self, last: CurvePoint, points: Sequence[CurvePoint]) -> list[bool]:
+        """Of each of the points whether nothing can happen from the one before up to it, as is mostly so."""
+        points = [last, *points]
+        busy = self.endings.may_end(points) | may_happen(points, self.options.at, self.options.watch)
+        return (~busy).tolist()
 
     def _next_batch(self, state: TracerState) -> Batch:
         """The next points, certified, after the state's last point if that is not certified yet."""
@@ -128,25 +134,27 @@ class Tracer:
     def _certified(self, state: TracerState, points: list[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
         """The points that are certified, up to the first that is not or is of another family; and its error."""
         certified, error = self.curve.certify_all(points)
-        family = (state.last.certified or certified[0].point).family if certified else None
-        for i, point in enumerate(certified):
-            if point.point.family != family and point.length > RESOLVED * self.control.shortest_step:
+        families = [point.point.certificate.family for point in certified]
+        before = [state.last.point.certificate.family] if state.last.certified else families[:1]
+        for i, (family, new) in enumerate(zip([*before, *families], families, strict=False)):
+            if new != family and certified[i].length > RESOLVED * self.control.shortest_step:
                 return certified[:i], NoOrbit(f"the orbit changes from family {family} to another one")
-            family = point.point.family
         return certified, error
 
-    def _items(self, located, point: CurvePoint, index: int, goes_on: bool):
-        """The items from the point `index` on to the next one, events between included; and how many are points."""
-        items, before = [], index
-        for kind, event in located:
+    def _onward(self, last: CurvePoint, point: CurvePoint, before: int) -> tuple[list, CurvePoint, int, End | None]:
+        """The items from the point `last`, number `before`, on to the next one or to the end of the curve, events
+        included; the last point among them; how many are points; and the end, if any."""
+        asked, items, index = self.options.at, list[CurvePoint | Event](), before
+        segment, end = self.endings.cut(Segment(self.curve, last, point))
+        for kind, event in segment.events(asked, self.options.watch):
             if kind == "asked":
                 index += 1
                 items.append(event)
             items.append(Event(kind, index, event.point))
-        items.append(point)
-        if goes_on and point.value in self.options.at:
-            items.append(Event("asked", index + 1, point.point))
-        return items, index + 1 - before
+        items.append(segment.b)
+        if not end and segment.b.value in asked:
+            items.append(Event("asked", index + 1, segment.b.point))
+        return items, segment.b, index + 1 - before, end
 
     def _after(self, state: TracerState, batch: Batch, ends: list[CurvePoint]) -> TracerState:
         """The state after a batch: longer batches if nothing was rejected, else shorter steps one at a time."""

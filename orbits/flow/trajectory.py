@@ -154,9 +154,15 @@ class Trajectories:
         coefficients, names = self.coefficients[:, :states] + change, self.names[:states]
         return Trajectories(self.starts, self.ends + longer, coefficients, self.counts, names, self.variations[..., :1])
 
+    def with_rows(self, coefficients: Array, names: tuple[str, ...]) -> "Trajectories":
+        """Motions in the same steps with other rows, given by their names, without variations."""
+        other = Trajectories(self.starts, self.ends, coefficients, self.counts, names)
+        other.of_steps = self.of_steps  # is costlier than all else here
+        return other
+
     def only(self, names: tuple[str, ...]) -> "Trajectories":
         """The motions of the first rows alone, given by their names, without variations."""
-        return Trajectories(self.starts, self.ends, self.coefficients[:, : len(names)], self.counts, names)
+        return self.with_rows(self.coefficients[:, : len(names)], names)
 
     def series(self, quantity: Affine, embed: np.ndarray | None = None) -> np.ndarray:
         """Coefficients (N, K + 1) of an affine function of the first rows, or of `embed` (n, rows) times these.

@@ -41,17 +41,17 @@ def _to_bernstein(degree: int) -> np.ndarray:
 def powers(t: ArrayLike, count: int) -> np.ndarray:
     """The powers t**0 ... t**(count - 1), (..., count), by multiplication, which is many times faster than `**`."""
     t = np.asarray(t, dtype=float)
-    values = np.empty((*t.shape, count))
     if t.size < MANY:
+        values = np.empty((*t.shape, count))
         values[..., 0], values[..., 1:] = 1.0, t[..., None]
         return np.multiply.accumulate(values, axis=-1, out=values)
-    values[..., 0], factor, done = 1.0, t[..., None], 1
+    values, factor, done = np.ones((count, t.size)), t.ravel(), 1
     while done < count:  # the next powers are the known ones times one of them
         more = min(done, count - done)
-        np.multiply(values[..., :more], factor, out=values[..., done : done + more])
+        np.multiply(values[:more], factor, out=values[done : done + more])
         done += more
         factor = factor * factor if done < count else factor
-    return values
+    return np.ascontiguousarray(values.T).reshape(*t.shape, count)
 
 
 def bernstein(coefficients: np.ndarray, of_h: np.ndarray) -> np.ndarray:

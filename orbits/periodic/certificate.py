@@ -12,7 +12,7 @@ from ..flow.trajectory import Trajectories
 from ..model.model import Model
 from ..model.phase import Phase
 from ..numerics.bernstein import derivative, evaluate
-from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
+from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import ElementwiseFunction
 from ..symbolic.kept import kept
 from .error_bound import DOUBTFUL_RATIO, EPS, NARROW, ends_of_steps
@@ -138,20 +138,29 @@ def _energy_changes(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarra
     return changes, floors, starts[:: cycles.halves_per_flight]
 
 
+@kept
+def _works(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> ElementwiseFunction:
+    """The work of an energy gradient on straight lines and its largest component there, (start, end, parameters with
+    the data of a piece)."""
+    at = gradients(phase, gradient, parameters).function
+    start, p = at.sx_in()
+    end = ca.SX.sym("end", start.numel())
+    rates = ca.horzcat(*[at(start + place * (end - start), p) for place in GAUSS_PLACES.tolist()])
+    work = ca.dot(rates @ ca.DM(GAUSS_WEIGHTS), end - start)
+    return ElementwiseFunction(ca.Function("works", [start, end, p], [work, ca.mmax(ca.fabs(rates))]))
+
+
 def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[np.ndarray, ...]:
     """The largest work (m,) of the gradient along each motion, on the straight lines between the ends of its steps; how
     much of that is rounding (m,); and the gradient at its start (m, n)."""
-    flow, call = flow_of(phase, tuple(p)), gradients(phase, gradient, tuple(p))
-    n, data = flow.size, flow.data_of(motions, columns(p.values()))
-    states = motions.coefficients[:, :n, 0]
-    moves = ends_of_steps(motions, n) - states
-    points = states[:, None] + GAUSS_PLACES[:, None] * moves[:, None]
-    rates = call(points.reshape(-1, n), np.repeat(data, GAUSS, axis=0))[0].reshape(-1, GAUSS, n)
-    changes = np.cumsum(((GAUSS_WEIGHTS @ rates) * moves).sum(1))
-    before = np.where(motions.first > 0, changes[motions.first - 1], 0.0)
+    flow, names, first = flow_of(phase, tuple(p)), tuple(p), motions.first
+    data, states = flow.data_of(motions, columns(p.values())), motions.coefficients[:, : flow.size, 0]
+    works, rates = _works(phase, gradient, names)(states, ends_of_steps(motions, flow.size), data)
+    changes = np.cumsum(works)
+    before = np.where(first > 0, changes[first - 1], 0.0)
     largest = motions.largest(changes - np.repeat(before, motions.counts))
     floors = EPS * motions.largest(states) * motions.largest(rates)
-    return largest, floors, call(states[motions.first], data[motions.first])[0]
+    return largest, floors, gradients(phase, gradient, names)(states[first], data[first])[0]
 
 
 def count_families(model: Model, halves: Trajectories, per_flight: int) -> list[int]:

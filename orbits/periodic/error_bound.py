@@ -11,7 +11,7 @@ from ..flow.vector_field import runge_kutta
 from ..numerics.bernstein import powers
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
-from ..symbolic.calls import BufferedFunction
+from ..symbolic.calls import BufferedFunction, ElementwiseFunction
 from ..symbolic.kept import kept
 from .single_shooting import Evaluation, Shooting
 
@@ -144,15 +144,24 @@ def _residuals_by_defects(equations: Shooting, us: ndarray, ps: ndarray, evaluat
     (flow,), (motions,) = equations.flows, evaluation.trajectories
     (transition,), (residual_by_end,) = evaluation.transitions, evaluation.residual_by_end
     n, c = flow.size, motions.coefficients[:, : flow.size]
-    states = ((c * motions.of_steps[:, None]) @ powers(GAUSS_PLACES, c.shape[2]).T).swapaxes(1, 2)
-    data = np.repeat(ps, motions.counts * GAUSS, axis=0)
-    rates = flow.fields(states.reshape(-1, n), data)[0].reshape(-1, GAUSS, n)
+    states = (c * motions.of_steps[:, None]) @ powers(GAUSS_PLACES, c.shape[2]).T
+    (rates,) = _mean_rates(flow)(states.reshape(len(c), -1), ps[motions.owner])
     sensitivity = _sensitivities_of_steps(motions, transition, n)
-    defects = ends_of_steps(motions, n) - c[:, :, 0] - motions.steps[:, None] * (GAUSS_WEIGHTS @ rates)
+    defects = ends_of_steps(motions, n) - c[:, :, 0] - motions.steps[:, None] * rates
     at_start = np.add.reduceat(solve(sensitivity, defects[..., None])[..., 0], motions.first)
     at_end = np.einsum("pij,pj->pi", transition[:, :, :n], at_start)
     (residuals,) = equations.arrivals(us, ps, motions.finals[:, :n])
     return residuals[:, :, 0] - np.einsum("pij,pj->pi", residual_by_end, at_end)
+
+
+@kept
+def _mean_rates(flow: Flow) -> ElementwiseFunction:
+    """The mean of a smooth field over steps, by Gauss's rule, (states at its places, one component after the other,
+    parameters)."""
+    states, (_, p) = ca.SX.sym("x", GAUSS, flow.size), flow.vector_field.field.sx_in()
+    rates = [flow.vector_field.field(states[i, :].T, p)[0] for i in range(GAUSS)]
+    mean = ca.horzcat(*rates) @ ca.DM(GAUSS_WEIGHTS)
+    return ElementwiseFunction(ca.Function("mean_rates", [ca.vec(states), p], [mean]))
 
 
 def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Trajectory) -> ndarray:

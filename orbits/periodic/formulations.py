@@ -191,7 +191,7 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
     if reduction := reduction_of(model, method):
         of_steps = ({name: values[motions.owner] for name, values in each.items()} for each in (u, p))
         coefficients = reduction.complete(motions.starts, motions.coefficients, *of_steps)
-        flight = Trajectories(motions.starts, motions.ends, coefficients, motions.counts, model.flight.states)
+        flight = motions.with_rows(coefficients, model.flight.states)
         landing = _landing_by(alpha, evaluation, reduction.reversor)
         return flight, flight, reduction.gap_slope(2 * flight.ends, landing.T, p), np.abs(landing).max(1)
     flight = motions.only(model.flight.states)

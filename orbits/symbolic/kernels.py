@@ -23,7 +23,7 @@ SECONDS_INTERPRETED = 3e-9
 # From this many instructions on, optimised code takes longer to make than it repays.
 LONG = 15_000
 # So many numbers are recorded at a time, at most.
-SCRATCH = 2_000_000
+SCRATCH = 4_000_000
 # Records of a point for which there is room at first; points that need more go on where they stopped.
 FIRST_CAPACITY = 16
 
