@@ -107,12 +107,14 @@ class Flow:
             parts = [Trajectories(begins, durations[done], c, found.counts[done], self.names, slopes), others]
         return Trajectories.joined(parts)[order], np.concatenate([found.variations[done], variations])[order]
 
-    def ends_of_all(self, starts: Array, ps: Array, durations: Array, *seeds: Array) -> tuple[Array, Array] | None:
+    def ends_of_all(
+        self, starts: Array, ps: Array, durations: Array, seeds: Array, parameter_seeds: Array
+    ) -> tuple[Array, Array] | None:
         """The ends (m, n) of motions of `run_all`, and the derivatives (m, n, columns) of these; None where one of the
         motions has to be followed step by step."""
-        stepper = self.stepper(seeds[0].shape[1], _rows_used(seeds[1]))
+        stepper = self.stepper(seeds.shape[1], _rows_used(parameter_seeds))
         assert isinstance(stepper, TaylorStepper)
-        found = stepper.advance_all(starts, ps, durations, *seeds, count=0)
+        found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, count=0)
         return None if found.left.any() else (found.ends, found.variations)
 
     def _run_each(self, starts, ps, durations, *seeds) -> tuple[Trajectories, Array]:

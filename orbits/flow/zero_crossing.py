@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import FlowError
 from ..model.phase import Affine
-from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate
+from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate, powers
 from ..numerics.roots import Array
 from ..symbolic import interrupts
 from .breakpoints import ActivePieces
@@ -16,6 +16,8 @@ from .trajectory import Trajectories, begins_of_steps
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
 # this order are below rounding there, 1 / 19! = 8e-18. So many expansions are searched in one call.
 CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 4
+# The search goes on so many expansions before the end of what needs none, which is known to rounding.
+EARLY = 0.01
 
 
 def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> StopTest:
@@ -101,14 +103,13 @@ class _ZeroSearch:
         form, block = self.flow.closed_form(self.ps[0]), CLOSED_BLOCK
         length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), np.zeros(1)
         rises, falls = form.positive_between(self.quantity, self.starts.T)
-        signs = np.zeros(len(self.starts))  # at the ends of the last block
+        signs, of_length = np.zeros(len(self.starts)), powers(length, CLOSED_ORDER + 1)
         while len(remaining):
             interrupts.check()
             times = began[:, None] + length * np.arange(block)
-            states = form.state(self.starts[remaining].T[:, :, None], times)
-            c = form.along(self.quantity.weights, states.reshape(len(states), -1), CLOSED_ORDER)
+            c = form.along(self.quantity.weights, self.starts[remaining].T[:, :, None], times, CLOSED_ORDER)
             c[:, 0] += self.quantity.offset
-            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block))
+            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block), of_length)
             skip = 0 if began.any() else self.skip[remaining]
             owner, piece, t = polynomials.first_roots(skip, self.rising, signs[remaining])
             signs[remaining] = polynomials.after
@@ -117,8 +118,8 @@ class _ZeroSearch:
             self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
             self.rows[hits, : self.flow.size] = form.state(self.starts[hits].T, found).T
             remaining, began = np.delete(remaining, owner), np.delete(began, owner) + block * length
-            # While the quantity stays positive nothing is searched, up to the last block that begins before that ends.
-            jump = np.floor(falls[remaining] / (block * length)) * (block * length)
+            # While the quantity stays positive nothing is searched, until shortly before that ends.
+            jump = falls[remaining] - EARLY * length
             began = np.where(began >= rises[remaining], np.maximum(began, jump), began)
             late = began > block * length * self.flow.control.max_calls
             for i in remaining[late & (began < self.limit[remaining])]:

@@ -56,7 +56,8 @@ def powers(t: ArrayLike, count: int) -> np.ndarray:
 
 def bernstein(coefficients: np.ndarray, of_h: np.ndarray) -> np.ndarray:
     """Bernstein coefficients on [0, h]; `coefficients` (..., K + 1) and the powers `of_h` (..., K + 1) broadcast."""
-    return coefficients * of_h @ _to_bernstein(coefficients.shape[-1] - 1)
+    matrix = _to_bernstein(coefficients.shape[-1] - 1)
+    return coefficients @ (of_h[:, None] * matrix) if of_h.ndim == 1 else coefficients * of_h @ matrix
 
 
 def evaluate(coefficients: np.ndarray, t: ArrayLike) -> np.ndarray:
@@ -122,13 +123,14 @@ class PiecewisePolynomials:
 
     coefficients, steps : (N, K + 1) and (N,), of all pieces in order
     counts : (m,), the number of pieces of each polynomial
-    of_steps : powers (N, K + 1) of the steps, or more of them, where they are known already
+    of_steps : powers (N, K + 1) of the steps, or (K + 1,) where all have one length, or more of them, where they are
+        known already
     after : the sign (m,) at the end of each, 1 or -1, once `roots` has been called
     """
 
     def __init__(self, coefficients: Array, steps: Array, counts: Array, of_steps: Array | None = None):
         self.coefficients, self.steps, size = coefficients, steps, coefficients.shape[1]
-        self.of_steps = powers(steps, size) if of_steps is None else of_steps[:, :size]
+        self.of_steps = powers(steps, size) if of_steps is None else of_steps[..., :size]
         self.last = np.cumsum(counts) - 1
         self.first = self.last - counts + 1
         self.owner = np.repeat(np.arange(len(counts)), counts)
@@ -140,15 +142,19 @@ class PiecewisePolynomials:
         rising : report only the roots where the sign goes from minus to plus
         before : the sign (m,) with which each is continued from an earlier block, or 0 where it begins here
         """
-        series = self._without_first_zero(start)
-        values = self._control_values(series, before)
+        orders = np.broadcast_to(start, self.first.shape) if np.any(start) else None
+        values = self._control_values(orders, before)
         self.after = np.where(values[self.last, -1] >= 0, 1.0, -1.0)
         if not len(brackets := _brackets(values, rising)):
             return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
         pieces = brackets[0].astype(int)
-        owner, places = self.owner[pieces], (series[pieces], self.steps[pieces], *brackets[1:])
+        owner, series = self.owner[pieces], self.coefficients[pieces]
+        piece = pieces - self.first[owner]
+        if orders is not None:
+            series = _without_first_zero(series, np.where(piece == 0, orders[owner], 0))
+        places = (series, self.steps[pieces], *brackets[1:])
         times = _refine_together(*places) if len(pieces) > FEW else np.array([*map(_refine, *places)])
-        return owner, pieces - self.first[owner], times
+        return owner, piece, times
 
     def first_roots(self, start: ArrayLike = 0, rising: bool = False, before: Array | None = None) -> _Places:
         """The first root of each polynomial that has one, as `roots` returns it."""
@@ -156,21 +162,14 @@ class PiecewisePolynomials:
         owner, first = np.unique(owner, return_index=True)
         return owner, pieces[first], times[first]
 
-    def _without_first_zero(self, start: ArrayLike) -> np.ndarray:
-        """The coefficients (N, K + 1), divided by t**start in the first piece of each polynomial."""
-        if not np.any(start):
-            return self.coefficients
-        series, orders = self.coefficients.copy(), np.broadcast_to(start, self.first.shape)
-        for order in np.unique(orders[orders > 0]):
-            first = self.first[orders == order]
-            series[first, :-order], series[first, -order:] = self.coefficients[first, order:], 0.0
-        return series
-
-    def _control_values(self, series: np.ndarray, before: np.ndarray | None) -> np.ndarray:
+    def _control_values(self, orders: Array | None, before: Array | None) -> np.ndarray:
         """Bernstein coefficients (N, K + 1), of one sign on both sides of a joint: else rounding loses a root there."""
-        values = bernstein(series, self.of_steps)
+        values = bernstein(self.coefficients, self.of_steps)
+        if orders is not None:
+            of_steps = self.of_steps if self.of_steps.ndim == 1 else self.of_steps[self.first]
+            values[self.first] = bernstein(_without_first_zero(self.coefficients[self.first], orders), of_steps)
         joint = self.owner[1:] == self.owner[:-1]
-        values[:-1, -1] = np.where(joint, series[1:, 0], values[:-1, -1])
+        values[:-1, -1] = np.where(joint, self.coefficients[1:, 0], values[:-1, -1])
         if before is not None:
             first = values[self.first, 0]
             continued = np.where(before * first < 0, before * np.abs(first), first)
@@ -194,21 +193,36 @@ class PiecewisePolynomials:
         return values[best], pieces[best] - self.first, times[best]
 
 
+def _without_first_zero(series: np.ndarray, orders: np.ndarray) -> np.ndarray:
+    """Coefficients (m, K + 1), in place, of polynomials divided by t to the power of their orders (m,)."""
+    for order in range(1, orders.max(initial=0) + 1):
+        here = orders == order
+        if here.any():
+            series[here] = np.pad(series[here, order:], ((0, 0), (0, order)))
+    return series
+
+
 def _brackets(values: np.ndarray, rising: bool) -> list[np.ndarray]:
     """The roots of pieces with Bernstein coefficients `values` (N, K + 1), in order: the piece of each, and what
     `_isolate` gives, in columns (r,); no column where there is no root."""
-    positive = values >= 0
-    changes = positive[:, 1:] != positive[:, :-1]
-    counts = np.count_nonzero(changes, axis=1)
-    if not counts.any():
+    flat, size = values.ravel(), values.shape[1]
+    positive = flat >= 0
+    changes = np.flatnonzero(positive[1:] != positive[:-1])
+    rows, j = np.divmod(changes, size)
+    within = j < size - 1  # what else changes is between two pieces
+    if not within.any():
         return []
-    single = np.flatnonzero((counts == 1) & (positive[:, -1] | (not rising)))
-    j = changes[single].argmax(1)
-    before, after = values[single, j], values[single, j + 1]
-    about = (j + before / (before - after)) / (values.shape[1] - 1)  # where the coefficients' polygon crosses zero
+    changes, rows, j = changes[within], rows[within], j[within]
+    begins = np.append(True, rows[1:] != rows[:-1])  # where the changes of a piece begin
+    alone = begins & np.append(begins[1:], True)
+    several = rows[begins & ~alone]
+    alone &= positive[changes + 1] | (not rising)
+    changes, single, j = changes[alone], rows[alone], j[alone]
+    before, after = flat[changes], flat[changes + 1]
+    about = (j + before / (before - after)) / (size - 1)  # where the coefficients' polygon crosses zero
     columns = [single, np.zeros(len(j)), np.ones(len(j)), after >= 0, about]
     isolated: list[tuple] = []
-    for i in np.flatnonzero(counts > 1):
+    for i in several:
         found = _isolate(values[i], 0.0, 1.0, MOST_HALVINGS)
         isolated += [(i, *bracket) for bracket in found if bracket[2] or not rising]
     if isolated:
@@ -262,12 +276,15 @@ def _refine(coefficients, h, low, high, rising, t) -> float:
 
 def _refine_together(c, h, low, high, rising, t) -> np.ndarray:
     """`_refine` for several roots at once; c (m, K + 1), the others (m,)."""
-    low, high, t = low * h, high * h, t * h
+    low, high, t, c = low * h, high * h, t * h, np.ascontiguousarray(c.T)
     sign, last = np.where(rising, 1.0, -1.0), np.zeros(len(t))
-    slopes = derivative(c)
     for _ in range(MOST_ITERATIONS):
-        places = powers(t, c.shape[1])
-        value, slope = np.einsum("mk,mk->m", c, places), np.einsum("mk,mk->m", slopes, places[:, :-1])
+        value, slope = c[-1].copy(), np.zeros(len(t))
+        for a in c[-2::-1]:
+            slope *= t
+            slope += value
+            value *= t
+            value += a
         above = sign * value >= 0
         low, high = np.where(above, low, t), np.where(above, t, high)
         with np.errstate(divide="ignore", invalid="ignore"):
