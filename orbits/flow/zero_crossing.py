@@ -15,7 +15,7 @@ from .trajectory import Trajectories, begins_of_steps
 
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
 # this order are below rounding there, 1 / 19! = 8e-18. So many expansions are searched in one call.
-CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 4
+CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 2
 # The search goes on so many expansions before the end of what needs none, which is known to rounding.
 EARLY = 0.01
 
@@ -219,10 +219,9 @@ class _ZeroSearch:
             z[cut, n + 1], z[cut, n + 2], z[cut, n + 6 :] = LONGEST_STEP, times[cut] + steps[cut], 0.0
         if self.over:
             quantity, most = self.over
-            polynomials = PiecewisePolynomials(quantity.series(c), steps, each)
-            changes = np.bincount(polynomials.roots(before=signs[:, 1])[0], minlength=count)
+            polynomials = PiecewisePolynomials(quantity.series(c), steps, each, polynomials.of_steps)
+            self.over_changes[remaining] += polynomials.count_roots(signs[:, 1])
             z[:, n + 6] = polynomials.after
-            self.over_changes[remaining] += changes
             never = left & (self.over_changes[remaining] >= most)
             self.times[remaining[never]] = np.inf
             left &= ~never
