@@ -98,7 +98,7 @@ def _slopes(key: Key) -> ElementwiseFunction:
 @lru_cache(maxsize=256)
 def _features(key: Key, values: tuple[float, ...], low: float, high: float, unit: float) -> Features:
     places = np.linspace(low, high, LAW_SAMPLES)
-    slopes = _slopes(key)(places[:, None], np.tile(values, (LAW_SAMPLES, 1)))[0].ravel()
+    slopes = _slopes(key)(places[:, None], np.array([values]))[0].ravel()
     rest = int(np.abs(places).argmin())
     with np.errstate(invalid="ignore"):
         ends = np.flatnonzero(~(np.abs(slopes) < SINGULAR_SLOPE / unit))

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from orbits.errors import InputError, OutOfRange
 from orbits.io import in_words
 from orbits.model.model import NOISE
-from orbits.symbolic.calls import BufferedFunction
+from orbits.symbolic.calls import MappedFunction
 from orbits.symbolic.exclusive import exclusive
 from orbits.symbolic.formula import CONSTANTS, parse, suggest
 from orbits.symbolic.kept import kept
@@ -125,16 +125,16 @@ class Law:
         if x.size == 0:
             return x, x
         call, table = _numeric(self.key)
-        p = np.array(list(self.parameters.values()))
-        q = np.zeros((0, x.size))
+        p = np.array([list(self.parameters.values())])
+        q = np.zeros((1, 0))
         if table is not None:
-            breaks, data = (np.array(out) for out in table(p))
+            breaks, data = (np.array(out) for out in table(p[0]))
             breaks = breaks.ravel()
             if x.size and not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
                 raise OutOfRange(f"{self.variable} is outside the law's range [{breaks[0]:.6g}, {breaks[-1]:.6g}]")
-            q = data[np.clip(np.searchsorted(breaks, x.ravel(), "right") - 1, 0, len(breaks) - 2)].T
-        value, slope = (call if x.size == 1 else call.function)(x.reshape(1, -1), p, q)
-        return np.array(value).reshape(x.shape), np.array(slope).reshape(x.shape)
+            q = data[np.clip(np.searchsorted(breaks, x.ravel(), "right") - 1, 0, len(breaks) - 2)]
+        value, slope = call(x.reshape(-1, 1), p, q)
+        return value.reshape(x.shape), slope.reshape(x.shape)
 
     def range(self) -> tuple[float, float]:
         """The bounds of the variable that the law states; infinite for a formula, which may still fail inside them."""
@@ -328,7 +328,7 @@ def _numeric(key: Key):
         rows = ca.vertcat(*[ca.horzcat(*row) for row in data]) if pieces[0] else ca.SX(len(data), 0)
         table = ca.Function("table", [vector], [ca.vertcat(*breaks), ca.densify(rows)])
     results = [ca.densify(value), ca.densify(ca.jacobian(value, x))]
-    return BufferedFunction(ca.Function("law", [x, vector, q], results)), table
+    return MappedFunction(ca.Function("law", [x, vector, q], results)), table
 
 
 @lru_cache(maxsize=256)

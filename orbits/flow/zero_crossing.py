@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import FlowError
 from ..model.phase import Affine
-from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate
+from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate, powers
 from ..numerics.roots import Array
 from ..symbolic import interrupts
 from .breakpoints import ActivePieces
@@ -15,9 +15,11 @@ from .trajectory import Trajectories, begins_of_steps
 
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
 # this order are below rounding there, 1 / 19! = 8e-18. So many expansions are searched in one call.
-CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 4
+CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 2
 # After so many of these steps the phase of the oscillation has fewer than four digits left, and the motion is given up.
 MOST_CLOSED_STEPS = 1e12
+# The search goes on so many expansions before the end of what needs none, which is known to rounding.
+EARLY = 0.01
 
 
 def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> StopTest:
@@ -103,16 +105,16 @@ class _ZeroSearch:
         form, block = self.flow.closed_form(self.ps[0]), CLOSED_BLOCK
         length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), np.zeros(1)
         rises, falls = form.positive_between(self.quantity, self.starts.T)
-        signs = np.zeros(len(self.starts))  # at the ends of the last block
+        # The signs are those at the ends of the last block.
+        signs, of_length = np.zeros(len(self.starts)), powers(length, CLOSED_ORDER + 1)
         for _ in range(self.flow.control.max_calls):
             if not len(remaining):
                 break
             interrupts.check()
             times = began[:, None] + length * np.arange(block)
-            states = form.state(self.starts[remaining].T[:, :, None], times)
-            c = form.along(self.quantity.weights, states.reshape(len(states), -1), CLOSED_ORDER)
+            c = form.along(self.quantity.weights, self.starts[remaining].T[:, :, None], times, CLOSED_ORDER)
             c[:, 0] += self.quantity.offset
-            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block))
+            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block), of_length)
             skip = 0 if began.any() else self.skip[remaining]
             owner, piece, t = polynomials.first_roots(skip, self.rising, signs[remaining])
             signs[remaining] = polynomials.after
@@ -121,8 +123,8 @@ class _ZeroSearch:
             self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
             self.rows[hits, : self.flow.size] = form.state(self.starts[hits].T, found).T
             remaining, began = np.delete(remaining, owner), np.delete(began, owner) + block * length
-            # While the quantity stays positive nothing is searched, up to the last block that begins before that ends.
-            jump = np.floor(falls[remaining] / (block * length)) * (block * length)
+            # While the quantity stays positive nothing is searched, until shortly before that ends.
+            jump = falls[remaining] - EARLY * length
             began = np.where(began >= rises[remaining], np.maximum(began, jump), began)
             left, followed = began < self.limit[remaining], began < MOST_CLOSED_STEPS * length
             self._give_up(remaining[left & ~followed])
@@ -225,10 +227,9 @@ class _ZeroSearch:
             z[cut, n + 1], z[cut, n + 2], z[cut, n + 6 :] = LONGEST_STEP, times[cut] + steps[cut], 0.0
         if self.over:
             quantity, most = self.over
-            polynomials = PiecewisePolynomials(quantity.series(c), steps, each)
-            changes = np.bincount(polynomials.roots(before=signs[:, 1])[0], minlength=count)
+            polynomials = PiecewisePolynomials(quantity.series(c), steps, each, polynomials.of_steps)
+            self.over_changes[remaining] += polynomials.count_roots(signs[:, 1])
             z[:, n + 6] = polynomials.after
-            self.over_changes[remaining] += changes
             never = left & (self.over_changes[remaining] >= most)
             self.times[remaining[never]] = np.inf
             left &= ~never

@@ -28,7 +28,7 @@ from ..symbolic.exclusive import exclusive
 from .impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from .multiplier import multiplier
 
-BATCH_SIZE = 2500  # launch speeds in one batch: few enough to stay in a processor's cache
+BATCH_SIZE = 5000  # launch speeds in one batch: enough to pay for the calls, few enough for the memory
 SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
 JUMP = 1e-6  # where the map changes by less than this share between neighbouring numbers, it is continuous there
 FURTHER = 3  # the search for lossless orbits ends after this many families in a row without one in the range

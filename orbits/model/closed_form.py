@@ -31,17 +31,18 @@ class Oscillator:
         c, s = np.cos(omega * t), np.sin(omega * t)
         return np.array([[c, s / omega], [-omega * s, c]])
 
-    def along(self, weights: Sequence[float], states: np.ndarray, order: int) -> np.ndarray:
-        """Taylor coefficients (N, order + 1) of weights . (x, v, watched ...) on motions through `states` (2, N)."""
+    def along(self, weights: Sequence[float], start: Any, t: Any, order: int) -> np.ndarray:
+        """Taylor coefficients (N, order + 1) of weights . (x, v, watched ...) about N times `t` (...) after `start`."""
         at_x, at_v, *others = (*weights, *[0.0] * (2 + len(self.watch) - len(weights)))
         slopes, values = zip(*self.watch.values(), strict=True) if self.watch else ((), ())
         at_x += sum(a * slope for a, slope in zip(others, slopes, strict=True))
         # With every derivative x - centre and v exchange their roles.
-        x, v = states[0] - self.centre, states[1]
-        even, odd = at_x * x + at_v * v, at_x * v - at_v * self.square * x
+        x, v = self.state(start, t).reshape(2, -1)
+        x = x - self.centre
+        even_odd = np.column_stack([at_x * x + at_v * v, at_x * v - at_v * self.square * x])
         k = np.arange(order + 1)
         factors = (-self.square) ** (k // 2) / np.cumprod(np.maximum(k, 1.0))
-        c = np.where(k % 2, odd[:, None], even[:, None]) * factors
+        c = even_odd @ (factors * [k % 2 == 0, k % 2 == 1])
         c[:, 0] += at_x * self.centre + sum(a * value for a, value in zip(others, values, strict=True))
         return c
 
@@ -94,13 +95,13 @@ class ThrownOscillator:
         apart[:2, :2], apart[2, 3] = self.oscillator.transition(t), t
         return self.mix @ apart @ self.apart
 
-    def along(self, weights: Sequence[float], states: np.ndarray, order: int) -> np.ndarray:
-        """Taylor coefficients (N, order + 1) of weights . state on the motions through `states` (4, N)."""
-        x, v, w, rate = np.tensordot(self.apart, states, 1)
+    def along(self, weights: Sequence[float], start: Any, t: Any, order: int) -> np.ndarray:
+        """Taylor coefficients (N, order + 1) of weights . state about N times `t` (...) after `start` (4, ...)."""
+        x, v, w, rate = np.tensordot(self.apart, start, 1)
         at_x, at_v, at_w, at_rate = np.asarray(weights) @ self.mix
-        c = self.oscillator.along((at_x, at_v), np.array([x, v]), order)
-        c[:, 0] += at_w * w + at_rate * rate
-        c[:, 1] += at_w * rate - at_rate
+        c = self.oscillator.along((at_x, at_v), (x, v), t, order)
+        c[:, 0] += (at_w * (w + t * (rate - 0.5 * t)) + at_rate * (rate - t)).ravel()
+        c[:, 1] += (at_w * (rate - t) - at_rate).ravel()
         c[:, 2] -= 0.5 * at_w
         return c
 

@@ -5,7 +5,6 @@ roots: none means none, one exactly one, and where there are more the interval i
 Bernstein polynomial basis: a centennial retrospective", CAGD 29 (2012).
 """
 
-from collections.abc import Iterator
 from functools import cache
 from math import comb
 
@@ -56,7 +55,8 @@ def powers(t: ArrayLike, count: int) -> np.ndarray:
 
 def bernstein(coefficients: np.ndarray, of_h: np.ndarray) -> np.ndarray:
     """Bernstein coefficients on [0, h]; `coefficients` (..., K + 1) and the powers `of_h` (..., K + 1) broadcast."""
-    return coefficients * of_h @ _to_bernstein(coefficients.shape[-1] - 1)
+    matrix = _to_bernstein(coefficients.shape[-1] - 1)
+    return coefficients @ (of_h[:, None] * matrix) if of_h.ndim == 1 else coefficients * of_h @ matrix
 
 
 def evaluate(coefficients: np.ndarray, t: ArrayLike) -> np.ndarray:
@@ -84,8 +84,8 @@ def _binomial(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def roots(coefficients: np.ndarray, h: float) -> list[float]:
     """All roots in (0, h], ascending; 0 counts as positive, and a double root that rounding cannot separate is none."""
-    values = bernstein(coefficients, powers(h, len(coefficients)))
-    return [_refine(coefficients, h, *bracket) for bracket in _isolate(values, 0.0, 1.0, MOST_HALVINGS)]
+    brackets = _brackets(bernstein(coefficients, powers(h, len(coefficients)))[None], False)[1:]
+    return [_refine(coefficients, h, *bracket) for bracket in zip(*brackets, strict=True)]
 
 
 def piecewise_roots(coefficients: Array, steps: Array, start: int = 0, rising: bool = False) -> _Crossed:
@@ -122,16 +122,17 @@ class PiecewisePolynomials:
 
     coefficients, steps : (N, K + 1) and (N,), of all pieces in order
     counts : (m,), the number of pieces of each polynomial
-    of_steps : powers (N, K + 1) of the steps, or more of them, where they are known already
-    after : the sign (m,) at the end of each, 1 or -1, once `roots` has been called
+    of_steps : powers (N, K + 1) of the steps, or (K + 1,) where all have one length, or more of them, where they are
+        known already
     """
 
     def __init__(self, coefficients: Array, steps: Array, counts: Array, of_steps: Array | None = None):
         self.coefficients, self.steps, size = coefficients, steps, coefficients.shape[1]
-        self.of_steps = powers(steps, size) if of_steps is None else of_steps[:, :size]
-        self.last = np.cumsum(counts) - 1
+        self.of_steps = powers(steps, size) if of_steps is None else of_steps[..., :size]
+        self.last = counts.cumsum() - 1
         self.first = self.last - counts + 1
-        self.owner = np.repeat(np.arange(len(counts)), counts)
+        self.owner = np.arange(len(counts)).repeat(counts)
+        self._ends = coefficients[:0, 0]
 
     def roots(self, start: ArrayLike = 0, rising: bool = False, before: Array | None = None) -> _Places:
         """All roots, in order: the polynomial (r,), the piece of it (r,), and the time in that piece (r,).
@@ -140,15 +141,34 @@ class PiecewisePolynomials:
         rising : report only the roots where the sign goes from minus to plus
         before : the sign (m,) with which each is continued from an earlier block, or 0 where it begins here
         """
-        series = self._without_first_zero(start)
-        values = self._control_values(series, before)
-        self.after = np.where(values[self.last, -1] >= 0, 1.0, -1.0)
-        if not len(brackets := _brackets(values, rising)):
+        start = np.asarray(start)
+        orders = np.broadcast_to(start, self.first.shape) if start.any() else None
+        if not len(brackets := self._bracketed(orders, rising, before)):
             return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
-        pieces = brackets[0].astype(int)
-        owner, places = self.owner[pieces], (series[pieces], self.steps[pieces], *brackets[1:])
+        pieces = brackets[0]
+        owner, series = self.owner[pieces], self.coefficients[pieces]
+        piece = pieces - self.first[owner]
+        if orders is not None:
+            series = _without_first_zero(series, np.where(piece == 0, orders[owner], 0))
+        places = (series, self.steps[pieces], *brackets[1:])
         times = _refine_together(*places) if len(pieces) > FEW else np.array([*map(_refine, *places)])
-        return owner, pieces - self.first[owner], times
+        return owner, piece, times
+
+    def count_roots(self, before: Array) -> Array:
+        """The number (m,) of roots of each polynomial, as `roots` finds them."""
+        brackets = self._bracketed(None, False, before)
+        return np.bincount(self.owner[brackets[0]] if brackets else [], minlength=len(self.first))
+
+    def _bracketed(self, orders: Array | None, rising: bool, before: Array | None) -> list[Array]:
+        """The `_brackets` of all roots."""
+        values = self._control_values(orders, before)
+        self._ends = values[self.last, -1]
+        return _brackets(values, rising)
+
+    @property
+    def after(self) -> Array:
+        """The sign (m,) at the end of each, 1 or -1, once `roots` has been called."""
+        return np.where(self._ends >= 0, 1.0, -1.0)
 
     def first_roots(self, start: ArrayLike = 0, rising: bool = False, before: Array | None = None) -> _Places:
         """The first root of each polynomial that has one, as `roots` returns it."""
@@ -156,21 +176,15 @@ class PiecewisePolynomials:
         owner, first = np.unique(owner, return_index=True)
         return owner, pieces[first], times[first]
 
-    def _without_first_zero(self, start: ArrayLike) -> np.ndarray:
-        """The coefficients (N, K + 1), divided by t**start in the first piece of each polynomial."""
-        if not np.any(start):
-            return self.coefficients
-        series, orders = self.coefficients.copy(), np.broadcast_to(start, self.first.shape)
-        for order in np.unique(orders[orders > 0]):
-            first = self.first[orders == order]
-            series[first, :-order], series[first, -order:] = self.coefficients[first, order:], 0.0
-        return series
-
-    def _control_values(self, series: np.ndarray, before: np.ndarray | None) -> np.ndarray:
+    def _control_values(self, orders: Array | None, before: Array | None) -> np.ndarray:
         """Bernstein coefficients (N, K + 1), of one sign on both sides of a joint: else rounding loses a root there."""
-        values = bernstein(series, self.of_steps)
-        joint = self.owner[1:] == self.owner[:-1]
-        values[:-1, -1] = np.where(joint, series[1:, 0], values[:-1, -1])
+        values = bernstein(self.coefficients, self.of_steps)
+        if orders is not None:
+            of_steps = self.of_steps if self.of_steps.ndim == 1 else self.of_steps[self.first]
+            values[self.first] = bernstein(_without_first_zero(self.coefficients[self.first], orders), of_steps)
+        ends = values[self.last, -1]
+        values[:-1, -1] = self.coefficients[1:, 0]
+        values[self.last, -1] = ends
         if before is not None:
             first = values[self.first, 0]
             continued = np.where(before * first < 0, before * np.abs(first), first)
@@ -183,7 +197,8 @@ class PiecewisePolynomials:
         ends = np.einsum("Nk,Nk->N", self.coefficients, self.of_steps)
         least = np.minimum.reduceat(np.minimum(self.coefficients[:, 0], ends), self.first)
         lower = np.flatnonzero(values.min(1) < least[self.owner])  # pieces that may have a lower value inside
-        slopes = PiecewisePolynomials(derivative(self.coefficients[lower]), self.steps[lower], np.ones(len(lower), int))
+        each = self.steps[lower], np.ones(len(lower), int), self.of_steps[lower]
+        slopes = PiecewisePolynomials(derivative(self.coefficients[lower]), *each)
         owner, _, t = slopes.roots(rising=True)
         turns = lower[owner]
         pieces = np.concatenate([turns, *[np.arange(len(ends))] * 2])
@@ -194,50 +209,55 @@ class PiecewisePolynomials:
         return values[best], pieces[best] - self.first, times[best]
 
 
+def _without_first_zero(series: np.ndarray, orders: np.ndarray) -> np.ndarray:
+    """Coefficients (m, K + 1), in place, of polynomials divided by t to the power of their orders (m,)."""
+    for order in range(1, orders.max(initial=0) + 1):
+        here = orders == order
+        if here.any():
+            series[here, :-order], series[here, -order:] = series[here, order:], 0.0
+    return series
+
+
 def _brackets(values: np.ndarray, rising: bool) -> list[np.ndarray]:
-    """The roots of pieces with Bernstein coefficients `values` (N, K + 1), in order: the piece of each, and what
-    `_isolate` gives, in columns (r,); no column where there is no root."""
-    positive = values >= 0
-    changes = positive[:, 1:] != positive[:, :-1]
-    counts = np.count_nonzero(changes, axis=1)
-    if not counts.any():
-        return []
-    single = np.flatnonzero((counts == 1) & (positive[:, -1] | (not rising)))
-    j = changes[single].argmax(1)
-    before, after = values[single, j], values[single, j + 1]
-    about = (j + before / (before - after)) / (values.shape[1] - 1)  # where the coefficients' polygon crosses zero
-    columns = [single, np.zeros(len(j)), np.ones(len(j)), after >= 0, about]
-    isolated: list[tuple] = []
-    for i in np.flatnonzero(counts > 1):
-        found = _isolate(values[i], 0.0, 1.0, MOST_HALVINGS)
-        isolated += [(i, *bracket) for bracket in found if bracket[2] or not rising]
-    if isolated:
-        columns = [np.append(a, b) for a, b in zip(columns, zip(*isolated, strict=True), strict=True)]
-        order = np.lexsort((columns[1], columns[0]))
-        columns = [column[order] for column in columns]
-    return columns
+    """The roots of pieces with Bernstein coefficients `values` (N, K + 1), in order, in columns (r,): the piece; the
+    bracket (low, high) in it, in shares of the interval; whether the root rises; and where it is about. No column is
+    returned where there is no root."""
+    which, low, share, size, found = np.arange(len(values)), np.zeros(len(values)), 1.0, values.shape[1], []
+    for halvings in range(MOST_HALVINGS + 1):
+        flat = values.ravel()
+        positive = flat >= 0
+        changes = (positive[1:] != positive[:-1]).nonzero()[0]
+        changes = changes[changes % size < size - 1]  # not those between two pieces
+        if not len(changes):
+            break
+        rows, j = np.divmod(changes, size)
+        begins = np.ones(len(rows) + 1, bool)  # whether the changes of a piece begin there
+        begins[1:-1] = rows[1:] != rows[:-1]
+        here, several = begins[:-1] & begins[1:], rows[begins[:-1] & ~begins[1:]]
+        if halvings == MOST_HALVINGS:  # rounding has made several changes of one
+            here = begins[:-1] & (positive[rows * size] != positive[rows * size + size - 1])
+        if rising:
+            here &= positive[changes + 1]
+        changes, rows, j = changes[here], rows[here], j[here]
+        before, after, begin = flat[changes], flat[changes + 1], low[rows]
+        about = (j + before / (before - after)) / (size - 1)  # where the coefficients' polygon crosses zero
+        found.append((which[rows], begin, begin + share, after >= 0, begin + share * about))
+        if not len(several):
+            break
+        values, share = np.concatenate(_halve(values[several])), 0.5 * share
+        which, low = np.tile(which[several], 2), np.append(low[several], low[several] + share)
+    if len(found) < 2:
+        return [*found[0]] if found and len(found[0][0]) else []
+    columns = [np.concatenate(parts) for parts in zip(*found, strict=True)]
+    order = np.lexsort((columns[1], columns[0]))
+    return [column[order] for column in columns] if len(order) else []
 
 
-def _isolate(values, low: float, high: float, depth: int) -> Iterator[tuple[float, float, bool, float]]:
-    """The bracket (low, high) of each root, whether it rises, and where it is about, in shares of the interval."""
-    positive = values >= 0
-    changed = np.flatnonzero(positive[1:] != positive[:-1])
-    if len(changed) == 1 or (depth == 0 and positive[0] != positive[-1]):
-        j = changed[0]
-        about = (j + values[j] / (values[j] - values[j + 1])) / (len(values) - 1)
-        yield low, high, bool(positive[-1]), low + (high - low) * float(about)
-    elif len(changed) and depth > 0:
-        left, right = _halve(values)
-        middle = 0.5 * (low + high)
-        yield from _isolate(left, low, middle, depth - 1)
-        yield from _isolate(right, middle, high, depth - 1)
-
-
-def _halve(values):
-    """De Casteljau's split at the middle."""
+def _halve(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """De Casteljau's split of Bernstein coefficients (m, K + 1) at the middle."""
     left, right = np.empty_like(values), np.empty_like(values)
-    for k in range(len(values)):
-        left[k], right[-1 - k], values = values[0], values[-1], 0.5 * (values[1:] + values[:-1])
+    for k in range(values.shape[1]):
+        left[:, k], right[:, -1 - k], values = values[:, 0], values[:, -1], 0.5 * (values[:, 1:] + values[:, :-1])
     return left, right
 
 
@@ -262,12 +282,15 @@ def _refine(coefficients, h, low, high, rising, t) -> float:
 
 def _refine_together(c, h, low, high, rising, t) -> np.ndarray:
     """`_refine` for several roots at once; c (m, K + 1), the others (m,)."""
-    low, high, t = low * h, high * h, t * h
+    low, high, t, c = low * h, high * h, t * h, np.ascontiguousarray(c.T)
     sign, last = np.where(rising, 1.0, -1.0), np.zeros(len(t))
-    slopes = derivative(c)
     for _ in range(MOST_ITERATIONS):
-        places = powers(t, c.shape[1])
-        value, slope = np.einsum("mk,mk->m", c, places), np.einsum("mk,mk->m", slopes, places[:, :-1])
+        value, slope = c[-1].copy(), np.zeros(len(t))
+        for a in c[-2::-1]:
+            slope *= t
+            slope += value
+            value *= t
+            value += a
         above = sign * value >= 0
         low, high = np.where(above, low, t), np.where(above, t, high)
         with np.errstate(divide="ignore", invalid="ignore"):

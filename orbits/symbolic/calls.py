@@ -47,14 +47,16 @@ class BufferedFunction:
         shapes = [function.size_out(i) for i in range(function.n_out())]
         if any(function.nnz_out(i) != rows * columns for i, (rows, columns) in enumerate(shapes)):
             raise ValueError(f"the results of {function.name()} must be dense")
-        self.flat = [np.zeros(rows * columns) for rows, columns in shapes]
+        sizes = [rows * columns for rows, columns in shapes]
+        self.whole = np.zeros(sum(sizes))  # all results, one after the other
+        self.flat = np.split(self.whole, np.cumsum(sizes)[:-1])
         self.results = [flat.reshape(shape, order="F") for flat, shape in zip(self.flat, shapes, strict=True)]
         self._buffer: Any
         self._buffer, self.trigger = function.buffer()
         for place, arrays in ((self._buffer.set_arg, self.arguments), (self._buffer.set_res, self.flat)):
             for i, array in enumerate(arrays):
                 place(i, array.data)
-        weigh([function], [*self.arguments, *self.flat])
+        weigh([function], [*self.arguments, self.whole])
 
     def __call__(self, *arguments: ArrayLike) -> list[np.ndarray]:
         """Results as matrices of the function's shapes; arguments of matching sizes, matrices included."""

@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import casadi as ca
@@ -157,26 +158,27 @@ class Kernel:
 
     def _interpret(self, inputs: Sequence[np.ndarray], capacity: int) -> tuple:
         """`_iterated` at one point, by CasADi's virtual machine."""
-        records: list[np.ndarray] = []
         with LOCK:
             call = self._interpreted = self._interpreted or BufferedFunction(self.function)
             for memory, array in zip(call.arguments, inputs, strict=True):
                 memory[:] = array
-            after, *values, recorded, goes = call.flat
-            going, tried = True, 0
-            trigger, before, room = call.trigger, call.arguments[0], capacity * len(values)
-            while going and len(records) < room and tried < MOST_ITERATIONS:
+            sizes, whole = self.sizes_out, call.whole
+            after, values, before, trigger = call.flat[0], whole[sizes[0] : -2], call.arguments[0], call.trigger
+            records, count, tried, going = np.empty((capacity, len(values))), 0, 0, True
+            while going and count < capacity and tried < MOST_ITERATIONS:
                 trigger()
                 tried += 1
                 before[:] = after
-                going = bool(goes[0])
-                if recorded[0]:
-                    records += [value.copy() for value in values]
+                recorded, goes = whole[-2:].tolist()
+                going = goes != 0
+                if recorded:
+                    records[count] = values
+                    count += 1
             self.interpretation_budget -= tried * self.seconds_per_step
             z = after[None].copy()
-        sizes, step = self.sizes_out[1:-2], len(values)
-        packed = [np.array(records[i::step]).reshape(len(records) // step, size) for i, size in enumerate(sizes)]
-        return z, packed, np.array([len(records) // step]), np.array([going])
+        ends = [*accumulate(sizes[1:-2], initial=0)]
+        packed = [records[:count, first:last].copy() for first, last in pairwise(ends)]
+        return z, packed, np.array([count]), np.array([going])
 
     def _in_lanes(self, inputs: list[np.ndarray], capacity: int) -> list[tuple]:
         """`_iterated` by machine code, in parts that the threads share."""

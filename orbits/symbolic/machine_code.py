@@ -280,7 +280,9 @@ class _Iteration(_Code):
         self.do(f"%alive = phi {self.masks} [splat (i1 1), %block], [%alive_next, %go]")
         self.do(f"%went = phi {self.masks} [zeroinitializer, %block], [%went_next, %go]")
         self.do(f"%taken = phi {self.indices} [zeroinitializer, %block], [%taken_next, %go]")
-        self.do("%iterations = phi i64 [1, %block], [%iterations_next, %go]", "%iterations_next = add i64 %iterations, 1")
+        self.do(
+            "%iterations = phi i64 [1, %block], [%iterations_next, %go]", "%iterations_next = add i64 %iterations, 1"
+        )
         after, *values, recorded, going = self.graph(function, [z, *given])
         taken = self(f"and {self.masks} %alive, {self.nonzero(recorded[0])}")
         goes = self(f"and {self.masks} %alive, {self.nonzero(going[0])}")
