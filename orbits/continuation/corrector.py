@@ -35,7 +35,9 @@ def correct_all(
         evaluation = (curve.evaluate if taken >= least else curve.linearize)(xs)
         steps, tangents = curve.equations.newton_steps(evaluation, xs, rows[left], levels[left])
         xs, moved = xs + steps, (np.abs(steps) / sizes).max(1)
-        if taken < least and np.isfinite(moved).all():
+        if not np.isfinite(moved).all():
+            raise NoOrbit("the corrector does not converge")
+        if taken < least:
             last = moved
             continue
         settled = settles(moved, last, evaluation.amplification)

@@ -113,9 +113,10 @@ class ActivePieces:
         data = np.tile(self.p, (len(self.index), 1))
         return data if self.pieces is None else np.hstack([data, self.table[self._nearest]])
 
-    def cut(self, c: Array, steps: Array, entering: Array) -> Array:
+    def cut(self, c: Array, steps: Array, entering: Array, signs: Array) -> Array:
         """Steps (m,) with coefficients (m, rows, K + 1), shortened to the ends of their pieces; some (m,) begin where
-        their pieces are entered."""
+        their pieces are entered. `signs` (m, 2) are those of the distances from both ends before the steps, and are
+        changed to those after them."""
         self.crossed = np.zeros(len(steps), int)
         if self.pieces is None:
             return steps
@@ -127,7 +128,9 @@ class ActivePieces:
             distance[:, 0] -= level
             distance[~np.isfinite(level)] = 1.0
             orders = np.where(entering & (level == self.level), (distance[:, 1:] != 0).argmax(1) + 1, 0)
-            owner, _, t = PiecewisePolynomials(distance, lengths, np.ones(len(lengths), int)).first_roots(orders)
+            polynomials = PiecewisePolynomials(distance, lengths, np.ones(len(lengths), int))
+            owner, _, t = polynomials.first_roots(orders, before=signs[:, side])
+            signs[:, side] = polynomials.after
             hit = t < lengths[owner]
             lengths[owner[hit]], self.crossed[owner[hit]] = t[hit], 2 * side - 1
         return lengths

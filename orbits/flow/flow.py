@@ -93,7 +93,8 @@ class Flow:
         found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.max_block)
         begins = begins_of_steps(found.steps, found.counts)
         vanishing = found.steps <= self.control.shortest_step * np.maximum(begins, 1.0)
-        done, arrays = (found.left == 0) & (durations > 0), (begins, found.coefficients, found.slopes)
+        done = (found.left == 0) & (durations > 0) & (np.abs(found.ends).max(1) <= self.control.runaway)
+        arrays = begins, found.coefficients, found.slopes
         if done.all() and not vanishing.any():
             begins, c, slopes = arrays
             return Trajectories(begins, durations, c, found.counts, self.names, slopes), found.variations
@@ -115,7 +116,8 @@ class Flow:
         stepper = self.stepper(seeds.shape[1], _rows_used(parameter_seeds))
         assert isinstance(stepper, TaylorStepper)
         found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, count=0)
-        return None if found.left.any() else (found.ends, found.variations)
+        followed = not found.left.any() and np.abs(found.ends).max() <= self.control.runaway
+        return (found.ends, found.variations) if followed else None
 
     def _run_each(self, starts, ps, durations, *seeds) -> tuple[Trajectories, Array]:
         """`run_all` of one motion after the other."""

@@ -143,7 +143,7 @@ def _progress(n: int, size: int) -> ca.Function:
     """(state and limits after a step, its `size` coefficients, lengths taken and tried) -> whether the step counts, and
     whether another one is to be taken."""
     z, c, made = ca.SX.sym("z", n + 2), ca.SX.sym("c", size), ca.SX.sym("made", 2)
-    finite = ca.fabs(ca.sum1(c)) < np.inf
+    finite = ca.fabs(ca.sum1(c) + ca.sum1(z[:n])) < np.inf
     inside = ca.logic_and(ca.mmax(ca.fabs(z[:n])) < FLOW_CONTROL.runaway, made[1] > FLOW_CONTROL.shortest_step)
     goes = ca.logic_and(ca.logic_and(finite, inside), z[-2] > 0)
     return ca.Function("progress", [z, c, made], [ca.logic_and(finite, made[0] > 0), goes])

@@ -211,7 +211,8 @@ class _ZeroSearch:
         """Search one step of each motion, whose z before and after it are those of `TaylorStepper.watch`; returns which
         motions have no zero there, with z where these go on."""
         n, count = self.flow.size, len(remaining)
-        steps = pieces.cut(c, before[:, 0], before[:, -1] == 0)
+        of_ends = before[:, -2:].copy()
+        steps = pieces.cut(c, before[:, 0], before[:, -1] == 0, of_ends)
         times, orders, signs = before[:, 2], before[:, 3].astype(int), before[:, 5:]
         each = np.ones(count, int)
         polynomials = PiecewisePolynomials(self.quantity.series(c), steps, each)
@@ -222,6 +223,8 @@ class _ZeroSearch:
         left = np.ones(count, bool)
         left[owner] = False
         z[:, n + 3 : n + 5], z[:, n + 5] = 0.0, polynomials.after
+        if self.flow.phase.pieces:
+            z[:, -2:] = of_ends
         if len(cut := np.flatnonzero(pieces.crossed)):
             z[cut, :n] = evaluate(c[cut, :n], steps[cut, None])
             z[cut, n + 1], z[cut, n + 2], z[cut, n + 6 :] = LONGEST_STEP, times[cut] + steps[cut], 0.0

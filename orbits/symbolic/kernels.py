@@ -4,15 +4,16 @@ import ctypes
 import os
 import threading
 import time
+import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from ..errors import InputError
 from . import interrupts
 from .calls import BufferedFunction
 from .exclusive import LOCK
@@ -23,6 +24,8 @@ from .machine_code import MOST_ITERATIONS, MachineCode, compile_seconds, target
 SECONDS_INTERPRETED = 3e-9
 # From this many instructions on, optimised code takes longer to make than it repays.
 LONG = 15_000
+# Interpreted iterations after which it is seen whether the user interrupts.
+CHECKED = 256
 # So many numbers are recorded at a time, at most.
 SCRATCH = 4_000_000
 # Records of a point for which there is room at first; points that need more go on where they stopped.
@@ -44,7 +47,13 @@ class Iterated(NamedTuple):
 def threads() -> int:
     """How many threads share the points of a call: the environment's ORBITS_THREADS, 1 where it says nothing."""
     text = os.environ.get("ORBITS_THREADS", "1")
-    return max(1, int(text)) if text.isdigit() else 1
+    try:
+        count = int(text)
+    except ValueError:
+        count = 0
+    if count < 1:
+        raise InputError(f"ORBITS_THREADS = '{text}': it is a whole number of threads, from 1 on")
+    return count
 
 
 def _length(function: ca.Function) -> int:
@@ -101,12 +110,16 @@ class Kernel:
             expanded = self.function.expand()
             arguments = expanded.sx_in()
             merged = ca.Function(self.function.name(), arguments, expanded.call(arguments), {"cse": True})
-            with suppress(NotImplementedError, RuntimeError):
+            try:
                 self._code = MachineCode(merged, optimised)
                 weigh([merged], [np.empty(self._code.size, dtype=np.uint8)])
+            except NotImplementedError:
+                return
+            except RuntimeError as error:
+                warnings.warn(f"LLVM fails here, and motions are interpreted ({error})", RuntimeWarning, stacklevel=2)
 
     def __call__(self, *arguments: np.ndarray, most: int = 2**31) -> Iterated:
-        """Iterate from arguments (m, size), or (1, size) for all points, to at most so many records of a point."""
+        """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most so many records of each."""
         inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
         count = max(map(len, inputs))
         if len(inputs[0]) < count:
@@ -149,7 +162,8 @@ class Kernel:
                 self.optimise()
             began = time.perf_counter()
             parts += self._in_lanes([array if len(array) < count else array[first:] for array in inputs], capacity)
-            self.optimisation_budget -= time.perf_counter() - began
+            with LOCK:
+                self.optimisation_budget -= time.perf_counter() - began
         if len(parts) == 1:
             return parts[0]
         z, records, counts, going = zip(*parts, strict=True)
@@ -168,6 +182,8 @@ class Kernel:
             while going and count < capacity and tried < MOST_ITERATIONS:
                 trigger()
                 tried += 1
+                if tried % CHECKED == 0:
+                    interrupts.check()
                 before[:] = after
                 recorded, goes = whole[-2:].tolist()
                 going = goes != 0
@@ -182,8 +198,10 @@ class Kernel:
 
     def _in_lanes(self, inputs: list[np.ndarray], capacity: int) -> list[tuple]:
         """`_iterated` by machine code, in parts that the threads share."""
-        assert self._code is not None
-        count, lanes, workers = max(map(len, inputs)), self._code.lanes, threads()
+        # This name keeps the code in memory while it runs, even where another thread optimises it meanwhile.
+        code = self._code
+        assert code is not None
+        count, lanes, workers = max(map(len, inputs)), code.lanes, threads()
         row = capacity * sum(self.sizes_out[1:-2])
         size = max(lanes, -(-min(SCRATCH // max(1, row), -(-count // workers)) // lanes) * lanes)
         firsts = range(0, count, size)
@@ -197,7 +215,7 @@ class Kernel:
             for first in firsts[worker::workers]:
                 last = min(first + size, count)
                 part = [array if len(array) == 1 < count else array[first:last] for array in inputs]
-                parts[first] = self._chunk(part, last - first, capacity, memory[worker * size * row :])
+                parts[first] = self._chunk(code, part, last - first, capacity, memory[worker * size * row :])
 
         if workers > 1:
             with ThreadPoolExecutor(workers) as pool:
@@ -206,9 +224,8 @@ class Kernel:
             run(0)
         return [parts[first] for first in firsts]
 
-    def _chunk(self, inputs: list[np.ndarray], count: int, capacity: int, memory: np.ndarray) -> tuple:
-        """`_iterated` by one call of the machine code, at so many points, with memory for the records."""
-        assert self._code is not None
+    def _chunk(self, code: MachineCode, inputs: list, count: int, capacity: int, memory: np.ndarray) -> tuple:
+        """`_iterated` by one call of machine code, at so many points, with memory for the records."""
         size, *sizes = self.sizes_out[:-2]
         lengths, records, used = [capacity * size for size in sizes], [], 0
         *places, place = (array.__array_interface__["data"][0] for array in (*inputs, memory))
@@ -223,7 +240,7 @@ class Kernel:
         strides = [size if len(array) == count else 0 for array, size in zip(inputs, self.sizes_in, strict=True)]
         strides += [size, *lengths, 2]
         pointers = (ctypes.c_void_p * len(places))(*places)
-        self._code.run(pointers, (ctypes.c_int64 * len(places))(*strides), 0, count, capacity)
+        code.run(pointers, (ctypes.c_int64 * len(places))(*strides), count, capacity)
         counts = ends[:, 0].astype(int)
         if count == 1:
             return z, [record[0, : counts[0]].copy() for record in records], counts, ends[:, 1] != 0

@@ -6,6 +6,7 @@ reordered, so that the results are those of CasADi's virtual machine.
 """
 
 import ctypes
+import os
 import struct
 import warnings
 from collections.abc import Callable, Sequence
@@ -29,8 +30,8 @@ _OF_TWO = ["pow", "atan2", "fmod", "hypot", "remainder"]
 _LIBRARY_OF_TWO = {getattr(ca, f"OP_{name.upper()}"): name for name in _OF_TWO} | {ca.OP_CONSTPOW: "pow"}
 # A point is iterated at most so many times in one call, which nothing can interrupt.
 MOST_ITERATIONS = 100_000
-# (arrays, lengths of their rows, first point, last point and one, most records of a point)
-Run = Callable[[Any, Any, int, int, int], None]
+# (arrays, lengths of their rows, number of points, most records of a point)
+Run = Callable[[Any, Any, int, int], None]
 
 
 @cache
@@ -53,9 +54,14 @@ def target() -> tuple[Any, int] | None:
         return None
 
 
+@cache
+def _c_library() -> ctypes.CDLL:
+    return ctypes.CDLL(None if os.name == "posix" else "ucrtbase")
+
+
 def compile_seconds(instructions: int, optimised: bool = False) -> float:
     """About how long it takes to compile so many instructions of a graph (measured on a server core of 2024)."""
-    return (8e-5 if optimised else 3e-5) * instructions
+    return (1e-4 if optimised else 4.5e-5) * instructions
 
 
 class MachineCode:
@@ -80,7 +86,7 @@ class MachineCode:
             self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._processor(llvm, 0))
             self._engine.add_object_file(llvm.ObjectFileRef.from_data(compiled))
             self._engine.finalize_object()
-        kind = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)  # it releases the interpreter lock
+        kind = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 2)  # it releases the interpreter lock
         self.run: Run = kind(self._engine.get_function_address("run"))
 
     @staticmethod
@@ -125,6 +131,8 @@ class _Code:
 
     def library(self, name: str, *values: str) -> str:
         """Call a function of the C library lane by lane."""
+        if not hasattr(_c_library(), name):  # LLVM would call address 0
+            raise NotImplementedError(f"this C library has no {name}")
         vector = "poison"
         for lane in range(self.lanes):
             numbers = [self(f"extractelement {self.vector} {value}, i32 {lane}") for value in values]
@@ -236,7 +244,7 @@ class _Code:
 
 
 class _Iteration(_Code):
-    """The code of `run(arrays, strides, first, last, capacity)`, which iterates a function at points first to last - 1.
+    """The code of `run(arrays, strides, count, capacity)`, which iterates a function at so many points.
 
     The arrays are the function's inputs, its last z, its records, and (count, flag) of each point: how many records
     there are, and whether the point would go on.
@@ -245,7 +253,7 @@ class _Iteration(_Code):
     def text(self, function: ca.Function) -> str:
         """The module of LLVM with the one function `run`."""
         sizes, n_in = [function.nnz_out(i) for i in range(function.n_out())], function.n_in()
-        self.do("br label %block", "block:", "%i = phi i64 [%first, %entry], [%next, %end]")
+        self.do("br label %block", "block:", "%i = phi i64 [0, %entry], [%next, %end]")
         index = self._points()
         inputs = [self.rows(i, index) for i in range(n_in)]
         start = [self.load(inputs[0], j) for j in range(sizes[0])]
@@ -259,8 +267,8 @@ class _Iteration(_Code):
         self.store(counts, 0, self(f"uitofp {self.indices} %taken_next to {self.vector}"))
         self.store(counts, 1, self.number("%went_next"))
         self.do(f"%next = add i64 %i, {self.lanes}")
-        self.do(f"br i1 {self('icmp slt i64 %next, %last')}, label %block, label %leave", "leave:", "ret void")
-        head = "define void @run(ptr %arrays, ptr %strides, i64 %first, i64 %last, i64 %capacity) {\nentry:\n"
+        self.do(f"br i1 {self('icmp slt i64 %next, %count')}, label %block, label %leave", "leave:", "ret void")
+        head = "define void @run(ptr %arrays, ptr %strides, i64 %count, i64 %capacity) {\nentry:\n"
         return "\n".join([*sorted(self.declared), head + "\n".join(self.lines), "}\n"])
 
     def _points(self) -> str:
@@ -268,7 +276,7 @@ class _Iteration(_Code):
         same place."""
         steps = f"<{', '.join(f'i64 {lane}' for lane in range(self.lanes))}>"
         ahead = self(f"add {self.indices} {self.spread('%i')}, {steps}")
-        final = self.spread(self("sub i64 %last, 1"))
+        final = self.spread(self("sub i64 %count, 1"))
         inside = self(f"icmp slt {self.indices} {ahead}, {final}")
         return self(f"select {self.masks} {inside}, {self.indices} {ahead}, {self.indices} {final}")
 

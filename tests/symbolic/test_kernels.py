@@ -2,13 +2,18 @@
 
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
 import numpy as np
 import pytest
 
+from orbits.errors import InputError
+from orbits.flow import taylor
+from orbits.flow.flow import flow_of
 from orbits.symbolic import kernels, machine_code
 from orbits.symbolic.kernels import Kernel
+from problems import Hopper
 
 x, y = ca.SX.sym("x"), ca.SX.sym("y")
 # Every operation that has machine code, by its code, with its expression.
@@ -140,9 +145,66 @@ def test_any_number_of_threads(monkeypatch):
     kernel.compile()
     one = kernel(z, np.ones((1, 1)))
     monkeypatch.setattr(kernels, "SCRATCH", 5000)
-    for threads in ("2", "3", "none", "0"):
+    for threads in ("2", "3", "16"):
         monkeypatch.setenv("ORBITS_THREADS", threads)
         assert_equal(kernel(z, np.ones((1, 1))), one)
+    for threads in ("none", "0", "-1", "2.0"):
+        monkeypatch.setenv("ORBITS_THREADS", threads)
+        with pytest.raises(InputError, match=f"ORBITS_THREADS = '{threads}'"):
+            kernel(z, np.ones((1, 1)))
+
+
+def test_code_runs_to_its_end_while_another_thread_replaces_it():
+    kernel, z = Kernel(countdown()), starts(400, 9)
+    kernel.compile()
+    one = kernel(z, np.ones((1, 1)))
+    with ThreadPoolExecutor(2) as pool:
+        waiting = [pool.submit(kernel, z, np.ones((1, 1))) for _ in range(20)]
+        kernel.optimise()
+        for job in waiting:
+            assert_equal(job.result(), one)
+
+
+def test_a_function_that_the_c_library_lacks_is_interpreted(monkeypatch):
+    monkeypatch.setitem(machine_code._LIBRARY, ca.OP_ERF, "no_such_function")
+    kernel = Kernel(once([x], [ca.erf(x)]))
+    assert not kernel.compile()
+    assert kernel(np.array([[0.5]])).records[0] == pytest.approx(0.5204998778130465)
+
+
+LAWS = [
+    "cubic",
+    "sinh",
+    "tanh",
+    "toda",
+    "r*exp(0.1*r)",
+    "r + r**3/(1 + r**2)",
+    "sqrt(1 + r)-1",
+    "atan(r)",
+    "r + sin(r)/9",
+]
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("columns", [0, 3])
+def test_steps_along_all_kinds_of_laws(law, columns):
+    """The steps of motions, and those that watch for zeros, to the last bit."""
+    machine = Hopper(law, "1/(1 + z/90)**2", rest_length=9.0)
+    names = tuple(machine.values)
+    stepper = flow_of(machine.model.flight, names).stepper(columns)
+    p = np.array([list(machine.values.values())])
+    z = np.zeros((5, 4 * (1 + columns) + 2))
+    z[:, :4], z[:, -2:] = np.linspace([1.1, 2.0, 0.1, 0.0], [1.3, 3.0, 0.0, -0.1], 5), (0.9, 1e9)
+    z[:, 4:-2] = np.eye(4)[:, :columns].T.ravel()
+    compiled, interpreted = both(stepper.kernel.function, z, np.hstack([p, np.ones((1, 1))]))
+    assert_equal(compiled, interpreted)
+    assert (compiled.counts > 0).all()
+    if not columns:
+        watched = stepper.watched_state(z[:, :4], np.zeros(5), np.zeros(5), np.zeros((5, 1)))
+        data = np.hstack([p, np.eye(4)[2:3], np.zeros((1, 1)), np.full((1, 1), 5.0), np.ones((1, 1))])
+        compiled, interpreted = both(taylor._watch_function(stepper, 1), watched, data)
+        assert_equal(compiled, interpreted)
+        assert (compiled.counts > 0).all()
 
 
 def test_nothing_is_compiled_for_a_few_points():
@@ -179,6 +241,7 @@ def test_memory_is_given_back():
     code = """
 import resource, casadi as ca, numpy as np
 from orbits.symbolic.kernels import Kernel
+from problems import Hopper
 z = ca.SX.sym("z", 4)
 def used(count):
     for i in range(count):
