@@ -18,7 +18,7 @@ from . import interrupts
 from .calls import BufferedFunction
 from .exclusive import LOCK
 from .kept import weigh
-from .machine_code import MOST_ITERATIONS, MachineCode, compile_seconds, target
+from .machine_code import LONGEST_RUN, MachineCode, compile_seconds, target
 
 # About the seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
 SECONDS_INTERPRETED = 3e-9
@@ -36,7 +36,7 @@ _memory = threading.local()  # the array that records are written to, kept by ea
 
 class Iterated(NamedTuple):
     """What a `Kernel` returns. A point that has less than the most records and yet is going has used up its
-    `MOST_ITERATIONS`."""
+    `LONGEST_RUN`."""
 
     z: np.ndarray  # (m, size), the last z
     records: list[np.ndarray]  # (N, size), of one point after the other
@@ -179,7 +179,7 @@ class Kernel:
             sizes, whole = self.sizes_out, call.whole
             after, values, before, trigger = call.flat[0], whole[sizes[0] : -2], call.arguments[0], call.trigger
             records, count, tried, going = np.empty((capacity, len(values))), 0, 0, True
-            while going and count < capacity and tried < MOST_ITERATIONS:
+            while going and count < capacity and tried < LONGEST_RUN:
                 trigger()
                 tried += 1
                 if tried % CHECKED == 0:

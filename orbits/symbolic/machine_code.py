@@ -29,7 +29,7 @@ _LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _OF_ONE}
 _OF_TWO = ["pow", "atan2", "fmod", "hypot", "remainder"]
 _LIBRARY_OF_TWO = {getattr(ca, f"OP_{name.upper()}"): name for name in _OF_TWO} | {ca.OP_CONSTPOW: "pow"}
 # A point is iterated at most so many times in one call, which nothing can interrupt.
-MOST_ITERATIONS = 100_000
+LONGEST_RUN = 100_000
 # (arrays, lengths of their rows, number of points, most records of a point)
 Run = Callable[[Any, Any, int, int], None]
 
@@ -307,7 +307,7 @@ class _Iteration(_Code):
         self.do(f"%went_next = select {self.masks} %alive, {self.masks} {goes}, {self.masks} %went")
         room = self(f"icmp slt {self.indices} %taken_next, {most}")
         self.do(f"%alive_next = and {self.masks} {goes}, {room}")
-        allowed, alive = self(f"icmp slt i64 %iterations, {MOST_ITERATIONS}"), self.any("%alive_next")
+        allowed, alive = self(f"icmp slt i64 %iterations, {LONGEST_RUN}"), self.any("%alive_next")
         self.do(f"br i1 {self(f'and i1 {allowed}, {alive}')}, label %step, label %end")
 
     def any(self, mask: str) -> str:

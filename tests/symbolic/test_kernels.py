@@ -127,7 +127,7 @@ def test_what_never_ends_is_stopped():
     points = np.array([[0.0, 0.0], [0.0, 3.0], [0.0, 7.0]])
     for found in both(endless, points):
         assert found.going.all()
-        assert (found.z[:, 0] == machine_code.MOST_ITERATIONS).all()
+        assert (found.z[:, 0] == machine_code.LONGEST_RUN).all()
         assert found.counts.tolist() == [0, 3, 7]
 
 
