@@ -226,6 +226,8 @@ def main(
         finally:
             copies.put(copy)
 
+    if output:
+        output.mkdir(parents=True, exist_ok=True)
     survived, known = 0, {}
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(workers) as pool:
         for worker in range(workers):
