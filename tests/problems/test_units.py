@@ -397,6 +397,17 @@ def test_arguments_that_cannot_be_are_told_as_they_were_given(call, message):
         assert str(raised.value) == message
 
 
+def test_a_schedule_is_in_si():
+    bare, units = LEG.dimensionless(), LEG.units
+    times, stiffening = np.array([0.0, 0.1, 0.5]), np.array([2e5, 1.5e5])
+    run = simulate(LEG, 1.0, time=0.5, schedule=(times, {"b": stiffening}))
+    of_b = LEG.values["b"] / bare.values["b"]
+    options = {"time": 0.5 / units.time, "schedule": (times / units.time, {"b": stiffening / of_b})}
+    other = simulate(bare, 1.0 * units.time / units.length, **options)
+    agree(run(0.4), other(0.4 / units.time), units.of_states(("y1", "y1'", "y2", "y2'")), 1e-13)
+    assert abs(run(0.4)[0] - simulate(LEG, 1.0, time=0.5)(0.4)[0]) > 0.01
+
+
 def test_a_schedule_names_what_may_change_in_time():
     linear = hopper_in_si(60.0, 3.0, stiffness=5000.0, rest_length=0.8)
     with pytest.raises(InputError, match="none that may change in time"):
