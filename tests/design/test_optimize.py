@@ -8,6 +8,8 @@ import pytest
 from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit, find, follow, optimize, pareto, quantities, sensitivities
+from orbits.design.optimize import starting_points
+from orbits.design.problem import DesignProblem
 from problems import Chain, Hopper, Juggler, hopper_in_si
 
 CUBIC = Hopper("r + b*r**3", mass_ratio=0.5, rest_length=20.0, parameters={"b": 0.3})
@@ -465,3 +467,14 @@ def test_command_line_failures(orbits, tmp_path, old, new, code, words):
     run = orbits("optimize", path)
     assert run.code == code
     assert words in run.err
+
+
+def test_starts_within_bounds_over_decades_are_spread_by_their_logarithm():
+    machine = Hopper("r + b*r**3", parameters={"b": 0.3})
+    problem = DesignProblem("alpha", None, 1, ("b", "mass_ratio"), (1e-4, 0.5), (1e4, 2.0), ())
+    first, *others = starting_points(machine, problem, 65, 1)
+    assert first == {"b": 0.3, "mass_ratio": 1.0}
+    decades = np.floor(np.log10([point["b"] for point in others])).astype(int)
+    assert (np.bincount(decades + 4, minlength=8) == 8).all()
+    quarters = np.floor((np.array([point["mass_ratio"] for point in others]) - 0.5) / 0.375).astype(int)
+    assert (np.bincount(quarters, minlength=4) == 16).all()

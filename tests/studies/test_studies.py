@@ -284,3 +284,10 @@ def test_mutations(tmp_path):
     assert mutations.main(tmp_path, quick=True) == {"run": 2, "caught": 2}
     assert len((tmp_path / "mutations.jsonl").read_text(encoding="utf-8").splitlines()) == 2
     assert [path.read_bytes() for path in sorted(mutations.ROOT.glob("orbits/*/*.py"))] == sources
+
+
+def test_mutations_name_tests_in_classes_as_pytest_does(tmp_path):
+    copy = mutations.Copy(tmp_path, {})
+    for name in ("test_endings.py::TestStatuses::test_a", "test_return_map.py::test_b[1.0-x]"):
+        *place, test = f"tests/hybrid/{name}".replace(".py", "").split("::")
+        assert copy._named(".".join(place).replace("/", "."), test) == f"tests/hybrid/{name}"
