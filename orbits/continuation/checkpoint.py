@@ -3,7 +3,6 @@
 import os
 import platform
 import tempfile
-from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache
@@ -12,12 +11,11 @@ from pathlib import Path
 
 from .. import io
 from ..io import check_ending, writing
+from ..periodic.find import Progress
 from ..symbolic import interrupts
 from .curve import CurvePoint
 from .family import ENDINGS, End, Event, Family, Point, json_line
 from .tracer import Tracer
-
-ShareDone = Callable[[float], None]
 
 
 @cache
@@ -28,7 +26,7 @@ def versions() -> dict[str, str]:
 
 
 def collect_family(
-    tracer: Tracer, resume: Family | None = None, output: str | Path | None = None, progress: ShareDone | None = None
+    tracer: Tracer, resume: Family | None = None, output: str | Path | None = None, progress: Progress = None
 ) -> Family:
     """The family that a run finds; the others as in `follow`."""
     family = _begun(tracer, resume)

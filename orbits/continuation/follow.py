@@ -1,6 +1,6 @@
 """Follow a family of lossless orbits along a parameter, past folds, to its end; or another one from a branch point."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
 from ..model.units import without_units
-from ..periodic.find import Root, another_family, lowest_of_family, solve_family, solve_near
+from ..periodic.find import Progress, Root, another_family, lowest_of_family, solve_family, solve_near
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
 from ..symbolic.exclusive import LOCK, exclusive
@@ -45,7 +45,7 @@ def follow(
     method: str | None = None,
     output: str | Path | None = None,
     resume: Family | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
 ) -> Family:
     """Follow a family of lossless orbits as a parameter goes from `start` to `stop`, past folds, to its end.
 
@@ -171,7 +171,6 @@ def orbit_at(machine: Machine, point: Point, along: str, method: str | None = No
     was followed with, the simplest method where None is given."""
     machine, method = machine_at(machine, point, along, method)
     curve, x, row = Curve(machine, along, method, 1.0), np.array([*point.u, point.value]), np.array(point.tangent)
-    _check_unknowns(point, curve)
     with interrupts.deferred():
         return curve.orbit(curve.certify_at(correct(curve, x, row, row @ x, row), point.value))
 

@@ -21,7 +21,7 @@ from ..model.machine import ImpactingMachine, dimensionless
 from ..model.units import SPEED, SPEED_SQUARED, Units, unit_text, without_units
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
-from ..periodic.find import certified_orbit, find
+from ..periodic.find import Progress, certified_orbit, find
 from ..periodic.formulations import equations_of
 from ..periodic.orbit import Orbit
 from ..symbolic.exclusive import exclusive
@@ -201,7 +201,7 @@ class ReturnMap:
     @exclusive
     def basin(
         self, low: float, high: float, hops: int = 1000, samples: int = 2000,
-        progress: Callable[[float], None] | None = None,
+        progress: Progress = None,
     ) -> Intervals:  # fmt: skip
         """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
 
@@ -235,7 +235,7 @@ class ResolvedMap:
 
     def __init__(
         self, return_map: Callable, lossless: list, low: float, high: float, samples: int, identity: bool,
-        progress: Callable[[float], None] | None = None,
+        progress: Progress = None,
     ):  # fmt: skip
         def above(alpha: np.ndarray) -> np.ndarray:
             if progress:

@@ -201,7 +201,8 @@ def _all_of_family(
         except NoOrbit as error:
             refused = f"; the one near {about:.6g} is refused: {error}"
     if not found:
-        (low, high), stopped = lateness.searched, f", stopped after {lateness.launches} launches," * lateness.stopped
+        low, high = lateness.searched
+        stopped = f", stopped after {lateness.launches} launches," if lateness.stopped else ""
         raise NoOrbit(f"a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}")
     return tuple(replace(orbit, known_in_family=len(found)) for orbit in found)
 
