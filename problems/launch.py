@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from orbits.errors import FlowError, InputError, NoOrbit, OutOfRange
 from orbits.flow.flow import flow_of
 from orbits.model.phase import Phase
+from orbits.model.units import FORCE, LENGTH, SPEED, Message, Quantity
 from orbits.numerics.bernstein import Crossings
 from orbits.numerics.roots import bracketed_root
 
@@ -64,10 +65,12 @@ class Liftoff:
             return self._checked(law, rest)
         beyond = np.flatnonzero((forces >= level) == rises)
         if not len(beyond):
-            extreme = f"largest tension {forces.max():.4g}" if rises else f"least force {forces.min():.4g}"
-            within = f" within [{low:g}, {high:g}]" if np.isfinite(high) or np.isfinite(low) else ""
-            reached = f"never reaches {self.name} ({extreme}{within})"
-            raise NoOrbit(f"spring '{law.text}' {reached}: nothing leaves the ground")
+            text = "spring '{law}' never reaches {level} ({extreme} {force:.4g}{within}): nothing leaves the ground"
+            extreme, force = ("largest tension", forces.max()) if rises else ("least force", forces.min())
+            bounds = {"low": Quantity(low, LENGTH), "high": Quantity(high, LENGTH)}
+            within = Message(" within [{low:g}, {high:g}]", **bounds) if np.isfinite([low, high]).any() else ""
+            told = {"level": self.name, "extreme": extreme, "force": Quantity(float(force), FORCE), "within": within}
+            raise NoOrbit(Message(text, law=law.text, **told))
         low, high = np.sort(extensions[beyond[0] - 1 : beyond[0] + 1])[:, None]
         return self._checked(law, float(_level_crossings(law, np.array([level]), low, high)[0]))
 
@@ -93,8 +96,8 @@ class Liftoff:
         slope = float(law.with_slope(liftoff)[1])
         if slope > FLATTEST_LIFTOFF:
             return liftoff
-        where = f"at extension {liftoff:.6g}, with slope {slope:.1e}"
-        raise NoOrbit(f"spring '{law.text}' only just reaches {self.name} {where}: nothing lifts off cleanly")
+        text = "spring '{law}' only just reaches {level} at extension {liftoff:.6g}: nothing lifts off cleanly"
+        raise NoOrbit(Message(text, law=law.text, level=self.name, liftoff=Quantity(liftoff, LENGTH)))
 
 
 def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, np.ndarray]:
@@ -199,8 +202,9 @@ def lowest_launch_speed(
             if lowest.lateness <= 0:
                 return _estimated_root(sample, samples[-3], lowest)
         alpha = _next_speed(samples, scale, no_return)
-    reason = reason or f"none up to launch speed {fastest:g}"
-    raise NoOrbit(f"{what} has no lossless orbit of family {family} under constant gravity: {reason}")
+    reason = reason or Message("none up to launch speed {fastest:g}", fastest=Quantity(fastest, SPEED))
+    text = "{what} has no lossless orbit of family {family} under constant gravity: {reason}"
+    raise NoOrbit(Message(text, what=what, family=family, reason=reason))
 
 
 def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
@@ -224,15 +228,18 @@ def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: 
 
 
 def _sample(phase: Phase, p: dict[str, float], liftoff: float, family: int, alpha: float) -> _Sample:
+    lost = "at launch speed {alpha:.4g} the extension does not come back"
+    too_fast = "beyond launch speed {alpha:.4g} {error}"
+    speed = Quantity(alpha, SPEED)
     try:
         first, half_period = half_oscillations(phase, p, liftoff, alpha)
     except OutOfRange as error:
-        return _Sample(alpha, np.inf, reason=f"beyond launch speed {alpha:.4g} {error}")
+        return _Sample(alpha, np.inf, reason=Message(too_fast, alpha=speed, error=error))
     except FlowError as error:
-        return _Sample(alpha, np.inf, reason=f"at launch speed {alpha:.4g} the extension does not come back: {error}")
+        return _Sample(alpha, np.inf, reason=Message(lost + ": {error}", alpha=speed, error=error))
     if np.isfinite(first):
         return _Sample(alpha, first + family * half_period - alpha, half_period)
-    return _Sample(alpha, np.inf, reason=f"at launch speed {alpha:.4g} the extension does not come back")
+    return _Sample(alpha, np.inf, reason=Message(lost, alpha=speed))
 
 
 def _estimated_root(sample: Callable, early: _Sample, late: _Sample) -> float:

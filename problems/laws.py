@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from orbits.errors import InputError, OutOfRange
 from orbits.io import in_words
 from orbits.model.model import NOISE
+from orbits.model.units import LENGTH, Message, Quantity
 from orbits.symbolic.calls import MappedFunction
 from orbits.symbolic.exclusive import exclusive
 from orbits.symbolic.formula import CONSTANTS, parse, suggest
@@ -131,7 +132,9 @@ class Law:
             breaks, data = (np.array(out) for out in table(p[0]))
             breaks = breaks.ravel()
             if x.size and not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
-                raise OutOfRange(f"{self.variable} is outside the law's range [{breaks[0]:.6g}, {breaks[-1]:.6g}]")
+                low, high = (Quantity(float(end), LENGTH) for end in breaks[[0, -1]])
+                text = "{variable} is outside the law's range, [{low:.6g}, {high:.6g}]"
+                raise OutOfRange(Message(text, variable=self.variable, low=low, high=high))
             q = data[np.clip(np.searchsorted(breaks, x.ravel(), "right") - 1, 0, len(breaks) - 2)]
         value, slope = call(x.reshape(-1, 1), p, q)
         return value.reshape(x.shape), slope.reshape(x.shape)

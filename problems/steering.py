@@ -22,7 +22,7 @@ from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of
 from orbits.hybrid.simulation import run_in_units
 from orbits.model.phase import Affine
-from orbits.model.units import ENERGY, LENGTH, SPEED, Dimension, without_units
+from orbits.model.units import ENERGY, LENGTH, SPEED, Dimension, Message, Quantity, without_units
 from orbits.numerics.bernstein import derivative, piecewise_roots
 from orbits.numerics.roots import bracketed_root
 
@@ -121,8 +121,8 @@ def recover(
     hop = _hop(machine, family, orbit, lossless or (short == 0 and not machine.damped), intervals, rate, stroke)
     launch = hop.orbit.alpha - finite_number("short", short)
     if not launch > 0:
-        whole = f"the lossless launch speed is {hop.orbit.alpha:.6g}"
-        raise InputError(f"short = {short:g}: {whole}, and some of it is to be left")
+        text = "short = {short:g}: the lossless launch speed is {whole:.6g}, and some of it is to be left"
+        raise InputError(Message(text, short=Quantity(short, SPEED), whole=Quantity(hop.orbit.alpha, SPEED)))
     liftoff = float(machine.model.release(launch, machine.values))
     values = {**hop.driven.still, "launch": launch, "aim": hop.orbit.alpha, "liftoff": liftoff}
     return _cheapest(hop, hop.stages("effort", periodic=False), values, [guess] if guess else hop.starts(launch))
@@ -304,8 +304,8 @@ def _undriven_guess(driven: Actuated, launch: float) -> list[Guess]:
     run = simulate(driven, launch, hops=1)
     contacts = [leg for leg in run.legs if leg.phase == "contact"]
     if run.status != "done" or not contacts:
-        why = run.reason or run.status
-        raise NoOrbit(f"from a launch at {launch:.6g} the machine does not hop on by itself: {why}")
+        text = "from a launch at {launch:.6g} the machine does not hop on by itself: {why}"
+        raise NoOrbit(Message(text, launch=Quantity(launch, SPEED), why=run.reason or run.status))
     first, last, (n, m) = run.legs[0].path, contacts[0].path, driven.model.embed.shape
     flown = Guess(float(first.times[-1]), lambda t: first(t)[:n])
     return [flown, Guess(float(last.times[-1]), lambda t: last(t)[:m])]

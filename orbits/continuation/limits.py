@@ -4,6 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..errors import OrbitsError
+from ..model.units import in_units
 from .curve import Curve, CurvePoint
 from .events import Segment
 from .family import End, Point
@@ -91,7 +93,7 @@ class Endings:
             sheet = next((part for part in sheets if (part.a.value - bound) * (part.b.value - bound) <= 0), sheets[-1])
             return Segment(curve, a, sheet.point_at(bound)), End("reached", f"{curve.along} = {bound:g}{back}")
         if self.stop_inadmissible and not b.point.admissible:
-            return segment, End("stopped", "no motion from here: " + b.point.violations[0])
+            return segment, End("stopped", f"no motion from here: {self.curve.in_units(b.point).violations[0]}")
         return segment, None
 
     def _within(self, point):
@@ -131,13 +133,14 @@ class Endings:
             return End("degenerate", f"the flight shrinks to nothing {place}", *found)
         return None
 
-    def lost(self, reason: str, last: CurvePoint, history: History) -> End:
-        """The end of a curve that cannot be followed beyond its last point. The reason is that of a curve that stays
-        bounded; of one that escapes the limit says more."""
+    def lost(self, error: OrbitsError | str, last: CurvePoint, history: History) -> End:
+        """The end of a curve that cannot be followed beyond its last point. The reason is the error of a curve that
+        stays bounded; of one that escapes the limit says more."""
         alpha, value = last.point.alpha, last.value
         where = f"{self.curve.along} = {value:.10g}, alpha = {self.curve.in_units(last.point).alpha:.10g}"
         if alpha > self.control.running_ratio * self.origin.alpha and (found := limit(history, self.bounds, -1)):
             return End("escaped", f"the launch speed grows without bound, and was followed to {where}", *found)
+        reason = in_units(error, self.curve.units_at(last.point))
         if abs(value - self.start) < self.control.least_progress * self.curve.span:
             reason += "; a parameter over decades is followed by its inverse or its logarithm"
         return End("stuck", f"at {where}: {reason}")

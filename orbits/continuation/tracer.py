@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from ..errors import NoOrbit, OrbitsError
+from ..model.units import Message
 from .corrector import MEMORY
 from .curve import Curve, CurvePoint
 from .events import Segment, may_happen
@@ -71,7 +72,7 @@ class Tracer:
         history = [(point.alpha, point.value) for point in (*self.earlier, self.first.point)]
         yield self.first
         if options.stop_inadmissible and not self.first.point.admissible:
-            yield End("stopped", "no motion to begin with: " + self.first.point.violations[0])
+            yield End("stopped", f"no motion to begin with: {self.curve.in_units(self.first.point).violations[0]}")
             return
         while True:
             state = state._replace(batch_size=min(state.batch_size, options.most - state.before))
@@ -83,7 +84,7 @@ class Tracer:
                         ([point], point, 1, None) if quiet else self._onward(last, point, index)
                     )
                 except OrbitsError as error:
-                    reason = NoOrbit(f"what happens next cannot be located ({error})")
+                    reason = NoOrbit(Message("what happens next cannot be located ({error})", error=error))
                     batch = batch._replace(rejection=reason, length=0.5 * point.length)
                     break
                 if index + added >= options.most:
@@ -98,8 +99,8 @@ class Tracer:
                 ends += [point] if point.parts else []
             state = self._after(state._replace(last=last, before=index), batch, ends)
             gives_up = state.length <= control.shortest_step or state.rejections > control.most_rejections
-            if batch.failure or (batch.rejection and gives_up):
-                yield self.endings.lost(str(batch.rejection or batch.failure), last, history)
+            if (why := batch.rejection or batch.failure) and (batch.failure or gives_up):
+                yield self.endings.lost(why, last, history)
                 return
             batch = None
 

@@ -21,7 +21,7 @@ from ..symbolic.ipopt import Minimum
 from .nlp import DEMAND_MARGIN, DesignPoint, Ties, Weights, design_point
 from .optimality import Design, optimum_at
 from .problem import DesignProblem, Outputs
-from .quantities import base_statement
+from .quantities import base_statement, without_contact
 
 # The cost of a nonlinear program is the objective, with the constraints held; or the violations and a little of the
 # objective, until the constraints are met; or the violations alone, to see whether they can be met at all.
@@ -183,7 +183,7 @@ def _correct(search: LocalSearch, x: np.ndarray) -> tuple[Machine, Orbit, bool]:
     if change > LARGEST_CORRECTION or orbit.family != search.first.family:
         raise NoOrbit("the nonlinear program leads to another orbit")
     if orbit.contact_time is None:
-        raise NoOrbit("; ".join(orbit.violations))
+        raise without_contact(machine, orbit)
     return machine, orbit, bool(change < AGREEMENT + SWING * np.max(np.abs(theta - x[:k]) / units))
 
 

@@ -23,7 +23,7 @@ from ..periodic.orbit import Orbit
 from ..symbolic.ipopt import Minimiser, Minimum
 from ..symbolic.kept import kept
 from .problem import Outputs
-from .quantities import ABSENT, Place, expressions, extreme_values, extremes_of, locate
+from .quantities import ABSENT, Place, expressions, extreme_values, extremes_of, locate, without_contact
 
 # What is demanded of a motion stays this far above zero, in the machine's units: a motion that just touches is refused.
 DEMAND_MARGIN = 1e-9
@@ -240,13 +240,13 @@ def design_point(machine: Machine, orbit: Orbit, outputs: Outputs, ties: Ties | 
     """
     model, p = machine.model, dict(machine.values)
     if orbit.contact_time is None:
-        raise NoOrbit("; ".join(orbit.violations))
-    demands = tuple(name for name in outputs.demands if locate(model, orbit, p, extremes_of(name)[0]))
+        raise without_contact(machine, orbit)
+    demands = tuple(name for name in outputs.demands if locate(machine, orbit, extremes_of(name)[0]))
     outputs = replace(outputs, demands=demands)
     names = outputs.quantities(model, p)
     times: dict[Place, float] = {}
     for extreme in dict.fromkeys(extreme for name in names for extreme in extremes_of(name)):
-        located = locate(model, orbit, p, extreme)
+        located = locate(machine, orbit, extreme)
         if located is None:
             raise NoOrbit(f"the orbit has no {ABSENT[extreme]}")
         times |= {located[0]: located[1]} | dict((ties or {}).get(extreme, ()))

@@ -122,7 +122,8 @@ def pareto(
         starting = starting_points(machine, problems[0], starts, seed) if starts else []
         # Where one design is best in both objectives there are no levels between the ends.
         (_, high), (_, low) = map(_objectives, ends)
-        levels = np.linspace(high, low, points)[1:-1].tolist() if _dominates([low], [high]) else []
+        apart = _dominates([low], [high])
+        levels = np.linspace(high, low, points)[1:-1].tolist() if apart else []
         for i, level in enumerate(levels):
             problem = _with_bound(problems[0], texts[1], level, machine)
             known = [{**d.parameters, "orbit": d.orbit} for d in dict.fromkeys((designs[-1], *ends))]
@@ -131,7 +132,7 @@ def pareto(
             except OrbitsError as error:
                 refused.append((level, f"none found from {len(known) + len(starting)} starts: {error}"))
             report((i + 3) / points)
-        designs += ends[1:] if levels or points == 2 else []
+        designs += ends[1:] if apart else []
         front = [d for d in designs if not any(_dominates(_objectives(other), _objectives(d)) for other in designs)]
         return Front(texts, tuple(sorted(front, key=_objectives)), tuple(refused), time.perf_counter() - began)
 

@@ -14,9 +14,10 @@ import casadi as ca
 import numpy as np
 
 from ..errors import InputError, NoOrbit
+from ..model.machine import Machine
 from ..model.model import Model
 from ..model.phase import Affine, Arc, Phase, Statement
-from ..model.units import DIMENSIONS
+from ..model.units import DIMENSIONS, Message, in_units
 from ..numerics.roots import bracketed_root
 from ..periodic.formulations import half_orbit
 from ..periodic.local_law import by_launch_speed, launch_power, loss_coefficient
@@ -117,15 +118,22 @@ def _compiled(model, names, extreme, index):
     return ca.Function("extreme", [x, p], [ca.densify(value), rate])
 
 
-def locate(model: Model, orbit: Orbit, p: Mapping, name: str) -> tuple[Place, float] | None:
-    """The place of an extreme on an orbit and its time from the start of the phase, or None if there is none.
+def without_contact(machine: Machine, orbit: Orbit) -> NoOrbit:
+    """The error of a dimensionless orbit of a machine whose contact does not end."""
+    return NoOrbit(in_units(Message.joined("; ", orbit.violations), machine.units))
+
+
+def locate(machine: Machine, orbit: Orbit, name: str) -> tuple[Place, float] | None:
+    """The place of an extreme on a machine's dimensionless orbit and its time from the start of the phase, or None if
+    there is none.
 
     Raises `NoOrbit` for a contact that does not end.
     """
+    model, p = machine.model, machine.values
     best, largest, data = None, -np.inf, list(p.values())
     for index, (phase, _) in enumerate(extreme_of(model, name)):
         if (path := getattr(orbit, phase)) is None:
-            raise NoOrbit("; ".join(orbit.violations))
+            raise without_contact(machine, orbit)
         count = SAMPLES_PER_STEP * len(path.steps)
         t = np.interp(np.arange(count + 1) / SAMPLES_PER_STEP, np.arange(len(path.times)), path.times)
         function = _compiled(model, tuple(p), name, index)

@@ -77,5 +77,5 @@ def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
         raise InputError(f"quantities are a list: ['{names}']")
     if names is not None:
         return list(names)
-    model, p, bare = machine.model, machine.values, orbit.dimensionless()
-    return [name for name in quantity_names(model, p) if all(locate(model, bare, p, e) for e in extremes_of(name))]
+    known, bare = quantity_names(machine.model, machine.values), orbit.dimensionless()
+    return [name for name in known if all(locate(machine, bare, extreme) for extreme in extremes_of(name))]

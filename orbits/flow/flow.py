@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from ..model.closed_form import Oscillator, ThrownOscillator
 from ..model.phase import Phase
+from ..model.units import LENGTH, TIME, Message, Quantity, dimension_of_state
 from ..numerics.roots import Array
 from ..symbolic import interrupts
 from ..symbolic.calls import BufferedFunction, ElementwiseFunction
@@ -73,7 +74,8 @@ class Flow:
         """
         x, p = np.array(start, dtype=float), np.asarray(p, dtype=float)
         if not (np.isfinite(x).all() and np.isfinite(p).all() and duration > 0):
-            raise FlowError(f"the {self.phase.name} cannot start from {x} for a time {duration}")
+            text, time = "the {name} cannot start from {place} for a time {time:g}", Quantity(duration, TIME)
+            raise FlowError(Message(text, name=self.phase.name, place=self._described(x), time=time))
         if self.phase.closed_form and (parameter_seeds is None or not parameter_seeds.any()):
             return self._run_in_closed_form(x, p, duration, seeds, stop)
         return self._integrate(x, p, duration, seeds, parameter_seeds, stop)
@@ -142,7 +144,8 @@ class Flow:
             if halt:
                 break
         if not halt and count * step < duration * (1 - STEP_ROUNDING):
-            raise FlowError(f"the {self.phase.name} takes too many steps, at {self._described(start)}")
+            text = "the {name} takes too many steps, at {place}"
+            raise FlowError(Message(text, name=self.phase.name, place=self._described(start)))
         c = np.concatenate(blocks)
         variations = np.zeros((self.size, 0)) if seeds is None else form.transition(end) @ seeds
         return Trajectory(np.append(step * np.arange(len(c)), end), c, (*self.phase.states, *form.watch)), variations
@@ -171,7 +174,7 @@ class Flow:
             h = steps[count - 1]
             if np.abs(x).max() > self.control.runaway:
                 kind = RunsAway if h > self.control.singular_step else BreaksDown
-                raise kind(f"the {self.phase.name} runs away at time {times[-1]:.6g}, at {self._described(x)}")
+                raise kind(self._failure("runs away", times[-1], x))
             if stopped:
                 break
             if duration - times[-1] < SAME_TIME * duration:
@@ -186,7 +189,7 @@ class Flow:
         accepted = (steps > self.control.shortest_step * max(t, 1.0)) & np.isfinite(c).all((1, 2))
         if not accepted[0] or taken > self.control.max_steps:
             reason, kind = ("takes too many steps", FlowError) if accepted[0] else ("breaks down", BreaksDown)
-            raise kind(f"the {self.phase.name} {reason} at time {t:.6g}, at {self._described(c[0, :, 0])}")
+            raise kind(self._failure(reason, t, c[0, :, 0]))
         count = len(steps) if accepted.all() else int(np.argmin(accepted))
         return steps[:count], c[:count]
 
@@ -204,8 +207,16 @@ class Flow:
             return halt[0] + 1, halt[1], 0, True
         return count, last, side, False
 
-    def _described(self, x: Array) -> str:
-        return ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.phase.states, x, strict=False))
+    def _failure(self, what: str, t: float, x: Array) -> Message:
+        """What happens to a motion in a state at a time, in words."""
+        text, time = "the {name} {what} at time {time:.6g}, at {place}", Quantity(t, TIME)
+        return Message(text, name=self.phase.name, what=what, time=time, place=self._described(x))
+
+    def _described(self, x: Array) -> Message:
+        """The names of the states and their numbers."""
+        told = zip(self.phase.states, x.tolist(), strict=False)
+        place = [(name, Quantity(value, dimension_of_state(name))) for name, value in told]
+        return Message.joined(", ", [Message("{name} = {value:.6g}", name=name, value=value) for name, value in place])
 
     @cached_property
     def vector_field(self) -> VectorField:
@@ -350,8 +361,9 @@ class Flow:
         """The error of a motion that leaves the range of its law at the state `x`."""
         breaks, pieces = self.piece_table(p)[0], self.phase.pieces
         assert pieces is not None
-        place, bounds = float(self.coordinate @ x), f"[{breaks[0]:.6g}, {breaks[-1]:.6g}]"
-        return OutOfRange(f"the {pieces.label} reaches {place:.6g}, outside the law's range {bounds}")
+        text = "the {label} leaves the law's range, [{low:.6g}, {high:.6g}], at {place:.6g}"
+        low, high, place = (Quantity(float(number), LENGTH) for number in (breaks[0], breaks[-1], self.coordinate @ x))
+        return OutOfRange(Message(text, label=pieces.label, low=low, high=high, place=place))
 
 
 def _rows_used(seeds: Array) -> tuple[int, ...]:

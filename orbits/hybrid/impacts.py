@@ -20,6 +20,7 @@ from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zeros
 from ..model.machine import ImpactingMachine, check_machine
 from ..model.phase import Affine
+from ..model.units import SPEED, Message, Quantity
 from ..numerics.bernstein import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..periodic.certificate import gradients
@@ -177,7 +178,7 @@ class Impacts:
         try:
             path, _ = self.contact.run(y, self.p, limit, stop=end)
         except FlowError as error:
-            return None, status_of_failure(error, "contact"), str(error)
+            return None, status_of_failure(error, "contact"), error.args[0]
         if end.outcome or not endless:
             return path, end.outcome, ""
         return path, "collapses" if np.abs(path.end).max() > limit else "rests", ""
@@ -323,6 +324,12 @@ def status_of_failure(error: FlowError, phase: str) -> str:
     if isinstance(error, RunsAway) and phase == "flight":
         return "carried_off"
     return "collapses" if isinstance(error, RunsAway | BreaksDown) else "lost"
+
+
+def no_launch(alpha: float) -> Message:
+    """Why a machine does not leave the ground at a launch speed."""
+    text = "alpha = {alpha:g} is no launch: the damper is too strong for the contact to open"
+    return Message(text, alpha=Quantity(alpha, SPEED))
 
 
 def injected(inject: object) -> float:

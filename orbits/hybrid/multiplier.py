@@ -13,10 +13,10 @@ from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
 from ..model.machine import ImpactingMachine, dimensionless
-from ..model.units import SPEED, without_units
+from ..model.units import DIMENSIONS, SPEED, Message, Quantity, without_units
 from ..periodic.local_law import loss_coefficient
 from ..symbolic.exclusive import exclusive
-from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts
+from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts, no_launch
 
 TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, is tangential
 
@@ -39,7 +39,7 @@ def multiplier(machine: ImpactingMachine, alpha: float) -> float:
     low, high = impacts.launch(np.array([alpha - step, alpha + step]))
     change = (high - low) / (2 * step)
     if not impacts.opens(x[None])[0]:
-        raise NoOrbit(f"alpha = {alpha:g} is no launch: the damper is too strong for the contact to open")
+        raise NoOrbit(no_launch(alpha))
     for _ in range(CAP):
         x, change = _through_flight(impacts, alpha, x, change, order)
         (held,), (x,), *_ = impacts.landing(x[None])
@@ -55,7 +55,7 @@ def _follow(flow: Flow, p, x, change, limit: float, stop) -> tuple[np.ndarray, n
     try:
         path, variations = flow.run(x, p, limit, seeds=change[:, None], stop=stop)
     except FlowError as error:
-        raise NoOrbit(f"the {flow.phase.name} does not end: {error}") from None
+        raise NoOrbit(Message("the {name} does not end: {error}", name=flow.phase.name, error=error)) from None
     assert variations is not None  # there are seeds
     return path.end[: flow.size], variations[:, 0]
 
@@ -67,20 +67,22 @@ def _through_flight(impacts: Impacts, alpha: float, x, change, order: int) -> tu
     speed = float(impacts.gap_speed @ x)
     if order == LIFTOFF_ORDER and abs(speed) < TANGENTIAL * alpha:  # later bounces may be arbitrarily slow
         law = _one_sided(impacts, alpha, x, change)
-        raise NoOrbit(f"the landing is tangential, at speed {speed:.1e}: no multiplier; {law}")
+        raise NoOrbit(Message("the landing is tangential: no multiplier; {law}", law=law))
     rates = impacts.flight.rates(x, impacts.flight.data(x[None], impacts.p)[0])
     return x, change - rates * (np.array(impacts.gap.weights) @ change) / speed
 
 
-def _one_sided(impacts: Impacts, alpha: float, x, change) -> str:
+def _one_sided(impacts: Impacts, alpha: float, x, change) -> Message:
     """The power law that replaces the multiplier where a hop lands tangentially at `x`."""
     jerk, slope = -impacts.gap_rates(x[None])[0, 0], float(np.array(impacts.gap.weights) @ change)
     if not jerk > 0 or slope == 0:
-        return "nor a power law"
+        return Message("nor a power law")
     mass = impacts.model.impact_mass(impacts.values)
+    text = "alpha {first} d loses {c:.4g} d**(4/3), alpha {other} d {more:.4g} d**(4/3)"
     c = loss_coefficient(mass, jerk, abs(slope), impacts.launch_inertia * alpha)
     first, other = ("+", "-") if slope > 0 else ("-", "+")
-    return f"alpha {first} d loses {c:.4g} d**(4/3), alpha {other} d {10 * c:.4g} d**(4/3)"
+    losses = {name: Quantity(loss, DIMENSIONS["loss_coefficient"]) for name, loss in (("c", c), ("more", 10 * c))}
+    return Message(text, first=first, other=other, **losses)
 
 
 def _through_contact(impacts: Impacts, y, change) -> float:

@@ -20,7 +20,7 @@ from ..flow.zero_crossing import first_zero
 from ..io import fields_in_line
 from ..model.machine import ImpactingMachine, check_machine, dimensionless
 from ..model.phase import Affine
-from ..model.units import ENERGY, LENGTH, SPEED, TIME, Units, noted, unit_text, without_units
+from ..model.units import ENERGY, LENGTH, SPEED, TIME, Message, Quantity, Units, in_units, unit_text, without_units
 from ..numerics.bernstein import lowest
 from ..plot import Report
 from ..symbolic import interrupts
@@ -33,6 +33,7 @@ from .impacts import (
     Impacts,
     decided_impacts,
     injected,
+    no_launch,
     status_of_failure,
 )
 from .schedule import Inputs, Schedule, check_scheduled, parsed_schedule
@@ -271,7 +272,7 @@ def run_in_units(run: Simulation, units: Units, machine: ImpactingMachine) -> Si
     pairs = zip(run.events, states, strict=True)
     events = tuple(replace(units.convert(event, **energies), **changed) for event, changed in pairs)
     launches, end = run.launches * units.of(SPEED), run.end * units.time
-    reason = noted(run.reason)
+    reason = in_units(run.reason, units)
     return replace(run, legs=legs, events=events, launches=launches, end=end, machine=machine, reason=reason)
 
 
@@ -282,7 +283,7 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
     if alpha is not None:
         x, alpha = _launch_state(impacts, alpha)
         if not impacts.opens(x)[0]:
-            raise InputError(f"alpha = {alpha:g} is no launch: the damper is too strong for the contact to open")
+            raise InputError(no_launch(alpha))
         return x[0], alpha, LIFTOFF_ORDER
     x = np.array(state)
     gap, speed, tolerance = impacts.gap(x), float(x @ impacts.gap_speed), TOUCHING * (1 + np.abs(x).max())
@@ -293,7 +294,7 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
             return x, None, LIFTOFF_ORDER  # just lifting off
         return x, None, None if force >= 0 else 2
     if not gap > 0:
-        raise InputError(f"state = {state!r}: its gap is {gap:.6g} and must be open")
+        raise InputError(Message("state: its gap is {gap:.6g} and must be open", gap=Quantity(gap, LENGTH)))
     return x, None, 0
 
 
@@ -306,7 +307,8 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
         named = {name: finite_number(name, launch[name]) for name in names}
         return np.array([impacts.model.launch(named, impacts.values)], dtype=float), named["alpha"]
     if not 0 < (alpha := finite_number("alpha", launch)) <= FASTEST_LAUNCH:
-        raise InputError(f"alpha = {alpha:g}; a launch speed is above 0 and at most {FASTEST_LAUNCH:g}")
+        text = "alpha = {alpha:g}; a launch speed is above 0 and at most {most:g}"
+        raise InputError(Message(text, alpha=Quantity(alpha, SPEED), most=Quantity(FASTEST_LAUNCH, SPEED)))
     return impacts.launch(np.array([alpha])), alpha
 
 
@@ -345,7 +347,7 @@ class _Run:
             try:
                 path, _ = self.impacts.flight.run(x, self.impacts.p, left, stop=first_zero(self.impacts.gap, order))
             except FlowError as error:
-                self.reason = str(error)
+                self.reason = error.args[0]
                 return status_of_failure(error, "flight"), x, False
             closed = path.times[-1] < left
             cut = not closed and until < min(self.time, last)

@@ -4,12 +4,11 @@ The engine computes without dimensions. A result's number has a dimension by its
 apostrophe at the end of a speed's name. Where a machine has `Units`, its public results are converted to SI by them.
 """
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
-from typing import Any, NotRequired, TypedDict, TypeVar
+from typing import Any, NamedTuple, NotRequired, Self, TypedDict, TypeVar
 
 import numpy as np
 
@@ -21,7 +20,8 @@ Dimension = tuple[float, ...]
 Record = TypeVar("Record")
 
 LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
-SPEED, SPEED_SQUARED, MASS, ACCELERATION = (1, -1, 0), (2, -2, 0), (-1, 2, 1), (1, -2, 0)
+SPEED, SPEED_SQUARED, ACCELERATION, JERK = (1, -1, 0), (2, -2, 0), (1, -2, 0), (1, -3, 0)
+MASS = (-1, 2, 1)
 # Dimensions of results by name. The loss coefficient is a loss of speed per speed to the power 4/3; the loss of a hop
 # of the map is one of the speed's square.
 DIMENSIONS: dict[str, Dimension] = {
@@ -29,7 +29,7 @@ DIMENSIONS: dict[str, Dimension] = {
     **dict.fromkeys(("flight_time", "contact_time", "period"), TIME),
     **dict.fromkeys(("liftoff_extension", "stroke", "clearance", "smallest_separation"), LENGTH),
     **dict.fromkeys(("smallest_contact_force", "largest_contact_force", "largest_spring_force"), FORCE),
-    "landing_jerk": (1, -3, 0),
+    "landing_jerk": JERK,
     "landing_sensitivity": TIME,
     **dict.fromkeys(("loss_coefficient", "loss_error"), (-1 / 3, 1 / 3, 0)),
 }
@@ -38,8 +38,6 @@ UNKNOWNS: dict[str, Dimension] = {
     **dict.fromkeys(("duration", "contact_duration"), TIME),
     **{"alpha": SPEED, "liftoff": LENGTH, "unfolding": ()},
 }
-# What follows a message whose numbers are without dimensions.
-NOTE = " (numbers in the units of machine.dimensionless())"
 # A power is told as a fraction where one with such a denominator is the same: those of formulas have nine digits.
 LARGEST_DENOMINATOR, SAME_POWER = 12, 2e-9
 # The powers of a unit in a file, of which there are few, stay far from the bounds of numbers.
@@ -71,12 +69,12 @@ class Units:
     def of_states(self, names: Sequence[str], own: Mapping[str, Dimension] | None = None) -> np.ndarray:
         """The units (n,) of states, lengths or speeds, by their names; `own` has the dimensions of other rows."""
         own = {"contact force": FORCE, **(own or {})}
-        return np.array([self.of(own.get(name, SPEED if name.endswith("'") else LENGTH)) for name in names])
+        return np.array([self.of(own.get(name) or dimension_of_state(name)) for name in names])
 
     def without(self, what: str, unknowns: Mapping[str, Any]) -> dict[str, float]:
         """Unknowns of a launch or half an orbit, by name, without these units; raises `InputError` for what is no
         number."""
-        sizes = {name: UNKNOWNS.get(name, SPEED if str(name).endswith("'") else LENGTH) for name in unknowns}
+        sizes = {name: UNKNOWNS[name] if name in UNKNOWNS else dimension_of_state(str(name)) for name in unknowns}
         return {name: finite_number(f"{what} '{name}'", unknowns[name]) / self.of(sizes[name]) for name in unknowns}
 
     def convert(self, record: Record, **own: Dimension) -> Record:
@@ -104,6 +102,11 @@ class Units:
         return Units(1 / self.length, 1 / self.time, 1 / self.force, self.energy and 1 / self.energy)
 
 
+def dimension_of_state(name: str) -> Dimension:
+    """The dimension of a state: of a speed, whose name ends with an apostrophe, or of a length."""
+    return SPEED if name.endswith("'") else LENGTH
+
+
 class SavedUnits(TypedDict):
     """`Units` in a file."""
 
@@ -124,23 +127,66 @@ def saved_units(data: Mapping[str, Any]) -> Units:
     return units
 
 
+class Quantity(NamedTuple):
+    """A number in a message, with its dimension; `unit` follows it once it is in SI."""
+
+    value: float
+    dimension: Dimension
+    unit: str = ""
+
+    def __format__(self, spec: str) -> str:
+        return f"{self.value:{spec}} {self.unit}".rstrip()
+
+    def in_units(self, units: Units) -> "Quantity":
+        """The same in these units; one that has its unit stays as it is."""
+        if self.unit:
+            return self
+        return Quantity(self.value * units.of(self.dimension), self.dimension, unit_text(self.dimension))
+
+
+class Message(str):
+    """A text that tells numbers with dimensions, which `in_units` tells in SI.
+
+    pattern : as for `str.format`
+    parts : what its names stand for: quantities, numbers without dimension, texts, and other messages or their errors
+    """
+
+    pattern: str
+    parts: dict[str, Any]
+
+    def __new__(cls, pattern: str, **parts: Any) -> Self:
+        text = super().__new__(cls, pattern.format(**parts))
+        text.pattern, text.parts = pattern, parts
+        return text
+
+    def __getnewargs_ex__(self) -> tuple[tuple[str], dict[str, Any]]:
+        return (self.pattern,), self.parts
+
+    @classmethod
+    def joined(cls, separator: str, texts: Iterable[str]) -> "Message":
+        """Texts, which may be messages, with a separator between."""
+        parts = {f"text{i}": text for i, text in enumerate(texts)}
+        return cls(separator.join(f"{{{name}}}" for name in parts), **parts)
+
+    def in_units(self, units: Units) -> "Message":
+        """The same in these units."""
+        return Message(self.pattern, **{name: in_units(part, units) for name, part in self.parts.items()})
+
+
+def in_units(part: Any, units: Units | None) -> Any:
+    """A message, the message of an error, or a quantity, in these units; anything else as it is."""
+    part = part.args[0] if isinstance(part, OrbitsError) and part.args else part
+    return part.in_units(units) if units and isinstance(part, Message | Quantity) else part
+
+
 @contextmanager
 def without_units(units: Units | None) -> Iterator[None]:
-    """Where a machine with units is computed without: an error that tells a number says what its units are."""
+    """Where a machine with units is computed without: an error tells its quantities in the machine's units."""
     try:
         yield
     except OrbitsError as error:
-        if units is None or (text := noted(str(error))) == str(error):
-            raise
-        told = type(error)(text)
-        told.index = error.index
-        raise told from error
-
-
-def noted(text: str) -> str:
-    """A message of the engine about a machine in SI: where it tells a number, with a note on its units, once."""
-    told = re.search(r"[=(, ] ?-?\d", text) and not text.endswith(NOTE)
-    return text + NOTE if told else text
+        error.args = (in_units(error, units),)
+        raise
 
 
 def unit_text(dimension: Dimension) -> str:

@@ -11,6 +11,7 @@ from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..model.model import Model
 from ..model.phase import Phase
+from ..model.units import JERK, LENGTH, TIME, Message, Quantity
 from ..numerics.bernstein import derivative, evaluate
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import ElementwiseFunction
@@ -178,10 +179,14 @@ def _gaps(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Vi
     gaps = halves.series(model.gap(cycles.p_of_halves))
     jerk = (6 * gaps[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
     clearance, when = _least_of_halves(cycles, *_lowest_minima(halves, gaps))
-    opens, meets = "the gap opens the wrong way at landing (landing jerk", model.violations["gap"]
-    violations = [(i, f"{opens} {-jerk[i]:.3g}, must be negative)") for i in np.flatnonzero(jerk <= 0).tolist()]
+    violations = list[Violation]()
+    for i in np.flatnonzero(jerk <= 0).tolist():
+        text = "the gap opens the wrong way at landing (landing jerk {jerk:.3g}, must be negative)"
+        violations.append((i, Message(text, jerk=Quantity(-jerk[i], JERK))))
     for i in np.flatnonzero(clearance <= 0).tolist():
-        violations.append((i, f"{meets} at t = {when[i]:.6g} of the flight (height {clearance[i]:.3g})"))
+        text, time = "{meets} at t = {time:.6g} of the flight (height {height:.3g})", Quantity(when[i], TIME)
+        height = Quantity(clearance[i], LENGTH)
+        violations.append((i, Message(text, meets=model.violations["gap"], time=time, height=height)))
     return jerk, clearance, violations
 
 
@@ -237,8 +242,10 @@ def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarra
     at_once = force[contacts.first, 1] <= 0
     at_once[pulling] = False
     places = zip(cycles.with_contact[pulling].tolist(), times[inside][first], strict=True)
-    violations += [(i, f"{pulls} in contact at t = {time:.6g}") for i, time in places]
-    violations += [(i, f"{pulls} as soon as the contact begins") for i in cycles.with_contact[at_once].tolist()]
+    text = "{pulls} in contact at t = {time:.6g}"
+    violations += [(i, Message(text, pulls=pulls, time=Quantity(time, TIME))) for i, time in places]
+    text = "{pulls} as soon as the contact begins"
+    violations += [(i, Message(text, pulls=pulls)) for i in cycles.with_contact[at_once].tolist()]
     return least, peaks, violations
 
 
@@ -259,7 +266,9 @@ def _separations(model: Model, cycles: Cycles) -> tuple[np.ndarray, list[Violati
         least[these], where[these] = low[lower], "contact"
         when[these] = contacts.time(np.flatnonzero(lower), piece[lower], t[lower])
     found[cycles.with_contact] = least[cycles.with_contact]
-    meets, violations = model.violations["separation"], list[Violation]()
+    violations = list[Violation]()
     for i in np.flatnonzero(~(least > 0)).tolist():
-        violations.append((i, f"{meets} at t = {when[i]:.6g} of the {where[i]} (separation {least[i]:.3g})"))
+        text, time = "{meets} at t = {time:.6g} of the {phase} (separation {least:.3g})", Quantity(when[i], TIME)
+        numbers = {"time": time, "phase": where[i], "least": Quantity(least[i], LENGTH)}
+        violations.append((i, Message(text, meets=model.violations["separation"], **numbers)))
     return found, violations

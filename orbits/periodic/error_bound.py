@@ -8,6 +8,7 @@ from ..errors import NoOrbit
 from ..flow.flow import Flow
 from ..flow.trajectory import Trajectories, Trajectory
 from ..flow.vector_field import runge_kutta
+from ..model.units import SPEED, Message, Quantity
 from ..numerics.bernstein import powers
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
@@ -85,8 +86,9 @@ def _bounds_of_residuals(equations: Shooting, us, evaluation: Evaluation, closin
     shared = np.maximum(np.linalg.norm(inverse, axis=1) * rounding, _carried_rounding(equations, evaluation, inverse))
     floor, doubtful = shared + np.spacing(alpha), {}
     for i in np.flatnonzero(found > np.maximum(WORST_ERROR * alpha, DOUBTFUL_RATIO * floor)).tolist():
-        off = f"launch speed {alpha[i]:.6g} may be off by {found[i]:.1e}"
-        doubtful[i] = NoOrbit(f"the orbit cannot be certified: {off}{NARROW}")
+        text = "the orbit cannot be certified: launch speed {alpha:.6g} may be off by {error:.1e}{narrow}"
+        numbers = {"alpha": Quantity(alpha[i], SPEED), "error": Quantity(found[i], SPEED)}
+        doubtful[i] = NoOrbit(Message(text, **numbers, narrow=NARROW))
     return found + floor, doubtful
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.machine import Machine, check_machine, dimensionless
 from ..model.model import NOISE, Model
-from ..model.units import SPEED, without_units
+from ..model.units import SPEED, TIME, Message, Quantity, without_units
 from ..numerics.roots import solve
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
@@ -157,10 +157,12 @@ def lowest_of_family(machine: Machine, family: int, method: str | None, progress
         if search is None:
             raise
         try:
-            return replace(_all_of_family(machine, family, method)[0], seconds=time.perf_counter() - began)
+            orbits = _all_of_family(machine, family, method, refusal=str(error))
+            return replace(orbits[0], seconds=time.perf_counter() - began)
         except NoOrbit as none:
-            further = (part for part in str(none).split("; ") if part not in str(error))  # not the same remedy again
-            raise type(error)("; ".join([str(error), *further])) from None
+            if str(none) in str(error):
+                raise error from None
+            raise type(error)(Message("{error}; {none}", error=error, none=none)) from None
     if search is None or search.single or solved_by == "closed form":
         return orbit
     try:
@@ -173,9 +175,10 @@ def lowest_of_family(machine: Machine, family: int, method: str | None, progress
 
 
 def _all_of_family(
-    machine: Machine, family: int, method: str | None, fastest: float | None = None, progress: Progress = None
-) -> tuple[Orbit, ...]:
-    """All orbits of a family, as in `find_all`."""
+    machine: Machine, family: int, method: str | None, fastest: float | None = None, progress: Progress = None,
+    refusal: str = "",
+) -> tuple[Orbit, ...]:  # fmt: skip
+    """All orbits of a family, as in `find_all`; what is said with a `refusal` already is not said again."""
     model, p, began = machine.model, machine.values, time.perf_counter()
     if not (model.search and model.reversor):
         raise InputError(f"the families of a {model.name} are not searched: give find_all starts")
@@ -186,10 +189,12 @@ def _all_of_family(
         if only.family != family:
             raise NoOrbit(another_family(family, only.family))
         if fastest is not None and only.alpha > fastest:
-            raise NoOrbit(f"the only orbit of family {family} has the launch speed {only.alpha:.6g}, above {fastest:g}")
+            text = "the only orbit of family {family} has the launch speed {alpha:.6g}, above {fastest:g}"
+            speeds = {"alpha": Quantity(only.alpha, SPEED), "fastest": Quantity(fastest, SPEED)}
+            raise NoOrbit(Message(text, family=family, **speeds))
         return (replace(only, known_in_family=1),)
     lateness = Lateness(machine, "relative" if method == "relative" else "half orbit", family, model.search(p))
-    found, refused = list[Orbit](), ""
+    found, refused = list[Orbit](), Message("")
     cells, abouts = lateness.cells(fastest)
     for i, (cell, about) in enumerate(zip(cells, abouts, strict=True)):
         if progress:
@@ -199,11 +204,13 @@ def _all_of_family(
             if orbit and not any(_same(orbit, other) for other in found):
                 found.append(orbit)
         except NoOrbit as error:
-            refused = f"; the one near {about:.6g} is refused: {error}"
+            text = "; the one near {about:.6g} is refused" + ("" if str(error) in refusal else ": {error}")
+            refused = Message(text, about=Quantity(float(about), SPEED), error=error)
     if not found:
-        low, high = lateness.searched
+        text = "a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}"
         stopped = f", stopped after {lateness.launches} launches," if lateness.stopped else ""
-        raise NoOrbit(f"a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}")
+        low, high = (Quantity(speed, SPEED) for speed in lateness.searched)
+        raise NoOrbit(Message(text, low=low, high=high, stopped=stopped, refused=refused))
     return tuple(replace(orbit, known_in_family=len(found)) for orbit in found)
 
 
@@ -248,7 +255,7 @@ def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str
     try:
         return method, Root(*correct(np.array([stated[name] for name in names]), vector(machine.values)))
     except FlowError as error:
-        raise NoOrbit(f"the start cannot be followed: {error}") from None
+        raise NoOrbit(Message("the start cannot be followed: {error}", error=error)) from None
 
 
 def _opening(machine: Machine, method: str | None, closed_form: str = "closed form") -> tuple[str, Shooting, Callable]:
@@ -328,7 +335,9 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
     stated = {"unfolding": 0.0, **{name: finite_number(f"start '{name}'", value) for name, value in start.items()}}
     for name in ("duration", "contact_duration"):
         if not 0 < stated.get(name, 1.0) < LONGEST_START:
-            raise InputError(f"start '{name}' = {stated[name]:g}; it lies between 0 and {LONGEST_START:g}")
+            text, times = "start '{name}' = {time:g}; it lies between 0 and {most:g}", (stated[name], LONGEST_START)
+            time, most = (Quantity(number, TIME) for number in times)
+            raise InputError(Message(text, name=name, time=time, most=most))
     return stated
 
 

@@ -14,6 +14,7 @@ from ..flow.trajectory import Trajectories
 from ..flow.zero_crossing import first_zero, until_zero
 from ..model.model import Model, Reduction
 from ..model.phase import Affine, Arc, Phase, Statement
+from ..model.units import Message
 from ..numerics.roots import solve
 from .single_shooting import Evaluation, Shooting, shooting_equations
 
@@ -199,7 +200,7 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
         landing = _landing_by(alpha, evaluation, model.reversor)
         return flight, flight, landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
     for i in np.flatnonzero(np.abs(u["unfolding"]) * u["duration"] > LARGEST_UNFOLDING).tolist():
-        reason = f"with the energy pumped at the rate {u['unfolding'][i]:.3g}: this model has no lossless orbit here"
+        reason = "with energy pumped in or taken out all the time: this model has no lossless orbit here"
         raise NoOrbit(f"the landing conditions hold only {reason}").about(i)
     landing = (evaluation.transitions[0] @ evaluation.starts[0])[:, :, alpha]
     return flight, halved(flight), landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
@@ -245,7 +246,8 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
             path, _ = flow.run(starts[i], ps[i], limits[i], stop=first_zero(*end) if model.one_speed else None)
             found[i] = model.violations["end"] if model.one_speed and not path.times[-1] < limits[i] else path
         except FlowError as error:
-            found[i] = f"contact: {error}" if isinstance(error, OutOfRange) else model.violations["end"]
+            left = Message("contact: {error}", error=error) if isinstance(error, OutOfRange) else None
+            found[i] = left or model.violations["end"]
     reasons = {i: contact for i, contact in sorted(found.items()) if isinstance(contact, str)}
     order = sorted(found.keys() - reasons.keys())
     return np.array(order, int), Trajectories.of([found[i] for i in order]) if order else None, reasons

@@ -14,7 +14,7 @@ from ..flow.trajectory import Trajectory
 from ..io import conform, one_line, read_file, write_json
 from ..model.machine import Machine
 from ..model.phase import Affine
-from ..model.units import UNIT_TEXTS, SavedUnits, Units, noted, saved_units
+from ..model.units import UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from ..numerics.bernstein import lowest
 from ..plot import Report, animate_orbit, plot_orbit, plot_phase_portrait
 from .certificate import Certificate
@@ -283,7 +283,8 @@ class Orbit:
             return cls._stated(data)
         if "bare" in data:  # The motion is that of the dimensionless orbit.
             bare = conform({**data["bare"], "format": ORBIT_FORMAT, "motion": data["motion"]}, SavedOrbit)
-            return orbit_in_units(cls._stated(bare), units, _machine_of(data))
+            orbit = orbit_in_units(cls._stated(bare), units, _machine_of(data))
+            return replace(orbit, certificate=replace(orbit.certificate, violations=tuple(data["violations"])))
         orbit = cls._stated(data)
         # A file of an orbit in SI that says no units has dimensionless numbers, from before results were in SI.
         if "units" not in data:
@@ -386,8 +387,9 @@ def orbit_in_units(orbit: Orbit, units: Units, machine: Mapping[str, Any]) -> Or
 
 
 def certificate_in_units(certificate: Certificate, units: Units) -> Certificate:
-    """A dimensionless certificate in these units; its words keep their numbers, with a note."""
-    return replace(units.convert(certificate), violations=tuple(map(noted, certificate.violations)))
+    """A dimensionless certificate in these units."""
+    violations = tuple(in_units(violation, units) for violation in certificate.violations)
+    return replace(units.convert(certificate), violations=violations)
 
 
 def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:

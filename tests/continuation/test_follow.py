@@ -366,8 +366,9 @@ def test_an_isola_closes():
     assert [fold.alpha for fold in events(family, "fold")] == pytest.approx([FOLD_ALPHA] * 2, abs=1e-6)
     assert family[-1].u == pytest.approx(family[0].u, rel=1e-9)
     assert follow(machine, "q", 0.1).end.reason == "q = 0 again, on another sheet"
-    with pytest.raises(InputError, match="does not lie between"):
-        follow(machine, "q", (0.05, 0.1))
+    for start, bounds in ((0.0, (0.05, 0.1)), (0.5, (-1.0, -0.2)), (0.5, (-0.2, -1.0)), (-0.5, (0.2, 1.0))):
+        with pytest.raises(InputError, match="does not lie between"):
+            follow(machine, "q", bounds, start=start)
 
 
 def test_questions_about_quantities_and_values_that_are_not_there(softening, tmp_path):

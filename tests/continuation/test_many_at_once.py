@@ -143,7 +143,7 @@ def test_a_start_on_the_range_s_end(side):
     failed = first_zeros(rules.flight, starts, rules.p, rules.gap, 0.5)[2]
     assert isinstance(failed[1], OutOfRange)
     assert 0 not in failed
-    with pytest.raises(OutOfRange, match="outside the law's range"):
+    with pytest.raises(OutOfRange, match="leaves the law's range"):
         rules.flight.run(starts[1], rules.p, 0.5)
 
 

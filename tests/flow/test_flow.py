@@ -157,7 +157,7 @@ def test_a_step_that_is_no_number_does_not_end_a_motion():
 
 def test_outside_the_pieces_is_an_error_with_the_range():
     limited = Pieces((1.0, 0.0), 1, lambda p: ([-2.0, 1.0, 1.5], [[1.0], [1.0]]), "extension")
-    with pytest.raises(OutOfRange, match=r"extension reaches 1.5, outside the law's range \[-2, 1.5\]"):
+    with pytest.raises(OutOfRange, match=r"extension leaves the law's range, \[-2, 1.5\], at 1.5"):
         oscillator(bilinear, pieces=limited).run(START, [0.0], 10.0)
 
 

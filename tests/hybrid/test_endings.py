@@ -196,7 +196,7 @@ class TestStatuses:
         assert self.same(Hopper(self.table(-9.0, 3.0)), 4.6) == "out_of_range"  # stretched to 4.7
         run = simulate(Hopper(self.table(-5.5, 9.0)), 5.5, hops=1)  # pressed to -6.5 or so
         assert run.status == ReturnMap(Hopper(self.table(-5.5, 9.0)))(5.5).status == "out_of_range"
-        assert "outside the law's range" in run.reason
+        assert "leaves the law's range" in run.reason
         assert run.document()["reason"] == run.reason
 
     @pytest.mark.slow

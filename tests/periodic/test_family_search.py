@@ -8,6 +8,7 @@ import pytest
 import studies.search
 from orbits import InputError, NoOrbit, Orbit, find, find_all
 from orbits.errors import LONGEST_MESSAGE
+from orbits.periodic.family_search import Lateness
 from problems import Chain, Hopper, Juggler
 from problems.features import features
 from studies.search import Case
@@ -80,6 +81,17 @@ def test_the_lowest_is_found_where_gravity_wiggles():
 @pytest.mark.parametrize("machine", [Hopper, Juggler])
 def test_the_linear_family_has_one_orbit(machine):
     assert [orbit.alpha for orbit in find_all(machine("r"), family=2)] == [find(machine("r"), 2).alpha]
+
+
+@pytest.mark.parametrize("family", [1, 2, 5])
+def test_a_cell_encloses_its_orbit_and_a_secant_comes_near_it(family):
+    machine = Hopper("cubic")
+    lateness = Lateness(machine, "relative", family, machine.model.search(machine.values))
+    ((low, high),), (about,) = lateness.cells()
+    alpha = find(machine, family).alpha
+    assert low < alpha < high
+    assert np.sign(lateness(np.array([low, high]))[0]).tolist() == [1.0, -1.0]
+    assert about == pytest.approx(alpha, abs=1e-2 * (high - low))
 
 
 def test_the_fallback_is_a_search():

@@ -126,7 +126,7 @@ class TestTable:
 
     def test_refuses_to_extrapolate(self):
         law = springs.table((np.arange(-3.0, 4), np.arange(-3.0, 4)))
-        with pytest.raises(OutOfRange, match=r"outside the law's range \[-3, 3\]"):
+        with pytest.raises(OutOfRange, match=r"outside the law's range, \[-3, 3\]"):
             law(3.1)
 
     @pytest.mark.parametrize(

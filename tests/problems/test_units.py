@@ -14,7 +14,6 @@ import pytest
 from orbits import (
     Family,
     InputError,
-    NoOrbit,
     Orbit,
     ReturnMap,
     existence,
@@ -32,7 +31,7 @@ from orbits import (
     trace,
 )
 from orbits.io import to_json
-from orbits.model.units import DIMENSIONS, SPEED, unit_text, without_units
+from orbits.model.units import DIMENSIONS, SPEED, unit_text
 from problems import Hopper, gravity, hopper_in_si, juggler_in_si, springs, steering
 from problems.units import MachineInSI
 
@@ -419,12 +418,6 @@ def test_a_schedule_names_what_may_change_in_time():
         with pytest.raises(InputError, match="schedule: the machine has no parameter 'zz'") as raised:
             simulate(machine, 4.0, hops=1, schedule=([0.0, 1.0], {"zz": [1.0]}))
         assert "_noise" not in str(raised.value)
-
-
-def test_an_error_about_a_member_keeps_its_index():
-    with pytest.raises(NoOrbit, match="in the units of") as raised, without_units(LEG.units):
-        raise NoOrbit("alpha = 3").about(4)
-    assert raised.value.index == 4
 
 
 def test_powers_of_units():
