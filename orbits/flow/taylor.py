@@ -61,7 +61,7 @@ class TaylorStepper:
         self.rows = graph.size + graph.field.numel_out(1)
         self.step_function = _step_function(graph, columns, varied)
         self.kernel = Kernel(self._motion_function())
-        self._watching: dict[int, Kernel] = {}  # the kernels of `watch`, by the number of functions
+        self._watching: dict[tuple[int, int], Kernel] = {}  # of `watch`, by the functions and turns
 
     @property
     def compiled(self) -> bool:
@@ -98,12 +98,14 @@ class TaylorStepper:
         return Motions(z[:, :n], variations.swapaxes(1, 2), steps[:, 0], c, slopes.swapaxes(1, 2), counts, z[:, -2])
 
     def watch(
-        self, z: Array, p: Array, weights: Array, offsets: Array, limits: Array, most: int = 0
+        self, z: Array, p: Array, weights: Array, offsets: Array, limits: Array, most: int = 0, turns: int = 0
     ) -> tuple[Array, Array, Array, Array]:
         """Motions until an affine function may change its sign, or until their times reach the `limits` (m,).
 
         z : (m, n + 5 + q) as `watched_state` makes it; p (m, np) or (1, np)
         weights, offsets : (m, q, rows) and (m, q), of the q functions
+        turns : where it is given, the second function ends no motion before its sign at the ends of steps has changed
+            so often; the size of its sign in z is one more than the number of changes
 
         Returns z when each has ended; the coefficients (N, rows, K + 1) of the steps in which a function may change its
         sign, by Bernstein exclusion, or of all steps, at most so many where a number is given; what z was before each
@@ -111,11 +113,11 @@ class TaylorStepper:
         each motion.
         """
         count, size = offsets.shape
-        if size not in self._watching:
-            self._watching[size] = Kernel(_watch_function(self, size))
+        if (kind := (size, turns)) not in self._watching:
+            self._watching[kind] = Kernel(_watch_function(self, size, turns))
         data = [np.broadcast_to(p, (count, p.shape[1])), weights.reshape(count, -1), offsets, limits[:, None]]
         data.append(np.full((count, 1), float(most > 0)))
-        z, (c, before), counts, _ = self._watching[size](z, np.hstack(data), most=most or 1)
+        z, (c, before), counts, _ = self._watching[kind](z, np.hstack(data), most=most or 1)
         return z, c.reshape(-1, self.rows, TAYLOR_ORDER + 1), before, counts
 
     def watched_state(self, x: Array, times: Array, orders: Array, signs: Array) -> Array:
@@ -149,8 +151,8 @@ def _progress(n: int, size: int) -> ca.Function:
     return ca.Function("progress", [z, c, made], [ca.logic_and(finite, made[0] > 0), goes])
 
 
-def _watch_function(stepper: TaylorStepper, size: int) -> ca.Function:
-    """A step of `TaylorStepper.watch` with so many functions, as a `Kernel` iterates it."""
+def _watch_function(stepper: TaylorStepper, size: int, turns: int) -> ca.Function:
+    """A step of `TaylorStepper.watch` with so many functions and turns, as a `Kernel` iterates it."""
     n, rows = stepper.n, stepper.rows
     count = stepper.step_function.numel_in(1)
     z, data = ca.MX.sym("z", n + 5 + size), ca.MX.sym("p", count + size * (rows + 1) + 2)
@@ -158,21 +160,24 @@ def _watch_function(stepper: TaylorStepper, size: int) -> ca.Function:
     after, c, _, made = stepper.step_function(z[: n + 2], p)
     taken, goes = _progress(n, c.numel())(after, ca.vec(c), made)
     inside = ca.logic_and(taken, ca.mmax(ca.fabs(after[:n])) < FLOW_CONTROL.runaway)
-    changes, signs = _may_change_sign(rows, size)(c, made[0], tests, z[n + 3], z[n + 5 :])
+    changes, signs = _may_change_sign(rows, size, turns > 0)(c, made[0], tests, z[n + 3], z[n + 5 :])
     found = ca.logic_and(inside, changes)
     time = z[n + 2] + made[0]
     # A motion that runs away stays where it was, so that it can be followed from there by itself.
     new = ca.if_else(inside, ca.vertcat(after, time, 0, found, signs), ca.vertcat(z[:n], after[n:], z[n + 2 :]))
     goes = ca.logic_and(ca.logic_and(goes, ca.logic_not(found)), new[n + 2] < limit)
     goes = ca.logic_and(goes, made[1] > FLOW_CONTROL.shortest_step * z[n + 2])
+    if turns:
+        goes = ca.logic_and(goes, ca.fabs(new[n + 6]) <= turns)
     before = ca.vertcat(made[0], z[n + 1 :])
     return ca.Function("watch", [z, data], [new, c, before, ca.logic_and(inside, ca.logic_or(found, all_steps)), goes])
 
 
 @kept
-def _may_change_sign(rows: int, size: int) -> ca.Function:
+def _may_change_sign(rows: int, size: int, counts: bool) -> ca.Function:
     """(coefficients (K + 1, rows), step, weights (rows, size) and offsets (size,), order of the first function's zero,
-    signs (size,) before) -> whether an affine function may change its sign in the step, and the signs after it.
+    signs (size,) before) -> whether an affine function may change its sign in the step, and the signs after it. With
+    `counts` the second function is not asked; its sign grows by one where it is another after the step.
 
     As in `numerics.bernstein`: a polynomial has no zero where its Bernstein coefficients have one sign, and the sign at
     the start is that at the end of the step before.
@@ -183,6 +188,12 @@ def _may_change_sign(rows: int, size: int) -> ca.Function:
     for i in range(size):
         series = ca.vertsplit(c @ tests[i * rows : (i + 1) * rows])
         series[0] += tests[size * rows + i]
+        if counts and i == 1:
+            was = ca.if_else(before[i] == 0, series[0], before[i]) >= 0
+            ends = ca.dot(ca.vertcat(*series), ca.vertcat(*powers)) >= 0
+            size_before = ca.fmax(ca.fabs(before[i]), 1.0)
+            after.append(ca.if_else(ends, 1.0, -1.0) * (size_before + ca.if_else(was == ends, 0.0, 1.0)))
+            continue
         for skipped in range(1, HIGHEST_ORDER + 1) if i == 0 else ():
             shifted = [*series[1:], ca.SX(0)]
             series = [ca.if_else(order >= skipped, b, a) for a, b in zip(series, shifted, strict=True)]

@@ -95,7 +95,6 @@ class _ZeroSearch:
         self.flow, self.starts, self.ps, self.over = flow, starts, ps, over
         self.quantity, self.rising, self.all_steps = quantity, rising, all_steps
         self.limit, self.skip = np.broadcast_to(limit, count), np.broadcast_to(skip, count)
-        self.over_changes = np.zeros(count, int)
         self.times, self.rows = np.full(count, np.nan), np.full((count, len(flow.names)), np.nan)
         self.failed: dict[int, FlowError] = {}
         self.steps: list[tuple] = []  # the motion, length and coefficients of `all_steps` up to the zeros
@@ -151,10 +150,12 @@ class _ZeroSearch:
                 return
             interrupts.check()
             p = pieces.data if flow.phase.pieces else self.ps[remaining] if len(self.ps) > 1 else self.ps
-            z, c, before, counts = stepper.watch(z, p, *self._tests(pieces), self.limit[remaining], most)
+            turns = self.over[1] if self.over else 0
+            z, c, before, counts = stepper.watch(z, p, *self._tests(pieces), self.limit[remaining], most, turns)
             found = z[:, n + 4] > 0
-            late = ~found & (z[:, n + 2] >= self.limit[remaining])
-            broken = ~(found | late)
+            never = ~found & self._never(z)
+            self.times[remaining[never]] = np.inf
+            broken = ~(found | never | (z[:, n + 2] >= self.limit[remaining]))
             if not self.all_steps:
                 self.one_by_one(remaining[broken], z[broken, :n], z[broken, n + 2], z[broken, n + 3])
             else:
@@ -178,6 +179,10 @@ class _ZeroSearch:
         owners = np.repeat(remaining, counts)
         kept = np.repeat(found, counts)
         self.steps.append((owners[kept], before[kept, 0], c[kept]))
+
+    def _never(self, z: Array) -> Array:
+        """Which motions have passed so many zeros of `over`."""
+        return np.abs(z[:, self.flow.size + 6]) > self.over[1] if self.over else np.zeros(len(z), bool)
 
     def _tests(self, pieces: ActivePieces) -> tuple[Array, Array]:
         """Weights (m, q, rows) and offsets (m, q) of what may happen: the zero, the breakpoints, and the zero of
@@ -227,13 +232,12 @@ class _ZeroSearch:
             z[:, -2:] = of_ends
         if len(cut := np.flatnonzero(pieces.crossed)):
             z[cut, :n] = evaluate(c[cut, :n], steps[cut, None])
-            z[cut, n + 1], z[cut, n + 2], z[cut, n + 6 :] = LONGEST_STEP, times[cut] + steps[cut], 0.0
-        if self.over:
-            quantity, most = self.over
-            polynomials = PiecewisePolynomials(quantity.series(c), steps, each, polynomials.of_steps)
-            self.over_changes[remaining] += polynomials.count_roots(signs[:, 1])
-            z[:, n + 6] = polynomials.after
-            never = left & (self.over_changes[remaining] >= most)
-            self.times[remaining[never]] = np.inf
-            left &= ~never
+            z[cut, n + 1], z[cut, n + 2], z[cut, n + 6 + bool(self.over) :] = LONGEST_STEP, times[cut] + steps[cut], 0.0
+            if self.over:  # the sign at the end of the whole step is not that where it is cut
+                value, was = self.over[0](z[cut, :n]), signs[cut, 1]
+                turned = (value >= 0) != (np.where(was == 0, self.over[0](c[cut, :n, 0]), was) >= 0)
+                z[cut, n + 6] = np.where(value >= 0, 1.0, -1.0) * (np.maximum(np.abs(was), 1.0) + turned)
+        never = left & self._never(z)
+        self.times[remaining[never]] = np.inf
+        left &= ~never
         return left & (z[:, n + 2] < self.limit[remaining])
