@@ -31,6 +31,8 @@ ROOT = Path(__file__).parent.parent
 COPIED = ("orbits", "problems", "studies", "tests", "README.md", "pyproject.toml")
 # Rooms without tests of their own, with those of the rooms that use them first.
 TESTED_BY = {"model": ("flow", "periodic")}
+# What every room does for machines in SI is tested in one place.
+IN_SI = "tests/problems/test_units.py"
 SWAPPED = {
     **{ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult},
     **{ast.And: ast.Or, ast.Or: ast.And, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq},
@@ -54,9 +56,9 @@ class Mutation:
 
     @property
     def tests(self) -> tuple[str, ...]:
-        """The folders of the tests of the module's room."""
+        """Where the tests of the module's room are."""
         room = Path(self.module).parts[1]
-        return tuple(f"tests/{name}" for name in TESTED_BY.get(room, (room,)))
+        return *(f"tests/{name}" for name in TESTED_BY.get(room, (room,))), IN_SI
 
 
 @dataclass(frozen=True)
