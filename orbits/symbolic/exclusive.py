@@ -15,7 +15,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import casadi as ca
 
-from .interrupts import running
+from .heartbeat import running
 
 LOCK = threading.RLock()
 _P = ParamSpec("_P")
