@@ -6,6 +6,7 @@ X = (u, value), measured in units of its own size.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from itertools import groupby
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..model.machine import Machine, check_parameters
-from ..model.units import Units
+from ..model.units import Units, without_units
 from ..periodic.certificate import certify
 from ..periodic.error_bound import error_bounds
 from ..periodic.find import certified_orbit
@@ -205,6 +206,11 @@ class Curve:
         if not (units := self.machine.model.units):
             return None
         return units({**self.machine.values, **point.also, self.along: point.value})
+
+    def without_units(self, value: float) -> AbstractContextManager[None]:
+        """Where the curve is solved near a value of its parameter; see `without_units` of the units."""
+        units = self.machine.model.units
+        return without_units(units and units({**self.machine.values, self.along: value}))
 
     def in_units(self, point: Point) -> Point:
         """A dimensionless point in the machine's units: in SI where it is stated so."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from ..model.closed_form import Oscillator, ThrownOscillator
 from ..model.phase import Phase
-from ..model.units import LENGTH, TIME, Message, Quantity, dimension_of_state
+from ..model.units import LENGTH, TIME, Message, Quantity, described
 from ..numerics.roots import Array
 from ..symbolic import interrupts
 from ..symbolic.calls import BufferedFunction, ElementwiseFunction
@@ -74,8 +74,8 @@ class Flow:
         """
         x, p = np.array(start, dtype=float), np.asarray(p, dtype=float)
         if not (np.isfinite(x).all() and np.isfinite(p).all() and duration > 0):
-            text, time = "the {name} cannot start from {place} for a time {time:g}", Quantity(duration, TIME)
-            raise FlowError(Message(text, name=self.phase.name, place=self._described(x), time=time))
+            text, place = "the {name} cannot start from {place} for a time {time:g}", described(self.phase.states, x)
+            raise FlowError(Message(text, name=self.phase.name, place=place, time=Quantity(duration, TIME)))
         if self.phase.closed_form and (parameter_seeds is None or not parameter_seeds.any()):
             return self._run_in_closed_form(x, p, duration, seeds, stop)
         return self._integrate(x, p, duration, seeds, parameter_seeds, stop)
@@ -145,7 +145,7 @@ class Flow:
                 break
         if not halt and count * step < duration * (1 - STEP_ROUNDING):
             text = "the {name} takes too many steps, at {place}"
-            raise FlowError(Message(text, name=self.phase.name, place=self._described(start)))
+            raise FlowError(Message(text, name=self.phase.name, place=described(self.phase.states, start)))
         c = np.concatenate(blocks)
         variations = np.zeros((self.size, 0)) if seeds is None else form.transition(end) @ seeds
         return Trajectory(np.append(step * np.arange(len(c)), end), c, (*self.phase.states, *form.watch)), variations
@@ -210,13 +210,7 @@ class Flow:
     def _failure(self, what: str, t: float, x: Array) -> Message:
         """What happens to a motion in a state at a time, in words."""
         text, time = "the {name} {what} at time {time:.6g}, at {place}", Quantity(t, TIME)
-        return Message(text, name=self.phase.name, what=what, time=time, place=self._described(x))
-
-    def _described(self, x: Array) -> Message:
-        """The names of the states and their numbers."""
-        told = zip(self.phase.states, x.tolist(), strict=False)
-        place = [(name, Quantity(value, dimension_of_state(name))) for name, value in told]
-        return Message.joined(", ", [Message("{name} = {value:.6g}", name=name, value=value) for name, value in place])
+        return Message(text, name=self.phase.name, what=what, time=time, place=described(self.phase.states, x))
 
     @cached_property
     def vector_field(self) -> VectorField:

@@ -199,8 +199,9 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
     if model.reversor:
         landing = _landing_by(alpha, evaluation, model.reversor)
         return flight, flight, landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
-    for i in np.flatnonzero(np.abs(u["unfolding"]) * u["duration"] > LARGEST_UNFOLDING).tolist():
-        reason = "with energy pumped in or taken out all the time: this model has no lossless orbit here"
+    pumped = np.abs(u["unfolding"]) * u["duration"]
+    for i in np.flatnonzero(pumped > LARGEST_UNFOLDING).tolist():
+        reason = f"with energy pumped at {pumped[i]:.1e} of it a flight: this model has no lossless orbit here"
         raise NoOrbit(f"the landing conditions hold only {reason}").about(i)
     landing = (evaluation.transitions[0] @ evaluation.starts[0])[:, :, alpha]
     return flight, halved(flight), landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)

@@ -14,10 +14,11 @@ from conftest import REFERENCES, machine_of
 from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find
 from orbits.flow.flow import flow_of
 from orbits.model.closed_form import Oscillator
-from orbits.periodic.formulations import equations_of
-from orbits.periodic.single_shooting import Shooting
+from orbits.periodic.formulations import contact_force_row, equations_of
+from orbits.periodic.single_shooting import Shooting, settles
 from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.ipopt import solve_equations
+from problems import Hopper
 
 
 def across_contact(model) -> Statement:
@@ -208,3 +209,26 @@ def test_parameter_derivatives_of_a_closed_form():
     assert evaluation.jacobian == pytest.approx(
         np.array([[-w * np.sin(1.2 * w), -0.6 / w * np.sin(1.2 * w)]]), rel=1e-13
     )
+
+
+@pytest.mark.parametrize(
+    ("size", "last", "amplification", "last_one"),
+    [
+        (1e-17, 1.0, 1.0, True),  # far below rounding
+        (1e-10, 1e-8, 1e9, False),  # small, but what is left of it grows over the motion, and it still falls
+        (1e-10, 1.1e-10, 1e9, True),  # it falls no more: the rest is rounding
+        (1e-6, 1.1e-6, 1e9, False),  # too large for rounding
+    ],
+)  # fmt: skip
+def test_the_last_newton_step_worth_taking(size, last, amplification, last_one):
+    assert bool(settles(size, last, amplification)) is last_one
+
+
+def test_the_row_of_the_contact_force_is_the_force():
+    machine = Hopper("r + 0.1*r**3", mass_ratio=2.0)
+    contact, row = find(machine).contact, contact_force_row(machine.model.contact)
+    t = np.linspace(0.0, contact.times[-1], 9)
+    rows = contact(t)
+    assert row(rows) == pytest.approx(rows[:, contact.names.index("contact force")], abs=0.0)
+    extension = rows[:, 0]  # the foot stands: weights 1 and 2, less what the spring pulls up
+    assert row(rows) == pytest.approx(1.0 - extension - 0.1 * extension**3, abs=1e-12)
