@@ -96,30 +96,10 @@ class Flow:
         begins = begins_of_steps(found.steps, found.counts)
         vanishing = found.steps <= self.control.shortest_step * np.maximum(begins, 1.0)
         done = (found.left == 0) & (durations > 0) & (np.abs(found.ends).max(1) <= self.control.runaway)
-        arrays = begins, found.coefficients, found.slopes
-        if done.all() and not vanishing.any():
-            begins, c, slopes = arrays
-            return Trajectories(begins, durations, c, found.counts, self.names, slopes), found.variations
-        owner = np.repeat(np.arange(len(starts)), found.counts)
-        done[owner[vanishing]] = False
-        others, variations = self._run_each(starts[~done], ps[~done], durations[~done], seeds, parameter_seeds)
-        order = np.argsort(np.append(np.flatnonzero(done), np.flatnonzero(~done)))
-        parts = [others]
-        if done.any():
-            begins, c, slopes = (array[done[owner]] for array in arrays)
-            parts = [Trajectories(begins, durations[done], c, found.counts[done], self.names, slopes), others]
-        return Trajectories.joined(parts)[order], np.concatenate([found.variations[done], variations])[order]
-
-    def ends_of_all(
-        self, starts: Array, ps: Array, durations: Array, seeds: Array, parameter_seeds: Array
-    ) -> tuple[Array, Array] | None:
-        """The ends (m, n) of motions of `run_all`, and the derivatives (m, n, columns) of these; None where one of the
-        motions has to be followed step by step."""
-        stepper = self.stepper(seeds.shape[1], _rows_used(parameter_seeds))
-        assert isinstance(stepper, TaylorStepper)
-        found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, count=0)
-        followed = not found.left.any() and np.abs(found.ends).max() <= self.control.runaway
-        return (found.ends, found.variations) if followed else None
+        if vanishing.any() or not done.all():
+            return self._run_each(starts, ps, durations, seeds, parameter_seeds)
+        c, counts = found.coefficients, found.counts
+        return Trajectories(begins, durations, c, counts, self.names, found.slopes), found.variations
 
     def _run_each(self, starts, ps, durations, *seeds) -> tuple[Trajectories, Array]:
         """`run_all` of one motion after the other."""

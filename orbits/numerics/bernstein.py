@@ -154,11 +154,6 @@ class PiecewisePolynomials:
         times = _refine_together(*places) if len(pieces) > FEW else np.array([*map(_refine, *places)])
         return owner, piece, times
 
-    def count_roots(self, before: Array) -> Array:
-        """The number (m,) of roots of each polynomial, as `roots` finds them."""
-        brackets = self._bracketed(None, False, before)
-        return np.bincount(self.owner[brackets[0]] if brackets else [], minlength=len(self.first))
-
     def _bracketed(self, orders: Array | None, rising: bool, before: Array | None) -> list[Array]:
         """The `_brackets` of all roots."""
         values = self._control_values(orders, before)
