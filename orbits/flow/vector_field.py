@@ -74,11 +74,11 @@ def symbolic_powers(h: ca.SX) -> ca.SX:
 def runge_kutta(graph: VectorField, x: ca.SX, h: ca.SX) -> ca.SX:
     """The state after one Runge-Kutta step of order 8 and length `h` from `x`."""
     stages, weights = _cooper_verner()
-    rates: list[ca.SX] = []
-    for row in stages:
-        place = x + h * sum((a * rate for a, rate in zip(row, rates, strict=False) if a), ca.SX(0))
-        rates.append(graph.field(place, graph.p)[0])
-    return x + h * sum(b * rate for b, rate in zip(weights, rates, strict=True) if b)
+    rates = ca.SX(graph.size, 0)  # of the state, one column for each stage
+    for count, row in enumerate(stages):
+        place = x + h * (rates @ ca.sparsify(ca.DM(row[:count])))
+        rates = ca.horzcat(rates, graph.field(place, graph.p)[0])
+    return x + h * (rates @ ca.sparsify(ca.DM(weights)))
 
 
 def _cooper_verner() -> tuple[np.ndarray, np.ndarray]:
