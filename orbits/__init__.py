@@ -16,7 +16,7 @@ from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
 from .hybrid.multiplier import multiplier
 from .hybrid.return_map import FixedPoint, Hops, ReturnMap
 from .hybrid.simulation import Simulation, simulate
-from .io import __version__
+from .io import version
 from .model.closed_form import Oscillator
 from .model.machine import Machine
 from .model.model import Model, Reduction
@@ -34,3 +34,10 @@ __all__ = [
     "fold_statement", "follow", "follow_branch", "follow_fold", "multiplier", "optimize", "orbit_at", "pareto",
     "quantities", "sensitivities", "simulate", "steer", "trace",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> str:
+    # The version is looked up when it is asked for.
+    if name == "__version__":
+        return version("persistent-orbits")
+    raise AttributeError(f"module 'orbits' has no attribute '{name}'")

@@ -1,4 +1,4 @@
-"""Files: names to write to checked, results as JSON, documents read and held against their types, and the version; and
+"""Files: names to write to checked, results as JSON, documents read and held against their types, and versions; and
 the one line in which a result tells what it is."""
 
 import csv
@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, BinaryIO, TypeVar, get_args, get_origin, get_type_hints, is_typeddict
@@ -18,16 +17,21 @@ import numpy as np
 
 from .errors import InputError
 
-try:
-    __version__ = version("persistent-orbits")
-except PackageNotFoundError:  # the sources are used without being installed
-    __version__ = "unknown"
-
 Read = TypeVar("Read")
 MEGABYTE = 1 << 20
 DOCUMENTS = (".json",)  # endings of JSON documents
 # What a document says where one of these is expected, and how a message calls it.
 WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
+
+
+def version(package: str) -> str:
+    """The version of a package, "unknown" for sources that are used without being installed."""
+    from importlib.metadata import PackageNotFoundError, version  # takes a tenth of the time of all imports
+
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
 
 
 def in_words(values: Mapping[str, Any]) -> list[str]:

@@ -242,5 +242,7 @@ def test_a_family_of_sources_that_are_not_installed(monkeypatch):
             raise PackageNotFoundError(name)
         return "1.0"
 
-    monkeypatch.setattr(checkpoint, "version", of_installed)
-    assert list(checkpoint.versions.__wrapped__()) == ["persistent-orbits", "casadi", "numpy", "python"]
+    monkeypatch.setattr("importlib.metadata.version", of_installed)
+    versions = checkpoint.versions.__wrapped__()
+    assert list(versions) == ["persistent-orbits", "casadi", "numpy", "python"]
+    assert versions["persistent-orbits"] == "unknown"

@@ -1,16 +1,14 @@
 """A family as it grows, in memory and on disk: every point is in its file as soon as it is found."""
 
 import os
-import platform
+import sys
 import tempfile
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
-from .. import io
-from ..io import check_ending, writing
+from ..io import check_ending, version, writing
 from ..periodic.find import Progress
 from ..symbolic import interrupts
 from .curve import CurvePoint
@@ -21,8 +19,8 @@ from .tracer import Tracer
 @cache
 def versions() -> dict[str, str]:
     """The versions of the packages that compute."""
-    found = {name: version(name) for name in ("casadi", "numpy")}
-    return {"persistent-orbits": io.__version__, **found, "python": platform.python_version()}
+    found = {name: version(name) for name in ("persistent-orbits", "casadi", "numpy")}
+    return {**found, "python": sys.version.split()[0]}
 
 
 def collect_family(

@@ -35,7 +35,7 @@ DESIGN_OPTIONS = {
     "ipopt.tol": 1e-13,
     "ipopt.compl_inf_tol": 1e-13,
     "ipopt.max_iter": 80,
-    "ipopt.mu_init": 1e-3,
+    "ipopt.mu_init": 1e-5,
     "ipopt.bound_push": 1e-4,
     "ipopt.bound_frac": 1e-4,
 }

@@ -1,7 +1,6 @@
 """Taylor steps of a flow with their sensitivities, of one motion or of many, in kernels."""
 
 from functools import cached_property
-from itertools import pairwise
 from math import comb
 from typing import NamedTuple
 
@@ -208,24 +207,23 @@ def _may_change_sign(rows: int, size: int, counts: bool) -> ca.Function:
     """
     c, h, order = ca.SX.sym("c", TAYLOR_ORDER + 1, rows), ca.SX.sym("h"), ca.SX.sym("order")
     tests, before = ca.SX.sym("w", size * (rows + 1)), ca.SX.sym("s", size)
-    powers, change, after = ca.vertsplit(symbolic_powers(h)), ca.SX(0), []
+    powers, change, after = symbolic_powers(h), ca.SX(0), []
+    binomials = ca.DM([comb(TAYLOR_ORDER, k) for k in range(TAYLOR_ORDER + 1)])
     for i in range(size):
-        series = ca.vertsplit(c @ tests[i * rows : (i + 1) * rows])
+        series = c @ tests[i * rows : (i + 1) * rows]
         series[0] += tests[size * rows + i]
         if counts and i == 1:
             was = ca.if_else(before[i] == 0, series[0], before[i]) >= 0
-            ends = ca.dot(ca.vertcat(*series), ca.vertcat(*powers)) >= 0
+            ends = ca.dot(series, powers) >= 0
             size_before = ca.fmax(ca.fabs(before[i]), 1.0)
             after.append(ca.if_else(ends, 1.0, -1.0) * (size_before + ca.if_else(was == ends, 0.0, 1.0)))
             continue
         for skipped in range(1, HIGHEST_ORDER + 1) if i == 0 else ():
-            shifted = [*series[1:], ca.SX(0)]
-            series = [ca.if_else(order >= skipped, b, a) for a, b in zip(series, shifted, strict=True)]
-        rise = [a * power / comb(TAYLOR_ORDER, k) for k, (a, power) in enumerate(zip(series, powers, strict=True))]
-        values = []
-        while rise:  # differences of the Bernstein coefficients, added up
+            series = ca.if_else(order >= skipped, ca.vertcat(series[1:], 0), series)
+        rise, values = series * powers / binomials, []
+        while rise.numel():  # differences of the Bernstein coefficients, added up
             values.append(rise[0])
-            rise = [a + b for a, b in pairwise(rise)]
+            rise = rise[:-1] + rise[1:]
         begins = ca.if_else(before[i] == 0, values[0], before[i]) >= 0
         rest = ca.vertcat(*values[1:])
         same = ca.if_else(begins, ca.mmin(rest) >= 0, ca.mmax(rest) < 0)

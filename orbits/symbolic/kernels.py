@@ -6,7 +6,6 @@ import threading
 import time
 import warnings
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from itertools import accumulate, pairwise
 from typing import NamedTuple
 
@@ -218,6 +217,8 @@ class Kernel:
                 parts[first] = self._chunk(code, part, last - first, capacity, memory[worker * size * row :])
 
         if workers > 1:
+            from concurrent.futures import ThreadPoolExecutor  # slow to import
+
             with ThreadPoolExecutor(workers) as pool:
                 list(pool.map(run, range(workers)))
         else:

@@ -6,13 +6,16 @@ that the result grows with the square of the order, not exponentially as by repe
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial, reduce
 
 import casadi as ca
 
 from .calls import Instruction, single_assignment
 
 _ZERO = ca.SX(0)
+# The operators of `ca.SX` first try to read their operands as NumPy arrays, which takes ten times as long as these.
+_plus, _minus, _times, _over = (partial(ca.SX.binary, op) for op in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV))
+_whole = cache(ca.SX)
 
 
 def has_taylor_series(function: ca.Function) -> bool:
@@ -38,7 +41,7 @@ def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> c
         for i, row in enumerate(watched):
             row.append(outputs.get((1, i), _ZERO))
         for i, row in enumerate(state if k < order else ()):
-            row.append(outputs.get((0, i), _ZERO) / (k + 1))
+            row.append(_over(outputs.get((0, i), _ZERO), _whole(k + 1)))
     return ca.vertcat(*[ca.horzcat(*row) for row in (*state, *watched)])
 
 
@@ -63,12 +66,13 @@ def variations(field: ca.Function, varied: tuple[int, ...], order: int) -> tuple
     dx, dp = ca.SX.sym("dx", n), ca.SX.sym("dp", len(varied))
     column = [[value] for value in ca.vertsplit(dx)] + [[value, *[_ZERO] * order] for value in ca.vertsplit(dp)]
     places = list(zip(*jacobian.sparsity().get_triplet(), strict=True))
+    rows = [ca.horzsplit(row) for row in ca.vertsplit(a)]
     for k in range(order):
         rise = [_ZERO] * n
-        for entry, (i, j) in enumerate(places):
-            rise[i] += _convolve(a[entry, :], column[j], 0, k, k)
+        for entry, (i, j) in zip(rows, places, strict=True):
+            rise[i] = _plus(rise[i], _convolve(entry, column[j], 0, k, k))
         for i in range(n):
-            column[i].append(rise[i] / (k + 1))
+            column[i].append(_over(rise[i], _whole(k + 1)))
     coefficients = ca.densify(ca.horzcat(*[ca.vertcat(*row) for row in column[:n]]))
     return series, ca.Function("column", [a, dx, dp], [coefficients])
 
@@ -101,14 +105,15 @@ def _advance(instructions, series: list[_Series], inputs: Sequence, k: int) -> d
 
 def _convolve(a, b, low: int, high: int, k: int) -> ca.SX:
     """Sum of a[j] b[k-j] for low <= j <= high."""
-    terms = [j for j in range(low, high + 1) if not (a[j].is_zero() or b[k - j].is_zero())]
-    return ca.dot(ca.vertcat(*[a[j] for j in terms]), ca.vertcat(*[b[k - j] for j in terms])) if terms else ca.SX(0)
+    pairs = [(a[j], b[k - j]) for j in range(low, high + 1)]
+    terms = [_times(x, y) for x, y in pairs if x is not _ZERO and y is not _ZERO]
+    return reduce(_plus, terms) if terms else _ZERO
 
 
 def _weighted(a: _Series, b, k: int) -> ca.SX:
     """Sum of j/k a[j] b[k-j] for 1 <= j <= k: the recursion of every function whose derivative is elementary."""
-    a.slopes += [j * a[j] for j in range(len(a.slopes), k + 1)]
-    return _convolve(a.slopes, b, 1, k, k) / k
+    a.slopes += [_times(_whole(j), a[j]) for j in range(len(a.slopes), k + 1)]
+    return _over(_convolve(a.slopes, b, 1, k, k), _whole(k))
 
 
 # Each recursion gives coefficient k of an operation from its first argument a and its last argument b, known up to k,
@@ -116,8 +121,8 @@ def _weighted(a: _Series, b, k: int) -> ca.SX:
 
 
 def _square(a, b, out, k: int) -> ca.SX:
-    products = 2 * _convolve(a, a, 0, (k - 1) // 2, k) if k else ca.SX(0)
-    return products + a[k // 2] ** 2 if k % 2 == 0 else products
+    products = _times(_whole(2), _convolve(a, a, 0, (k - 1) // 2, k)) if k else _ZERO
+    return _plus(products, ca.SX.unary(ca.OP_SQ, a[k // 2])) if k % 2 == 0 else products
 
 
 def _power(a, b, out, k: int) -> ca.SX:
@@ -172,10 +177,10 @@ def _instructions(function: Callable, count: int) -> list[Instruction]:
 _VARIABLE_POWER = _instructions(lambda a, b: ca.exp(b * ca.log(a)), 2)
 _RECURSIONS: dict[int, Callable[..., ca.SX]] = {
     ca.OP_ASSIGN: lambda a, b, out, k: a[k],
-    ca.OP_ADD: lambda a, b, out, k: a[k] + b[k],
-    ca.OP_SUB: lambda a, b, out, k: a[k] - b[k],
-    ca.OP_NEG: lambda a, b, out, k: -a[k],
-    ca.OP_TWICE: lambda a, b, out, k: 2 * a[k],
+    ca.OP_ADD: lambda a, b, out, k: _plus(a[k], b[k]),
+    ca.OP_SUB: lambda a, b, out, k: _minus(a[k], b[k]),
+    ca.OP_NEG: lambda a, b, out, k: ca.SX.unary(ca.OP_NEG, a[k]),
+    ca.OP_TWICE: lambda a, b, out, k: _plus(a[k], a[k]),
     ca.OP_MUL: lambda a, b, out, k: _convolve(a, b, 0, k, k),
     ca.OP_SQ: _square,
     ca.OP_DIV: lambda a, b, out, k: (a[k] - _convolve(b, out, 1, k, k)) / b[0] if k else a[0] / b[0],
