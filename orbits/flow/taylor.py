@@ -114,7 +114,7 @@ class TaylorStepper:
         turns: int = 0,
         count: int = FLOW_CONTROL.max_block,
         record: bool = False,
-    ) -> tuple[Array, Array, Array, Array]:
+    ) -> tuple[Array, Array, Array, Array, Array]:
         """Motions until an affine function may change its sign, or until their times reach the `limits` (m,).
 
         z : (m, n + 5 + q) as `watched_state` makes it; p (m, np) or (1, np)
@@ -125,16 +125,16 @@ class TaylorStepper:
             its sign, by Bernstein exclusion
 
         Returns z when each has ended; the coefficients (N, rows, K + 1) of the steps that are recorded; what z was
-        before each of them beyond the state, with the length in the place of the time left; and the number (m,) of
-        these steps of each motion.
+        before each of them beyond the state, with the length in the place of the time left; the number (m,) of these
+        steps of each motion; and whether it would go on (m,), after the `count` or after more steps than any that ends.
         """
         motions, size = offsets.shape
         if (kind := (size, turns)) not in self._watching:
             self._watching[kind] = Kernel(_watch_function(self, size, turns))
         data = [np.broadcast_to(p, (motions, p.shape[1])), weights.reshape(motions, -1), offsets, limits[:, None]]
         data.append(np.full((motions, 1), float(record)))
-        z, (c, before), counts, _ = self._watching[kind](z, np.hstack(data), most=count if record else 1)
-        return z, c.reshape(-1, self.rows, TAYLOR_ORDER + 1), before, counts
+        z, (c, before), counts, going = self._watching[kind](z, np.hstack(data), most=count if record else 1)
+        return z, c.reshape(-1, self.rows, TAYLOR_ORDER + 1), before, counts, going
 
     def watched_state(self, x: Array, times: Array, orders: Array, signs: Array) -> Array:
         """The argument z of `watch`: states (m, n); the time left, which is not limited; the longest step to try; the

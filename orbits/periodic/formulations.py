@@ -11,7 +11,7 @@ from numpy import ndarray
 from ..errors import FlowError, InputError, NoOrbit, OutOfRange
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
-from ..flow.zero_crossing import first_zero, until_zero
+from ..flow.zero_crossing import first_zero, first_zeros, until_zero
 from ..model.model import Model, Reduction
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..model.units import Message
@@ -242,6 +242,11 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
         return done, contacts, {}
     ended = zip(done.tolist(), contacts or (), strict=True)
     found: dict[int, Any] = {i: contact for i, contact in ended if contact.times[-1] < limits[i]}
+    left = np.array(sorted({*range(len(starts))} - found.keys()), int)
+    if len(left) and model.one_speed and flow.smooth and not flow.phase.closed_form:
+        # The steps of a motion that falls and falls are not kept, thousands of them.
+        times, *_ = first_zeros(flow, starts[left], ps[left], end[0], limits[left], end[1])
+        found |= dict.fromkeys(left[~np.isfinite(times)].tolist(), model.violations["end"])
     for i in {*range(len(starts))} - found.keys():
         try:
             path, _ = flow.run(starts[i], ps[i], limits[i], stop=first_zero(*end) if model.one_speed else None)

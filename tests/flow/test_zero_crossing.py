@@ -5,6 +5,7 @@ import pytest
 from conftest import grazing_flights
 
 from orbits import ReturnMap
+from orbits.flow.flow import Flow
 from orbits.flow.zero_crossing import CLOSED_BLOCK, CLOSED_STEP, first_zeros
 from orbits.hybrid.impacts import Impacts
 from problems import Hopper
@@ -67,3 +68,13 @@ def test_what_is_watched_is_told_at_the_zero():
     assert np.isfinite(times).all()
     assert rows[0, 0] < -1.0
     assert rows[0, 2] == pytest.approx(1.0 - 9.0 * rows[0, 0], rel=1e-14)
+
+
+def test_a_motion_that_falls_for_ever_is_given_up_without_its_steps(monkeypatch):
+    """The spring carries less than the weight, and bends so often that the fall takes thousands of steps."""
+    impacts = Impacts(Hopper("tanh(r) + s*sin(r)", parameters={"s": 3.0}))
+    monkeypatch.setattr(Flow, "run", lambda *_, **__: pytest.fail("followed by itself"))
+    starts = np.array([[0.4, -2.0], [0.4, -9.0]])
+    times, _, failed = first_zeros(impacts.contact, starts, impacts.p, impacts.model.contact_speed, 1e7)
+    assert np.isfinite(times).tolist() == [True, False]
+    assert list(failed) == [1]
