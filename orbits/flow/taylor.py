@@ -240,9 +240,7 @@ def _step_function(graph: VectorField, columns: int, varied: tuple[int, ...]) ->
     x, dx = z[:n], ca.reshape(z[n:-2], n, columns)
     p, dp = data[:size], ca.reshape(data[size:], len(varied), columns)
     if columns:
-        series, column = variations(graph.field, varied, TAYLOR_ORDER)
-        c, slopes = series(x, p)
-        dc = ca.horzcat(*[column(slopes, dx[:, j], dp[:, j]) for j in range(columns)])
+        c, dc = variations(graph.field, varied, columns, TAYLOR_ORDER)(x, p, dx, dp)
     else:
         c = ca.Function("series", [graph.x, graph.p], [ca.densify(graph.series.T)])(x, p)
         dc = ca.MX(TAYLOR_ORDER + 1, 0)

@@ -242,11 +242,11 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
         return done, contacts, {}
     ended = zip(done.tolist(), contacts or (), strict=True)
     found: dict[int, Any] = {i: contact for i, contact in ended if contact.times[-1] < limits[i]}
-    left = np.array(sorted({*range(len(starts))} - found.keys()), int)
-    if len(left) and model.one_speed and flow.smooth and not flow.phase.closed_form:
+    rest = np.array(sorted({*range(len(starts))} - found.keys()), int)
+    if len(rest) and model.one_speed and flow.smooth and not flow.phase.closed_form:
         # The steps of a motion that falls and falls are not kept, thousands of them.
-        times, *_ = first_zeros(flow, starts[left], ps[left], end[0], limits[left], end[1])
-        found |= dict.fromkeys(left[~np.isfinite(times)].tolist(), model.violations["end"])
+        times, *_ = first_zeros(flow, starts[rest], ps[rest], end[0], limits[rest], end[1])
+        found |= dict.fromkeys(rest[~np.isfinite(times)].tolist(), model.violations["end"])
     for i in {*range(len(starts))} - found.keys():
         try:
             path, _ = flow.run(starts[i], ps[i], limits[i], stop=first_zero(*end) if model.one_speed else None)

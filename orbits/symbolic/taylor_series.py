@@ -7,6 +7,7 @@ that the result grows with the square of the order, not exponentially as by repe
 
 from collections.abc import Callable, Sequence
 from functools import cache, partial, reduce
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -45,36 +46,119 @@ def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> c
     return ca.vertcat(*[ca.horzcat(*row) for row in (*state, *watched)])
 
 
-def variations(field: ca.Function, varied: tuple[int, ...], order: int) -> tuple[ca.Function, ca.Function]:
-    """Taylor series of the solution and of one column of its variational equations dx' = f_x dx + f_p dp.
+def variations(field: ca.Function, varied: tuple[int, ...], columns: int, order: int) -> ca.Function:
+    """Taylor series of the solution and of columns of its variational equations dx' = f_x dx + f_p dp.
 
     varied : the rows of dp that are given; the others are zero
 
-    Returns two functions. The first takes (x, p) to the coefficients (order + 1, n + m) of `taylor_coefficients`,
-    transposed, and to those of the nonzero entries of f_x and f_p. The second takes (those of the entries, dx (n,),
-    dp (rows,)) to the coefficients (order + 1, n) of the column.
+    Returns a function from (x, p, dx (n, columns), dp (rows, columns)) to the coefficients (order + 1, n + m) of
+    `taylor_coefficients`, transposed, and to those of the columns, (order + 1, n columns).
+
+    f_x = R + Q D A, as in `_Separated`: the fewer nonlinear functions of the state there are, the fewer products of
+    series a column takes, for a force that pulls at two masses one instead of four.
     """
     x, p = field.sx_in(0), field.sx_in(1)
     rates, watched = field(x, p)
     n, m = rates.numel(), watched.numel()
-    jacobian = ca.horzcat(ca.jacobian(rates, x), ca.jacobian(rates, p)[:, list(varied)])
-    extended = ca.cse([rates, ca.vertcat(watched, jacobian.nz[:])])
+    parts, by_parameters = _separated(rates, x, p), ca.jacobian(rates, p)[:, list(varied)]
+    extended = ca.cse([rates, ca.vertcat(watched, *parts.slopes.nonzeros(), *by_parameters.nonzeros())])
     c = taylor_coefficients(ca.Function("variations", [x, p], extended), x, p, order)
-    entries = ca.sparsify(c[n + m :, :])
-    series = ca.Function("series", [x, p], [ca.densify(c[: n + m, :].T), entries])
-    a = ca.SX.sym("a", entries.sparsity())
-    dx, dp = ca.SX.sym("dx", n), ca.SX.sym("dp", len(varied))
-    column = [[value] for value in ca.vertsplit(dx)] + [[value, *[_ZERO] * order] for value in ca.vertsplit(dp)]
-    places = list(zip(*jacobian.sparsity().get_triplet(), strict=True))
-    rows = [ca.horzsplit(row) for row in ca.vertsplit(a)]
-    for k in range(order):
-        rise = [_ZERO] * n
-        for entry, (i, j) in zip(rows, places, strict=True):
-            rise[i] = _plus(rise[i], _convolve(entry, column[j], 0, k, k))
-        for i in range(n):
-            column[i].append(_over(rise[i], _whole(k + 1)))
-    coefficients = ca.densify(ca.horzcat(*[ca.vertcat(*row) for row in column[:n]]))
-    return series, ca.Function("column", [a, dx, dp], [coefficients])
+    dx, dp = ca.SX.sym("dx", n, columns), ca.SX.sym("dp", len(varied), columns)
+    rows = [ca.horzsplit(row) for row in ca.vertsplit(c[n + m :, :])]
+    slopes = list(zip(*parts.slopes.sparsity().get_triplet(), rows, strict=False))
+    forces = list(zip(*by_parameters.sparsity().get_triplet(), rows[len(slopes) :], strict=True))
+    results = []
+    for column in range(columns):
+        series, moved = [dx[:, column]], list[list[ca.SX]]()
+        for k in range(order):
+            moved.append(ca.vertsplit(parts.arguments @ series[k]))
+            changes = [_ZERO] * parts.multiples.shape[1]
+            for i, j, slope in slopes:
+                changes[i] = _plus(changes[i], _convolve(slope, [each[j] for each in moved], 0, k, k))
+            rise = ca.densify(parts.rates @ series[k])
+            if changes:
+                rise += parts.multiples @ ca.vertcat(*changes)
+            for i, j, force in forces:
+                rise[i] += force[k] * dp[j, column]
+            series.append(rise / (k + 1))
+        results.append(ca.horzcat(*series).T)
+    slopes_of_columns = ca.densify(ca.horzcat(*results)) if columns else ca.SX(order + 1, 0)
+    return ca.Function("variations", [x, p, dx, dp], [ca.densify(c[: n + m, :].T), slopes_of_columns])
+
+
+class _Separated(NamedTuple):
+    """The derivative f_x = R + Q D A of rates that are affine in the state and in nonlinear functions of a few affine
+    ones of it. All but the slopes D are functions of the parameters alone."""
+
+    rates: ca.SX  # R (n, n)
+    multiples: ca.SX  # Q (n, functions)
+    slopes: ca.SX  # D (functions, arguments)
+    arguments: ca.SX  # A (arguments, n)
+
+
+def _separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> _Separated:
+    """The derivative of rates (n,) by the state, separated.
+
+    A sum, or a multiple by what does not change with the state, is taken apart; a sum of nonlinear functions of one
+    argument is one function.
+    """
+    instructions = single_assignment(ca.Function("rates", [x, p], [ca.densify(rates)]))
+    values, degrees = list[ca.SX](), list[int]()  # 0 without the state, 1 for an affine function of it, 2 for others
+    arguments: list[set[int]] = []  # of nonlinear functions, the instructions that give their affine arguments
+    for op, inputs, constant in instructions:
+        value, degree = ca.SX() if constant is None else ca.SX(constant), 0
+        if op == ca.OP_INPUT:
+            value, degree = (x, p)[inputs[0]][inputs[1]], 1 - inputs[0]
+        elif op != ca.OP_OUTPUT and constant is None:
+            value, degree = _applied(op, [values[i] for i in inputs]), _degree(op, [degrees[i] for i in inputs])
+        own = (arguments[i] if degrees[i] == 2 else {i} for i in (inputs if degree == 2 else ()) if degrees[i])
+        values.append(value)
+        degrees.append(degree)
+        arguments.append(set[int]().union(*own))
+    symbols: dict[int, ca.SX] = {}  # of the affine arguments, by instruction
+    functions: dict[int, ca.SX] = {}  # symbols of the nonlinear functions, by instruction
+
+    def affine(i: int) -> ca.SX:
+        """The result of an instruction as an affine function of the state and of `functions`."""
+        op, inputs, _ = instructions[i]
+        varying = [j for j in inputs if degrees[j]] if degrees[i] else []
+        if degrees[i] < 2:
+            return values[i]
+        linear = _degree(op, [min(degrees[j], 1) for j in inputs]) == 1
+        if linear and (len(varying) == 1 or len(arguments[i]) > 1):
+            return _applied(op, [affine(j) for j in inputs])
+        return functions.setdefault(i, ca.SX.sym("f"))
+
+    def nonlinear(i: int) -> ca.SX:
+        """The result of an instruction as a function of the `symbols`."""
+        if degrees[i] < 2:
+            return symbols.setdefault(i, ca.SX.sym("s")) if degrees[i] else values[i]
+        op, inputs, _ = instructions[i]
+        return _applied(op, [nonlinear(j) for j in inputs])
+
+    sums = ca.SX(rates.numel(), 1)
+    for op, inputs, _ in instructions:
+        if op == ca.OP_OUTPUT:
+            sums[inputs[2]] = affine(inputs[0])
+    # A column of none of them is a number to CasADi.
+    found, names = (ca.SX(ca.vertcat(*each)) for each in ([nonlinear(i) for i in functions], functions.values()))
+    s, at = (ca.SX(ca.vertcat(*each)) for each in (symbols.values(), [values[i] for i in symbols]))
+    slopes = ca.substitute(ca.jacobian(found, s), s, at)
+    return _Separated(ca.jacobian(sums, x), ca.jacobian(sums, names), slopes, ca.jacobian(at, x))
+
+
+def _applied(op: int, inputs: Sequence[ca.SX]) -> ca.SX:
+    return ca.SX.unary(op, inputs[0]) if len(inputs) == 1 else ca.SX.binary(op, *inputs)
+
+
+def _degree(op: int, degrees: Sequence[int]) -> int:
+    """The degree of an operation's result as a function of the state, 2 for whatever is not affine."""
+    if not any(degrees):
+        return 0
+    if op in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE, ca.OP_ASSIGN):
+        return max(degrees)
+    by_constant = (op == ca.OP_MUL and 0 in degrees) or (op == ca.OP_DIV and degrees[1] == 0)
+    return max(degrees) if by_constant else 2
 
 
 class _Series(list):
