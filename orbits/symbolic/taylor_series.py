@@ -15,7 +15,7 @@ from .calls import Instruction, single_assignment
 
 _ZERO = ca.SX(0)
 # The operators of `ca.SX` first try to read their operands as NumPy arrays, which takes ten times as long as these.
-_plus, _minus, _times, _over = (partial(ca.SX.binary, op) for op in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV))
+_plus, _minus, _times = (partial(ca.SX.binary, op) for op in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL))
 _whole = cache(ca.SX)
 
 
@@ -42,7 +42,7 @@ def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> c
         for i, row in enumerate(watched):
             row.append(outputs.get((1, i), _ZERO))
         for i, row in enumerate(state if k < order else ()):
-            row.append(_over(outputs.get((0, i), _ZERO), _whole(k + 1)))
+            row.append(_times(outputs.get((0, i), _ZERO), _whole(1 / (k + 1))))
     return ca.vertcat(*[ca.horzcat(*row) for row in (*state, *watched)])
 
 
@@ -80,7 +80,7 @@ def variations(field: ca.Function, varied: tuple[int, ...], columns: int, order:
                 rise += parts.multiples @ ca.vertcat(*changes)
             for i, j, force in forces:
                 rise[i] += force[k] * dp[j, column]
-            series.append(rise / (k + 1))
+            series.append(rise * (1 / (k + 1)))
         results.append(ca.horzcat(*series).T)
     slopes_of_columns = ca.densify(ca.horzcat(*results)) if columns else ca.SX(order + 1, 0)
     return ca.Function("variations", [x, p, dx, dp], [ca.densify(c[: n + m, :].T), slopes_of_columns])
@@ -197,7 +197,7 @@ def _convolve(a, b, low: int, high: int, k: int) -> ca.SX:
 def _weighted(a: _Series, b, k: int) -> ca.SX:
     """Sum of j/k a[j] b[k-j] for 1 <= j <= k: the recursion of every function whose derivative is elementary."""
     a.slopes += [_times(_whole(j), a[j]) for j in range(len(a.slopes), k + 1)]
-    return _over(_convolve(a.slopes, b, 1, k, k), _whole(k))
+    return _times(_convolve(a.slopes, b, 1, k, k), _whole(1 / k))
 
 
 # Each recursion gives coefficient k of an operation from its first argument a and its last argument b, known up to k,
