@@ -198,3 +198,10 @@ class Trajectories:
     def finals(self) -> np.ndarray:
         """The rows (m, rows) at the end of each motion."""
         return evaluate(self.coefficients[self.last], self.steps[self.last, None])
+
+    @cached_property
+    def step_ends(self) -> np.ndarray:
+        """The rows (N, rows) at the end of every step."""
+        ends = np.roll(self.coefficients[:, :, 0], -1, axis=0)
+        ends[self.last] = self.finals
+        return ends
