@@ -170,10 +170,11 @@ class Trajectories:
         The weights and the offset of the function are numbers, or (m,) where they differ between motions.
         """
         weights, offset = np.array(np.broadcast_arrays(*quantity.weights)).T, np.asarray(quantity.offset)
-        weights = weights[self.owner] if weights.ndim > 1 else weights
+        weights = weights[self.owner] if weights.ndim > 1 else weights[None]
         weights = weights if embed is None else weights @ embed
-        coefficients = self.coefficients[:, : weights.shape[-1]]
-        values = weights @ coefficients if weights.ndim == 1 else np.einsum("Ni,Nik->Nk", weights, coefficients)
+        values = np.zeros(self.coefficients.shape[::2])
+        for i in np.flatnonzero(weights.any(0)):  # many times faster than products of small matrices
+            values += weights[:, i, None] * self.coefficients[:, i]
         values[:, 0] += offset[self.owner] if offset.ndim else offset
         return values
 

@@ -141,8 +141,10 @@ def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
 def _moves_by_defects(flow: Flow, motions: Trajectories, ps: ndarray, back: ndarray) -> ndarray:
     """How far (m,) the defects of the steps move alpha."""
     c = motions.coefficients[:, : flow.size]
-    states = (c * motions.of_steps[:, None]) @ powers(GAUSS_PLACES, c.shape[2]).T
-    (rates,) = _mean_rates(flow)(states.reshape(len(c), -1), ps[motions.owner])
+    # One product of two matrices is many times faster than one for each step.
+    terms = (c * motions.of_steps[:, None]).reshape(-1, c.shape[2])
+    states = (terms @ powers(GAUSS_PLACES, c.shape[2]).T).reshape(len(c), -1)
+    (rates,) = _mean_rates(flow)(states, ps[motions.owner])
     defects = motions.step_ends[:, : flow.size] - c[:, :, 0] - motions.steps[:, None] * rates
     return np.add.reduceat(np.einsum("Ni,Ni->N", back, defects), motions.first)
 
