@@ -63,20 +63,21 @@ class NewtonKernel:
         z[:, sensitivities], z[:, -2], z[:, -1] = self.seeds.T.ravel(), begin[:, -1], LONGEST_STEP
         data = np.hstack([rows, levels[:, None], units, ps, np.full((len(xs), 2), (least, record))])
         z, (c, before, steps), counts, _ = self.kernel(z, data, most=control.max_block)
-        doing, durations, ends = z[:, 2 * n + 3], z[:, 2 * n + 4], z[:, state]
-        begins = begins_of_steps(steps[:, 0], counts)
-        vanishing = steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)
-        if (doing != DONE).any() or vanishing.any() or not np.abs(ends).max() <= control.runaway:
+        xs, directions, growths, ends = z[:, :n], z[:, n : 2 * n], z[:, 2 * n + 1], z[:, state]
+        if (z[:, 2 * n + 3] != DONE).any() or not np.abs(ends).max() <= control.runaway:
             return None
-        xs, evaluation = z[:, :n], None
-        if record:
-            variations = before.reshape(-1, columns, states, 1).swapaxes(1, 2)
-            c = c.reshape(len(c), self.rows, -1)
-            motions = Trajectories(begins, durations, c, counts, self.flow.names, variations)
-            transitions = z[:, sensitivities].reshape(-1, columns, states).swapaxes(1, 2)
-            ps = np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]])
-            evaluation = self.equations.closed(xs[:, :-1], ps, (self.along,), [(motions, ends, transitions)])
-        return Solutions(xs, z[:, n : 2 * n], z[:, 2 * n + 1], evaluation)
+        if not record:
+            return Solutions(xs, directions, growths, None)
+        begins = begins_of_steps(steps[:, 0], counts)
+        if (steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)).any():
+            return None
+        variations = before.reshape(-1, columns, states, 1).swapaxes(1, 2)
+        c = c.reshape(len(c), self.rows, -1)
+        motions = Trajectories(begins, z[:, 2 * n + 4], c, counts, self.flow.names, variations)
+        transitions = z[:, sensitivities].reshape(-1, columns, states).swapaxes(1, 2)
+        ps = np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]])
+        evaluation = self.equations.closed(xs[:, :-1], ps, (self.along,), [(motions, ends, transitions)])
+        return Solutions(xs, directions, growths, evaluation)
 
     def _function(self, motion_function: ca.Function, parameter_seeds: Array) -> ca.Function:
         """What the kernel iterates."""
