@@ -4,6 +4,7 @@ A point of the curve solves F(X) = 0, row . X = level, where the row says how th
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -25,13 +26,7 @@ def correct(curve: Curve, guess: Array, row: Array, level: float, before: Array)
 
 
 def correct_all(
-    curve: Curve,
-    guesses: Array,
-    rows: Array,
-    levels: Array,
-    before: Array,
-    gaps: Array | float = 0.0,
-    parts: Array | int = 0,
+    curve: Curve, guesses: Array, rows: Array, levels: Array, before: Array, gaps: Any = 0.0, parts: Any = 0
 ) -> list[CurvePoint]:
     """`correct` of several guesses (m, n + 1), at levels (m,) of rows (m, n + 1), with tangents `before` (m, n + 1);
     `gaps` (m,) and `parts` (m,) are their `length` and their `parts`."""

@@ -1,6 +1,5 @@
 """Newton's method for many points of a curve at once: in each lane the motions, their closing and the steps."""
 
-from itertools import accumulate
 from typing import NamedTuple
 
 import casadi as ca
@@ -57,36 +56,36 @@ class NewtonKernel:
         Newton steps; None where one of them has to be solved for by itself."""
         n, control = self.size, self.flow.control
         states, columns = self.seeds.shape
+        state, sensitivities = slice(2 * n + 5, 2 * n + 5 + states), slice(2 * n + 5 + states, -2)
         begin = self.equations.beginnings[0](xs[:, :-1], xs[:, :0], ps)[0][:, :, 0]
         z = np.zeros((len(xs), self.kernel.sizes_in[0]))
-        z[:, :n], z[:, 2 * n], z[:, 2 * n + 4] = xs, np.inf, begin[:, -1]
-        state, sensitivities = slice(2 * n + 5, 2 * n + 5 + states), slice(2 * n + 5 + states, -2)
-        z[:, state], z[:, sensitivities] = begin[:, :-1], self.seeds.T.ravel()
-        z[:, -2], z[:, -1] = begin[:, -1], LONGEST_STEP
+        z[:, :n], z[:, 2 * n], z[:, 2 * n + 4], z[:, state] = xs, np.inf, begin[:, -1], begin[:, :-1]
+        z[:, sensitivities], z[:, -2], z[:, -1] = self.seeds.T.ravel(), begin[:, -1], LONGEST_STEP
         data = np.hstack([rows, levels[:, None], units, ps, np.full((len(xs), 2), (least, record))])
         z, (c, before, steps), counts, _ = self.kernel(z, data, most=control.max_block)
-        doing, durations, ends = z[:, 2 * n + 3], z[:, 2 * n + 4], z[:, state]
-        begins = begins_of_steps(steps[:, 0], counts)
-        vanishing = steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)
-        if (doing != DONE).any() or vanishing.any() or not np.abs(ends).max() <= control.runaway:
+        xs, directions, growths, ends = z[:, :n], z[:, n : 2 * n], z[:, 2 * n + 1], z[:, state]
+        if (z[:, 2 * n + 3] != DONE).any() or not np.abs(ends).max() <= control.runaway:
             return None
-        xs, evaluation = z[:, :n], None
-        if record:
-            variations = before.reshape(-1, columns, states, 1).swapaxes(1, 2)
-            c = c.reshape(len(c), self.rows, -1)
-            motions = Trajectories(begins, durations, c, counts, self.flow.names, variations)
-            transitions = z[:, sensitivities].reshape(-1, columns, states).swapaxes(1, 2)
-            ps = np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]])
-            evaluation = self.equations.closed(xs[:, :-1], ps, (self.along,), [(motions, ends, transitions)])
-        return Solutions(xs, z[:, n : 2 * n], z[:, 2 * n + 1], evaluation)
+        if not record:
+            return Solutions(xs, directions, growths, None)
+        begins = begins_of_steps(steps[:, 0], counts)
+        if (steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)).any():
+            return None
+        variations = before.reshape(-1, columns, states, 1).swapaxes(1, 2)
+        c = c.reshape(len(c), self.rows, -1)
+        motions = Trajectories(begins, z[:, 2 * n + 4], c, counts, self.flow.names, variations)
+        transitions = z[:, sensitivities].reshape(-1, columns, states).swapaxes(1, 2)
+        ps = np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]])
+        evaluation = self.equations.closed(xs[:, :-1], ps, (self.along,), [(motions, ends, transitions)])
+        return Solutions(xs, directions, growths, evaluation)
 
     def _function(self, motion_function: ca.Function, parameter_seeds: Array) -> ca.Function:
         """What the kernel iterates."""
         n, (states, columns), count = self.size, self.seeds.shape, len(self.equations.parameters)
         widths, given = (n, n, 1, 1, 1, 1, 1, motion_function.numel_in(0)), (n, 1, n, count, 1, 1)
         z, data = ca.MX.sym("z", sum(widths)), ca.MX.sym("data", sum(given))
-        x, _, last, _, taken, doing, duration, motion = _split(z, *widths)
-        row, level, unit, p, least, record = _split(data, *given)
+        x, _, last, _, taken, doing, duration, motion = ca.vertsplit(z, np.cumsum([0, *widths]).tolist())
+        row, level, unit, p, *options = ca.vertsplit(data, np.cumsum([0, *given]).tolist())
         parameters = ca.vertsplit(p)
 
         def parameters_at(point: ca.MX) -> ca.MX:
@@ -95,65 +94,50 @@ class NewtonKernel:
         parameters_with_seeds = ca.vertcat(parameters_at(x), ca.DM(parameter_seeds).reshape((-1, 1)))
         after, c, _, length, accepted, goes = motion_function(motion, parameters_with_seeds)
         ended = ca.logic_and(accepted, after[-2] <= 0)
-        end, transition = after[:states], ca.reshape(after[states:-2], states, columns)
-        step, onward = self._newton()(x, parameters_at(x), end, transition, row, level)
+        closing = parameters_at(x), after[:states], ca.reshape(after[states:-2], states, columns)
+        found, does = self._newton()(x, *closing, row, level, unit, last, taken + 1, *options)
         solves = ca.logic_and(ended, doing == SOLVING)
-        does, moved, grown = _decision(n, states, columns)(step / unit, last, transition, taken + 1, least, record)
         does = ca.if_else(solves, does, ca.if_else(ended, DONE, doing))
-        known = ca.if_else(solves, ca.vertcat(x + step, onward, moved, grown, taken + 1), z[: 2 * n + 3])
+        known = ca.if_else(solves, found, z[: 2 * n + 3])
         restarts = ca.logic_and(solves, ca.logic_or(does == SOLVING, does == RECORDING))
         begin = self.equations.ends[0][0].function(known[: n - 1], ca.MX(0, 1), parameters_at(known[:n]))[0]
-        start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], LONGEST_STEP)
-        new = ca.vertcat(known, does, ca.if_else(restarts, ca.vertcat(begin[-1], start), ca.vertcat(duration, after)))
+        start = ca.vertcat(begin[-1], begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], LONGEST_STEP)
+        new = ca.vertcat(known, does, ca.if_else(restarts, start, ca.vertcat(duration, after)))
         goes = ca.logic_or(restarts, ca.logic_and(goes, ca.logic_not(ended)))
         recorded = ca.logic_and(accepted, doing == RECORDING)
         return ca.Function("solve", [z, data], [new, c, motion[states:-2], length, recorded, goes])
 
     def _newton(self) -> ca.Function:
-        """(X, parameters, end of the motion, its transition, row, level) -> Newton step and direction of the curve."""
+        """(X, parameters, end of the motion, its transition, row, level, unit, size of the last Newton step, number of
+        steps, the least, whether to record) -> what z holds of the next point, and what the lane does next."""
         closing = self.equations.closing((self.along,)).function
-        point, row, level = ca.SX.sym("x", self.size), ca.SX.sym("row", self.size), ca.SX.sym("level")
+        x, row, unit = (ca.SX.sym(name, self.size) for name in ("x", "row", "unit"))
         p, end, transition, _, q, slopes = (ca.SX.sym("a", *closing.size_in(i)) for i in range(1, 7))
+        level, last, taken, least, record = ca.vertsplit(ca.SX.sym("options", 5))
         speed = self.flow.vector_field.field(end, p)[0]
-        residual, jacobian, *_ = closing(point[:-1], p, end, transition, speed, q, slopes)
-        right = ca.vertcat(-residual, level - ca.dot(row, point))
-        sides = ca.horzcat(right, ca.vertcat(ca.SX.zeros(self.size - 1), 1))
+        residual, jacobian, *_ = closing(x[:-1], p, end, transition, speed, q, slopes)
+        sides = ca.vertcat(ca.horzcat(-residual, ca.SX(self.size - 1, 1)), ca.horzcat(level - ca.dot(row, x), 1))
         found = _solved(ca.densify(ca.horzcat(ca.vertcat(jacobian, row.T), sides)))
-        return ca.Function("newton", [point, p, end, transition, row, level], [found[:, 0], found[:, 1]])
-
-
-def _decision(n: int, states: int, columns: int) -> ca.Function:
-    """(relative Newton step (n,), size of the last one, transition of the motion, number of Newton steps, the least,
-    whether to record) -> what the lane does next, size of the step, growth of a small change over the motion."""
-    step, transition = ca.SX.sym("s", n), ca.SX.sym("T", states, columns)
-    last, taken, least, record = (ca.SX.sym(name) for name in ("last", "taken", "least", "record"))
-    size, growth = ca.mmax(ca.fabs(step)), ca.mmax(ca.fabs(transition[:, :states]))
-    rounding = ca.logic_and(size < SMALL_STEP, size > STALLED_RATIO * last)
-    settled = ca.logic_or(size * ca.fmax(growth, 1.0) < LAST_STEP, rounding)
-    failed = ca.logic_or(ca.logic_not(size < STALLED_RATIO * last), taken >= MOST_NEWTON_STEPS)
-    does = ca.if_else(settled, ca.if_else(record, RECORDING, DONE), ca.if_else(failed, FAILED, SOLVING))
-    does = ca.if_else(taken >= least, does, SOLVING)
-    return ca.Function("judged", [step, last, transition, taken, least, record], [does, size, growth])
-
-
-def _split(vector: ca.MX, *widths: int) -> list[ca.MX]:
-    return ca.vertsplit(vector, [*accumulate(widths, initial=0)])
+        size, growth = ca.mmax(ca.fabs(found[:, 0] / unit)), ca.mmax(ca.fabs(transition[:, : end.numel()]))
+        rounding = ca.logic_and(size < SMALL_STEP, size > STALLED_RATIO * last)
+        settled = ca.logic_or(size * ca.fmax(growth, 1.0) < LAST_STEP, rounding)
+        failed = ca.logic_or(ca.logic_not(size < STALLED_RATIO * last), taken >= MOST_NEWTON_STEPS)
+        does = ca.if_else(settled, ca.if_else(record, RECORDING, DONE), ca.if_else(failed, FAILED, SOLVING))
+        known = ca.vertcat(x + found[:, 0], found[:, 1], size, growth, taken)
+        arguments = [x, p, end, transition, row, level, unit, last, taken, least, record]
+        return ca.Function("newton", arguments, [known, ca.if_else(taken >= least, does, SOLVING)])
 
 
 def _solved(system: ca.SX) -> ca.SX:
-    """The solutions of a system (n, n + k) with its right sides, by elimination with pairwise pivoting."""
+    """The solutions of a system (n, n + k) with its right sides, by elimination with pivoting."""
     n = system.shape[0]
     rows = [system[i, :] for i in range(n)]
     for j in range(n):
         for i in range(j + 1, n):
             larger = ca.fabs(rows[i][j]) > ca.fabs(rows[j][j])
             rows[j], rows[i] = ca.if_else(larger, rows[i], rows[j]), ca.if_else(larger, rows[j], rows[i])
-            rows[i] -= rows[i][j] / rows[j][j] * rows[j]
-    found: list[ca.SX] = [ca.SX()] * n
-    for j in reversed(range(n)):
-        rest = sum((rows[j][k] * found[k] for k in range(j + 1, n)), ca.SX.zeros(1, system.shape[1] - n))
-        found[j] = (rows[j][n:] - rest) / rows[j][j]
-    return ca.vertcat(*found)
+        rows = [row if i == j else row - row[j] / rows[j][j] * rows[j] for i, row in enumerate(rows)]
+    return ca.vertcat(*[row[n:] / row[j] for j, row in enumerate(rows)])
 
 
 # The kernel of a statement's equations and a parameter, kept for the next call with the same.

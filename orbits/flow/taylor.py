@@ -82,23 +82,15 @@ class TaylorStepper:
         return found.steps, found.coefficients, found.slopes
 
     def advance_all(
-        self,
-        x: Array,
-        p: Array,
-        durations: Array,
-        dx: Array,
-        dp: Array,
-        count: int = FLOW_CONTROL.max_steps,
-        record: bool = True,
+        self, x: Array, p: Array, durations: Array, dx: Array, dp: Array, record: int | None = FLOW_CONTROL.max_steps
     ) -> Motions:
-        """Motions from states (m, n) with parameters (m, np) or (1, np), each for its duration (m,) or at most so many
-        steps; dx (n, columns) and dp (np, columns) are their seeds. Where no steps are to be recorded, their number is
-        not bounded."""
+        """Motions from states (m, n) with parameters (m, np) or (1, np), each for its duration (m,) or as many steps as
+        are recorded at most, None for none of any number; dx (n, columns) and dp (np, columns) are their seeds."""
         size, n, columns, count_p = len(x), self.n, self.columns, p.shape[1]
         z, data = np.empty((size, n * (1 + columns) + 2)), np.empty((len(p), self.kernel.sizes_in[1]))
         z[:, :n], z[:, n:-2], z[:, -2], z[:, -1] = x, dx.T.ravel(), durations, LONGEST_STEP
-        data[:, :count_p], data[:, count_p:-1], data[:, -1] = p, dp[self.varied].T.ravel(), record
-        z, (c, dc, steps), counts, _ = self.kernel(z, data, most=count)
+        data[:, :count_p], data[:, count_p:-1], data[:, -1] = p, dp[self.varied].T.ravel(), record is not None
+        z, (c, dc, steps), counts, _ = self.kernel(z, data, most=record or 1)
         orders = TAYLOR_ORDER + 1
         variations, slopes = z[:, n:-2].reshape(size, columns, n), dc.reshape(len(c), columns, n, orders)
         c = c.reshape(-1, self.rows, orders)
@@ -112,8 +104,7 @@ class TaylorStepper:
         offsets: Array,
         limits: Array,
         turns: int = 0,
-        count: int = FLOW_CONTROL.max_block,
-        record: bool = False,
+        record: int | None = None,
     ) -> tuple[Array, Array, Array, Array, Array]:
         """Motions until an affine function may change its sign, or until their times reach the `limits` (m,).
 
@@ -121,19 +112,19 @@ class TaylorStepper:
         weights, offsets : (m, q, rows) and (m, q), of the q functions
         turns : where it is given, the second function ends no motion before its sign at the ends of steps has changed
             so often; the size of its sign in z is one more than the number of changes
-        record : whether all steps are recorded, at most `count` of them, or only those in which a function may change
-            its sign, by Bernstein exclusion
+        record : how many steps are recorded at most; None for only those in which a function may change its sign, by
+            Bernstein exclusion
 
         Returns z when each has ended; the coefficients (N, rows, K + 1) of the steps that are recorded; what z was
         before each of them beyond the state, with the length in the place of the time left; the number (m,) of these
-        steps of each motion; and whether it would go on (m,), after the `count` or after more steps than any that ends.
+        steps of each motion; and whether it would go on (m,), after the last record or after more steps than any that ends.
         """
-        motions, size = offsets.shape
+        count, size = offsets.shape
         if (kind := (size, turns)) not in self._watching:
             self._watching[kind] = Kernel(_watch_function(self, size, turns))
-        data = [np.broadcast_to(p, (motions, p.shape[1])), weights.reshape(motions, -1), offsets, limits[:, None]]
-        data.append(np.full((motions, 1), float(record)))
-        z, (c, before), counts, going = self._watching[kind](z, np.hstack(data), most=count if record else 1)
+        data = [np.broadcast_to(p, (count, p.shape[1])), weights.reshape(count, -1), offsets, limits[:, None]]
+        data.append(np.full((count, 1), float(record is not None)))
+        z, (c, before), counts, going = self._watching[kind](z, np.hstack(data), most=record or 1)
         return z, c.reshape(-1, self.rows, TAYLOR_ORDER + 1), before, counts, going
 
     def watched_state(self, x: Array, times: Array, orders: Array, signs: Array) -> Array:

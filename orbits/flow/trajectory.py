@@ -170,10 +170,11 @@ class Trajectories:
         The weights and the offset of the function are numbers, or (m,) where they differ between motions.
         """
         weights, offset = np.array(np.broadcast_arrays(*quantity.weights)).T, np.asarray(quantity.offset)
-        weights = weights[self.owner] if weights.ndim > 1 else weights
+        weights = weights[self.owner] if weights.ndim > 1 else weights[None]
         weights = weights if embed is None else weights @ embed
-        coefficients = self.coefficients[:, : weights.shape[-1]]
-        values = weights @ coefficients if weights.ndim == 1 else np.einsum("Ni,Nik->Nk", weights, coefficients)
+        values = np.zeros(self.coefficients.shape[::2])
+        for i in np.flatnonzero(weights.any(0)):  # many times faster than products of small matrices
+            values += weights[:, i, None] * self.coefficients[:, i]
         values[:, 0] += offset[self.owner] if offset.ndim else offset
         return values
 
@@ -198,3 +199,10 @@ class Trajectories:
     def finals(self) -> np.ndarray:
         """The rows (m, rows) at the end of each motion."""
         return evaluate(self.coefficients[self.last], self.steps[self.last, None])
+
+    @cached_property
+    def step_ends(self) -> np.ndarray:
+        """The rows (N, rows) at the end of every step."""
+        ends = np.roll(self.coefficients[:, :, 0], -1, axis=0)
+        ends[self.last] = self.finals
+        return ends

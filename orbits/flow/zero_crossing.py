@@ -136,6 +136,7 @@ class _ZeroSearch:
         """Search motions in lanes, each to the next step in which something may happen, and one by one from a step on
         that cannot be used."""
         flow, stepper, n = self.flow, self.flow.stepper(0), self.flow.size
+        most = flow.control.max_block if self.all_steps else None
         pieces = ActivePieces(flow, self.ps[0], self.starts)
         remaining, signs = np.arange(len(self.starts)), np.zeros((len(self.starts), self._tests(pieces)[1].shape[1]))
         z = stepper.watched_state(self.starts, np.zeros(len(signs)), self.skip, signs)
@@ -150,8 +151,8 @@ class _ZeroSearch:
             interrupts.check()
             p = pieces.data if flow.phase.pieces else self.ps[remaining] if len(self.ps) > 1 else self.ps
             turns = self.over[1] if self.over else 0
-            limits, most = self.limit[remaining], flow.control.max_block
-            z, c, before, counts, going = stepper.watch(z, p, *self._tests(pieces), limits, turns, most, self.all_steps)
+            limits, tests = self.limit[remaining], self._tests(pieces)
+            z, c, before, counts, going = stepper.watch(z, p, *tests, limits, turns, most)
             found = z[:, n + 4] > 0
             never = ~found & self._never(z)
             self.times[remaining[never]] = np.inf

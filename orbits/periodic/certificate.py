@@ -16,7 +16,7 @@ from ..numerics.bernstein import derivative, evaluate
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import ElementwiseFunction
 from ..symbolic.kept import kept
-from .error_bound import DOUBTFUL_RATIO, EPS, NARROW, ends_of_steps
+from .error_bound import DOUBTFUL_RATIO, EPS, NARROW
 from .formulations import CONTACT_FORCE, NONE, Cycles, columns, or_none
 from .local_law import by_launch_speed, launch_power, loss_coefficient
 
@@ -156,7 +156,7 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
     much of that is rounding (m,); and the gradient at its start (m, n)."""
     flow, names, first = flow_of(phase, tuple(p)), tuple(p), motions.first
     data, states = flow.data_of(motions, columns(p.values())), motions.coefficients[:, : flow.size, 0]
-    works, rates = _works(phase, gradient, names)(states, ends_of_steps(motions, flow.size), data)
+    works, rates = _works(phase, gradient, names)(states, motions.step_ends[:, : flow.size], data)
     changes = np.cumsum(works)
     before = np.where(first > 0, changes[first - 1], 0.0)
     largest = motions.largest(changes - np.repeat(before, motions.counts))

@@ -271,4 +271,5 @@ def vector(p: Mapping[str, float]) -> ndarray:
 
 def or_none(values: ndarray) -> list[float | None]:
     """Numbers (m,), with None for `NONE`."""
-    return [None if value == NONE else value for value in values.tolist()]
+    found = values.tolist()
+    return [None if value == NONE else value for value in found] if NONE in found else found

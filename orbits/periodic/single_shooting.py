@@ -74,6 +74,8 @@ class Evaluation:
 
 def joined(evaluations: Sequence[Evaluation]) -> Evaluation:
     """One evaluation at the points of several."""
+    if len(evaluations) == 1:
+        return evaluations[0]
     combined: dict[str, Any] = {}
     for name in Evaluation.__dataclass_fields__:
         parts: list[Any] = [getattr(evaluation, name) for evaluation in evaluations]
@@ -81,7 +83,7 @@ def joined(evaluations: Sequence[Evaluation]) -> Evaluation:
         combined[name] = (
             tuple(map(combine, zip(*parts, strict=True))) if isinstance(parts[0], tuple) else combine(parts)
         )
-    return evaluations[0] if len(evaluations) == 1 else Evaluation(**combined)
+    return Evaluation(**combined)
 
 
 def settles(size: Any, last: Any, amplification: Any) -> Any:
@@ -222,23 +224,9 @@ class Shooting:
 
         arcs = zip(evaluation.trajectories, evaluation.starts, evaluation.durations, strict=True)
         moved = tuple(motions.moved(change(start), change(duration)) for motions, start, duration in arcs)
-        if any(flow.phase.pieces for flow in self.flows):
-            points = zip(us, ps, zip(*moved, strict=True), strict=True)
-            residual = np.array([self.residual(u, p, paths, lambda *arc: arc[-1].end) for u, p, paths in points])
-        else:
-            residual = self.arrivals(us, ps, *(motions.finals for motions in moved))[0][:, :, 0]
+        points = zip(us, ps, zip(*moved, strict=True), strict=True)
+        residual = np.array([self.residual(u, p, paths, lambda *arc: arc[-1].end) for u, p, paths in points])
         return replace(evaluation, residual=residual, trajectories=moved, correction=steps)
-
-    @cached_property
-    def arrivals(self) -> MappedFunction:
-        """The residual from the ends of all arcs, (u, p, end, ...), of fields without breakpoints."""
-        u, p = ca.SX.sym("u", self.size), ca.SX.sym("p", len(self.parameters))
-        ends = [ca.SX.sym("x", flow.size) for flow in self.flows]
-        residuals = []
-        for before, end, (departure, arrival) in zip([ca.SX(0, 1), *ends], ends, self.ends, strict=False):
-            start = departure.function(u, before, p)[0][:-1]
-            residuals.append(arrival.function(u, start, end, p, ca.SX(0, 1))[0])
-        return MappedFunction(dense("arrivals", [u, p, *ends], [ca.vertcat(*residuals)]))
 
     def residual(self, u: np.ndarray, p: np.ndarray, paths: tuple[Trajectory, ...], end_of: Callable) -> np.ndarray:
         """The residual (n,) where every arc ends at end_of(flow, start, p, path), one of `paths` for each."""

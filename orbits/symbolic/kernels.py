@@ -150,12 +150,14 @@ class Kernel:
 
     def _iterated(self, inputs: list[np.ndarray], capacity: int) -> tuple:
         """(last z, records, counts, going) with room for so many records of each point."""
-        count, first, parts = len(inputs[0]), 0, list[tuple]()
+        count, first, cost, parts = len(inputs[0]), 0, 0.0, list[tuple]()
         while self._code is None and first < count:
-            if self.interpretation_budget < 0 and self.compile():
+            # A call that would use up the budget on its own is compiled for at once.
+            if self.interpretation_budget < cost * (count - first) and self.compile():
                 break
+            before = self.interpretation_budget
             parts.append(self._interpret([array[first if len(array) == count else 0] for array in inputs], capacity))
-            first += 1
+            first, cost = first + 1, before - self.interpretation_budget
         if first < count:
             if self.optimisation_budget < 0:
                 self.optimise()
