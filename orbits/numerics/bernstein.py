@@ -196,7 +196,7 @@ class PiecewisePolynomials:
         values = bernstein(self.coefficients, self.of_steps)
         ends = np.einsum("Nk,Nk->N", self.coefficients, self.of_steps)
         least = np.minimum.reduceat(np.minimum(self.coefficients[:, 0], ends), self.first)
-        lower = np.flatnonzero(values.min(1) < least[self.owner])  # pieces that may have a lower value inside
+        lower = (values.min(1) < least[self.owner]).nonzero()[0]  # pieces that may have a lower value inside
         each = self.steps[lower], np.ones(len(lower), int), self.of_steps[lower]
         slopes = PiecewisePolynomials(derivative(self.coefficients[lower]), *each)
         owner, _, t = slopes.roots(rising=True)

@@ -57,7 +57,7 @@ def error_bounds(
     residuals, refused = np.full_like(evaluation.residual, np.nan), {}
     if quickly and len(equations.flows) == 1 and equations.smooth and evaluation.trajectories[0].variations is not None:
         residuals = _residuals_by_defects(equations, us, ps, evaluation)
-    for i in np.flatnonzero(~np.isfinite(residuals).all(1)).tolist():
+    for i in (~np.isfinite(residuals).all(1)).nonzero()[0].tolist():
         try:
             residuals[i] = equations.residual(us[i], ps[i], evaluation[i].trajectories, _end_by_another_method)
         except NoOrbit as error:
@@ -85,7 +85,7 @@ def _bounds_of_residuals(equations: Shooting, us, evaluation: Evaluation, closin
         rounding += EPS / 2 * size * at_random * (1 + at_random / RANDOM_STEPS) * growth
     shared = np.maximum(np.linalg.norm(inverse, axis=1) * rounding, _carried_rounding(equations, evaluation, inverse))
     floor, doubtful = shared + np.spacing(alpha), {}
-    for i in np.flatnonzero(found > np.maximum(WORST_ERROR * alpha, DOUBTFUL_RATIO * floor)).tolist():
+    for i in (found > np.maximum(WORST_ERROR * alpha, DOUBTFUL_RATIO * floor)).nonzero()[0].tolist():
         text = "the orbit cannot be certified: launch speed {alpha:.6g} may be off by {error:.1e}{narrow}"
         numbers = {"alpha": Quantity(alpha[i], SPEED), "error": Quantity(found[i], SPEED)}
         doubtful[i] = NoOrbit(Message(text, **numbers, narrow=NARROW))
@@ -129,15 +129,15 @@ def _carried_rounding(equations: Shooting, evaluation: Evaluation, inverse: ndar
 def _sensitivities_of_steps(motions: Trajectories, transition: ndarray, n: int) -> ndarray:
     """Derivatives (N, n, n) of the state at the end of every step by that at the start of its motion."""
     assert motions.variations is not None
-    sensitivity = np.roll(motions.variations[:, :n, :n, 0], -1, axis=0)
-    sensitivity[motions.last] = transition[:, :, :n]
+    sensitivity = np.empty((len(motions.steps), n, n))
+    sensitivity[:-1], sensitivity[motions.last] = motions.variations[1:, :n, :n, 0], transition[:, :, :n]
     return sensitivity
 
 
 def ends_of_steps(motions: Trajectories, n: int) -> ndarray:
     """The first n states (N, n) at the end of every step."""
-    ends = np.roll(motions.coefficients[:, :n, 0], -1, axis=0)
-    ends[motions.last] = motions.finals[:, :n]
+    ends = np.empty((len(motions.steps), n))
+    ends[:-1], ends[motions.last] = motions.coefficients[1:, :n, 0], motions.finals[:, :n]
     return ends
 
 

@@ -139,7 +139,7 @@ class Cycles:
     def __len__(self) -> int:
         return len(self.error)
 
-    @property
+    @cached_property
     def halves_per_flight(self) -> int:
         """How many of the `halves` belong to each flight: 1 where the other one is its mirror image, else 2."""
         return len(self.halves) // len(self)
@@ -199,7 +199,7 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
     if model.reversor:
         landing = _landing_by(alpha, evaluation, model.reversor)
         return flight, flight, landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
-    for i in np.flatnonzero(np.abs(u["unfolding"]) * u["duration"] > LARGEST_UNFOLDING).tolist():
+    for i in (np.abs(u["unfolding"]) * u["duration"] > LARGEST_UNFOLDING).nonzero()[0].tolist():
         reason = "with energy pumped in or taken out all the time: this model has no lossless orbit here"
         raise NoOrbit(f"the landing conditions hold only {reason}").about(i)
     landing = (evaluation.transitions[0] @ evaluation.starts[0])[:, :, alpha]

@@ -290,28 +290,27 @@ class Shooting:
     def newton(self, u: ArrayLike, p: np.ndarray, attempts: int = 30) -> tuple[np.ndarray, Evaluation]:
         """The solution (n,) by Newton's method from `u`, to rounding, and the equations at this one point; raises
         `NoOrbit` without convergence. A step that leaves the flow's domain or collapses a duration is halved."""
-        u = np.array(u, dtype=float)
-        evaluation, size = self.evaluate(u, p), np.inf
+        us, ps, size = np.reshape(np.array(u, dtype=float), (1, -1)), np.reshape(p, (1, -1)), np.inf
+        evaluation = self.evaluate_all(us, ps)
         for _ in range(attempts):
-            step = solve(evaluation.jacobian, -evaluation.residual)
-            last, size = size, np.max(np.abs(step) / np.maximum(np.abs(u), SMALLEST_UNIT))
-            if settles(size, last, evaluation.amplification):
-                new = u + step
-                return new, self.moved(stacked([evaluation]), new[None], np.reshape(p, (1, -1)), step[None])
+            step = solve(evaluation.jacobian[0], -evaluation.residual[0])
+            last, size = size, (np.abs(step) / np.maximum(np.abs(us), SMALLEST_UNIT)).max()
+            if settles(size, last, evaluation.amplification[0]):
+                return us[0] + step, self.evaluate_all(us + step, ps)
             if not np.isfinite(size):
                 break
-            u, evaluation = self._damped(u, p, step, evaluation)
+            us, evaluation = self._damped(us, ps, step, evaluation)
         raise NoOrbit(f"the {self.statement.name} equations did not converge (last relative step {size:.1e})")
 
-    def _damped(self, u, p, step, evaluation: Evaluation) -> tuple[np.ndarray, Evaluation]:
-        """The point that a step leads to, halved until the residual shrinks, and the equations there."""
+    def _damped(self, us, ps, step, evaluation: Evaluation) -> tuple[np.ndarray, Evaluation]:
+        """The point (1, n) that a step leads to, halved until the residual shrinks, and the equations there."""
         size, durations = np.linalg.norm(evaluation.residual), self.durations
-        accepted = max(REDUCTION * size, SMALL_RESIDUAL * (1 + np.abs(u).max()))
+        accepted = max(REDUCTION * size, SMALL_RESIDUAL * (1 + np.abs(us).max()))
         for _ in range(MOST_STEP_HALVINGS):
-            new = u + step
-            if (new[durations] > DURATION_LEFT * u[durations]).all():
+            new = us + step
+            if (new[:, durations] > DURATION_LEFT * us[:, durations]).all():
                 try:
-                    found = self.evaluate(new, p)
+                    found = self.evaluate_all(new, ps)
                     if np.linalg.norm(found.residual) <= accepted:
                         return new, found
                 except FlowError:
