@@ -18,7 +18,7 @@ from orbits import Input
 from orbits.errors import InputError, finite_number
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
-from orbits.model.units import SPEED, Units
+from orbits.model.units import LENGTH, SPEED, Message, Quantity, Units
 from orbits.symbolic.exclusive import exclusive_property
 
 from .laws import Key
@@ -117,7 +117,8 @@ def actuator_limits(driven: Actuated, rate: float, stroke: float) -> Limits:
     """The limits of a machine with these bounds; raises `InputError` for bounds that are not above 0."""
     for name, bound in (("rate", rate), ("stroke", stroke)):
         if not (bound == np.inf or finite_number(name, bound) > 0):
-            raise InputError(f"{name} = {bound:g}: the actuator's bound is above 0")
+            told = Quantity(bound, SPEED if name == "rate" else LENGTH)
+            raise InputError(Message("{name} = {bound:g}: the actuator's bound is above 0", name=name, bound=told))
     return Limits(float(rate), float(stroke), driven.model.separation(driven.values))
 
 

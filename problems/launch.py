@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from orbits.errors import FlowError, InputError, NoOrbit, OutOfRange
 from orbits.flow.flow import flow_of
 from orbits.model.phase import Phase
-from orbits.model.units import FORCE, LENGTH, SPEED, Message, Quantity
+from orbits.model.units import FORCE, LENGTH, SPEED, STIFFNESS, Message, Quantity
 from orbits.numerics.bernstein import Crossings
 from orbits.numerics.roots import bracketed_root
 
@@ -96,8 +96,9 @@ class Liftoff:
         slope = float(law.with_slope(liftoff)[1])
         if slope > FLATTEST_LIFTOFF:
             return liftoff
-        text = "spring '{law}' only just reaches {level} at extension {liftoff:.6g}: nothing lifts off cleanly"
-        raise NoOrbit(Message(text, law=law.text, level=self.name, liftoff=Quantity(liftoff, LENGTH)))
+        reaches = "spring '{law}' only just reaches {level} at extension {liftoff:.6g}, with slope {slope:.1e}"
+        numbers = {"liftoff": Quantity(liftoff, LENGTH), "slope": Quantity(slope, STIFFNESS)}
+        raise NoOrbit(Message(reaches + ": nothing lifts off cleanly", law=law.text, level=self.name, **numbers))
 
 
 def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, np.ndarray]:

@@ -1,5 +1,6 @@
 """What the commands share: the options that describe a machine, its losses and the files to write."""
 
+import logging
 import sys
 import threading
 import time
@@ -211,8 +212,11 @@ def progress(doing: str = "searching") -> Iterator[Callable[[float], None] | Non
 
     thread = threading.Thread(target=show, daemon=True)
     thread.start()
+    logger = logging.getLogger("orbits")
+    logger.disabled = True  # what it says is on the line already
     try:
         yield lambda value: share.__setitem__(0, value)
     finally:
+        logger.disabled = False
         done.set()
         thread.join()

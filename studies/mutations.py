@@ -31,6 +31,8 @@ ROOT = Path(__file__).parent.parent
 COPIED = ("orbits", "problems", "studies", "tests", "README.md", "pyproject.toml")
 # Rooms without tests of their own, with those of the rooms that use them first.
 TESTED_BY = {"model": ("flow", "periodic")}
+# What every room does for machines in SI is tested here.
+IN_SI = "tests/problems/test_units.py", "tests/problems/test_messages.py"
 SWAPPED = {
     **{ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult},
     **{ast.And: ast.Or, ast.Or: ast.And, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq},
@@ -54,9 +56,9 @@ class Mutation:
 
     @property
     def tests(self) -> tuple[str, ...]:
-        """The folders of the tests of the module's room."""
+        """Where the tests of the module's room are."""
         room = Path(self.module).parts[1]
-        return tuple(f"tests/{name}" for name in TESTED_BY.get(room, (room,)))
+        return *(f"tests/{name}" for name in TESTED_BY.get(room, (room,))), *IN_SI
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def places(tree: ast.AST) -> Iterator[ast.AST]:
         aside = [getattr(node, name, None) for name in ("annotation", "returns")]
         aside += [*getattr(node, "decorator_list", []), node.exc if isinstance(node, ast.Raise) else None]
         skipped.update(id(part) for part in aside if part is not None)
-        if isinstance(node, ast.JoinedStr):
+        if isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Call) and ast.unparse(node.func) == "Message"):
             skipped.update(map(id, ast.iter_child_nodes(node)))
         swapped = isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in SWAPPED
         turned = isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not)

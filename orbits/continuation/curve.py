@@ -6,6 +6,7 @@ X = (u, value), measured in units of its own size.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from itertools import groupby
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..model.machine import Machine, check_parameters
-from ..model.units import Units
+from ..model.units import Units, without_units
 from ..periodic.certificate import certify
 from ..periodic.error_bound import error_bounds
 from ..periodic.find import certified_orbit
@@ -21,6 +22,7 @@ from ..periodic.formulations import equations_of, interpret, or_none
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.single_shooting import Evaluation, joined
 from .family import RESERVED_NAMES, Point, point_in_units
+from .newton_kernel import Solutions, newton_kernel
 from .predictor import around
 
 # A point is at a fold where the tangent has a smaller share than this along the parameter. The value of the parameter
@@ -81,6 +83,27 @@ class CurvePoint(NamedTuple):
         return self.certified
 
 
+class StepEnd(NamedTuple):
+    """The end of a step along the curve, whose motion is not known yet.
+
+    x, tangent, length, parts : as of a `CurvePoint`
+    amplification : the largest growth of a small change over the motion
+    row : (n + 1,), which measures the length along the curve
+    """
+
+    x: np.ndarray
+    tangent: np.ndarray
+    amplification: float
+    row: np.ndarray
+    length: float = 0.0
+    parts: int = 1
+
+    @property
+    def value(self) -> float:
+        """The value of the parameter."""
+        return float(self.x[-1])
+
+
 class Curve:
     """The curve F(u, value) = 0 of a machine's orbits along a parameter, whose whole way `span` is its unit."""
 
@@ -111,9 +134,13 @@ class Curve:
         """The equations at points (m, n + 1)."""
         return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
 
-    def linearize(self, xs: np.ndarray) -> Evaluation:
-        """The equations at points (m, n + 1) for a Newton step that is not the last, mostly without their motions."""
-        return self.equations.linearize_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
+    def solve(self, xs: np.ndarray, rows: np.ndarray, levels: np.ndarray, least: int, record: bool) -> Solutions | None:
+        """The curve at levels (m,) of rows (m, n + 1) near points (m, n + 1), as `NewtonKernel` finds it; None where
+        that cannot."""
+        if len(self.equations.flows) > 1 or not self.equations.smooth:
+            return None
+        kernel = newton_kernel(self.equations, self.along)
+        return kernel(xs, rows, levels, self.size(xs), self.parameters_at(xs), least, record)
 
     def certify(self, point: CurvePoint) -> CurvePoint:
         """The point, certified; raises the error when it cannot be."""
@@ -126,31 +153,25 @@ class Curve:
 
     def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
         """The points, certified, up to the first that cannot be, and its error."""
-        # Points that were solved in one call are certified in one call.
-        groups: dict[int, int] = {}
-        calls = [groups.setdefault(id(point.evaluation), len(groups)) for point in points]
-        order = np.lexsort(([point.place for point in points], calls))
-        if not len(order):
+        if not points:
             return [], None
-        us, ps, evaluation, closing = self.solutions([points[i] for i in order])
+        us, ps, evaluation, closing = self.solutions(points)
         errors, doubtful = error_bounds(self.orbits, us, ps, evaluation, closing, quickly=True)
-        refused = {int(order[i]): error for i, error in (doubtful | self._refused(ps)).items()}
+        refused = doubtful | self._refused(ps)
         end = min(refused, default=len(points))
         if end == 0:
             return [], refused[0]
         if refused:
-            kept = np.flatnonzero(order < end)
-            us, ps, evaluation, errors, order = us[kept], ps[kept], evaluation[kept], errors[kept], order[kept]
+            us, ps, evaluation, errors = us[:end], ps[:end], evaluation[np.arange(end)], errors[:end]
         try:
-            orbits = self._certificates([points[i] for i in order], us, ps, evaluation, errors)
+            orbits = self._certificates(points[:end], us, ps, evaluation, errors)
         except NoOrbit as error:
             if error.index is None:
                 raise
-            first, error.index = order[error.index], None
+            first, error.index = error.index, None
             certified, earlier = self.certify_all(points[:first])
             return certified, earlier or error
-        by_index = dict(zip(order.tolist(), orbits, strict=True))
-        return [CurvePoint(*points[i][:-1], by_index[i]) for i in range(end)], refused.get(end)
+        return [CurvePoint(*point[:-1], orbit) for point, orbit in zip(points, orbits, strict=False)], refused.get(end)
 
     def solutions(self, points: Sequence[CurvePoint]) -> tuple[np.ndarray, np.ndarray, Evaluation, np.ndarray]:
         """The unknowns (m, n) and parameters (m, np) of the machine's own equations `orbits`, these equations there,
@@ -206,6 +227,11 @@ class Curve:
             return None
         return units({**self.machine.values, **point.also, self.along: point.value})
 
+    def without_units(self, value: float) -> AbstractContextManager[None]:
+        """Where the curve is solved near a value of its parameter; see `without_units` of the units."""
+        units = self.machine.model.units
+        return without_units(units and units({**self.machine.values, self.along: value}))
+
     def in_units(self, point: Point) -> Point:
         """A dimensionless point in the machine's units: in SI where it is stated so."""
         return point_in_units(point, self.units_at(point))
@@ -220,7 +246,7 @@ class Curve:
         return self.certify(point._replace(x=np.append(point.x[:-1], value), certified=None))
 
 
-def interpolated(points: Sequence[CurvePoint], row: np.ndarray, levels: np.ndarray) -> np.ndarray:
+def interpolated(points: Sequence[CurvePoint | StepEnd], row: np.ndarray, levels: np.ndarray) -> np.ndarray:
     """Places (m, n + 1) at levels (m,) of the polynomial through points of a curve with their tangents."""
     xs, tangents, count = np.array([p.x for p in points]), np.array([p.tangent for p in points]), len(points)
     return around(xs, tangents, np.full(len(levels), count), count, 0, np.tile(row, (len(levels), 1)), levels)[0]

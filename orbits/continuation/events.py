@@ -159,5 +159,5 @@ def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: 
     try:
         return None if value is None else finite_number(name, value)
     except InputError:
-        place = f"at alpha = {orbit.alpha:.6g}"
+        place = f"at alpha = {orbit.alpha:.6g}{' m/s' if orbit.units else ''}"
         raise InputError(f"watch '{name}' gives {value!r} {place}: it must give a finite number") from None

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..io import MEGABYTE, check_ending, conform, fields_in_line, one_line, read_file, to_json, write_table, writing
 from ..model.units import UNIT_TEXTS, Units, saved_units
 from ..periodic.certificate import Certificate
-from ..periodic.orbit import SavedLaws, certificate_in_units
+from ..periodic.orbit import SavedLaws, certificate_in_units, with_note
 
 FAMILY_FORMAT = "persistent-orbits family 1"
 # Endings of the files that a family is saved to; the first two are lines of JSON.
@@ -304,8 +304,12 @@ def _modernised(family: Family) -> Family:
     if "units" in family.machine:
         return family
     units = saved_units({name: family.machine[f"unit_{name}"] for name in ("length", "time", "force")})
-    events = tuple(replace(event, point=point_in_units(event.point, units)) for event in family.events)
-    points = tuple(point_in_units(point, units) for point in family.points)
+
+    def converted(point: Point) -> Point:
+        return point_in_units(replace(point, certificate=with_note(point.certificate)), units)
+
+    events = tuple(replace(event, point=converted(event.point)) for event in family.events)
+    points = tuple(converted(point) for point in family.points)
     return replace(family, machine={**family.machine, "units": {}}, points=points, events=events)
 
 

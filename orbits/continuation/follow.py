@@ -14,6 +14,7 @@ from ..periodic.find import Progress, Root, another_family, lowest_of_family, so
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
 from ..symbolic.exclusive import LOCK, exclusive
+from ..symbolic.heartbeat import running
 from .checkpoint import collect_family
 from .corrector import correct
 from .curve import Curve, CurvePoint, Watch, check_followed, machine_at
@@ -99,7 +100,7 @@ def _orbits(tracer: Tracer) -> Iterator[Orbit | Event | End]:
     """The items of a run, its points as orbits; between two, an interrupt is raised and other threads may compute."""
     items, item = iter(tracer), None
     while not isinstance(item, End):
-        with LOCK, interrupts.deferred():
+        with LOCK, running("trace"), interrupts.deferred():
             item = next(items)
             found = _presented(tracer.curve, item)
         yield found
@@ -139,7 +140,7 @@ def follow_branch(
     curve = Curve(machine, along, method, abs(stop - branch.value))
     x = np.array([*branch.u, branch.value])
     size = curve.size(x)
-    with interrupts.deferred():
+    with interrupts.deferred(), curve.without_units(branch.value):
         *_, first, second = np.linalg.svd(curve.evaluate(x[None]).jacobian[0] * size)[2]
         own = branch.tangent / size
         across = first * (second @ own) - second * (first @ own)
@@ -171,7 +172,7 @@ def orbit_at(machine: Machine, point: Point, along: str, method: str | None = No
     was followed with, the simplest method where None is given."""
     machine, method = machine_at(machine, point, along, method)
     curve, x, row = Curve(machine, along, method, 1.0), np.array([*point.u, point.value]), np.array(point.tangent)
-    with interrupts.deferred():
+    with interrupts.deferred(), curve.without_units(point.value):
         return curve.orbit(curve.certify_at(correct(curve, x, row, row @ x, row), point.value))
 
 
@@ -229,7 +230,7 @@ def _of_family(machine: Machine, family: int, method: str | None) -> tuple[str, 
 
 def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop: float, options: Options) -> Tracer:
     """A run from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`."""
-    with interrupts.deferred():
+    with interrupts.deferred(), curve.without_units(start):
         along_parameter = np.eye(len(x))[-1]
         first = correct(curve, x, along_parameter, start, along_parameter * np.sign(stop - start))
         if options.stop_inadmissible or options.watch:  # otherwise it is certified in one call with those that follow
@@ -246,7 +247,7 @@ def _resumed(machine, along: str, behind: float, stop: float, resume: Family, op
     _check_unknowns(last, curve)
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
     row = tangent / curve.size(x) ** 2
-    with interrupts.deferred():
+    with interrupts.deferred(), curve.without_units(last.value):
         first = curve.certify_at(correct(curve, x, row, row @ x, tangent), last.value)
     return Tracer(curve, first, behind, stop, options, [curve.dimensionless(point) for point in resume.points[:-1]])
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import OrbitsError
-from ..model.units import in_units
+from ..model.units import SPEED, Message, Quantity, in_units
 from .curve import Curve, CurvePoint
 from .events import Segment
 from .family import End, Point
@@ -137,10 +137,12 @@ class Endings:
         """The end of a curve that cannot be followed beyond its last point. The reason is the error of a curve that
         stays bounded; of one that escapes the limit says more."""
         alpha, value = last.point.alpha, last.value
-        where = f"{self.curve.along} = {value:.10g}, alpha = {self.curve.in_units(last.point).alpha:.10g}"
+        units, speed = self.curve.units_at(last.point), Quantity(alpha, SPEED)
+        where = Message("{name} = {value:.10g}, alpha = {alpha:.10g}", name=self.curve.along, value=value, alpha=speed)
+        where = in_units(where, units)
         if alpha > self.control.running_ratio * self.origin.alpha and (found := limit(history, self.bounds, -1)):
             return End("escaped", f"the launch speed grows without bound, and was followed to {where}", *found)
-        reason = in_units(error, self.curve.units_at(last.point))
+        reason = in_units(error, units)
         if abs(value - self.start) < self.control.least_progress * self.curve.span:
             reason += "; a parameter over decades is followed by its inverse or its logarithm"
         return End("stuck", f"at {where}: {reason}")

@@ -13,14 +13,14 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from .corrector import MEMORY, correct, correct_all, predict_and_correct
-from .curve import TEST_FUNCTIONS, Curve, CurvePoint, Watch, interpolated
+from .curve import TEST_FUNCTIONS, Curve, CurvePoint, StepEnd, Watch, interpolated
 from .predictor import around
 
 # Events that are no test function's, whose names the functions of a user cannot have.
 OTHER_EVENTS = ("fold", "branch point", "family", "asked")
 # The largest step is at least this many times as long as the shortest, so that step-size control has some play.
 LEAST_PLAY = 10
-Points = Sequence[CurvePoint]
+Points = Sequence[CurvePoint | StepEnd]
 
 
 def _between(low: float, high: float, default: float) -> Any:
@@ -132,9 +132,11 @@ class Stepper:
         self.curve, self.bounds, self.longest, self.control = curve, bounds, options.longest, options.step_control
         self.asked = np.array([value for value in options.at if value != start])
 
-    def steps(self, ends: Points, length: float, batch_size: int) -> tuple[Points, float, OrbitsError | None]:
+    def steps(
+        self, ends: Points, length: float, batch_size: int
+    ) -> tuple[Sequence[StepEnd], float, OrbitsError | None]:
         """The ends of the next steps, of about `batch_size` points; the next length; and the error that ends them."""
-        new: list[CurvePoint] = []
+        new: list[StepEnd] = []
         while sum(end.parts for end in new) < batch_size:
             try:
                 end, length = self._step([*ends, *new][-MEMORY:], length, alone=batch_size == 1)
@@ -146,7 +148,7 @@ class Stepper:
                 break
         return new, length, None
 
-    def _step(self, ends: Points, length: float, alone: bool) -> tuple[CurvePoint, float]:
+    def _step(self, ends: Points, length: float, alone: bool) -> tuple[StepEnd, float]:
         """The end of a step and the length of the next; a rejected step is halved. Raises the last one's reason."""
         failure: OrbitsError = NoOrbit("no step is short enough")
         rate = ends[-1].tangent[-1]
@@ -182,7 +184,7 @@ class Stepper:
         ratio = min(max(control.safety * ratio, control.largest_shortening), control.largest_lengthening)
         return end, min(max(planned, length) * ratio, max(control.longest_step, self.longest))
 
-    def _rescued(self, last: CurvePoint) -> CurvePoint:
+    def _rescued(self, last: CurvePoint | StepEnd) -> StepEnd:
         """The point a first step away, by Ipopt's multiple shooting at a fixed value of the parameter."""
         curve, length, row = self.curve, self.control.first_step, last.tangent / self.curve.size(last.x) ** 2
         if abs(last.tangent[-1]) < self.control.steepest_rate * curve.span:
@@ -193,14 +195,15 @@ class Stepper:
         x, along_parameter = np.append(u, guess[0, -1]), np.eye(len(last.x))[-1]
         point = correct(curve, x, along_parameter, x[-1], last.tangent)
         self._correction(last, [point], guess, np.array([length]))
-        return point._replace(length=length, parts=1)
+        return StepEnd(point.x, point.tangent, point.amplification, along_parameter, length)
 
-    def _correction(self, last: CurvePoint, points: Points, guesses, lengths) -> float:
+    def _correction(self, last: CurvePoint | StepEnd, points: Points, guesses, lengths) -> float:
         """The largest correction from guesses (m, n + 1) to points `lengths` (m,) apart; raises `NoOrbit` when that, or
         an angle between neighbouring tangents, is too large for one curve."""
         sizes = self.curve.size(guesses)
         moved = np.linalg.norm((np.array([point.x for point in points]) - guesses) / sizes, axis=1)
-        a, b = (np.array([point.tangent for point in some]) / sizes for some in ((last, *points[:-1]), points))
+        tangents = np.array([point.tangent for point in (last, *points)])
+        a, b = tangents[:-1] / sizes, tangents[1:] / sizes
         cosines = np.einsum("mi,mi->m", a, b) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
         turned = float(np.arccos(np.clip(cosines.min(), -1.0, 1.0)))
         if (moved > self.control.largest_correction * lengths).any() or turned > self.control.largest_turn:
@@ -208,29 +211,27 @@ class Stepper:
             raise NoOrbit(f"the corrector moves {step}, the tangent turns by {turned:.2g}")
         return float(moved.max())
 
-    def points_between(self, ends: Points, new: Points, batch_size: int) -> list[CurvePoint]:
-        """The points from the last of `ends` to the `new` ends; raises `NoOrbit` when one may lie on another curve."""
-        chain, first = [*(before := ends[-self.control.neighbours :]), *new], len(before) - 1
-        steps, guesses, rows, levels = self._targets(chain, first, asked=batch_size > 1)
-        tangents = np.array([point.tangent for point in chain[first:-1]])[steps]
-        stops = np.searchsorted(steps, np.arange(len(new)), side="right").tolist()
-        lengths = np.array([end.length for end in new])[steps].tolist()
-        solved = correct_all(self.curve, guesses, rows, levels, tangents, lengths) if len(steps) else []
-        parts = zip([0, *stops], stops, new, strict=False)
-        points = [point for start, stop, end in parts for point in (*solved[start:stop], end)]
-        guesses = np.insert(guesses, stops, [end.x for end in new], axis=0)
-        self._correction(ends[-1], points, guesses, np.array([point.length for point in points]))
+    def points_between(self, ends: Points, new: Sequence[StepEnd], batch_size: int) -> list[CurvePoint]:
+        """The points from the last of `ends` to the `new` ends and these; raises `NoOrbit` when one may lie on another
+        curve."""
+        steps, guesses, rows, levels, parts = self._targets(ends[-self.control.neighbours :], new, batch_size > 1)
+        tangents = np.array([point.tangent for point in (ends[-1], *new)])[steps]
+        lengths = np.array([end.length for end in new])[steps]
+        points = correct_all(self.curve, guesses, rows, levels, tangents, lengths, parts)
+        self._correction(ends[-1], points, guesses, lengths)
         return points
 
-    def _targets(self, chain: Points, first: int, asked: bool) -> tuple[np.ndarray, ...]:
-        """Where the curve is solved between the points of a chain from `first` on, in order: the step (q,), and guess
-        (q, n + 1), row (q, n + 1) and level (q,) as in `correct_all`; where `asked`, at the values asked for too."""
+    def _targets(self, before: Points, ends: Sequence[StepEnd], asked: bool) -> tuple[np.ndarray, ...]:
+        """Where the curve is solved on the steps from the last point before to their ends, in order: the step (q,), and
+        guess (q, n + 1), row (q, n + 1), level (q,) and parts (q,) as in `correct_all`; where `asked`, at the values
+        asked for too."""
+        chain, first = (*before, *ends), len(before) - 1
         xs, tangents = np.array([point.x for point in chain]), np.array([point.tangent for point in chain])
-        side, n = self.control.neighbours, xs.shape[1]
+        side, n, each = self.control.neighbours, xs.shape[1], np.arange(len(ends))
         chords, places = np.diff(xs[first:], axis=0), np.arange(first + 1, len(chain))
         rows = chords / self.curve.size(xs[first:-1]) ** 2
         rows /= np.einsum("gi,gi->g", rows, chords)[:, None]
-        starts, parts = np.einsum("gi,gi->g", rows, xs[first:-1]), np.array([end.parts for end in chain[first + 1 :]])
+        starts, parts = np.einsum("gi,gi->g", rows, xs[first:-1]), np.array([end.parts for end in ends])
         steps = np.repeat(np.arange(len(parts)), parts - 1)
         shares = np.concatenate([np.arange(1, count) / count for count in parts])
         passed, values = self._passed(xs[first:, -1], tangents[first:, -1], self.asked if asked else self.asked[:0])
@@ -242,9 +243,16 @@ class Stepper:
         steps, shares = steps[free], shares[free]
         levels = starts[steps] + shares
         guesses, _ = around(xs, tangents, places[steps], side, side, rows[steps], levels)
-        order = np.lexsort((np.append(shares, taken), np.append(steps, passed)))
-        pairs = (steps, passed), (guesses, at_values), (rows[steps], along_parameter), (levels, values)
-        return tuple(np.concatenate(pair)[order] for pair in pairs)
+        rows_of_ends, xs_of_ends = np.array([end.row for end in ends]), xs[first + 1 :]
+        groups = (
+            (steps, passed, each),
+            (guesses, at_values, xs_of_ends),
+            (rows[steps], along_parameter, rows_of_ends),
+            (levels, values, np.einsum("gi,gi->g", rows_of_ends, xs_of_ends)),
+            (0 * steps, 0 * passed, parts),
+        )
+        order = np.lexsort((np.concatenate([shares, taken, np.ones(len(ends))]), np.concatenate(groups[0])))
+        return tuple(np.concatenate(group)[order] for group in groups)
 
     @staticmethod
     def _passed(values: np.ndarray, rates: np.ndarray, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from ..errors import NoOrbit, OrbitsError
 from ..model.units import Message
 from .corrector import MEMORY
-from .curve import Curve, CurvePoint
+from .curve import Curve, CurvePoint, StepEnd
 from .events import Segment, may_happen
 from .family import End, Event
 from .limits import Endings
@@ -18,6 +18,8 @@ from .step_control import Options, Stepper
 
 # A batch is split at a change of family only where its points lie farther apart than this many shortest steps.
 RESOLVED = 10
+# Steps of all motions in one batch, whose arrays then stay in the processor's cache; and the points of a small batch.
+STEPS_OF_BATCH, SMALL_BATCH = 12_000, 8
 
 
 class TracerState(NamedTuple):
@@ -54,7 +56,7 @@ class Tracer:
         self.start = earlier[0].value if earlier else first.value
         self.stepper = Stepper(curve, bounds, self.start, options)
         length = min(self.control.first_step, options.longest)
-        self._state = TracerState(first, (first,), length, min(self.control.largest_batch, options.most))
+        self._state = TracerState(first, (first,), length, min(self._largest_batch(first), options.most))
         self._batch: Batch | None = None
         if first.certified is None:  # it is certified in one call with those that follow it
             batch = self._next_batch(self._state)
@@ -122,7 +124,7 @@ class Tracer:
             length = 0.5 * points[len(certified)].length
         return Batch(certified, rejection, failure, length, whole=not left)
 
-    def _solvable(self, state: TracerState, ends: Sequence[CurvePoint]) -> tuple[list[CurvePoint], int]:
+    def _solvable(self, state: TracerState, ends: Sequence[StepEnd]) -> tuple[list[CurvePoint], int]:
         """The points of the first steps and the number of these, which is halved until the curve can be solved."""
         count = len(ends)
         while count:
@@ -164,5 +166,10 @@ class Tracer:
             rejections = max(rejections - len(batch.certified) / control.recovery, 0.0) + 1
             ends = ends if ends[-1] is state.last else [*ends, state.last]
         elif batch.whole:
-            size = min(control.batch_growth * state.batch_size, control.largest_batch)
+            size = min(control.batch_growth * state.batch_size, self._largest_batch(state.last))
         return TracerState(state.last, ends[-MEMORY:], batch.length, size, state.before, rejections)
+
+    def _largest_batch(self, point: CurvePoint) -> int:
+        """The most points of a batch whose motions are about as long as that of a point."""
+        steps = sum(int(motions.counts[point.place]) for motions in point.evaluation.trajectories)
+        return min(self.control.largest_batch, max(SMALL_BATCH, STEPS_OF_BATCH // steps))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, finite_number
+from ..model.units import TIME, Message, Quantity
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
 from ..symbolic.ipopt import Minimum
@@ -242,41 +243,45 @@ def _check_not_away(stages, first: list[StageUnknowns], last: list[StageUnknowns
     """Raise `NoOrbit` where the duration of a stage, from its first value to its last, grows without end."""
     for number, (stage, guessed, found) in enumerate(zip(stages, first, last, strict=True), start=1):
         if np.isinf(stage.duration[1]) and found.duration > RUNAWAY_DURATION * guessed.duration:
-            raise NoOrbit(
-                f"stage {number} ({stage.phase.name}) runs away: it lasts {found.duration:.2g} already, and the longer "
-                "it lasts the less it costs; bound its duration"
+            text = (
+                "stage {number} ({name}) runs away: it lasts {time:.2g} already, and the longer it lasts the less it "
+                "costs; bound its duration"
             )
+            raise NoOrbit(Message(text, number=number, name=stage.phase.name, time=Quantity(found.duration, TIME)))
 
 
 def _check_not_collapsed(stages, unknowns: list[StageUnknowns]) -> None:
     """Raise `NoOrbit` where a stage has shrunk to its lower bound, though it may last longer."""
     for number, (stage, part) in enumerate(zip(stages, unknowns, strict=True), start=1):
         if _shortest(stage, part):
-            raise NoOrbit(
-                f"stage {number} ({stage.phase.name}) collapses: least cost is at its shortest duration "
-                f"{stage.duration[0]:g}; state it without that stage, or fix its duration"
+            text = (
+                "stage {number} ({name}) collapses: least cost is at its shortest duration {time:g}; state it without "
+                "that stage, or fix its duration"
             )
+            raise NoOrbit(Message(text, number=number, name=stage.phase.name, time=Quantity(stage.duration[0], TIME)))
 
 
-def _reason_of_failure(problem: Transcription, found: Minimum) -> str:
+def _reason_of_failure(problem: Transcription, found: Minimum) -> str | Message:
     """The reason why an iteration found no minimum, in the words of the problem."""
     if found.kind == "bottomless":
-        return f"the cost has no lower bound: it fell to {found.cost:.1e}; bound the inputs, or let them cost something"
+        return "the cost has no lower bound: bound the inputs, or let them cost something"
     if found.kind == "undefined":
         return "the equations stop being numbers on the way; start from a nearer motion"
     if found.kind == "overdetermined":
         return "there are more conditions than inputs can meet: take more intervals, or drop a condition"
     worst = int(np.argmax(np.nan_to_num(found.off, nan=np.inf)))
-    name, off = problem.labels[worst], float(found.off[worst])
-    active = "".join(_bounds_in_the_way(problem, found))
+    name = problem.labels[worst]
+    active = Message.joined("", _bounds_in_the_way(problem, found))
     if found.kind == "infeasible":
-        return f"no motion meets the conditions: {name} is missed by {off:.2g}{active}; widen a bound"
-    if found.feasible:
-        return (
-            f"no convergence from this guess: the conditions hold to {off:.1g}, but the cost's slope is "
-            f"{found.slope:.1g}{active}; start from a nearer motion, take more intervals, or round the cost"
+        text = "no motion meets the conditions: {name} is missed{active}; widen a bound"
+    elif found.feasible:
+        text = (
+            "no convergence from this guess: the conditions hold, but the cost goes on falling{active}; start from a "
+            "nearer motion, take more intervals, or round the cost"
         )
-    return f"no convergence from this guess ({name} off by {off:.1g}){active}; start from a nearer motion"
+    else:
+        text = "no convergence from this guess ({name} is missed){active}; start from a nearer motion"
+    return Message(text, name=name, active=active)
 
 
 def _bounds_in_the_way(problem: Transcription, found: Minimum) -> list[str]:
@@ -284,7 +289,8 @@ def _bounds_in_the_way(problem: Transcription, found: Minimum) -> list[str]:
     short, inputs = [], []
     for i, (stage, part) in enumerate(zip(problem.stages, problem.unpack(found.x), strict=True), start=1):
         if _shortest(stage, part):
-            short.append(f"; stage {i} ({stage.phase.name}) is at its shortest duration {stage.duration[0]:g}")
+            text, time = "; stage {i} ({name}) is at its shortest duration {time:g}", Quantity(stage.duration[0], TIME)
+            short.append(Message(text, i=i, name=stage.phase.name, time=time))
         for name, rows in stage.input_rows().items():
             bounds = [bound for bound in stage.inputs[name].numbers if np.isfinite(bound)]
             if np.mean([np.any([_at_bound(part.coefficients[rows], bound) for bound in bounds], axis=0)]) > 0.5:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..model.machine import Machine
+from ..model.units import without_units
 from ..periodic.find import certified_orbit
 from ..periodic.formulations import equations_of, vector
 from ..periodic.orbit import Orbit
@@ -178,7 +179,8 @@ def _correct(search: LocalSearch, x: np.ndarray) -> tuple[Machine, Orbit, bool]:
     theta = np.where(near, np.where(theta - low < 0.5 * (high - low), low, high), theta)
     machine = search.machine.with_values(**dict(zip(problem.names, theta.tolist(), strict=True)))
     guess = x[k : k + len(base_statement(machine.model).unknowns)]
-    orbit, u = corrected_orbit(machine, guess)
+    with without_units(machine.units):
+        orbit, u = corrected_orbit(machine, guess)
     change = np.max(np.abs(u - guess) / np.maximum(np.abs(u), 1e-3))
     if change > LARGEST_CORRECTION or orbit.family != search.first.family:
         raise NoOrbit("the nonlinear program leads to another orbit")

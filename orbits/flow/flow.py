@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from ..model.closed_form import Oscillator, ThrownOscillator
 from ..model.phase import Phase
-from ..model.units import LENGTH, TIME, Message, Quantity, dimension_of_state
+from ..model.units import LENGTH, TIME, Message, Quantity, described
 from ..numerics.roots import Array
 from ..symbolic import interrupts
 from ..symbolic.calls import BufferedFunction, ElementwiseFunction
@@ -74,8 +74,8 @@ class Flow:
         """
         x, p = np.array(start, dtype=float), np.asarray(p, dtype=float)
         if not (np.isfinite(x).all() and np.isfinite(p).all() and duration > 0):
-            text, time = "the {name} cannot start from {place} for a time {time:g}", Quantity(duration, TIME)
-            raise FlowError(Message(text, name=self.phase.name, place=self._described(x), time=time))
+            text, place = "the {name} cannot start from {place} for a time {time:g}", described(self.phase.states, x)
+            raise FlowError(Message(text, name=self.phase.name, place=place, time=Quantity(duration, TIME)))
         if self.phase.closed_form and (parameter_seeds is None or not parameter_seeds.any()):
             return self._run_in_closed_form(x, p, duration, seeds, stop)
         return self._integrate(x, p, duration, seeds, parameter_seeds, stop)
@@ -96,30 +96,10 @@ class Flow:
         begins = begins_of_steps(found.steps, found.counts)
         vanishing = found.steps <= self.control.shortest_step * np.maximum(begins, 1.0)
         done = (found.left == 0) & (durations > 0) & (np.abs(found.ends).max(1) <= self.control.runaway)
-        arrays = begins, found.coefficients, found.slopes
-        if done.all() and not vanishing.any():
-            begins, c, slopes = arrays
-            return Trajectories(begins, durations, c, found.counts, self.names, slopes), found.variations
-        owner = np.repeat(np.arange(len(starts)), found.counts)
-        done[owner[vanishing]] = False
-        others, variations = self._run_each(starts[~done], ps[~done], durations[~done], seeds, parameter_seeds)
-        order = np.argsort(np.append(done.nonzero()[0], (~done).nonzero()[0]))
-        parts = [others]
-        if done.any():
-            begins, c, slopes = (array[done[owner]] for array in arrays)
-            parts = [Trajectories(begins, durations[done], c, found.counts[done], self.names, slopes), others]
-        return Trajectories.joined(parts)[order], np.concatenate([found.variations[done], variations])[order]
-
-    def ends_of_all(
-        self, starts: Array, ps: Array, durations: Array, seeds: Array, parameter_seeds: Array
-    ) -> tuple[Array, Array] | None:
-        """The ends (m, n) of motions of `run_all`, and the derivatives (m, n, columns) of these; None where one of the
-        motions has to be followed step by step."""
-        stepper = self.stepper(seeds.shape[1], _rows_used(parameter_seeds))
-        assert isinstance(stepper, TaylorStepper)
-        found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, count=0)
-        followed = not found.left.any() and np.abs(found.ends).max() <= self.control.runaway
-        return (found.ends, found.variations) if followed else None
+        if vanishing.any() or not done.all():
+            return self._run_each(starts, ps, durations, seeds, parameter_seeds)
+        c, counts = found.coefficients, found.counts
+        return Trajectories(begins, durations, c, counts, self.names, found.slopes), found.variations
 
     def _run_each(self, starts, ps, durations, *seeds) -> tuple[Trajectories, Array]:
         """`run_all` of one motion after the other."""
@@ -145,7 +125,7 @@ class Flow:
                 break
         if not halt and count * step < duration * (1 - STEP_ROUNDING):
             text = "the {name} takes too many steps, at {place}"
-            raise FlowError(Message(text, name=self.phase.name, place=self._described(start)))
+            raise FlowError(Message(text, name=self.phase.name, place=described(self.phase.states, start)))
         c = np.concatenate(blocks)
         variations = np.zeros((self.size, 0)) if seeds is None else form.transition(end) @ seeds
         return Trajectory(np.append(step * np.arange(len(c)), end), c, (*self.phase.states, *form.watch)), variations
@@ -210,13 +190,7 @@ class Flow:
     def _failure(self, what: str, t: float, x: Array) -> Message:
         """What happens to a motion in a state at a time, in words."""
         text, time = "the {name} {what} at time {time:.6g}, at {place}", Quantity(t, TIME)
-        return Message(text, name=self.phase.name, what=what, time=time, place=self._described(x))
-
-    def _described(self, x: Array) -> Message:
-        """The names of the states and their numbers."""
-        told = zip(self.phase.states, x.tolist(), strict=False)
-        place = [(name, Quantity(value, dimension_of_state(name))) for name, value in told]
-        return Message.joined(", ", [Message("{name} = {value:.6g}", name=name, value=value) for name, value in place])
+        return Message(text, name=self.phase.name, what=what, time=time, place=described(self.phase.states, x))
 
     @cached_property
     def vector_field(self) -> VectorField:

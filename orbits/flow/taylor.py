@@ -1,5 +1,6 @@
 """Taylor steps of a flow with their sensitivities, of one motion or of many, in kernels."""
 
+from functools import cached_property
 from math import comb
 from typing import NamedTuple
 
@@ -59,7 +60,7 @@ class TaylorStepper:
         self.n, self.columns, self.varied = graph.size, columns, list(varied)
         self.rows = graph.size + graph.field.numel_out(1)
         self.step_function = _step_function(graph, columns, varied)
-        self.kernel = Kernel(self._motion_function())
+        self.kernel = Kernel(self._recorded_motion())
         self._watching: dict[tuple[int, int], Kernel] = {}  # of `watch`, by the functions and turns
 
     @property
@@ -81,43 +82,59 @@ class TaylorStepper:
         return found.steps, found.coefficients, found.slopes
 
     def advance_all(
-        self, x: Array, p: Array, durations: Array, dx: Array, dp: Array, count: int = FLOW_CONTROL.max_steps
+        self,
+        x: Array,
+        p: Array,
+        durations: Array,
+        dx: Array,
+        dp: Array,
+        count: int = FLOW_CONTROL.max_steps,
+        record: bool = True,
     ) -> Motions:
         """Motions from states (m, n) with parameters (m, np) or (1, np), each for its duration (m,) or at most so many
-        steps; dx (n, columns) and dp (np, columns) are their seeds. Without a count, `ends`, `variations` and `left`
-        alone are returned, and no steps."""
+        steps; dx (n, columns) and dp (np, columns) are their seeds. Where no steps are to be recorded, their number is
+        not bounded."""
         size, n, columns, count_p = len(x), self.n, self.columns, p.shape[1]
         z, data = np.empty((size, n * (1 + columns) + 2)), np.empty((len(p), self.kernel.sizes_in[1]))
         z[:, :n], z[:, n:-2], z[:, -2], z[:, -1] = x, dx.T.ravel(), durations, LONGEST_STEP
-        data[:, :count_p], data[:, count_p:-1], data[:, -1] = p, dp[self.varied].T.ravel(), count > 0
-        z, (c, dc, steps), counts, _ = self.kernel(z, data, most=count or 1)
+        data[:, :count_p], data[:, count_p:-1], data[:, -1] = p, dp[self.varied].T.ravel(), record
+        z, (c, dc, steps), counts, _ = self.kernel(z, data, most=count)
         orders = TAYLOR_ORDER + 1
         variations, slopes = z[:, n:-2].reshape(size, columns, n), dc.reshape(len(c), columns, n, orders)
         c = c.reshape(-1, self.rows, orders)
         return Motions(z[:, :n], variations.swapaxes(1, 2), steps[:, 0], c, slopes.swapaxes(1, 2), counts, z[:, -2])
 
     def watch(
-        self, z: Array, p: Array, weights: Array, offsets: Array, limits: Array, most: int = 0, turns: int = 0
-    ) -> tuple[Array, Array, Array, Array]:
+        self,
+        z: Array,
+        p: Array,
+        weights: Array,
+        offsets: Array,
+        limits: Array,
+        turns: int = 0,
+        count: int = FLOW_CONTROL.max_block,
+        record: bool = False,
+    ) -> tuple[Array, Array, Array, Array, Array]:
         """Motions until an affine function may change its sign, or until their times reach the `limits` (m,).
 
         z : (m, n + 5 + q) as `watched_state` makes it; p (m, np) or (1, np)
         weights, offsets : (m, q, rows) and (m, q), of the q functions
         turns : where it is given, the second function ends no motion before its sign at the ends of steps has changed
             so often; the size of its sign in z is one more than the number of changes
+        record : whether all steps are recorded, at most `count` of them, or only those in which a function may change
+            its sign, by Bernstein exclusion
 
-        Returns z when each has ended; the coefficients (N, rows, K + 1) of the steps in which a function may change its
-        sign, by Bernstein exclusion, or of all steps, at most so many where a number is given; what z was before each
-        of them beyond the state, with the length in the place of the time left; and the number (m,) of these steps of
-        each motion.
+        Returns z when each has ended; the coefficients (N, rows, K + 1) of the steps that are recorded; what z was
+        before each of them beyond the state, with the length in the place of the time left; the number (m,) of these
+        steps of each motion; and whether it would go on (m,), after the `count` or after more steps than any that ends.
         """
-        count, size = offsets.shape
+        motions, size = offsets.shape
         if (kind := (size, turns)) not in self._watching:
             self._watching[kind] = Kernel(_watch_function(self, size, turns))
-        data = [np.broadcast_to(p, (count, p.shape[1])), weights.reshape(count, -1), offsets, limits[:, None]]
-        data.append(np.full((count, 1), float(most > 0)))
-        z, (c, before), counts, _ = self._watching[kind](z, np.hstack(data), most=most or 1)
-        return z, c.reshape(-1, self.rows, TAYLOR_ORDER + 1), before, counts
+        data = [np.broadcast_to(p, (motions, p.shape[1])), weights.reshape(motions, -1), offsets, limits[:, None]]
+        data.append(np.full((motions, 1), float(record)))
+        z, (c, before), counts, going = self._watching[kind](z, np.hstack(data), most=count if record else 1)
+        return z, c.reshape(-1, self.rows, TAYLOR_ORDER + 1), before, counts, going
 
     def watched_state(self, x: Array, times: Array, orders: Array, signs: Array) -> Array:
         """The argument z of `watch`: states (m, n); the time left, which is not limited; the longest step to try; the
@@ -126,18 +143,25 @@ class TaylorStepper:
         limits = np.full((len(x), 2), (np.inf, LONGEST_STEP))
         return np.column_stack([x, limits, times, orders, np.zeros(len(x)), signs])
 
-    def _motion_function(self) -> ca.Function:
+    def _recorded_motion(self) -> ca.Function:
         """The steps of a motion as a `Kernel` iterates them: recorded are coefficients, sensitivities and the length of
-        an accepted step, where the last entry of the data is 1; it goes on until no time is left, the state runs
-        away or no step is accepted."""
-        z, data = (ca.MX.sym(name, self.step_function.numel_in(i) + i) for i, name in enumerate("zp"))
-        after, c, dc, made = self.step_function(z, data[:-1])
+        an accepted step, where the last entry of the data is 1."""
+        z, data = (ca.MX.sym(name, self.motion_function.numel_in(i) + i) for i, name in enumerate("zp"))
+        *results, taken, goes = self.motion_function(z, data[:-1])
+        return ca.Function("recorded", [z, data], [*results, ca.logic_and(taken, data[-1]), goes])
+
+    @cached_property
+    def motion_function(self) -> ca.Function:
+        """A step of a motion, (z, data) -> (z after it, coefficients, those of the sensitivities, the length, whether
+        it counts, whether to go on); it goes on until no time is left, the state runs away or no step is accepted."""
+        z, data = (ca.MX.sym(name, self.step_function.numel_in(i)) for i, name in enumerate("zp"))
+        after, c, dc, made = self.step_function(z, data)
         limits = ca.vertcat(after[: self.n], after[-2:])
         taken, goes = _progress(self.n, c.numel())(limits, ca.vec(c), made)
         # A motion whose last step is no number has not come to its end.
         left = ca.if_else(ca.logic_and(made[0] > 0, ca.logic_not(taken)), np.nan, after[-2])
         after = ca.vertcat(after[:-2], left, after[-1])
-        return ca.Function("motion", [z, data], [after, c, dc, made[0], ca.logic_and(taken, data[-1]), goes])
+        return ca.Function("motion", [z, data], [after, c, dc, made[0], taken, goes])
 
 
 def _progress(n: int, size: int) -> ca.Function:

@@ -64,7 +64,7 @@ def first_zeros(
 ) -> tuple[Array, Array, dict[int, FlowError]]:
     """When an affine function of the rows first changes its sign on motions from states (m, n), and where.
 
-    p : parameters (np,) of all
+    p : parameters (np,) of all or, on a smooth field, (m, np)
     limit : times (m,) by which that must happen
     skip : orders (m,) of the zeros at the start, which are divided out exactly
     rising : count only changes from minus to plus
@@ -74,7 +74,7 @@ def first_zeros(
     Returns times (m,), NaN where it does not happen in time and infinity where it never will; the rows (m, rows) at
     these times; and by index the `FlowError` of each motion that breaks off before.
     """
-    ps = np.reshape(p, (1, -1))
+    ps = np.atleast_2d(p)
     search = _ZeroSearch(flow, np.asarray(starts, dtype=float), ps, quantity, limit, skip, rising, over)
     if flow.phase.closed_form:
         search.in_closed_form()
@@ -136,7 +136,6 @@ class _ZeroSearch:
         """Search motions in lanes, each to the next step in which something may happen, and one by one from a step on
         that cannot be used."""
         flow, stepper, n = self.flow, self.flow.stepper(0), self.flow.size
-        most = flow.control.max_block if self.all_steps else 0
         pieces = ActivePieces(flow, self.ps[0], self.starts)
         remaining, signs = np.arange(len(self.starts)), np.zeros((len(self.starts), self._tests(pieces)[1].shape[1]))
         z = stepper.watched_state(self.starts, np.zeros(len(signs)), self.skip, signs)
@@ -151,12 +150,14 @@ class _ZeroSearch:
             interrupts.check()
             p = pieces.data if flow.phase.pieces else self.ps[remaining] if len(self.ps) > 1 else self.ps
             turns = self.over[1] if self.over else 0
-            z, c, before, counts = stepper.watch(z, p, *self._tests(pieces), self.limit[remaining], most, turns)
+            limits, most = self.limit[remaining], flow.control.max_block
+            z, c, before, counts, going = stepper.watch(z, p, *self._tests(pieces), limits, turns, most, self.all_steps)
             found = z[:, n + 4] > 0
             never = ~found & self._never(z)
             self.times[remaining[never]] = np.inf
-            broken = ~(found | never | (z[:, n + 2] >= self.limit[remaining]))
+            broken = ~(found | never | going | (z[:, n + 2] >= self.limit[remaining]))
             if not self.all_steps:
+                self._give_up(remaining[going & ~found & ~never])
                 self.one_by_one(remaining[broken], z[broken, :n], z[broken, n + 2], z[broken, n + 3])
             else:
                 self._keep(remaining, c, before, counts, found)
@@ -205,7 +206,7 @@ class _ZeroSearch:
         for index, start, before, order in zip(indices, x, began, orders.astype(int), strict=True):
             left, stop = self.limit[index] - before, first_zero(self.quantity, int(order), self.rising)
             try:
-                path, _ = self.flow.run(start, self.ps[0], left, stop=stop)
+                path, _ = self.flow.run(start, self.ps[index if len(self.ps) > 1 else 0], left, stop=stop)
             except FlowError as error:
                 self.failed[int(index)] = error
                 continue

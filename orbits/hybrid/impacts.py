@@ -332,8 +332,8 @@ def no_launch(alpha: float) -> Message:
     return Message(text, alpha=Quantity(alpha, SPEED))
 
 
-def injected(inject: object) -> float:
-    """What is added to launch speeds, checked."""
-    if abs(number := finite_number("inject", inject)) > FASTEST_LAUNCH:
-        raise InputError(f"inject = {number:g}; it is at most {FASTEST_LAUNCH:g}, as a launch speed is")
+def injected(inject: object, unit: float = 1.0) -> float:
+    """What is added to launch speeds, checked; launch speeds are in this unit."""
+    if abs(number := finite_number("inject", inject)) > FASTEST_LAUNCH * unit:
+        raise InputError(f"inject = {number:g}; it is at most {FASTEST_LAUNCH * unit:g}, as a launch speed is")
     return number

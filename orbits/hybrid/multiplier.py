@@ -67,7 +67,8 @@ def _through_flight(impacts: Impacts, alpha: float, x, change, order: int) -> tu
     speed = float(impacts.gap_speed @ x)
     if order == LIFTOFF_ORDER and abs(speed) < TANGENTIAL * alpha:  # later bounces may be arbitrarily slow
         law = _one_sided(impacts, alpha, x, change)
-        raise NoOrbit(Message("the landing is tangential: no multiplier; {law}", law=law))
+        text = "the landing is tangential, at speed {speed:.1e}: no multiplier; {law}"
+        raise NoOrbit(Message(text, speed=Quantity(speed, SPEED), law=law))
     rates = impacts.flight.rates(x, impacts.flight.data(x[None], impacts.p)[0])
     return x, change - rates * (np.array(impacts.gap.weights) @ change) / speed
 

@@ -100,10 +100,10 @@ class ReturnMap:
 
     @exclusive
     def __init__(self, machine: ImpactingMachine, inject: float = 0.0, cap: int = CAP):
-        self.inject, self.cap = injected(inject), whole_number("cap", cap, "impacts")
         self.machine, self._units = machine, getattr(machine, "units", None) or Units(1.0, 1.0, 1.0)
         self._bare: ReturnMap | None = None  # of the dimensionless machine, where this one has units
         self._speed: float = self._units.of(SPEED)
+        self.inject, self.cap = injected(inject, self._speed), whole_number("cap", cap, "impacts")
         if getattr(machine, "units", None):
             self._bare = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap)
         self.impacts: Impacts = self._bare.impacts if self._bare else Impacts(machine)

@@ -20,7 +20,19 @@ from ..flow.zero_crossing import first_zero
 from ..io import fields_in_line
 from ..model.machine import ImpactingMachine, check_machine, dimensionless
 from ..model.phase import Affine
-from ..model.units import ENERGY, LENGTH, SPEED, TIME, Message, Quantity, Units, in_units, unit_text, without_units
+from ..model.units import (
+    ENERGY,
+    LENGTH,
+    SPEED,
+    TIME,
+    Message,
+    Quantity,
+    Units,
+    described,
+    in_units,
+    unit_text,
+    without_units,
+)
 from ..numerics.bernstein import lowest
 from ..plot import Report
 from ..symbolic import interrupts
@@ -177,10 +189,11 @@ class Simulation:
         """Flight states (..., n) at times (...)."""
         t = np.asarray(t, dtype=float)
         if not ((t >= 0) & (t <= self.end * (1 + 1e-12))).all():
-            raise InputError(f"times lie between 0 and {self.end:.6g}")
+            unit = " s" if getattr(self.machine, "units", None) else ""
+            raise InputError(f"times lie between 0 and {self.end:.6g}{unit}")
         embed = self.machine.model.embed
         states, index = np.empty((*t.shape, len(embed))), self._leg(t)
-        for i in np.unique(index):
+        for i in {*index.ravel().tolist()}:
             leg, inside = self.legs[i], index == i
             rows = leg.path(np.minimum(t[inside] - leg.start, leg.path.times[-1]))
             flying = leg.phase == "flight"
@@ -211,7 +224,9 @@ def simulate(
     after its many bounces. Raises `InputError` for arguments without a meaning, such as a launch at which the contact
     would not open.
     """
-    inject, cap = injected(inject), whole_number("cap", cap, "impacts")
+    check_machine(machine)
+    units = getattr(machine, "units", None)
+    inject, cap = injected(inject, units.of(SPEED) if units else 1.0), whole_number("cap", cap, "impacts")
     hops = None if hops is None else whole_number("hops", hops, "lift-offs")
     if not (isinstance(time, Real) and time > 0):
         raise InputError(f"time = {time!r}; it is a number above 0")
@@ -220,9 +235,8 @@ def simulate(
     if not (alpha is None or isinstance(alpha, Mapping) or finite_number("alpha", alpha) > 0):
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
     inputs = None if schedule is None else parsed_schedule(schedule)
-    check_machine(machine)
     state = None if state is None else _checked_state(machine, state)
-    if units := getattr(machine, "units", None):
+    if units:
         return _simulate_in(units, machine, alpha, state, hops, time, inject, cap, inputs)
     impacts = Impacts(machine)
     if inject != 0 and not impacts.model.one_speed:
@@ -294,7 +308,8 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
             return x, None, LIFTOFF_ORDER  # just lifting off
         return x, None, None if force >= 0 else 2
     if not gap > 0:
-        raise InputError(Message("state: its gap is {gap:.6g} and must be open", gap=Quantity(gap, LENGTH)))
+        text, names = "state = {place}: its gap is {gap:.6g} and must be open", impacts.flight.phase.states
+        raise InputError(Message(text, place=described(names, x), gap=Quantity(gap, LENGTH)))
     return x, None, 0
 
 
@@ -328,7 +343,8 @@ class _Run:
         status: str | None = None
         while status is None:
             if order is None:
-                (status, x), order = self.contact(x), LIFTOFF_ORDER
+                status, x = self.contact(x)
+                order = self.order_of_liftoff(x)
             else:
                 status, x, held = self.flight(x, order)
                 order = None if held else self.impacts.bounce_order
@@ -405,6 +421,11 @@ class _Run:
         self.launches.append(float(speed) if has_speed else np.nan)
         self.impact_count, self.liftoff_count = 0, self.liftoff_count + 1
         return ("done" if self.liftoff_count == self.hops else None), after
+
+    def order_of_liftoff(self, x) -> int:
+        """The order of the gap's zero in a state of lift-off: 2 where new inputs pull at once, else `LIFTOFF_ORDER`."""
+        pulls = len(self.inputs.times) > 0 and self.impacts.pressing(x[None])[0][0] < -TOUCHING * (1 + np.abs(x).max())
+        return 2 if pulls else LIFTOFF_ORDER
 
     def update_parameters(self) -> float:
         """Take the parameters that the schedule sets now; returns the time until which they hold."""

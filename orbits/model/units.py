@@ -11,6 +11,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple, NotRequired, Self, TypedDict, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, OrbitsError, finite_number
 from ..io import conform
@@ -21,7 +22,7 @@ Record = TypeVar("Record")
 
 LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
 SPEED, SPEED_SQUARED, ACCELERATION, JERK = (1, -1, 0), (2, -2, 0), (1, -2, 0), (1, -3, 0)
-MASS = (-1, 2, 1)
+MASS, STIFFNESS = (-1, 2, 1), (-1, 0, 1)
 # Dimensions of results by name. The loss coefficient is a loss of speed per speed to the power 4/3; the loss of a hop
 # of the map is one of the speed's square.
 DIMENSIONS: dict[str, Dimension] = {
@@ -74,7 +75,7 @@ class Units:
     def without(self, what: str, unknowns: Mapping[str, Any]) -> dict[str, float]:
         """Unknowns of a launch or half an orbit, by name, without these units; raises `InputError` for what is no
         number."""
-        sizes = {name: UNKNOWNS[name] if name in UNKNOWNS else dimension_of_state(str(name)) for name in unknowns}
+        sizes = {name: dimension_of_state(str(name)) for name in unknowns}
         return {name: finite_number(f"{what} '{name}'", unknowns[name]) / self.of(sizes[name]) for name in unknowns}
 
     def convert(self, record: Record, **own: Dimension) -> Record:
@@ -103,8 +104,9 @@ class Units:
 
 
 def dimension_of_state(name: str) -> Dimension:
-    """The dimension of a state: of a speed, whose name ends with an apostrophe, or of a length."""
-    return SPEED if name.endswith("'") else LENGTH
+    """The dimension of a state: that of one of `UNKNOWNS`, of a speed, whose name ends with an apostrophe, or of a
+    length."""
+    return UNKNOWNS.get(name, SPEED if name.endswith("'") else LENGTH)
 
 
 class SavedUnits(TypedDict):
@@ -148,13 +150,15 @@ class Message(str):
     """A text that tells numbers with dimensions, which `in_units` tells in SI.
 
     pattern : as for `str.format`
-    parts : what its names stand for: quantities, numbers without dimension, texts, and other messages or their errors
+    parts : what its names stand for: quantities, numbers without dimension, texts, other messages, or errors for what
+        they say
     """
 
     pattern: str
     parts: dict[str, Any]
 
-    def __new__(cls, pattern: str, **parts: Any) -> Self:
+    def __new__(cls, pattern: str, /, **parts: Any) -> Self:
+        parts = {name: _said(part) for name, part in parts.items()}  # no error is kept, nor what it refers to
         text = super().__new__(cls, pattern.format(**parts))
         text.pattern, text.parts = pattern, parts
         return text
@@ -173,10 +177,22 @@ class Message(str):
         return Message(self.pattern, **{name: in_units(part, units) for name, part in self.parts.items()})
 
 
+def _said(part: Any) -> Any:
+    """What an error says, whole; anything else as it is."""
+    return (part.args or ("",))[0] if isinstance(part, OrbitsError) else part
+
+
 def in_units(part: Any, units: Units | None) -> Any:
-    """A message, the message of an error, or a quantity, in these units; anything else as it is."""
-    part = part.args[0] if isinstance(part, OrbitsError) and part.args else part
+    """A message, what an error says, or a quantity, in these units; anything else as it is."""
+    part = _said(part)
     return part.in_units(units) if units and isinstance(part, Message | Quantity) else part
+
+
+def described(names: Sequence[str], x: ArrayLike) -> Message:
+    """The names of states and their numbers (n,)."""
+    numbers = zip(names, np.ravel(x).tolist(), strict=False)
+    told = [(name, Quantity(value, dimension_of_state(name))) for name, value in numbers]
+    return Message.joined(", ", [Message("{name} = {value:.6g}", name=name, value=value) for name, value in told])
 
 
 @contextmanager
@@ -185,12 +201,15 @@ def without_units(units: Units | None) -> Iterator[None]:
     try:
         yield
     except OrbitsError as error:
-        error.args = (in_units(error, units),)
+        if units and error.args:
+            error.args = (in_units(error, units),)
         raise
 
 
 def unit_text(dimension: Dimension) -> str:
-    """A dimension in words of SI, as "m/s"."""
+    """A dimension in words of SI, as "m/s"; nothing for a number's."""
+    if not dimension:
+        return ""
     if dimension in _NAMES:
         return _NAMES[dimension]
     powers = dict(zip(("N", "m", "s"), (dimension[2], *dimension[:2]), strict=True))

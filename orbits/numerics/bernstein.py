@@ -154,11 +154,6 @@ class PiecewisePolynomials:
         times = _refine_together(*places) if len(pieces) > FEW else np.array([*map(_refine, *places)])
         return owner, piece, times
 
-    def count_roots(self, before: Array) -> Array:
-        """The number (m,) of roots of each polynomial, as `roots` finds them."""
-        brackets = self._bracketed(None, False, before)
-        return np.bincount(self.owner[brackets[0]] if brackets else [], minlength=len(self.first))
-
     def _bracketed(self, orders: Array | None, rising: bool, before: Array | None) -> list[Array]:
         """The `_brackets` of all roots."""
         values = self._control_values(orders, before)
@@ -173,8 +168,8 @@ class PiecewisePolynomials:
     def first_roots(self, start: ArrayLike = 0, rising: bool = False, before: Array | None = None) -> _Places:
         """The first root of each polynomial that has one, as `roots` returns it."""
         owner, pieces, times = self.roots(start, rising, before)
-        owner, first = np.unique(owner, return_index=True)
-        return owner, pieces[first], times[first]
+        first = np.append(True, owner[1:] != owner[:-1])[: len(owner)]  # `np.unique` imports masked arrays
+        return owner[first], pieces[first], times[first]
 
     def _control_values(self, orders: Array | None, before: Array | None) -> np.ndarray:
         """Bernstein coefficients (N, K + 1), of one sign on both sides of a joint: else rounding loses a root there."""

@@ -238,10 +238,10 @@ def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarra
     owner, piece, t = contacts.pile(force).roots(start=1)
     times = contacts.time(owner, piece, t)
     inside = np.full(len(times), True) if model.reversor else times < contacts.ends[owner] * (1 - MIDDLE)
-    pulling, first = np.unique(owner[inside], return_index=True)
+    pulling = dict(zip(owner[inside][::-1].tolist(), times[inside][::-1].tolist(), strict=True))  # the first of each
     at_once = force[contacts.first, 1] <= 0
-    at_once[pulling] = False
-    places = zip(cycles.with_contact[pulling].tolist(), times[inside][first], strict=True)
+    at_once[[*pulling]] = False
+    places = [(int(cycles.with_contact[i]), time) for i, time in sorted(pulling.items())]
     text = "{pulls} in contact at t = {time:.6g}"
     violations += [(i, Message(text, pulls=pulls, time=Quantity(time, TIME))) for i, time in places]
     text = "{pulls} as soon as the contact begins"

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.machine import Machine, check_machine, dimensionless
 from ..model.model import NOISE, Model
-from ..model.units import SPEED, TIME, Message, Quantity, without_units
+from ..model.units import SPEED, TIME, Message, Quantity, in_units, without_units
 from ..numerics.roots import solve
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
@@ -157,10 +157,10 @@ def lowest_of_family(machine: Machine, family: int, method: str | None, progress
         if search is None:
             raise
         try:
-            orbits = _all_of_family(machine, family, method, refusal=str(error))
+            orbits = _all_of_family(machine, family, method, refusal=str(in_units(error, None)))
             return replace(orbits[0], seconds=time.perf_counter() - began)
         except NoOrbit as none:
-            if str(none) in str(error):
+            if in_units(none, None) in in_units(error, None):
                 raise error from None
             raise type(error)(Message("{error}; {none}", error=error, none=none)) from None
     if search is None or search.single or solved_by == "closed form":
@@ -204,7 +204,7 @@ def _all_of_family(
             if orbit and not any(_same(orbit, other) for other in found):
                 found.append(orbit)
         except NoOrbit as error:
-            text = "; the one near {about:.6g} is refused" + ("" if str(error) in refusal else ": {error}")
+            text = "; the one near {about:.6g} is refused" + ("" if in_units(error, None) in refusal else ": {error}")
             refused = Message(text, about=Quantity(float(about), SPEED), error=error)
     if not found:
         text = "a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}"
@@ -393,9 +393,13 @@ def _solve_by_homotopy(model: Model, equations: Shooting, correct, family: int, 
             except NoOrbit as error:
                 step /= 2
                 if step < MIN_STEP:
+                    text = (
+                        "no lossless orbit of family {family}: with {percent:.3g}% of gravity's variation it is at "
+                        "alpha = {alpha:.6g}, and it cannot be followed further ({error})"
+                    )
+                    alpha = Quantity(float(u[unknowns.index("alpha")]), SPEED)
                     raise NoOrbit(
-                        f"no lossless orbit of family {family}: with {100 * reached:.3g}% of gravity's variation it is "
-                        f"at alpha = {u[unknowns.index('alpha')]:.6g}, and it cannot be followed further ({error})"
+                        Message(text, family=family, percent=100 * reached, alpha=alpha, error=error)
                     ) from None
         reached, step = value, 2 * step
         if progress:

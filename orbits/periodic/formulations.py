@@ -11,7 +11,7 @@ from numpy import ndarray
 from ..errors import FlowError, InputError, NoOrbit, OutOfRange
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
-from ..flow.zero_crossing import first_zero, until_zero
+from ..flow.zero_crossing import first_zero, first_zeros, until_zero
 from ..model.model import Model, Reduction
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..model.units import Message
@@ -199,8 +199,9 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
     if model.reversor:
         landing = _landing_by(alpha, evaluation, model.reversor)
         return flight, flight, landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
-    for i in (np.abs(u["unfolding"]) * u["duration"] > LARGEST_UNFOLDING).nonzero()[0].tolist():
-        reason = "with energy pumped in or taken out all the time: this model has no lossless orbit here"
+    pumped = np.abs(u["unfolding"]) * u["duration"]
+    for i in np.flatnonzero(pumped > LARGEST_UNFOLDING).tolist():
+        reason = f"with energy pumped at {pumped[i]:.1e} of it a flight: this model has no lossless orbit here"
         raise NoOrbit(f"the landing conditions hold only {reason}").about(i)
     landing = (evaluation.transitions[0] @ evaluation.starts[0])[:, :, alpha]
     return flight, halved(flight), landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
@@ -241,13 +242,18 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
         return done, contacts, {}
     ended = zip(done.tolist(), contacts or (), strict=True)
     found: dict[int, Any] = {i: contact for i, contact in ended if contact.times[-1] < limits[i]}
+    left = np.array(sorted({*range(len(starts))} - found.keys()), int)
+    if len(left) and model.one_speed and flow.smooth and not flow.phase.closed_form:
+        # The steps of a motion that falls and falls are not kept, thousands of them.
+        times, *_ = first_zeros(flow, starts[left], ps[left], end[0], limits[left], end[1])
+        found |= dict.fromkeys(left[~np.isfinite(times)].tolist(), model.violations["end"])
     for i in {*range(len(starts))} - found.keys():
         try:
             path, _ = flow.run(starts[i], ps[i], limits[i], stop=first_zero(*end) if model.one_speed else None)
             found[i] = model.violations["end"] if model.one_speed and not path.times[-1] < limits[i] else path
         except FlowError as error:
-            left = Message("contact: {error}", error=error) if isinstance(error, OutOfRange) else None
-            found[i] = left or model.violations["end"]
+            outside = Message("contact: {error}", error=error) if isinstance(error, OutOfRange) else None
+            found[i] = outside or model.violations["end"]
     reasons = {i: contact for i, contact in sorted(found.items()) if isinstance(contact, str)}
     order = sorted(found.keys() - reasons.keys())
     return np.array(order, int), Trajectories.of([found[i] for i in order]) if order else None, reasons

@@ -154,7 +154,8 @@ class Orbit:
         if self.contact is None or self.contact_time is None:
             # The end of the flight may be asked for through a time that is rounded.
             if times.size and not (times.min() >= 0 and times.max() <= self.flight_time * (1 + 1e-12)):
-                raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}")
+                unit = " s" if self.units else ""
+                raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}{unit}")
             return _mirrored(self.flight, times, self.flight_time, shape.reversor)
         times = np.mod(times, self.period)
         flying = _mirrored(self.flight, times, self.flight_time, shape.reversor)
@@ -284,10 +285,13 @@ class Orbit:
         if "bare" in data:  # The motion is that of the dimensionless orbit.
             bare = conform({**data["bare"], "format": ORBIT_FORMAT, "motion": data["motion"]}, SavedOrbit)
             orbit = orbit_in_units(cls._stated(bare), units, _machine_of(data))
+            if len(data["violations"]) != len(orbit.violations):
+                raise ValueError("its violations in SI and without units are not as many")
             return replace(orbit, certificate=replace(orbit.certificate, violations=tuple(data["violations"])))
         orbit = cls._stated(data)
         # A file of an orbit in SI that says no units has dimensionless numbers, from before results were in SI.
         if "units" not in data:
+            orbit = replace(orbit, certificate=with_note(orbit.certificate))
             return orbit_in_units(orbit, units, orbit.machine)
         converted = orbit_in_units(orbit, units.inverse(), orbit.machine)
         return replace(orbit, units=units, bare=replace(converted, units=None, bare=None))
@@ -390,6 +394,11 @@ def certificate_in_units(certificate: Certificate, units: Units) -> Certificate:
     """A dimensionless certificate in these units."""
     violations = tuple(in_units(violation, units) for violation in certificate.violations)
     return replace(units.convert(certificate), violations=violations)
+
+
+def with_note(certificate: Certificate) -> Certificate:
+    """The certificate in an old file of a machine in SI, whose violations tell numbers without units."""
+    return replace(certificate, violations=tuple(f"{each} (without units)" for each in certificate.violations))
 
 
 def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:

@@ -72,24 +72,16 @@ class Evaluation:
         return np.max([np.abs(square).max((-2, -1)) for square in squares], axis=0)
 
 
-def stacked(evaluations: Sequence[Evaluation]) -> Evaluation:
-    """The equations at several points, all evaluated with sensitivities or all without."""
-    return _combined(evaluations, np.array, Trajectories.of)
-
-
 def joined(evaluations: Sequence[Evaluation]) -> Evaluation:
     """One evaluation at the points of several."""
-    return evaluations[0] if len(evaluations) == 1 else _combined(evaluations, np.concatenate, Trajectories.joined)
-
-
-def _combined(evaluations: Sequence[Evaluation], combine_arrays: Callable, combine_motions: Callable) -> Evaluation:
     combined: dict[str, Any] = {}
     for name in Evaluation.__dataclass_fields__:
         parts: list[Any] = [getattr(evaluation, name) for evaluation in evaluations]
-        combine = combine_motions if name == "trajectories" else combine_arrays
-        per_arc = isinstance(parts[0], tuple)
-        combined[name] = tuple(map(combine, zip(*parts, strict=True))) if per_arc else combine(parts)
-    return Evaluation(**combined)
+        combine = Trajectories.joined if name == "trajectories" else np.concatenate
+        combined[name] = (
+            tuple(map(combine, zip(*parts, strict=True))) if isinstance(parts[0], tuple) else combine(parts)
+        )
+    return evaluations[0] if len(evaluations) == 1 else Evaluation(**combined)
 
 
 def settles(size: Any, last: Any, amplification: Any) -> Any:
@@ -120,32 +112,8 @@ class Shooting:
         return [(_with_derivatives(departure), _with_derivatives(arrival)) for departure, arrival in functions]
 
     def evaluate(self, u: ArrayLike, p: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
-        """Residual, Jacobian and motion at one point, with steps that the error control of the flow chooses; raises
-        `FlowError` when the motion cannot be integrated."""
-        if self._in_lanes(vary):
-            return self.evaluate_all(np.reshape(u, (1, -1)), np.reshape(p, (1, -1)), vary)[0]
-        n, k = self.size, len(vary)
-        du, dp, dvaried, seeds = self.seeds(vary)
-        before, dbefore = np.zeros(0), np.zeros((0, n + k))
-        residuals, jacobians, arcs = [], [], []
-        for flow, (departure, arrival), arc_seeds in zip(self.flows, self.ends, seeds, strict=True):
-            value, slope = departure(u, before, p)
-            dvalue = _chain(slope, du, dbefore, dp)
-            start, duration, dduration = value[:-1, 0], value[-1, 0], dvalue[-1]
-            dstart = np.vstack([dvalue[:-1], dvaried])
-            path, transition = flow.run(start, p, duration, *arc_seeds)
-            end = path.end[: flow.size]
-            speed = evaluate(derivative(path.coefficients[-1, : flow.size]), path.steps[-1])
-            dend = transition @ dstart + np.outer(speed, dduration)
-            q, slope = flow.piece_data(start, p)
-            dq = _chain(slope, dp)
-            residual, slope = arrival(u, start, end, p, q)
-            residuals.append(residual.ravel())
-            jacobians.append(_chain(slope, du, dstart[: flow.size], dend, dp, dq))
-            arcs.append((path, transition, dstart, dduration, slope[:, n + flow.size : n + 2 * flow.size]))
-            before, dbefore = end, dend
-        per_arc: list[Any] = list(zip(*arcs, strict=True))
-        return Evaluation(np.concatenate(residuals), np.vstack(jacobians), np.zeros(n + k), *per_arc)
+        """`evaluate_all` at one point."""
+        return self.evaluate_all(np.reshape(u, (1, -1)), np.reshape(p, (1, -1)), vary)[0]
 
     @kept
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
@@ -160,49 +128,41 @@ class Shooting:
         return np.eye(n, n + k), dp, np.eye(k, n + k, n), seeds
 
     def evaluate_all(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
-        """`evaluate` at points (m, n) with parameters (m, np)."""
-        if not self._in_lanes(vary):
-            return stacked([self.evaluate(u, p, vary) for u, p in zip(us, ps, strict=True)])
-        before, motions, ends, transitions = np.zeros((len(us), 0)), list[Trajectories](), [], []
-        for flow, begin, seeds in zip(self.flows, self._beginnings, self.seeds(vary)[3], strict=True):
+        """Residual, Jacobian and motion at points (m, n) with parameters (m, np), with steps that the error control of
+        the flow chooses; raises `FlowError` when a motion cannot be integrated."""
+        before, arcs = np.zeros((len(us), 0)), []
+        for flow, begin, seeds in zip(self.flows, self.beginnings, self.seeds(vary)[3], strict=True):
             start = begin(us, before, ps)[0][:, :, 0]
-            paths, transition = flow.run_all(start[:, :-1], ps, start[:, -1], *seeds)
-            ends.append(before := paths.finals[:, : flow.size])
-            motions.append(paths)
-            transitions.append(transition)
-        return self._closed(us, ps, vary, motions, ends, transitions)
+            motions, transitions = flow.run_all(start[:, :-1], ps, start[:, -1], *seeds)
+            before = motions.finals[:, : flow.size]
+            arcs.append((motions, before, transitions))
+        return self.closed(us, ps, vary, arcs)
 
-    def linearize_all(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...]) -> Evaluation:
-        """`evaluate_all` for a Newton step that is not the last: without the motions, where these need not be kept."""
-        if not self._in_lanes(vary) or any(flow.phase.closed_form for flow in self.flows):
-            return self.evaluate_all(us, ps, vary)
-        before, ends, transitions = np.zeros((len(us), 0)), [], []
-        for flow, begin, seeds in zip(self.flows, self._beginnings, self.seeds(vary)[3], strict=True):
-            start = begin(us, before, ps)[0][:, :, 0]
-            durations = start[:, -1]
-            possible = ((durations > 0) & (durations < np.inf)).all()
-            found = flow.ends_of_all(start[:, :-1], ps, durations, *seeds) if possible else None
-            if found is None:
-                return self.evaluate_all(us, ps, vary)
-            ends.append(before := found[0])
-            transitions.append(found[1])
-        return self._closed(us, ps, vary, (), ends, transitions)
-
-    def _closed(self, us, ps, vary: tuple[str, ...], motions: Sequence, ends: list, transitions: list) -> Evaluation:
-        """The equations from the ends of all arcs and their transitions."""
-        flat = [transition.swapaxes(1, 2).reshape(len(us), -1) for transition in transitions]
-        residual, jacobian, *rest = self._closing(vary)(us, ps, *ends, *flat)
+    def closed(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...], arcs: Sequence[tuple]) -> Evaluation:
+        """The equations from the motions of each arc, their ends (m, states) and their transitions."""
+        known = list[np.ndarray]()
+        for flow, (motions, ends, transitions) in zip(self.flows, arcs, strict=True):
+            speeds = evaluate(
+                derivative(motions.coefficients[motions.last, : flow.size]), motions.steps[motions.last, None]
+            )
+            pieces = (
+                [
+                    flow.piece_data(x, p)
+                    for x, p in zip(motions.coefficients[motions.first, : flow.size, 0], ps, strict=True)
+                ]
+                if flow.phase.pieces
+                else ()
+            )
+            data, slopes = map(np.array, zip(*pieces, strict=True)) if pieces else (us[:, :0], us[:, :0, None])
+            known += [ends, transitions.swapaxes(1, 2), speeds, data, slopes.swapaxes(1, 2)]
+        residual, jacobian, *rest = self.closing(vary)(us, ps, *(array.reshape(len(us), -1) for array in known))
         derivatives = tuple(rest[::3]), tuple(longer[:, 0] for longer in rest[1::3]), tuple(rest[2::3])
+        trajectories, _, transitions = zip(*arcs, strict=True)
         correction = np.zeros(jacobian.shape[::2])
-        whole = residual[:, :, 0], jacobian, correction, tuple(motions), tuple(transitions)
-        return Evaluation(*whole, *derivatives)
-
-    def _in_lanes(self, vary: tuple[str, ...]) -> bool:
-        """Whether many motions are integrated together, as those in closed form and on smooth pieces are not."""
-        return self.smooth and not (any(flow.phase.closed_form for flow in self.flows) and not vary)
+        return Evaluation(residual[:, :, 0], jacobian, correction, trajectories, transitions, *derivatives)
 
     @cached_property
-    def _beginnings(self) -> list[MappedFunction]:
+    def beginnings(self) -> list[MappedFunction]:
         """The start and the duration of each arc, (u, end of the arc before, p)."""
         functions = []
         for departure, _ in self.ends:
@@ -211,27 +171,30 @@ class Shooting:
         return functions
 
     @kept
-    def _closing(self, vary: tuple[str, ...]) -> MappedFunction:
-        """The equations from the ends of all arcs and their transitions, (u, p, end, ..., transition, ...) -> residual,
-        jacobian, and for each arc the derivatives of its start, of its duration, and of the residuals by its end."""
+    def closing(self, vary: tuple[str, ...]) -> MappedFunction:
+        """The equations from the ends of all arcs: (u, p, and for each arc its end, its transition, the speed at its
+        end, the data of the piece where it starts and their derivatives by p) -> residual, jacobian, and for each arc
+        the derivatives of its start, of its duration, and of the residuals by its end."""
         n, k = self.size, len(vary)
+        # Derivatives that nothing needs are left out, since some are not numbers (r**n by n where r < 0).
         du, dp, dvaried = (ca.sparsify(ca.DM(each)) for each in self.seeds(vary)[:3])
         u, p, before, dbefore = ca.SX.sym("u", n), ca.SX.sym("p", len(self.parameters)), ca.SX(0, 1), ca.SX(0, n + k)
-        ends = [ca.SX.sym("x", flow.size) for flow in self.flows]
-        transitions = [ca.SX.sym("T", flow.size, flow.size + k) for flow in self.flows]
-        residuals, jacobians, results = [], [], []
-        for flow, end, transition, (departure, arrival) in zip(self.flows, ends, transitions, self.ends, strict=True):
+        arguments, residuals, jacobians, results = [u, p], [], [], []
+        for flow, (departure, arrival) in zip(self.flows, self.ends, strict=True):
+            size, data = flow.size, flow.phase.pieces.size if flow.phase.pieces else 0
+            sizes = (size, 1), (size, size + k), (size, 1), (data, 1), (data, len(self.parameters))
+            end, transition, speed, q, slopes = known = [ca.SX.sym("a", *shape) for shape in sizes]
             value, slope = departure.function(u, before, p)
             dvalue = slope @ ca.vertcat(du, dbefore, dp)
             dstart, longer = ca.vertcat(dvalue[:-1, :], dvaried), dvalue[-1, :]
-            dend = transition @ dstart + flow.vector_field.field(end, p)[0] @ longer
-            residual, slope = arrival.function(u, value[:-1], end, p, ca.SX(0, 1))
+            dend = transition @ dstart + speed @ longer
+            residual, slope = arrival.function(u, value[:-1], end, p, q)
             residuals.append(residual)
-            jacobians.append(slope @ ca.vertcat(du, dstart[: flow.size, :], dend, dp))
-            results += [dstart, longer, slope[:, n + flow.size : n + 2 * flow.size]]
-            before, dbefore = end, dend
+            jacobians.append(slope @ ca.vertcat(du, dstart[:size, :], dend, dp, slopes @ dp))
+            results += [dstart, longer, slope[:, n + size : n + 2 * size]]
+            before, dbefore, arguments = end, dend, [*arguments, *known]
         whole = [ca.vertcat(*residuals), ca.vertcat(*jacobians), *results]
-        return MappedFunction(dense("closing", [u, p, *ends, *transitions], whole))
+        return MappedFunction(dense("closing", arguments, whole))
 
     @staticmethod
     def newton_steps(
@@ -290,11 +253,11 @@ class Shooting:
     def newton(self, u: ArrayLike, p: np.ndarray, attempts: int = 30) -> tuple[np.ndarray, Evaluation]:
         """The solution (n,) by Newton's method from `u`, to rounding, and the equations at this one point; raises
         `NoOrbit` without convergence. A step that leaves the flow's domain or collapses a duration is halved."""
-        us, ps, size = np.reshape(np.array(u, dtype=float), (1, -1)), np.reshape(p, (1, -1)), np.inf
+        us, ps, size = np.array(u, dtype=float)[None], np.reshape(p, (1, -1)), np.inf
         evaluation = self.evaluate_all(us, ps)
         for _ in range(attempts):
             step = solve(evaluation.jacobian[0], -evaluation.residual[0])
-            last, size = size, (np.abs(step) / np.maximum(np.abs(us), SMALLEST_UNIT)).max()
+            last, size = size, np.max(np.abs(step) / np.maximum(np.abs(us), SMALLEST_UNIT))
             if settles(size, last, evaluation.amplification[0]):
                 return us[0] + step, self.evaluate_all(us + step, ps)
             if not np.isfinite(size):
@@ -337,13 +300,6 @@ def _with_derivatives(function: ca.Function) -> BufferedFunction:
     arguments = function.sx_in()
     value = ca.vertcat(*function.call(arguments))
     return BufferedFunction(dense(function.name(), arguments, [value, ca.jacobian(value, ca.vertcat(*arguments))]))
-
-
-def _chain(slope: np.ndarray, *inner: np.ndarray) -> np.ndarray:
-    """The chain rule without the derivatives that nothing needs, since some are not numbers (r**n by n where r < 0)."""
-    inner_slopes = np.vstack(inner)
-    used = inner_slopes.any(1)
-    return slope[:, used] @ inner_slopes[used]
 
 
 def dense(name: str, arguments: list, results: list) -> ca.Function:

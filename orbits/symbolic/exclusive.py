@@ -15,6 +15,8 @@ from typing import Any, ParamSpec, TypeVar
 
 import casadi as ca
 
+from .heartbeat import running
+
 LOCK = threading.RLock()
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -25,7 +27,7 @@ def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
     @wraps(function)
     def alone(*arguments: _P.args, **options: _P.kwargs) -> _R:
-        with LOCK:
+        with LOCK, running(function.__qualname__):
             return function(*arguments, **options)
 
     return alone

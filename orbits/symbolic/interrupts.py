@@ -5,6 +5,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from . import heartbeat
+
 _noted = threading.Event()
 pending = _noted.is_set  # whether an interrupt has been noted
 
@@ -27,7 +29,8 @@ def deferred() -> Iterator[None]:
 
 
 def check() -> None:
-    """Raise the interrupt that was noted, if any."""
+    """Raise the interrupt that was noted, if any. Long computations come here often, and say here that they go on."""
     if _noted.is_set():
         _noted.clear()
         raise KeyboardInterrupt
+    heartbeat.beat()

@@ -118,9 +118,9 @@ class Kernel:
         found = Iterated(*self._iterated(inputs, capacity))
         if capacity < most and (found.going & (found.counts == capacity)).any():
             found = self._continued(inputs, found, capacity, most)
-        largest = int(found.counts.max(initial=0)) + 2
-        most_room = SCRATCH // (8 * max(1, sum(self.sizes_out[1:-2])))
-        self._capacity = max(FIRST_CAPACITY, min(largest, most_room))
+        if largest := int(found.counts.max(initial=0)):
+            most_room = SCRATCH // (8 * max(1, sum(self.sizes_out[1:-2])))
+            self._capacity = max(FIRST_CAPACITY, min(largest + 2, most_room))
         return found
 
     def _continued(self, inputs: list[np.ndarray], found: Iterated, capacity: int, most: int) -> Iterated:

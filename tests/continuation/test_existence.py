@@ -59,7 +59,10 @@ def test_rows_without_orbits_are_empty():
     machine = Hopper("tanh(b*r)/b + c*r", parameters={"b": 0.2, "c": 0.0})
     diagram = existence(machine, "c", (-0.01, 0.02), "b", np.array([0.25, 0.4]), longest=0.1)
     assert [len(row) for row in diagram.rows] == [2, 0]
+    assert [diagram.unknown(row) for row in (0, 1)] == [False, False]
     diagram.plot()
+    short = existence(machine, "c", (-0.01, 0.02), "b", np.array([0.25, 0.4]), longest=0.1, most=6)
+    assert [short.unknown(row) for row in (0, 1)] == [True, True]
 
 
 def test_questions_that_cannot_be_meant():

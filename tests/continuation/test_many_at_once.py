@@ -10,7 +10,7 @@ from conftest import REFERENCES, machine_of
 from scipy.integrate import solve_ivp
 
 from orbits import FlowError, OutOfRange, ReturnMap, find, simulate
-from orbits.continuation.corrector import correct, predict_and_correct
+from orbits.continuation.corrector import correct, correct_all, predict_and_correct
 from orbits.continuation.curve import Curve, interpolated
 from orbits.flow.flow import flow_of
 from orbits.flow.vector_field import FlowControl
@@ -18,7 +18,7 @@ from orbits.flow.zero_crossing import first_zero, first_zeros, until_zero
 from orbits.hybrid.impacts import Impacts
 from orbits.model.phase import Affine
 from orbits.periodic.formulations import equations_of
-from orbits.periodic.single_shooting import Shooting, joined, stacked
+from orbits.periodic.single_shooting import Shooting, joined
 from orbits.symbolic.calls import BufferedFunction, ElementwiseFunction
 from orbits.symbolic.taylor_series import variations
 from problems import Hopper, springs
@@ -227,7 +227,7 @@ def test_newton_steps_of_many_points():
     betas = ps.copy()
     betas[ps == xs[:, 3:]] = (xs + found[0])[:, 3]
     found.append(equations.moved(there, (xs + found[0])[:, :3], betas, found[0]))
-    there = stacked([equations.evaluate(x, p, ("beta",)) for x, p in zip(xs[:, :3], ps, strict=True)])
+    there = joined([equations.evaluate_all(x[None], p[None], ("beta",)) for x, p in zip(xs[:, :3], ps, strict=True)])
     steps, directions = equations.newton_steps(there, xs, rows, targets)
     here = equations.moved(there, (xs + steps)[:, :3], betas, steps)
     assert found[2].trajectories[0].counts[0] == count
@@ -338,6 +338,39 @@ def test_a_step_along_a_curve_at_once():
                 assert guess == pytest.approx(interpolated(ends[-4:], measure, np.array([level]))[0], rel=1e-13)
             one = correct(curve, guess, closing, target, last.tangent)
             assert end.x == pytest.approx(one.x, rel=1e-13)
-            assert end.tangent == pytest.approx(one.tangent, rel=1e-12)
-            assert end.branch_test == pytest.approx(one.branch_test, rel=1e-12)
-            assert_same(end.evaluation[0], one.evaluation[0])
+            assert end.tangent == pytest.approx(one.tangent, rel=1e-8)  # from before its last Newton step
+            assert end.amplification == pytest.approx(one.amplification, rel=1e-8)
+
+
+def test_newton_steps_in_lanes_and_one_after_the_other(monkeypatch):
+    """Points that need different numbers of steps, some at values of the parameter; and what lanes cannot solve."""
+    curve = Curve(machine_of(REFERENCES[4]), "beta", "half orbit", 1.0)
+    _, xs, _, _ = cubics(9)
+    xs[4] = xs[2] * (1 + 3e-3)
+    rows = np.tile(np.eye(4)[3], (9, 1))
+    rows[::2] = [0.1, 1.0, 0.0, 0.5]
+    levels = np.einsum("mi,mi->m", rows, xs)
+    before = np.tile(np.eye(4)[3], (9, 1))
+    solve, found = Curve.solve, []
+    monkeypatch.setattr(Curve, "solve", lambda *arguments: found.append(solve(*arguments)) or found[-1])
+    lanes = correct_all(curve, xs, rows, levels, before)
+    assert found[0] is not None
+    monkeypatch.setattr(Curve, "solve", lambda *arguments: None)
+    steps = correct_all(curve, xs, rows, levels, before)
+    for one, other, row, level in zip(lanes, steps, rows, levels, strict=True):
+        assert one.x == pytest.approx(other.x, rel=1e-13)
+        assert one.tangent == pytest.approx(other.tangent, rel=1e-7)
+        assert one.branch_test == pytest.approx(other.branch_test, rel=1e-7)
+        assert row @ one.x == pytest.approx(level, rel=1e-14)
+    assert [point.value for point in lanes[1::2]] == levels[1::2].tolist()
+    here, there = lanes[0].evaluation, steps[0].evaluation
+    assert np.abs(here.residual).max() < 1e-13
+    assert here.jacobian == pytest.approx(there.jacobian, rel=1e-6, abs=1e-7)
+    for some, others in zip(here.trajectories[0], there.trajectories[0], strict=True):
+        assert some.times[-1] == pytest.approx(others.times[-1], rel=1e-13)
+        assert some(0.5 * some.times[-1])[:4] == pytest.approx(others(0.5 * some.times[-1])[:4], abs=1e-12)
+    monkeypatch.setattr(Curve, "solve", solve)
+    xs[3, 2] = -1.0
+    assert curve.solve(xs, rows, levels, 1, record=True) is None
+    with pytest.raises(FlowError, match="cannot start"):
+        correct_all(curve, xs, rows, levels, before)

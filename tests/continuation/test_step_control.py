@@ -5,9 +5,8 @@ from dataclasses import FrozenInstanceError, fields
 import numpy as np
 import pytest
 
-from orbits import FlowError, InputError, NoOrbit, StepControl, existence, follow, follow_fold, trace
+from orbits import InputError, NoOrbit, StepControl, existence, follow, follow_fold, trace
 from orbits.continuation.corrector import predict_and_correct
-from orbits.continuation.curve import Curve
 from problems import Hopper
 
 ALPHA = 2.4464033594052791  # of the cubic spring at beta = 1
@@ -111,16 +110,3 @@ def test_every_way_along_a_curve_takes_them():
         yield diagram.rows[0][0][1].value
 
     assert list(second_values(1e-2)) == pytest.approx([10 * value for value in second_values(1e-3)], rel=0.1)
-
-
-def test_a_step_that_is_not_the_last_has_the_same_equations():
-    family = cubic()
-    curve = Curve(Hopper("cubic"), "beta", family.settings["method"], 1.0)
-    xs = np.array([[*point.u, point.value] for point in family.points[-3:]])
-    whole, ends = curve.evaluate(xs), curve.linearize(xs)
-    assert not ends.trajectories
-    assert ends.residual == pytest.approx(whole.residual, abs=1e-12)
-    assert ends.jacobian == pytest.approx(whole.jacobian, rel=1e-9, abs=1e-9)
-    xs[1, curve.equations.durations[-1]] = -1.0
-    with pytest.raises(FlowError, match="cannot start"):
-        curve.linearize(xs)

@@ -351,6 +351,7 @@ def test_an_answer_is_the_motion_of_the_machine_written_out(kept, lossless):
     """By another integrator, from the equations of motion with the damper and the moved end."""
     c = 0.01
     found = kept if lossless else steering.keep_hopping(Hopper(damping=c), lossless=False)
+    assert [leg.inputs.coefficients.shape[1:] for leg in found.legs] == [(1, 1)] * 2  # of one input, constant
     times, rates = found.schedule("w")
     aloft = found.durations[0]
 

@@ -17,7 +17,6 @@ from orbits.numerics.bernstein import (
     roots,
     shifted,
 )
-from orbits.numerics.roots import bracketed_root, resolved
 
 RNG = np.random.default_rng(7)
 
@@ -110,21 +109,6 @@ def test_many_roots_at_once_are_the_same_as_one_by_one():
         assert evaluate(c[p, k], s) == pytest.approx(value, abs=1e-14)
 
 
-@pytest.mark.parametrize("share", [0.05, 0.3, -0.05, -0.45])
-@pytest.mark.parametrize("grain", [1e-14, 1e-13, 3e-13])
-def test_a_root_that_rounding_hides(grain, share):
-    """Plateaus beside the root cost few evaluations: longer steps close the bracket, not bisection from afar."""
-    asked = []
-
-    def function(x):
-        asked.append(x)
-        return float((np.round((np.sin(x) - 0.5) / grain) + share) * grain)
-
-    root = bracketed_root(function, 0.0, 1.0, -0.5, 0.34, width=1e-13)
-    assert abs(root - np.pi / 6) < 1e-13 + grain
-    assert len(asked) < 15
-
-
 def test_a_root_in_a_bracket_that_rounding_has_closed(monkeypatch):
     """A line that misses zero by a rounding at the only number left in the bracket: that is the root, found at once."""
     calls = []
@@ -146,13 +130,3 @@ def test_no_root_is_lost_at_a_joint_of_blocks_where_one_side_rounds_to_zero():
     ((piece, t),) = crossings(np.array([[0.0, 1.0]]), np.array([1.0]))
     assert piece == 0
     assert abs(t) < 1e-15
-
-
-@pytest.mark.parametrize("place", [4.7, 5.3])
-def test_an_extremum_is_resolved_on_both_sides_of_a_grid_point(place):
-    """A parabola dips below zero between points of a grid, left of the lowest one or right of it."""
-    dip = lambda x: (x - place) ** 2 - 1e-4  # noqa: E731
-    grid, values = resolved(dip, np.arange(11.0), True)
-    assert values.min() < 0 < dip(np.arange(11.0)).min()
-    assert np.array_equal(values, dip(grid))
-    assert (np.diff(grid) > 0).all()

@@ -7,12 +7,14 @@ import mpmath
 import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of, name_of
+from scipy.integrate import solve_ivp
 
 from orbits import METHODS, NoOrbit, find, follow, orbit_at
 from orbits.continuation.corrector import correct_all
 from orbits.continuation.curve import Curve
 from orbits.flow.flow import flow_of
 from orbits.numerics.roots import solve
+from orbits.periodic import error_bound
 from orbits.periodic.formulations import landing_gap_slope
 from orbits.periodic.local_law import by_launch_speed, launch_power
 from problems import HeavyHand, Hopper, Juggler, springs
@@ -400,3 +402,26 @@ def test_the_error_figure_covers_what_the_flow_makes_of_rounding(powers, family)
         value, slope = _turn(exact, rho, alpha)
         alpha -= value / slope
     assert abs(alpha - orbit.alpha) <= orbit.error
+
+
+@pytest.mark.parametrize("shift", [1e-12, 1e-4])
+def test_two_integrations_that_disagree(monkeypatch, shift):
+    """The error is twice the change of alpha that takes the shift of the speed in mid-flight back; a large one is
+    refused. The slope of that speed over alpha, at half the time of flight, alpha, is scipy's."""
+    machine = Hopper("cubic", parameters={"beta": 0.1})
+    orbit, step = find(machine), 1e-4
+
+    def middle(alpha):
+        field = lambda _, x: [x[1], -x[0] - 0.1 * x[0] ** 3]  # noqa: E731
+        start = [orbit.liftoff_extension, alpha]
+        return solve_ivp(field, (0.0, alpha), start, method="DOP853", rtol=1e-12, atol=1e-12).y[1, -1]
+
+    slope = (middle(orbit.alpha + step) - middle(orbit.alpha - step)) / (2 * step)
+    by_another_method = error_bound._end_by_another_method
+    monkeypatch.setattr(error_bound, "_end_by_another_method", lambda *motion: by_another_method(*motion) + shift)
+    error = 2 * shift / abs(slope)
+    if shift < 1e-9:
+        assert find(machine).error == pytest.approx(error, rel=1e-2)
+        return
+    with pytest.raises(NoOrbit, match=rf"launch speed 3.41\d* may be off by {error:.1e}"):
+        find(machine)

@@ -14,11 +14,12 @@ from conftest import REFERENCES, machine_of
 from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find
 from orbits.flow.flow import flow_of
 from orbits.model.closed_form import Oscillator
-from orbits.periodic.formulations import equations_of
+from orbits.periodic.formulations import contact_force_row, equations_of
 from orbits.periodic.multiple_shooting import trajectory_on_mesh
-from orbits.periodic.single_shooting import Shooting
+from orbits.periodic.single_shooting import Shooting, settles
 from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.ipopt import solve_equations
+from problems import Hopper
 
 
 def across_contact(model) -> Statement:
@@ -224,3 +225,26 @@ def test_a_step_that_other_solvers_differentiate(reference):
     for before, after, h in zip(nodes[:-1], nodes[1:], lengths[1:], strict=True):
         end = flow.vector_field.step(before, h, list(p.values())).full().ravel()
         assert np.abs(end - after).max() <= 40 * np.finfo(float).eps * np.abs(nodes).max()
+
+
+@pytest.mark.parametrize(
+    ("size", "last", "amplification", "last_one"),
+    [
+        (1e-17, 1.0, 1.0, True),  # far below rounding
+        (1e-10, 1e-8, 1e9, False),  # small, but what is left of it grows over the motion, and it still falls
+        (1e-10, 1.1e-10, 1e9, True),  # it falls no more: the rest is rounding
+        (1e-6, 1.1e-6, 1e9, False),  # too large for rounding
+    ],
+)  # fmt: skip
+def test_the_last_newton_step_worth_taking(size, last, amplification, last_one):
+    assert bool(settles(size, last, amplification)) is last_one
+
+
+def test_the_row_of_the_contact_force_is_the_force():
+    machine = Hopper("r + 0.1*r**3", mass_ratio=2.0)
+    contact, row = find(machine).contact, contact_force_row(machine.model.contact)
+    t = np.linspace(0.0, contact.times[-1], 9)
+    rows = contact(t)
+    assert row(rows) == pytest.approx(rows[:, contact.names.index("contact force")], abs=0.0)
+    extension = rows[:, 0]  # the foot stands: weights 1 and 2, less what the spring pulls up
+    assert row(rows) == pytest.approx(1.0 - extension - 0.1 * extension**3, abs=1e-12)

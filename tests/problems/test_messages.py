@@ -6,7 +6,20 @@ import re
 import numpy as np
 import pytest
 
-from orbits import NoOrbit, Orbit, OrbitsError, find, find_all, follow, multiplier, quantities, simulate
+from orbits import (
+    InputError,
+    NoOrbit,
+    Orbit,
+    OrbitsError,
+    ReturnMap,
+    find,
+    find_all,
+    follow,
+    multiplier,
+    orbit_at,
+    quantities,
+    simulate,
+)
 from orbits.model.units import LENGTH, SPEED, Message, Quantity, without_units
 from problems import hopper_in_si, springs, steering
 
@@ -34,6 +47,7 @@ STOPPED = hopper_in_si(
 DAMPED = hopper_in_si(BODY, FOOT, stiffness=STIFFNESS, damping=400.0)
 WEAK = hopper_in_si(BODY, FOOT, force="F*tanh(k*r/F)", parameters={"k": STIFFNESS, "F": 0.9 * FOOT * GRAVITY})
 BENT = hopper_in_si(BODY, FOOT, force="k*r + b*r**3", parameters={"k": STIFFNESS, "b": 1e6})
+STEEP = hopper_in_si(BODY, FOOT, stiffness=STIFFNESS, rest_length=1.0, gravity="1 + 20*z/1.0")
 SPEED_IN_SI = SIZES["m/s"]
 
 
@@ -45,19 +59,29 @@ def said(call, machine) -> str:
         return str(error)
 
 
+# A machine, a call that says something of it, and the numbers among what it says that have no dimension.
 CASES = {
-    "masses pass": (SHORT, lambda m: find(m, 3).violations),
-    "out of range": (TABLE, lambda m: find(m, 9)),
-    "simulation out of range": (TABLE, lambda m: simulate(m, 40.0 * scale(m), hops=1).reason),
-    "no launch": (DAMPED, lambda m: simulate(m, 0.5 * scale(m), hops=1)),
-    "no multiplier": (DAMPED, lambda m: multiplier(m, 0.5 * scale(m))),
-    "one-sided law": (PLAIN, lambda m: multiplier(m, find(m, 1).alpha)),
-    "weak spring": (WEAK, lambda m: find(m, 1)),
-    "faster than asked": (PLAIN, lambda m: find_all(m, family=2, fastest=scale(m))),
-    "searched": (BENT, lambda m: find_all(m, family=3, fastest=2.0 * scale(m))),
-    "start": (BENT, lambda m: find(m, start={**guess(m), "duration": 2e4 * (TIME_IN_S if m.units else 1.0)})),
-    "no steering": (BENT, lambda m: steering.recover(m, 100.0 * scale(m))),
+    "masses pass": (SHORT, lambda m: find(m, 3).violations, ""),
+    "out of range": (TABLE, lambda m: find(m, 9), "9"),
+    "simulation out of range": (TABLE, lambda m: simulate(m, 40.0 * scale(m), hops=1).reason, ""),
+    "no launch": (DAMPED, lambda m: simulate(m, 0.5 * scale(m), hops=1), ""),
+    "no multiplier": (DAMPED, lambda m: multiplier(m, 0.5 * scale(m)), ""),
+    "one-sided law": (PLAIN, lambda m: multiplier(m, find(m, 1).alpha), "4 3 4 3"),
+    "weak spring": (WEAK, lambda m: find(m, 1), ""),
+    "faster than asked": (PLAIN, lambda m: find_all(m, family=2, fastest=scale(m)), "2"),
+    "searched": (BENT, lambda m: find_all(m, family=3, fastest=2.0 * scale(m)), ""),
+    "start": (BENT, lambda m: find(m, start={**guess(m), "duration": 2e4 * (TIME_IN_S if m.units else 1.0)}), "0"),
+    "no steering": (BENT, lambda m: steering.recover(m, 100.0 * scale(m)), ""),
+    "short stroke": (BENT, lambda m: steering.start_up(m, 2, stroke=0.05 * length(m)), "2 2 3 3 4"),
+    "no stroke": (BENT, lambda m: steering.start_up(m, 2, stroke=-3.0 * length(m)), "0"),
+    "gap": (PLAIN, lambda m: simulate(m, state=np.array([1.0, 0.0, -0.5, 0.0]) * length(m), time=1.0), "1 1 2 2"),
+    "gravity": (STEEP, lambda m: find(m, 2), "2 37.1"),
 }
+
+
+def length(machine) -> float:
+    """The machine's unit of length."""
+    return LENGTH_IN_M if machine.units else 1.0
 
 
 def scale(machine) -> float:
@@ -67,20 +91,33 @@ def scale(machine) -> float:
 
 def guess(machine) -> dict[str, float]:
     """The unknowns of a start."""
-    length = LENGTH_IN_M if machine.units else 1.0
-    return {"liftoff": length, "alpha": scale(machine)}
+    return {"liftoff": length(machine), "alpha": scale(machine)}
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_numbers_are_those_of_the_dimensionless_machine_in_si(name):
-    machine, call = CASES[name]
+    machine, call, pure = CASES[name]
     text, bare = said(call, machine), said(call, machine.dimensionless())
-    assert re.sub(TOLD, "#", text) == re.sub(TOLD, "#", bare)
+    assert re.sub(TOLD, "#", text)[:150] == re.sub(TOLD, "#", bare)[:150]  # long ones are cut elsewhere
     found, expected = TOLD.findall(text), TOLD.findall(bare)
-    assert any(unit for _, unit in found)
+    assert [number for number, unit in found if not unit] == pure.split()
     assert not any(unit for _, unit in expected)
+    assert any(unit for _, unit in found)
     for (number, unit), (other, _) in zip(found, expected, strict=True):
         assert float(number) == pytest.approx(float(other) * SIZES.get(unit, 1.0), rel=6e-3), text
+
+
+def test_what_is_added_to_launches_is_bounded_in_si():
+    with pytest.raises(InputError, match=r"inject = 1e\+300; it is at most 2\.46145e\+14"):
+        ReturnMap(BENT, inject=1e300)
+
+
+def test_an_orbit_of_a_point_beyond_a_table_says_so_with_the_units_there():
+    """Half the table holds the orbits up to half the gravity; the unit of length is proportional to it."""
+    point = follow(TABLE, "surface_gravity", start=GRAVITY, stop=15.0)[-1]
+    half = springs.table((LENGTH_IN_M * np.linspace(-50, 6, 57), FOOT * GRAVITY * np.linspace(-50, 6, 57)))
+    with pytest.raises(NoOrbit, match=r"\[-0\.2942 m, 0\.0353\d* m\]"):
+        orbit_at(hopper_in_si(BODY, FOOT, stiffness=STIFFNESS, force=half), point, "surface_gravity")
 
 
 def test_a_violation_tells_the_certificate_s_number(tmp_path):

@@ -1,0 +1,47 @@
+"""A long computation says that it goes on."""
+
+import logging
+
+import pytest
+
+from orbits.symbolic import interrupts
+from orbits.symbolic.exclusive import exclusive
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """The time that the module sees, in a list of one number."""
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    return now
+
+
+def test_a_function_says_once_a_minute_that_it_still_computes(clock, caplog):
+    @exclusive
+    def inner():
+        interrupts.check()
+
+    @exclusive
+    def outer():
+        for clock[0] in (0.0, 59.0, 61.0, 62.0, 119.0, 122.0):
+            inner()
+
+    with caplog.at_level(logging.WARNING, logger="orbits"):
+        outer()
+        clock[0] = 500.0
+        inner()  # another call, which has only begun
+        interrupts.check()  # outside of any
+    name = outer.__qualname__
+    assert caplog.messages == [f"{name} has been computing for {after} s" for after in (61, 122)]
+
+
+def test_a_function_that_fails_is_no_longer_running(clock, caplog):
+    @exclusive
+    def failing():
+        raise ValueError("no")
+
+    with pytest.raises(ValueError, match="no"):
+        failing()
+    clock[0] = 100.0
+    interrupts.check()
+    assert not caplog.messages
