@@ -37,7 +37,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> str:
-    # The version is looked up when it is asked for.
-    if name == "__version__":
+    if name == "__version__":  # takes too long to look up in every process
         return version("persistent-orbits")
     raise AttributeError(f"module 'orbits' has no attribute '{name}'")

@@ -101,7 +101,7 @@ def _features(key: Key, values: tuple[float, ...], low: float, high: float, unit
     slopes = _slopes(key)(places[:, None], np.array([values]))[0].ravel()
     rest = int(np.abs(places).argmin())
     with np.errstate(invalid="ignore"):
-        ends = np.flatnonzero(~(np.abs(slopes) < SINGULAR_SLOPE / unit))
+        ends = (~(np.abs(slopes) < SINGULAR_SLOPE / unit)).nonzero()[0]
     after = int(np.searchsorted(ends, rest))
     first, last = np.append(-1, ends)[after] + 1, np.append(ends, LAW_SAMPLES)[after]
     slopes = slopes[first:last]

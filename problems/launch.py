@@ -63,7 +63,7 @@ class Liftoff:
         extensions, forces = _sampled_from_rest(law, rest, away=1.0 if rises else -1.0)
         if float(forces[0]) == level:
             return self._checked(law, rest)
-        beyond = np.flatnonzero((forces >= level) == rises)
+        beyond = ((forces >= level) == rises).nonzero()[0]
         if not len(beyond):
             text = "spring '{law}' never reaches {level} ({extreme} {force:.4g}{within}): nothing leaves the ground"
             extreme, force = ("largest tension", forces.max()) if rises else ("least force", forces.min())
@@ -109,7 +109,7 @@ def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, 
     if count == 0:
         raise InputError(f"spring '{law.text}' has no force at rest (r = {rest:g})")
     extensions, forces, slopes = extensions[:count], forces[:count], slopes[:count]
-    cells = np.flatnonzero((slopes[:-1] > 0) & (slopes[1:] <= 0))
+    cells = ((slopes[:-1] > 0) & (slopes[1:] <= 0)).nonzero()[0]
     if not len(cells):
         return extensions, forces
     turns = _end_of_rise(law, extensions[cells], extensions[cells + 1])
@@ -123,7 +123,7 @@ def _rising_branch(law: Law, static: float, up: bool) -> tuple[np.ndarray, np.nd
     forces, slopes = law.with_slope(extensions)
     with np.errstate(invalid="ignore"):
         rises = np.append(True, side * np.diff(forces) > 0)
-    fails = np.flatnonzero(~(rises & (slopes > 0) & np.isfinite(forces)))
+    fails = (~(rises & (slopes > 0) & np.isfinite(forces))).nonzero()[0]
     if len(fails):
         count = max(int(fails[0]), 1)
         turn = _end_of_rise(law, extensions[count - 1], extensions[count])

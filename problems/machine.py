@@ -314,8 +314,8 @@ class TwoMassEquations:
             raise NoOrbit("a damped machine loses energy on every hop: it has no lossless orbit, but a return map")
         law = from_key(self.spring, p)
         extension = self.threshold.extension(law)
-        slopes = [float(law.with_slope(r)[1]) for r in (extension, law.rest())]
-        scale = 1 / np.sqrt(max(filter(np.isfinite, slopes)))  # a law has a slope at lift-off, if not at rest
+        slopes = law.with_slope([extension, law.rest()])[1]
+        scale = 1 / np.sqrt(slopes[np.isfinite(slopes)].max())  # a law has a slope at lift-off, if not at rest
         phase, what = relative_phase(self.spring, self.threshold.load), f"spring '{law.text}'"
         alpha = lowest_launch_speed(phase, p, extension, family, scale, what)
         return {"liftoff": extension, "alpha": alpha, "duration": alpha}

@@ -19,8 +19,7 @@ from .tracer import Tracer
 @cache
 def versions() -> dict[str, str]:
     """The versions of the packages that compute."""
-    found = {name: version(name) for name in ("persistent-orbits", "casadi", "numpy")}
-    return {**found, "python": sys.version.split()[0]}
+    return {n: version(n) for n in ("persistent-orbits", "casadi", "numpy")} | {"python": sys.version.split()[0]}
 
 
 def collect_family(

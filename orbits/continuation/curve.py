@@ -216,8 +216,8 @@ class Curve:
 
     def orbit(self, point: CurvePoint) -> Orbit:
         """The whole orbit at a certified point."""
-        began, (us, ps, evaluation, _) = time.perf_counter(), self.solutions([point])
-        machine = self.machine.with_values(**self.varied(ps[0]))
+        began, us, ps = time.perf_counter(), point.x[None, :-1], self.parameters_at(point.x[None])
+        machine, evaluation = self.machine.with_values(**self.varied(ps[0])), self.orbits.evaluate_all(us, ps)
         orbit = certified_orbit(machine, self.method, us[0], evaluation, point.point.error, began=began)
         return orbit_of(machine, orbit)
 

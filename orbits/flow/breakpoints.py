@@ -28,9 +28,8 @@ class ActivePiece:
 
     def varied(self) -> tuple[int, ...]:
         """Rows of the seeds that are not zero on some piece."""
-        rows = np.flatnonzero(self.parameter_seeds.any(1))
-        data = range(len(self.parameter_seeds), len(self.seeds)) if len(rows) else ()
-        return (*map(int, rows), *data)
+        rows = np.flatnonzero(self.parameter_seeds.any(1)).tolist() if self.parameter_seeds.size else []
+        return (*rows, *(range(len(self.parameter_seeds), len(self.seeds)) if rows else ()))
 
     def cut(self, c: Array, h: float) -> tuple[float, int]:
         """The step shortened to the end of the piece, and the end it reaches: -1 lower, +1 upper, 0 neither."""

@@ -142,11 +142,11 @@ class Flow:
             left = duration - times[-1]
             steps, c, dc = stepper.advance(x, piece.data, variations, piece.seeds, block, left, h)
             steps, c = self._accepted_steps(steps, c, times[-1], taken)
-            count, last, side, stopped = self._block_end(piece, c, steps, left, stop)
-            times.extend((times[-1] + np.cumsum([*steps[: count - 1], last])).tolist())
-            coefficients.append(c[:count])
+            lengths, side, stopped = self._block_end(piece, c, steps, left, stop)
+            times.extend((times[-1] + lengths.cumsum()).tolist())
+            coefficients.append(c[: (count := len(lengths))])
             taken += count
-            power = last ** np.arange(1, c.shape[2])
+            power = lengths[-1] ** np.arange(1, c.shape[2])
             x = c[count - 1, : self.size, 0] + c[count - 1, : self.size, 1:] @ power
             if dc is not None and columns:
                 slopes.append(dc[:count])
@@ -173,19 +173,19 @@ class Flow:
         count = len(steps) if accepted.all() else int(np.argmin(accepted))
         return steps[:count], c[:count]
 
-    def _block_end(self, piece, c, steps, left: float, stop: StopTest | None) -> tuple[int, float, int, bool]:
-        """Where a block ends: its number of steps, the length of the last, the end of the piece there as in
-        `ActivePiece.cut`, and whether the motion stops."""
-        count, last, side = len(steps), steps[-1], 0
-        reached, almost = np.cumsum(steps), left * (1 - self.control.rounding)
+    def _block_end(self, piece, c, steps, left: float, stop: StopTest | None) -> tuple[Array, int, bool]:
+        """Where a block ends: the lengths of its steps, the end of the piece there as in `ActivePiece.cut`, and whether
+        the motion stops."""
+        lengths, reached, almost, side = steps.copy(), steps.cumsum(), left * (1 - self.control.rounding), 0
         if reached[-1] >= almost:
-            count = int(np.argmax(reached >= almost)) + 1
-            last = left - (reached[count - 2] if count > 1 else 0.0)
+            count = int((reached >= almost).argmax()) + 1
+            lengths = lengths[:count]
+            lengths[-1] = left - (reached[count - 2] if count > 1 else 0.0)
         if self.phase.pieces:
-            last, side = piece.cut(c[0], last)
-        if stop and (halt := stop(c[:count], np.append(steps[: count - 1], last))):
-            return halt[0] + 1, halt[1], 0, True
-        return count, last, side, False
+            lengths[-1], side = piece.cut(c[0], lengths[-1])
+        if stop and (halt := stop(c[: len(lengths)], lengths)):
+            return np.append(lengths[: halt[0]], halt[1]), 0, True
+        return lengths, side, False
 
     def _failure(self, what: str, t: float, x: Array) -> Message:
         """What happens to a motion in a state at a time, in words."""
@@ -342,4 +342,4 @@ class Flow:
 
 def _rows_used(seeds: Array) -> tuple[int, ...]:
     """The rows of parameter seeds (np, columns) that are not zero."""
-    return tuple(np.flatnonzero(seeds.any(1)).tolist())
+    return tuple(np.flatnonzero(seeds.any(1)).tolist()) if seeds.size else ()

@@ -117,7 +117,7 @@ class TaylorStepper:
 
         Returns z when each has ended; the coefficients (N, rows, K + 1) of the steps that are recorded; what z was
         before each of them beyond the state, with the length in the place of the time left; the number (m,) of these
-        steps of each motion; and whether it would go on (m,), after the last record or after more steps than any that ends.
+        steps of each motion; and whether it would go on (m,), after the last record or after the most steps.
         """
         count, size = offsets.shape
         if (kind := (size, turns)) not in self._watching:

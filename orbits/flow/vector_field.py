@@ -64,11 +64,10 @@ class VectorField:
     @cached_property
     def step(self) -> ca.Function:
         """One step of given length, a function (x, h, p) -> x for equations that other solvers differentiate."""
-        h = ca.SX.sym("h")
-        if self.has_series:
-            end = self.series[: self.size, : STEP_ORDER + 1] @ symbolic_powers(h)[: STEP_ORDER + 1]
-        else:
-            end = runge_kutta(self, self.x, h)
+        h, few = ca.SX.sym("h"), STEP_ORDER + 1
+        if not self.has_series:
+            return ca.Function("step", [self.x, h, self.p], [runge_kutta(self, self.x, h)])
+        end = self.series[: self.size, :few] @ symbolic_powers(h)[:few]
         return ca.Function("step", [self.x, h, self.p], [end])
 
 

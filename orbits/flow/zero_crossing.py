@@ -42,11 +42,11 @@ def until_zero(
         return np.zeros(0, int), None
     search = _ZeroSearch(flow, starts, ps, quantity, np.inf, skip_start, all_steps=True)
     search.by_taylor_steps()
-    if not len(which := np.flatnonzero(np.isfinite(search.times))):
+    if not len(which := np.isfinite(search.times).nonzero()[0]):
         return which, None
     owners, steps, coefficients = map(np.concatenate, zip(*search.steps, strict=True))
     reached = np.isfinite(search.times)[owners]
-    order = np.flatnonzero(reached)[np.argsort(owners[reached], kind="stable")]
+    order = reached.nonzero()[0][np.argsort(owners[reached], kind="stable")]
     counts = np.bincount(owners[order], minlength=len(starts))[which]
     begins = begins_of_steps(steps[order], counts)
     return which, Trajectories(begins, search.times[which], coefficients[order], counts, flow.names)
@@ -142,7 +142,7 @@ class _ZeroSearch:
         z = stepper.watched_state(self.starts, np.zeros(len(signs)), self.skip, signs)
         for _ in range(flow.control.max_calls):
             inside = pieces.inside
-            for i in np.flatnonzero(~inside):
+            for i in (~inside).nonzero()[0]:
                 self.failed[int(remaining[i])] = flow.out_of_range(self.ps[0], z[i, :n])
             remaining, z = remaining[inside], z[inside]
             pieces.keep(inside)
@@ -232,7 +232,7 @@ class _ZeroSearch:
         z[:, n + 3 : n + 5], z[:, n + 5] = 0.0, polynomials.after
         if self.flow.phase.pieces:
             z[:, -2:] = of_ends
-        if len(cut := np.flatnonzero(pieces.crossed)):
+        if len(cut := pieces.crossed.nonzero()[0]):
             z[cut, :n] = evaluate(c[cut, :n], steps[cut, None])
             z[cut, n + 1], z[cut, n + 2], z[cut, n + 6 + bool(self.over) :] = LONGEST_STEP, times[cut] + steps[cut], 0.0
             if self.over:  # the sign at the end of the whole step is not that where it is cut

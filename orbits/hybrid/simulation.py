@@ -193,7 +193,7 @@ class Simulation:
             raise InputError(f"times lie between 0 and {self.end:.6g}{unit}")
         embed = self.machine.model.embed
         states, index = np.empty((*t.shape, len(embed))), self._leg(t)
-        for i in np.unique(index):
+        for i in {*index.ravel().tolist()}:
             leg, inside = self.legs[i], index == i
             rows = leg.path(np.minimum(t[inside] - leg.start, leg.path.times[-1]))
             flying = leg.phase == "flight"

@@ -168,8 +168,8 @@ class PiecewisePolynomials:
     def first_roots(self, start: ArrayLike = 0, rising: bool = False, before: Array | None = None) -> _Places:
         """The first root of each polynomial that has one, as `roots` returns it."""
         owner, pieces, times = self.roots(start, rising, before)
-        owner, first = np.unique(owner, return_index=True)
-        return owner, pieces[first], times[first]
+        first = np.append(True, owner[1:] != owner[:-1])[: len(owner)]  # `np.unique` imports masked arrays
+        return owner[first], pieces[first], times[first]
 
     def _control_values(self, orders: Array | None, before: Array | None) -> np.ndarray:
         """Bernstein coefficients (N, K + 1), of one sign on both sides of a joint: else rounding loses a root there."""
@@ -191,7 +191,7 @@ class PiecewisePolynomials:
         values = bernstein(self.coefficients, self.of_steps)
         ends = np.einsum("Nk,Nk->N", self.coefficients, self.of_steps)
         least = np.minimum.reduceat(np.minimum(self.coefficients[:, 0], ends), self.first)
-        lower = np.flatnonzero(values.min(1) < least[self.owner])  # pieces that may have a lower value inside
+        lower = (values.min(1) < least[self.owner]).nonzero()[0]  # pieces that may have a lower value inside
         each = self.steps[lower], np.ones(len(lower), int), self.of_steps[lower]
         slopes = PiecewisePolynomials(derivative(self.coefficients[lower]), *each)
         owner, _, t = slopes.roots(rising=True)

@@ -91,7 +91,7 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
     finite = np.all(np.isfinite([cycles.error, cycles.residual, drift, jerk]), axis=0)
     finite &= np.all([np.isfinite(each) | (each == NONE) for each in (loss, separation, smallest_force)], axis=0)
     leaps = (changes > np.maximum(WORST_DRIFT * launch[:, None], DOUBTFUL_RATIO * floors)).any(1)
-    for i in np.flatnonzero(~finite | leaps).tolist():
+    for i in (~finite | leaps).nonzero()[0].tolist():
         overflow = "its numbers overflow; state the machine in units nearer to 1"
         reason = f"its energy drifts by {drift[i]:.1e}{NARROW}" if finite[i] else overflow
         raise NoOrbit(f"the orbit cannot be certified: {reason}").about(i)
@@ -180,10 +180,10 @@ def _gaps(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Vi
     jerk = (6 * gaps[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
     clearance, when = _least_of_halves(cycles, *_lowest_minima(halves, gaps))
     violations = list[Violation]()
-    for i in np.flatnonzero(jerk <= 0).tolist():
+    for i in (jerk <= 0).nonzero()[0].tolist():
         text = "the gap opens the wrong way at landing (landing jerk {jerk:.3g}, must be negative)"
         violations.append((i, Message(text, jerk=Quantity(-jerk[i], JERK))))
-    for i in np.flatnonzero(clearance <= 0).tolist():
+    for i in (clearance <= 0).nonzero()[0].tolist():
         text, time = "{meets} at t = {time:.6g} of the flight (height {height:.3g})", Quantity(when[i], TIME)
         height = Quantity(clearance[i], LENGTH)
         violations.append((i, Message(text, meets=model.violations["gap"], time=time, height=height)))
@@ -200,7 +200,7 @@ def _lowest_minima(halves: Trajectories, gaps: np.ndarray) -> tuple[np.ndarray, 
     # The end of a half, mid-flight, may be a minimum too.
     last, h = gaps[halves.last], halves.steps[halves.last]
     middle, rate, bend = (evaluate(c, h) for c in (last, derivative(last), derivative(derivative(last))))
-    ends = np.flatnonzero((bend > 0) & (np.abs(rate) * halves.ends < STATIONARY * halves.largest(gaps[:, :1])))
+    ends = ((bend > 0) & (np.abs(rate) * halves.ends < STATIONARY * halves.largest(gaps[:, :1]))).nonzero()[0]
     owner, times = np.append(owner[inside], ends), np.append(times[inside], halves.ends[ends])
     heights = np.append(heights[inside], middle[ends])
     lowest, when = np.full(len(halves), NONE), np.zeros(len(halves))
@@ -238,10 +238,10 @@ def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarra
     owner, piece, t = contacts.pile(force).roots(start=1)
     times = contacts.time(owner, piece, t)
     inside = np.full(len(times), True) if model.reversor else times < contacts.ends[owner] * (1 - MIDDLE)
-    pulling, first = np.unique(owner[inside], return_index=True)
+    pulling = dict(zip(owner[inside][::-1].tolist(), times[inside][::-1].tolist(), strict=True))  # the first of each
     at_once = force[contacts.first, 1] <= 0
-    at_once[pulling] = False
-    places = zip(cycles.with_contact[pulling].tolist(), times[inside][first], strict=True)
+    at_once[[*pulling]] = False
+    places = [(int(cycles.with_contact[i]), time) for i, time in sorted(pulling.items())]
     text = "{pulls} in contact at t = {time:.6g}"
     violations += [(i, Message(text, pulls=pulls, time=Quantity(time, TIME))) for i, time in places]
     text = "{pulls} as soon as the contact begins"
@@ -264,10 +264,10 @@ def _separations(model: Model, cycles: Cycles) -> tuple[np.ndarray, list[Violati
         lower = low < least[cycles.with_contact]
         these = cycles.with_contact[lower]
         least[these], where[these] = low[lower], "contact"
-        when[these] = contacts.time(np.flatnonzero(lower), piece[lower], t[lower])
+        when[these] = contacts.time(lower.nonzero()[0], piece[lower], t[lower])
     found[cycles.with_contact] = least[cycles.with_contact]
     violations = list[Violation]()
-    for i in np.flatnonzero(~(least > 0)).tolist():
+    for i in (~(least > 0)).nonzero()[0].tolist():
         text, time = "{meets} at t = {time:.6g} of the {phase} (separation {least:.3g})", Quantity(when[i], TIME)
         numbers = {"time": time, "phase": where[i], "least": Quantity(least[i], LENGTH)}
         violations.append((i, Message(text, meets=model.violations["separation"], **numbers)))

@@ -139,7 +139,7 @@ class Cycles:
     def __len__(self) -> int:
         return len(self.error)
 
-    @property
+    @cached_property
     def halves_per_flight(self) -> int:
         """How many of the `halves` belong to each flight: 1 where the other one is its mirror image, else 2."""
         return len(self.halves) // len(self)
@@ -252,8 +252,8 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
             path, _ = flow.run(starts[i], ps[i], limits[i], stop=first_zero(*end) if model.one_speed else None)
             found[i] = model.violations["end"] if model.one_speed and not path.times[-1] < limits[i] else path
         except FlowError as error:
-            left = Message("contact: {error}", error=error) if isinstance(error, OutOfRange) else None
-            found[i] = left or model.violations["end"]
+            outside = Message("contact: {error}", error=error) if isinstance(error, OutOfRange) else None
+            found[i] = outside or model.violations["end"]
     reasons = {i: contact for i, contact in sorted(found.items()) if isinstance(contact, str)}
     order = sorted(found.keys() - reasons.keys())
     return np.array(order, int), Trajectories.of([found[i] for i in order]) if order else None, reasons

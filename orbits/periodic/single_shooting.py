@@ -247,14 +247,14 @@ class Shooting:
             step = solve(evaluation.jacobian[0], -evaluation.residual[0])
             last, size = size, np.max(np.abs(step) / np.maximum(np.abs(us), SMALLEST_UNIT))
             if settles(size, last, evaluation.amplification[0]):
-                return (us + step)[0], self.moved(evaluation, us + step, ps, step[None])
+                return us[0] + step, self.evaluate_all(us + step, ps)
             if not np.isfinite(size):
                 break
             us, evaluation = self._damped(us, ps, step, evaluation)
         raise NoOrbit(f"the {self.statement.name} equations did not converge (last relative step {size:.1e})")
 
     def _damped(self, us, ps, step, evaluation: Evaluation) -> tuple[np.ndarray, Evaluation]:
-        """The point that a step leads to, halved until the residual shrinks, and the equations there."""
+        """The point (1, n) that a step leads to, halved until the residual shrinks, and the equations there."""
         size, durations = np.linalg.norm(evaluation.residual), self.durations
         accepted = max(REDUCTION * size, SMALL_RESIDUAL * (1 + np.abs(us).max()))
         for _ in range(MOST_STEP_HALVINGS):

@@ -88,7 +88,7 @@ class MappedFunction:
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         """Results of each point; an argument (1, size) is shared by all points."""
-        count = max(len(argument) for argument in arguments)
+        count = max(map(len, arguments))
         capacity = room_for(count)
         if capacity not in self._batches:
             self._batches[capacity] = self._batch(capacity)

@@ -15,6 +15,7 @@ from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find
 from orbits.flow.flow import flow_of
 from orbits.model.closed_form import Oscillator
 from orbits.periodic.formulations import contact_force_row, equations_of
+from orbits.periodic.multiple_shooting import trajectory_on_mesh
 from orbits.periodic.single_shooting import Shooting, settles
 from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.ipopt import solve_equations
@@ -209,6 +210,21 @@ def test_parameter_derivatives_of_a_closed_form():
     assert evaluation.jacobian == pytest.approx(
         np.array([[-w * np.sin(1.2 * w), -0.6 / w * np.sin(1.2 * w)]]), rel=1e-13
     )
+
+
+@pytest.mark.parametrize("reference", [each for each in REFERENCES if each["spring"] != "r"])
+def test_a_step_that_other_solvers_differentiate(reference):
+    """On a mesh it leads from node to node up to a few roundings, although its order is lower than the motion's."""
+    machine = machine_of(reference)
+    orbit, p = find(machine, reference["family"]), machine.values
+    statement = equations_of(machine.model, orbit.method, tuple(p)).statement
+    known = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
+    mesh = trajectory_on_mesh(statement, {name: known[name] for name in statement.unknowns}, p)
+    flow, (count,) = flow_of(statement.arcs[0].phase, tuple(p)), mesh.counts
+    nodes, lengths = mesh.nodes.reshape(count, flow.size), mesh.data[:count] * orbit.flight_time / 2
+    for before, after, h in zip(nodes[:-1], nodes[1:], lengths[1:], strict=True):
+        end = flow.vector_field.step(before, h, list(p.values())).full().ravel()
+        assert np.abs(end - after).max() <= 40 * np.finfo(float).eps * np.abs(nodes).max()
 
 
 @pytest.mark.parametrize(
