@@ -61,7 +61,7 @@ def variations(field: ca.Function, varied: tuple[int, ...], columns: int, order:
     rates, watched = field(x, p)
     n, m = rates.numel(), watched.numel()
     parts, by_parameters = _separated(rates, x, p), ca.jacobian(rates, p)[:, list(varied)]
-    extended = ca.cse([rates, ca.vertcat(watched, *parts.slopes.nonzeros(), *by_parameters.nonzeros())])
+    extended = ca.cse([rates, ca.vertcat(watched, *(ca.vec(each.nz[:]) for each in (parts.slopes, by_parameters)))])
     c = taylor_coefficients(ca.Function("variations", [x, p], extended), x, p, order)
     dx, dp = ca.SX.sym("dx", n, columns), ca.SX.sym("dp", len(varied), columns)
     rows = [ca.horzsplit(row) for row in ca.vertsplit(c[n + m :, :])]
