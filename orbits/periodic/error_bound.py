@@ -25,6 +25,9 @@ SHEAR = 4.0
 STEPS_PER_CALL = 32
 # An error beyond the first share, and beyond the second times what rounding explains: the steps leapt over a feature.
 WORST_ERROR, DOUBTFUL_RATIO = 1e-11, 1e4
+# Near an unstable equilibrium a change grows and shrinks again. Beyond this share, which the square of that growth makes
+# of rounding, the derivatives have lost their rank.
+LOST_RANK = 1e-2
 # Order-8 steps are so short that the ninth Taylor term, their error, is below this share of rounding.
 NINTH_TERM = 0.01
 # So many standard deviations of noise change an orbit linearly, and by far more than rounding.
@@ -59,7 +62,8 @@ def error_bounds(
     # The row of alpha in the inverse; the leading axis tells older NumPy that the right side is one matrix for all.
     inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[None, :, [index]])[:, :n, 0]
     weights = _weights_of_steps(equations, evaluation, inverse)
-    moves, refused = np.full(len(us), np.nan), dict[int, NoOrbit]()
+    lost = np.flatnonzero(EPS * _largest_growth(equations, evaluation) ** 2 > LOST_RANK).tolist()
+    moves, refused = np.full(len(us), np.nan), {i: NoOrbit(f"the orbit cannot be certified{NARROW}") for i in lost}
     if quickly and len(weights) == 1 and equations.smooth and weights[0] is not None:
         moves = np.einsum("mi,mi->m", inverse, evaluation.residual)
         moves -= _moves_by_defects(equations.flows[0], evaluation.trajectories[0], ps, weights[0])
@@ -126,6 +130,15 @@ def _weights_of_steps(equations: Shooting, evaluation: Evaluation, inverse: ndar
         carried = np.einsum("mj,mjk->mk", at_end, transition[:, :, :n])[motions.owner, :, None]
         weights.append(solve(sensitivities.swapaxes(1, 2), carried)[..., 0])
     return weights
+
+
+def _largest_growth(equations: Shooting, evaluation: Evaluation) -> ndarray:
+    """The largest growth (m,) of a small change of the state from the start of an arc to a step."""
+    largest = np.ones(len(evaluation.residual))
+    for flow, motions in zip(equations.flows, evaluation.trajectories, strict=True):
+        if motions.variations is not None:
+            largest = np.maximum(largest, motions.largest(motions.variations[:, :, : flow.size, 0]))
+    return largest
 
 
 def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
