@@ -150,7 +150,8 @@ class Flow:
             x = c[count - 1, : self.size, 0] + c[count - 1, : self.size, 1:] @ power
             if dc is not None and columns:
                 slopes.append(dc[:count])
-                variations = dc[count - 1, ..., 0] + dc[count - 1, ..., 1:] @ power
+                with np.errstate(all="ignore"):  # beyond all numbers they are not finite, which who uses them checks
+                    variations = dc[count - 1, ..., 0] + dc[count - 1, ..., 1:] @ power
             h = steps[count - 1]
             if np.abs(x).max() > self.control.runaway:
                 kind = RunsAway if h > self.control.singular_step else BreaksDown
