@@ -25,6 +25,10 @@ SHEAR = 4.0
 STEPS_PER_CALL = 32
 # An error beyond the first share, and beyond the second times what rounding explains: the steps leapt over a feature.
 WORST_ERROR, DOUBTFUL_RATIO = 1e-11, 1e4
+# Order-8 steps are taken in one call, their number a multiple of this, so that few functions are built.
+STEPS_PER_CALL = 32
+# An error beyond the first share, and beyond the second times what rounding explains: the steps leapt over a feature.
+WORST_ERROR, DOUBTFUL_RATIO = 1e-11, 1e4
 # Near an unstable equilibrium a change grows and shrinks again. Where the square of that growth makes more than this
 # share of rounding, the derivatives have lost their rank.
 LOST_RANK = 1e-2
@@ -62,7 +66,8 @@ def error_bounds(
     # The row of alpha in the inverse; the leading axis tells older NumPy that the right side is one matrix for all.
     inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[None, :, [index]])[:, :n, 0]
     weights = _weights_of_steps(equations, evaluation, inverse)
-    lost = np.flatnonzero(EPS * _largest_growth(equations, evaluation) ** 2 > LOST_RANK).tolist()
+    # Near an unstable equilibrium a change grows and shrinks again, and derivatives lose their rank to rounding.
+    lost = np.flatnonzero(EPS * _largest_growth(equations, evaluation) ** 2 > 1.0).tolist()
     moves, refused = np.full(len(us), np.nan), {i: NoOrbit(f"the orbit cannot be certified{NARROW}") for i in lost}
     if quickly and len(weights) == 1 and equations.smooth and weights[0] is not None:
         moves = np.einsum("mi,mi->m", inverse, evaluation.residual)
