@@ -60,7 +60,7 @@ def _solve_step_by_step(curve: Curve, xs: Array, rows: Array, levels: Array, lea
         xs, moved = xs + steps, (np.abs(steps) / sizes).max(1)
         settled, shrinks = settles(moved, last, evaluation.amplification), moved < STALLED_RATIO * last
         if taken >= least and settled.all():
-            evaluation = curve.equations.moved(evaluation, xs[:, :-1], curve.parameters_at(xs), steps)
+            evaluation = curve.evaluate(xs)
             return Solutions(xs, directions, evaluation.amplification, evaluation)
         if not (np.isfinite(moved) & (settled | shrinks | (taken < least))).all():
             raise NoOrbit("the corrector does not converge")

@@ -143,17 +143,6 @@ class Trajectories:
             return Trajectories(starts, ends, coefficients, self.counts[i], self.names, moving)
         return Trajectory(np.append(starts, ends), coefficients, self.names, moving)
 
-    def moved(self, changes: np.ndarray, longer: np.ndarray) -> "Trajectories":
-        """The states to first order after small `changes` (m, columns) of what was varied.
-
-        The motions last `longer` (m,), and their variations are kept at the starts of the steps alone.
-        """
-        assert self.variations is not None
-        states = self.variations.shape[1]
-        change = np.einsum("Nick,Nc->Nik", self.variations, changes[self.owner])
-        coefficients, names = self.coefficients[:, :states] + change, self.names[:states]
-        return Trajectories(self.starts, self.ends + longer, coefficients, self.counts, names, self.variations[..., :1])
-
     def with_rows(self, coefficients: Array, names: tuple[str, ...]) -> "Trajectories":
         """Motions in the same steps with other rows, given by their names, without variations."""
         other = Trajectories(self.starts, self.ends, coefficients, self.counts, names)

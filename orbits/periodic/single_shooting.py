@@ -1,7 +1,7 @@
 """A boundary value statement as equations: integrated along its flow, solved by Newton's method to rounding."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -41,29 +41,25 @@ class Evaluation:
 
     residual : (n,)
     jacobian : (n, n + k), with respect to the unknowns and to the k varied parameters
-    correction : (n + k,), the last Newton step, after which the derivatives were not taken again
     trajectories : one `Trajectory`, of m points one `Trajectories`, per arc, with its sensitivities to its start and to
         the varied parameters
     transitions : derivatives (states, states + k) of each arc's end at fixed duration, by the same
     starts : derivatives (states + k, n + k) of the same, by the unknowns and the varied parameters
-    durations : derivatives (n + k,) of each arc's duration
     residual_by_end : derivatives (rows, states) of the residuals that belong to each arc by its end
     """
 
     residual: np.ndarray
     jacobian: np.ndarray
-    correction: np.ndarray
     trajectories: tuple[Any, ...]
     transitions: tuple[np.ndarray, ...]
     starts: tuple[np.ndarray, ...]
-    durations: tuple[np.ndarray, ...]
     residual_by_end: tuple[np.ndarray, ...]
 
     def __getitem__(self, i: int | np.ndarray) -> "Evaluation":
         """The evaluation at one of the points, or at several in an order (k,)."""
-        per_arc = self.trajectories, self.transitions, self.starts, self.durations, self.residual_by_end
+        per_arc = self.trajectories, self.transitions, self.starts, self.residual_by_end
         parts = (tuple(part[i] for part in each) for each in per_arc)
-        return Evaluation(self.residual[i], self.jacobian[i], self.correction[i], *parts)
+        return Evaluation(self.residual[i], self.jacobian[i], *parts)
 
     @cached_property
     def amplification(self) -> Any:
@@ -144,24 +140,15 @@ class Shooting:
         """The equations from the motions of each arc, their ends (m, states) and their transitions."""
         known = list[np.ndarray]()
         for flow, (motions, ends, transitions) in zip(self.flows, arcs, strict=True):
-            speeds = evaluate(
-                derivative(motions.coefficients[motions.last, : flow.size]), motions.steps[motions.last, None]
-            )
-            pieces = (
-                [
-                    flow.piece_data(x, p)
-                    for x, p in zip(motions.coefficients[motions.first, : flow.size, 0], ps, strict=True)
-                ]
-                if flow.phase.pieces
-                else ()
-            )
+            c, last = motions.coefficients[:, : flow.size], motions.last
+            speeds = evaluate(derivative(c[last]), motions.steps[last, None])
+            starts = zip(c[motions.first, :, 0], ps, strict=True)
+            pieces = [flow.piece_data(x, p) for x, p in starts] if flow.phase.pieces else ()
             data, slopes = map(np.array, zip(*pieces, strict=True)) if pieces else (us[:, :0], us[:, :0, None])
             known += [ends, transitions.swapaxes(1, 2), speeds, data, slopes.swapaxes(1, 2)]
         residual, jacobian, *rest = self.closing(vary)(us, ps, *(array.reshape(len(us), -1) for array in known))
-        derivatives = tuple(rest[::3]), tuple(longer[:, 0] for longer in rest[1::3]), tuple(rest[2::3])
         trajectories, _, transitions = zip(*arcs, strict=True)
-        correction = np.zeros(jacobian.shape[::2])
-        return Evaluation(residual[:, :, 0], jacobian, correction, trajectories, transitions, *derivatives)
+        return Evaluation(residual[:, :, 0], jacobian, trajectories, transitions, tuple(rest[::2]), tuple(rest[1::2]))
 
     @cached_property
     def beginnings(self) -> list[MappedFunction]:
@@ -176,7 +163,7 @@ class Shooting:
     def closing(self, vary: tuple[str, ...]) -> MappedFunction:
         """The equations from the ends of all arcs: (u, p, and for each arc its end, its transition, the speed at its
         end, the data of the piece where it starts and their derivatives by p) -> residual, jacobian, and for each arc
-        the derivatives of its start, of its duration, and of the residuals by its end."""
+        the derivatives of its start and those of the residuals by its end."""
         n, k = self.size, len(vary)
         # Derivatives that nothing needs are left out, since some are not numbers (r**n by n where r < 0).
         du, dp, dvaried = (ca.sparsify(ca.DM(each)) for each in self.seeds(vary)[:3])
@@ -193,7 +180,7 @@ class Shooting:
             residual, slope = arrival.function(u, value[:-1], end, p, q)
             residuals.append(residual)
             jacobians.append(slope @ ca.vertcat(du, dstart[:size, :], dend, dp, slopes @ dp))
-            results += [dstart, longer, slope[:, n + size : n + 2 * size]]
+            results += [dstart, slope[:, n + size : n + 2 * size]]
             before, dbefore, arguments = end, dend, [*arguments, *known]
         whole = [ca.vertcat(*residuals), ca.vertcat(*jacobians), *results]
         return MappedFunction(dense("closing", arguments, whole))
@@ -212,21 +199,6 @@ class Shooting:
         right[:, -1, 1] = 1.0
         found = solve(np.concatenate([evaluation.jacobian, rows[:, None]], axis=1), right)
         return found[:, :, 0], found[:, :, 1]
-
-    def moved(self, evaluation: Evaluation, us: np.ndarray, ps: np.ndarray, steps: np.ndarray) -> Evaluation:
-        """The equations after Newton steps (m, n + k) that settle them, at the points `us` (m, n) with parameters `ps`
-        (m, np) to which those lead: the residuals exactly, the motions to first order, the derivatives as before."""
-        if any(motions.variations is None for motions in evaluation.trajectories):  # closed forms cost nothing
-            return self.evaluate_all(us, ps)
-
-        def change(derivatives: np.ndarray) -> np.ndarray:
-            return np.einsum("m...c,mc->m...", derivatives, steps)
-
-        arcs = zip(evaluation.trajectories, evaluation.starts, evaluation.durations, strict=True)
-        moved = tuple(motions.moved(change(start), change(duration)) for motions, start, duration in arcs)
-        points = zip(us, ps, zip(*moved, strict=True), strict=True)
-        residual = np.array([self.residual(u, p, paths, lambda *arc: arc[-1].end) for u, p, paths in points])
-        return replace(evaluation, residual=residual, trajectories=moved, correction=steps)
 
     def residual(self, u: np.ndarray, p: np.ndarray, paths: tuple[Trajectory, ...], end_of: Callable) -> np.ndarray:
         """The residual (n,) where every arc ends at end_of(flow, start, p, path), one of `paths` for each."""

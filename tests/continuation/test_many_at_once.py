@@ -218,30 +218,20 @@ def test_a_statement_at_many_points():
 
 def test_newton_steps_of_many_points():
     """In one call and one by one; both lead to where the equations hold to second order."""
-    equations, xs, ps, count = cubics(9)
+    equations, xs, ps, _ = cubics(9)
     rows = np.random.default_rng(6).normal(size=xs.shape)
     targets = np.einsum("mi,mi->m", rows, xs) + 1e-6
-    there = equations.evaluate_all(xs[:, :3], ps, ("beta",))
-    found = [*equations.newton_steps(there, xs, rows, targets)]
-    betas = ps.copy()
-    betas[ps == xs[:, 3:]] = (xs + found[0])[:, 3]
-    found.append(equations.moved(there, (xs + found[0])[:, :3], betas, found[0]))
+    found = equations.newton_steps(equations.evaluate_all(xs[:, :3], ps, ("beta",)), xs, rows, targets)
     there = joined([equations.evaluate_all(x[None], p[None], ("beta",)) for x, p in zip(xs[:, :3], ps, strict=True)])
     steps, directions = equations.newton_steps(there, xs, rows, targets)
-    here = equations.moved(there, (xs + steps)[:, :3], betas, steps)
-    assert found[2].trajectories[0].counts[0] == count
     assert found[0] == pytest.approx(steps, rel=1e-10)
     assert found[1] == pytest.approx(directions, rel=1e-10)
     assert np.einsum("mi,mi->m", rows, xs + steps) == pytest.approx(targets, rel=1e-12)
     betas = ps.copy()
     betas[ps == xs[:, 3:]] = (xs + steps)[:, 3]
-    there = equations.evaluate_all((xs + steps)[:, :3], betas)
+    after = equations.evaluate_all((xs + steps)[:, :3], betas)
     for i in range(9):
-        assert_same(found[2][i], here[i])
-        assert here.residual[i] == pytest.approx(there.residual[i], abs=30 * np.max(np.abs(steps[i])) ** 2)
-        path, true = (some.trajectories[0][i] for some in (found[2], there))
-        assert path.times[-1] == pytest.approx(true.times[-1], rel=1e-11)
-        assert path.end == pytest.approx(true.end[:4], abs=30 * np.max(np.abs(steps[i])) ** 2)
+        assert after.residual[i] == pytest.approx(np.zeros(3), abs=30 * np.max(np.abs(steps[i])) ** 2)
 
 
 def test_motions_of_many_steps_among_others(monkeypatch):
