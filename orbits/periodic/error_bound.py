@@ -25,13 +25,6 @@ SHEAR = 4.0
 STEPS_PER_CALL = 32
 # An error beyond the first share, and beyond the second times what rounding explains: the steps leapt over a feature.
 WORST_ERROR, DOUBTFUL_RATIO = 1e-11, 1e4
-# Order-8 steps are taken in one call, their number a multiple of this, so that few functions are built.
-STEPS_PER_CALL = 32
-# An error beyond the first share, and beyond the second times what rounding explains: the steps leapt over a feature.
-WORST_ERROR, DOUBTFUL_RATIO = 1e-11, 1e4
-# Near an unstable equilibrium a change grows and shrinks again. Where the square of that growth makes more than this
-# share of rounding, the derivatives have lost their rank.
-LOST_RANK = 1e-2
 # Order-8 steps are so short that the ninth Taylor term, their error, is below this share of rounding.
 NINTH_TERM = 0.01
 # So many standard deviations of noise change an orbit linearly, and by far more than rounding.
