@@ -25,6 +25,7 @@ from orbits.model.phase import Affine
 from orbits.model.units import ENERGY, LENGTH, SPEED, Dimension, Message, Quantity, without_units
 from orbits.numerics.bernstein import derivative, piecewise_roots
 from orbits.numerics.roots import bracketed_root
+from orbits.symbolic.exclusive import exclusive
 
 from .actuated import RATE, Actuated, Limits, actuator_limits, along, product
 from .machine import DAMPERS, TwoMassMachine
@@ -54,6 +55,7 @@ ROWS: dict[str, Dimension] = {RATE: SPEED, "rise": SPEED, "fall": SPEED}
 def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., Control]:
     """A function of this module that takes a machine in SI too, and then rate, stroke and speeds in SI as well."""
 
+    @exclusive
     @wraps(function)
     def steered(machine: Any, *given: Any, **options: Any) -> Control:
         if (units := getattr(machine, "units", None)) is None:

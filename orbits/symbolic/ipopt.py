@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..numerics.roots import Array
-from . import interrupts
+from . import heartbeat, interrupts
 from .kept import weigh
 
 Pair = tuple[Array, Array]
@@ -202,4 +202,5 @@ class _Watch(ca.Callback):
         return ca.Sparsity.dense(self.sizes.get(ca.nlpsol_out(i), 0), 1)
 
     def eval(self, arguments):
+        heartbeat.beat()
         return [float(interrupts.pending())]

@@ -1,5 +1,6 @@
 """What a machine in SI says in words: the numbers of the dimensionless machine's messages in SI, each with its unit."""
 
+import json
 import pickle
 import re
 
@@ -131,6 +132,21 @@ def test_a_violation_tells_the_certificate_s_number(tmp_path):
     assert loaded.dimensionless().violations == (bare,)
     assert pickle.loads(pickle.dumps(orbit)).violations == orbit.violations
     assert pickle.loads(pickle.dumps(orbit)).dimensionless().violations == (bare,)
+
+
+def test_a_file_whose_violations_disagree_is_refused(tmp_path):
+    path = find(SHORT, 3).save(tmp_path / "orbit.json")
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"violations": []}))
+    with pytest.raises(InputError, match="violations in SI and without units are not as many"):
+        Orbit.load(path)
+
+
+def test_the_numbers_of_an_old_file_are_told_without_units(tmp_path):
+    bare = find(SHORT, 3).dimensionless()
+    old = json.loads(bare.save(tmp_path / "old.json").read_text()) | {"laws_in": "SI"}
+    old["motion"]["units"] = {name: getattr(SHORT.units, name) for name in ("length", "time", "force")}
+    (tmp_path / "old.json").write_text(json.dumps(old))
+    assert Orbit.load(tmp_path / "old.json").violations == (f"{bare.violations[0]} (without units)",)
 
 
 def test_a_family_tells_its_numbers_with_the_units_of_where_it_is():

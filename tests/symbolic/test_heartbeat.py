@@ -1,11 +1,14 @@
 """A long computation says that it goes on."""
 
 import logging
+from contextlib import nullcontext
 
 import pytest
 
+from orbits import InputError
 from orbits.symbolic import interrupts
 from orbits.symbolic.exclusive import exclusive
+from problems import Hopper, steering
 
 
 @pytest.fixture
@@ -45,3 +48,16 @@ def test_a_function_that_fails_is_no_longer_running(clock, caplog):
     clock[0] = 100.0
     interrupts.check()
     assert not caplog.messages
+
+
+@pytest.mark.parametrize(
+    ("function", "options"),
+    [(steering.keep_hopping, {}), (steering.start_up, {"pumps": 2}), (steering.recover, {"short": 0.1})],
+)
+def test_steering_is_one_computation(monkeypatch, function, options):
+    """From its first orbit to its last nonlinear program, so that it is not silent between them."""
+    names = set()
+    monkeypatch.setattr("orbits.symbolic.exclusive.running", lambda name: names.add(name) or nullcontext())
+    with pytest.raises(InputError, match="stroke = -1"):
+        function(Hopper(), stroke=-1.0, **options)
+    assert function.__name__ in names
