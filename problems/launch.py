@@ -1,7 +1,7 @@
 """Launches: the extension at which the spring's force, with a constant load, lifts off the foot, and the lowest launch
 speed of a family under constant gravity, from which the search of an orbit starts."""
 
-from collections.abc import Callable
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.errors import FlowError, InputError, NoOrbit, OutOfRange
-from orbits.flow.flow import flow_of
-from orbits.model.phase import Phase
+from orbits.flow.flow import Flow, flow_of
+from orbits.flow.zero_crossing import first_zeros
+from orbits.model.phase import Affine, Phase
 from orbits.model.units import FORCE, LENGTH, SPEED, STIFFNESS, Message, Quantity
 from orbits.numerics.bernstein import Crossings
-from orbits.numerics.roots import bracketed_root
+from orbits.numerics.roots import answered, root_search
 
 from .laws import Law
 
@@ -37,6 +38,7 @@ DEPTH = 0.01
 SHORTEST_STEP = 0.02
 # Time followed in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
 LONGEST_FLIGHT = 1e3
+SPEED_OF_EXTENSION = Affine((0.0, 1.0))  # of the relative motion
 
 
 @dataclass(frozen=True)
@@ -179,18 +181,59 @@ def lowest_launch_speed(
 
     Raises `NoOrbit` when there is no such speed.
     """
-    sample, samples = partial(_sample, phase, p, liftoff, family), [_Sample(0.0, 1.0)]
+    return answered(_search(family, scale, what), partial(_sample, phase, p, liftoff, family))
+
+
+def lowest_launch_speeds(
+    phase: Phase, p: Mapping[str, np.ndarray], liftoffs: np.ndarray, family: int, scales: np.ndarray
+) -> np.ndarray:
+    """`lowest_launch_speed` for many springs with parameters (m,) by name, extensions (m,) at lift-off and scales (m,):
+    the speeds (m,), NaN where there is none. Each search asks for the same launches as by itself."""
+    flow, ps, found = flow_of(phase, tuple(p)), np.column_stack(list(p.values())), np.full(len(scales), np.nan)
+    searches = {i: _search(family, scale, "") for i, scale in enumerate(scales.tolist())}
+    asked = {i: next(search) for i, search in searches.items()}
+    while asked:
+        which, alphas = np.array(list(asked)), np.array(list(asked.values()))
+        firsts, halves = _half_oscillations(flow, ps[which], np.column_stack([liftoffs[which], alphas]))
+        lateness = np.where(np.isfinite(halves), firsts + family * halves - alphas, np.inf)
+        samples, asked = map(_Sample, alphas.tolist(), lateness.tolist(), halves.tolist()), {}
+        for i, sample in zip(which.tolist(), samples, strict=True):
+            try:
+                asked[i] = searches[i].send(sample)
+            except StopIteration as end:
+                found[i] = end.value
+            except NoOrbit:
+                pass
+    return found
+
+
+def _half_oscillations(flow: Flow, ps: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`half_oscillations` of many springs from states (m, 2) with parameters (m, np); infinite too where the motion
+    ends before."""
+    longest, times = LONGEST_FLIGHT * (1 + starts[:, 1]), np.full((2, len(starts)), np.inf)
+    going = np.arange(len(starts))
+    for turn in range(2):
+        found, rows, _ = first_zeros(flow, starts, ps[going], SPEED_OF_EXTENSION, longest[going], turn)
+        back = np.isfinite(found)
+        going, starts = going[back], rows[back, :2]
+        times[turn, going] = found[back]
+    return times[0], times[1]
+
+
+def _search(family: int, scale: float, what: str) -> Generator[float, _Sample, float]:
+    """The search of `lowest_launch_speed`, which yields launch speeds and is sent samples there."""
+    samples = [_Sample(0.0, 1.0)]
     fastest, slowest = FASTEST * family * scale, SLOWEST * scale
     no_return = np.inf  # the lowest speed from which the extension does not come back
     alpha, reason = 2 * family * scale, ""  # rather low for most springs; where it is too fast, from the slowest
     while alpha < fastest and samples[-1].alpha < (1 - 1e-4) * no_return:
-        new = sample(alpha)
+        new = yield alpha
         reason = new.reason or reason
         if len(samples) == 1 and alpha > slowest and not 0 < new.lateness < np.inf:
             alpha, reason = slowest, ""
             continue
         if new.lateness <= 0:
-            return _estimated_root(sample, samples[-1], new)
+            return (yield from _estimated_root(samples[-1], new))
         if np.isfinite(new.lateness):
             samples.append(new)
         elif alpha > slowest:
@@ -199,9 +242,9 @@ def lowest_launch_speed(
             break
         # Near a fold, a pair of roots lies between samples; the start at speed 0 does not count.
         if len(samples) > 3 and samples[-3].lateness > samples[-2].lateness <= samples[-1].lateness:
-            lowest = _golden_section(sample, samples[-3].alpha, samples[-1].alpha)
+            lowest = yield from _golden_section(samples[-3].alpha, samples[-1].alpha)
             if lowest.lateness <= 0:
-                return _estimated_root(sample, samples[-3], lowest)
+                return (yield from _estimated_root(samples[-3], lowest))
         alpha = _next_speed(samples, scale, no_return)
     reason = reason or Message("none up to launch speed {fastest:g}", fastest=Quantity(fastest, SPEED))
     text = "{what} has no lossless orbit of family {family} under constant gravity: {reason}"
@@ -243,12 +286,17 @@ def _sample(phase: Phase, p: dict[str, float], liftoff: float, family: int, alph
     return _Sample(alpha, np.inf, reason=Message(lost, alpha=speed))
 
 
-def _estimated_root(sample: Callable, early: _Sample, late: _Sample) -> float:
-    """The root between a sample where the turn comes too late and a faster one where it comes too early."""
+def _estimated_root(early: _Sample, late: _Sample) -> Generator[float, _Sample, float]:
+    """The root between a sample where the turn comes too late and a faster one where it comes too early; yields launch
+    speeds and is sent samples there."""
     enough = min(ACCURACY * late.half_period, DEPTH * abs(late.lateness))
-    return bracketed_root(
-        lambda alpha: sample(alpha).lateness, early.alpha, late.alpha, early.lateness, late.lateness, enough
-    )
+    search = root_search(early.alpha, late.alpha, early.lateness, late.lateness, enough)
+    try:
+        alpha = next(search)
+        while True:
+            alpha = search.send((yield alpha).lateness)
+    except StopIteration as end:
+        return end.value
 
 
 def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float:
@@ -260,15 +308,17 @@ def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float
     return alpha if alpha < no_return else 0.5 * (last.alpha + no_return)
 
 
-def _golden_section(sample: Callable, a: float, b: float) -> _Sample:
-    """A minimum between speeds a and b, to half the digits (no more are determined), or a sample not above zero."""
+def _golden_section(a: float, b: float) -> Generator[float, _Sample, _Sample]:
+    """A minimum between speeds a and b, to half the digits (no more are determined), or a sample not above zero; yields
+    launch speeds and is sent samples there."""
     ratio = (np.sqrt(5) - 1) / 2
-    left, right = sample(b - ratio * (b - a)), sample(a + ratio * (b - a))
+    left = yield b - ratio * (b - a)
+    right = yield a + ratio * (b - a)
     while abs(b - a) > 1e-8 * (abs(a) + abs(b)) and min(left.lateness, right.lateness) > 0:
         if left.lateness < right.lateness:
             b, right = right.alpha, left
-            left = sample(b - ratio * (b - a))
+            left = yield b - ratio * (b - a)
         else:
             a, left = left.alpha, right
-            right = sample(a + ratio * (b - a))
+            right = yield a + ratio * (b - a)
     return left if left.lateness < right.lateness else right

@@ -1,6 +1,7 @@
 """Roots of functions of one variable, and of linear systems; importing a library's root finders takes longer."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,12 +16,33 @@ ROUNDING = 1e-13
 UNIT, CLOSED = 2.3e-16, 4.5e-16
 # Bisection alone takes some 60 steps to close a bracket, so that no safeguarded iteration takes this many.
 MOST_ITERATIONS = 200
+_Place = TypeVar("_Place")
+_Value = TypeVar("_Value")
+_Found = TypeVar("_Found")
+
+
+def answered(search: Generator[_Place, _Value, _Found], function: Callable[[_Place], _Value]) -> _Found:
+    """What a search finds that asks for the values of a function: it yields places, and is sent the values there."""
+    try:
+        place = next(search)
+        while True:
+            place = search.send(function(place))
+    except StopIteration as end:
+        return end.value
 
 
 def bracketed_root(
     function: Callable[[float], float], a: float, b: float, fa: float, fb: float, enough: float = 0, width: float = 0
 ) -> float:
-    """The root between a and b, where the function has the values fa and fb of opposite sign: bisection and secant.
+    """The root of a function between a and b, as `root_search` finds it."""
+    return answered(root_search(a, b, fa, fb, enough, width), function)
+
+
+def root_search(
+    a: float, b: float, fa: float, fb: float, enough: float = 0, width: float = 0
+) -> Generator[float, float, float]:
+    """A search, as in `answered`, for the root between a and b, where the function has the values fa and fb of opposite
+    sign: bisection and secant.
 
     It ends one secant step after a value of at most `enough`, with a bracket of this `width`, or at rounding. Source:
     Dekker, "Finding a zero by means of successive linear interpolation" (1969).
@@ -45,7 +67,7 @@ def bracketed_root(
             # fails, so that each such step is twice as long as the one before.
             new = b + np.copysign(min(wider * least, abs(middle - b)), a - b)
             wider *= 2
-        c, fc, b, fb = b, fb, new, function(new)
+        c, fc, b, fb = b, fb, new, (yield new)
         if (fb > 0) == (fa > 0):
             a, fa = c, fc
         if abs(fa) < abs(fb):

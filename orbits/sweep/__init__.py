@@ -1,0 +1,1 @@
+"""Sweeps: many orbits of one machine, over its parameters."""

@@ -1,0 +1,211 @@
+"""Designs of experiments: the values of the parameters at which a sweep asks for orbits."""
+
+import csv
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from ..errors import InputError, finite_number, whole_number
+from ..io import MEGABYTE, read_file
+
+SAMPLINGS = ("grid", "sobol", "lhs", "random")
+# Members of a sweep at most: their columns in memory take some hundred bytes each.
+MOST_MEMBERS = 10_000_000
+# A table of designs that is larger is refused before it is read.
+LARGEST_TABLE = 1024 * MEGABYTE
+
+
+@dataclass(frozen=True)
+class Members:
+    """The members of a sweep: parameters by name, in order.
+
+    values : (m, number of names)
+    shape : the numbers of values along each parameter, whose product is m, for a grid; None for any other design
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    shape: tuple[int, ...] | None = None
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What is said of one parameter: how shares (m,) between 0 and 1 become its values, and its values on a grid.
+
+    at : (m,) -> (m,), the quantiles of a distribution, or places in a range or a list
+    listed : the values of a list, which a grid takes as they are
+    """
+
+    at: Callable[[np.ndarray], np.ndarray]
+    listed: np.ndarray | None = None
+
+
+def members_of(
+    over: Mapping[str, Any] | Sequence[str] | None,
+    samples: Any,
+    sampling: str | None,
+    seed: int,
+    allowed: Sequence[str],
+) -> Members:
+    """The members of a sweep over some of the parameters `allowed`; the others as in `sweep`.
+
+    Raises `InputError` that names what cannot be meant.
+    """
+    table = samples is not None and not isinstance(samples, int | np.integer | float | tuple)
+    if table:
+        if isinstance(over, Mapping):
+            raise InputError("a table of samples has the values itself: over is then the names of its columns, or None")
+        if sampling is not None:
+            raise InputError(f"sampling = {sampling!r} draws samples; a table of samples has them already")
+        return _members_of_table(samples, None if over is None else list(over), allowed)
+    if not isinstance(over, Mapping) or not over:
+        raise InputError(f"over = {over!r}; it maps names of parameters to what is asked of them, as {{'k': (1, 2)}}")
+    _check_names(over, allowed)
+    axes = {name: axis_of(name, stated) for name, stated in over.items()}
+    if sampling is None:
+        sampling = "grid" if isinstance(samples, tuple) or all(a.listed is not None for a in axes.values()) else "sobol"
+    if sampling not in SAMPLINGS:
+        raise InputError(f"sampling = {sampling!r}; it is one of {', '.join(SAMPLINGS)}")
+    if sampling == "grid":
+        return _grid(axes, samples)
+    count = whole_number("samples", 1000 if samples is None else samples, "members", most=MOST_MEMBERS)
+    shares = _shares(sampling, count, len(axes), whole_number("seed", seed, least=0))
+    columns = [axis.at(column) for axis, column in zip(axes.values(), shares.T, strict=True)]
+    return _checked(tuple(axes), np.column_stack(columns), None)
+
+
+def axis_of(name: str, stated: Any) -> Axis:
+    """The axis that is stated for a parameter: a range (low, high) or (low, high, "log"), a list of values, or a frozen
+    distribution of `scipy.stats`. Raises `InputError` for anything else."""
+    if hasattr(stated, "ppf"):
+        return Axis(lambda shares: np.asarray(stated.ppf(shares), dtype=float))
+    if isinstance(stated, tuple) and len(stated) in (2, 3) and not (len(stated) == 3 and stated[2] != "log"):
+        low, high = (finite_number(f"over '{name}'", value) for value in stated[:2])
+        if not low < high:
+            raise InputError(f"over '{name}' = {stated}: a range goes up, low < high; for one value give a list, [{low:g}]")
+        if len(stated) == 2:
+            return Axis(lambda shares: low + shares * (high - low))
+        if not low > 0:
+            raise InputError(f"over '{name}' = {stated}: a logarithmic range lies above 0")
+        return Axis(lambda shares: np.clip(low * (high / low) ** shares, low, high))
+    if isinstance(stated, list | np.ndarray | range):
+        values = np.array([finite_number(f"over '{name}'", value) for value in stated], dtype=float)
+        if not len(values):
+            raise InputError(f"over '{name}' = {stated!r} has no values")
+        return Axis(lambda shares: values[np.minimum((shares * len(values)).astype(int), len(values) - 1)], values)
+    known = "a range (low, high) or (low, high, 'log'), a list of values or a frozen distribution of scipy.stats"
+    raise InputError(f"over '{name}' = {stated!r}; it is {known}")
+
+
+def _grid(axes: Mapping[str, Axis], samples: Any) -> Members:
+    """All combinations; `samples` is the number of values of each range, or a tuple of one for each axis."""
+    ranges = [name for name, axis in axes.items() if axis.listed is None]
+    counts = samples if isinstance(samples, tuple) else (10 if samples is None else samples,) * len(axes)
+    if len(counts) != len(axes):
+        raise InputError(f"samples = {samples}: a grid over {', '.join(axes)} has {len(axes)} numbers of values")
+    columns = []
+    for (name, axis), count in zip(axes.items(), counts, strict=True):
+        if axis.listed is not None:
+            columns.append(axis.listed)
+            continue
+        count = whole_number("samples", count, f"values of '{name}' on the grid", most=MOST_MEMBERS)
+        # The ends of a distribution may be infinite, so that its values lie in the middle of equal shares.
+        shares = np.linspace(0, 1, count) if np.isfinite(axis.at(np.array([0.0, 1.0]))).all() else None
+        columns.append(axis.at((np.arange(count) + 0.5) / count if shares is None or count == 1 else shares))
+    shape = tuple(map(len, columns))
+    if float(np.prod(shape, dtype=float)) > MOST_MEMBERS:
+        raise InputError(f"samples = {samples}: a grid of {' x '.join(map(str, shape))} has more than {MOST_MEMBERS} members")
+    if not ranges and samples is not None and not isinstance(samples, tuple):
+        raise InputError(f"samples = {samples}: the grid over lists has as many members as these have, leave it out")
+    values = np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, len(columns))
+    return _checked(tuple(axes), values, shape)
+
+
+def _shares(sampling: str, count: int, dimensions: int, seed: int) -> np.ndarray:
+    """Points (count, dimensions) in the unit cube, reproducible by their seed."""
+    from scipy.stats import qmc  # slow to import
+
+    if sampling == "random":
+        return np.random.default_rng(seed).random((count, dimensions))
+    if sampling == "lhs":
+        return qmc.LatinHypercube(dimensions, seed=seed).random(count)
+    # Sobol's sequence is drawn by powers of two, of which the first points are taken.
+    return qmc.Sobol(dimensions, seed=seed).random_base2((count - 1).bit_length())[:count]
+
+
+def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[str]) -> Members:
+    """The members that a DataFrame, a mapping of arrays or a CSV file states; all columns where none are `wanted`."""
+    if isinstance(table, str | Path):
+        columns = read_file(table, f"{table} is no table of designs", _csv_columns, LARGEST_TABLE)
+    elif isinstance(table, Mapping) or hasattr(table, "columns"):
+        columns = {str(name): table[name] for name in table}
+    else:
+        raise InputError(f"samples = {table!r}; it is a number, a DataFrame, a mapping of arrays or a CSV file's name")
+    if not columns:
+        raise InputError("the table of samples has no columns")
+    if missing := [name for name in wanted or () if name not in columns]:
+        raise InputError(f"the table of samples has no column '{missing[0]}'; it has {', '.join(columns)}")
+    names = tuple(columns if wanted is None else wanted)
+    _check_names(names, allowed)
+    arrays = [_numbers(name, columns[name]) for name in names]
+    if len(set(map(len, arrays))) > 1:
+        lengths = ", ".join(f"{name} {len(array)}" for name, array in zip(names, arrays, strict=True))
+        raise InputError(f"the columns of samples have different lengths: {lengths}")
+    return _checked(names, np.column_stack(arrays), None)
+
+
+def _csv_columns(file: BinaryIO) -> dict[str, list[str]]:
+    """The columns of a CSV file by the names in its first line."""
+    rows = csv.reader(line.decode("utf-8-sig" if i == 0 else "utf-8") for i, line in enumerate(file))
+    names = [name.strip() for name in next(rows, [])]
+    if not names or not all(names) or len(set(names)) < len(names):
+        raise ValueError(f"its first line, {names}, does not name the columns, each once")
+    columns: dict[str, list[str]] = {name: [] for name in names}
+    for row in rows:
+        if row and len(row) != len(names):
+            raise ValueError(f"line {rows.line_num} has {len(row)} values for {len(names)} columns")
+        for name, value in zip(names, row, strict=False):
+            columns[name].append(value)
+    return columns
+
+
+def _numbers(name: str, column: Iterable[Any]) -> np.ndarray:
+    """A column as numbers (m,); raises `InputError` with the first that is none."""
+    given = list(column)
+    try:
+        values = np.array([np.nan if isinstance(value, bool) else float(value) for value in given])
+    except (TypeError, ValueError):
+        values = np.array([_number(value) for value in given])
+    if not np.isfinite(values).all():
+        row = int(np.argmin(np.isfinite(values)))
+        raise InputError(f"samples: row {row + 1} of column '{name}' is {given[row]!r}, which is no finite number")
+    return values
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return np.nan
+
+
+def _check_names(names: Iterable[str], allowed: Sequence[str]) -> None:
+    for name in names:
+        if name not in allowed:
+            raise InputError(f"the machine has no parameter '{name}' to sweep over; it has {', '.join(allowed)}")
+
+
+def _checked(names: tuple[str, ...], values: np.ndarray, shape: tuple[int, ...] | None) -> Members:
+    """The members; raises `InputError` where there are none, too many, or a value is not finite."""
+    if not 0 < len(values) <= MOST_MEMBERS:
+        raise InputError(f"a sweep has from 1 to {MOST_MEMBERS} members, not {len(values)}")
+    for name, column in zip(names, values.T, strict=True):
+        if not np.isfinite(column).all():
+            raise InputError(f"over '{name}': its distribution has values that are not finite")
+    return Members(names, values, shape)

@@ -1,0 +1,200 @@
+"""The chunks of a sweep, solved here or by an executor's workers, some of which may die.
+
+A chunk is a pure function of data that can be pickled, so that any executor can solve it, in any order, and again.
+"""
+
+import pickle
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from multiprocessing import get_all_start_methods, get_context
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError, OrbitsError, whole_number
+from ..symbolic import interrupts
+from .members import failed_table, solve_chunk
+from .question import CHUNK, Question, Table
+
+# Workers that a member may kill before it counts as failed.
+MOST_CRASHES = 3
+# Chunks that wait at every worker, so that none is idle.
+QUEUED = 2
+# The number of an executor's workers where it does not tell it.
+MANY_WORKERS = 16
+# Seconds between looks for an interrupt while workers compute.
+LOOK = 0.5
+
+
+class Chunk(NamedTuple):
+    """Members (k,) that are solved together, and how many workers have died over a single one."""
+
+    members: np.ndarray
+    crashes: int = 0
+
+
+def chunks_of(question: Question, done: np.ndarray) -> list[Chunk]:
+    """The chunks with members that are not done (m,)."""
+    starts = range(0, len(question), CHUNK)
+    whole = (np.arange(start, min(start + CHUNK, len(question))) for start in starts)
+    return [Chunk(members) for members in whole if not done[members].all()]
+
+
+def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, workers: int | None) -> Iterator[Table]:
+    """The answers of the chunks as they come.
+
+    executor : None for this process, "processes" for `workers` processes of this machine (None: one for each core), or
+        an executor of `concurrent.futures`, such as Dask's `Client.get_executor()`
+    """
+    if executor is None:
+        if workers not in (None, 1):
+            raise InputError(f"workers = {workers}: they are processes, with executor='processes'")
+        for chunk in chunks:
+            interrupts.check()
+            yield solve_chunk(question, chunk.members)
+        return
+    payload = _pickled(question, executor)
+    if executor == "processes":
+        count = None if workers is None else whole_number("workers", workers, most=1000)
+        with _Processes(count) as pool:
+            yield from _solved_by(pool, payload, question, chunks)
+    elif hasattr(executor, "submit"):
+        yield from _solved_by(_Given(executor, workers), payload, question, chunks)
+    else:
+        raise InputError(f"executor = {executor!r}; it is None, 'processes' or an executor of concurrent.futures")
+
+
+def _pickled(question: Question, executor: Any) -> bytes:
+    """The question for workers; raises `InputError` where it cannot be sent."""
+    try:
+        if type(executor).__module__.partition(".")[0] == "distributed":
+            import cloudpickle  # Dask needs it itself
+
+            return cloudpickle.dumps(question)
+        return pickle.dumps(question)
+    except Exception as error:
+        way = "use formulas, or functions of a module that can be imported; a Dask cluster takes it, by cloudpickle"
+        raise InputError(f"this machine cannot be sent to other processes ({error}): {way}") from None
+
+
+def solve_pickled(payload: bytes, members: np.ndarray) -> Table:
+    """`solve_chunk` in a worker."""
+    return solve_chunk(_unpickled(payload), members)
+
+
+_last: tuple[bytes, Question] | None = None
+
+
+def _unpickled(payload: bytes) -> Question:
+    """The question of a payload, kept for the next chunk, since all of them have the same."""
+    global _last
+    if _last is None or _last[0] != payload:
+        _last = payload, pickle.loads(payload)
+    return _last[1]
+
+
+class _Processes:
+    """A pool of processes that is made anew where one of them has died."""
+
+    def __init__(self, workers: int | None):
+        # A server that imports the toolkit once gives processes faster than new interpreters, and, unlike a fork of
+        # this process, without its threads and locks.
+        way = "forkserver" if "forkserver" in get_all_start_methods() else "spawn"
+        self.context, self.workers = get_context(way), workers
+        if way == "forkserver":
+            self.context.set_forkserver_preload([__name__])
+
+    def __enter__(self) -> "_Processes":
+        self.pool = self._started()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.pool.shutdown(wait=True, cancel_futures=True)
+
+    def _started(self) -> ProcessPoolExecutor:
+        pool = ProcessPoolExecutor(self.workers, mp_context=self.context)
+        try:
+            pool.submit(int).result()
+        except BrokenExecutor:
+            guard = "in a script, call sweep under  if __name__ == '__main__':"
+            raise InputError(f"worker processes cannot start: {guard}") from None
+        return pool
+
+    @property
+    def size(self) -> int:
+        """The number of workers."""
+        return self.pool._max_workers
+
+    def submit(self, *call: Any) -> Future:
+        """A call in one of the processes."""
+        return self.pool.submit(*call)
+
+    def renew(self) -> None:
+        """Replace the pool, in which a process has died."""
+        self.pool.shutdown(wait=True, cancel_futures=True)
+        self.pool = self._started()
+
+
+class _Given:
+    """An executor of the user's, whose workers somebody else replaces."""
+
+    def __init__(self, executor: Executor, workers: int | None):
+        self.executor, self.size = executor, workers or int(getattr(executor, "_max_workers", 0)) or MANY_WORKERS
+
+    def submit(self, *call: Any) -> Future:
+        return self.executor.submit(*call)
+
+    def renew(self) -> None:
+        """Do nothing where the executor still takes calls; raise `InputError` for one that is broken."""
+        try:
+            self.executor.submit(int).result()
+        except BrokenExecutor as error:
+            raise InputError(f"the executor is broken: {error}; what is stored stays, go on with another one") from None
+
+
+def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk]) -> Iterator[Table]:
+    """The answers of the chunks by a pool's workers.
+
+    Where a worker dies, the chunks that were being solved are suspects, which are tried again alone once all others are
+    done. A chunk that kills its worker then is solved a member at a time, and a member that kills three has failed.
+    """
+    waiting, suspects, running = deque(chunks), deque[Chunk](), dict[Future, Chunk]()
+    while waiting or running or suspects:
+        interrupts.check()
+        alone = not waiting and not running
+        source, most = (suspects, 1) if alone else (waiting, QUEUED * pool.size)
+        while source and len(running) < most:
+            chunk = source.popleft()
+            running[pool.submit(solve_pickled, payload, chunk.members)] = chunk
+        finished, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
+        crashed = False
+        for future in finished:
+            chunk = running.pop(future)
+            error = future.exception()
+            if error is None:
+                yield future.result()
+            elif not _died(error):
+                raise error
+            else:
+                crashed, again = True, _tried_again(chunk, alone)
+                suspects.extend(again)
+                if not again:
+                    yield failed_table(question, chunk.members, f"it crashed its worker {MOST_CRASHES} times")
+        if crashed:
+            pool.renew()
+
+
+def _tried_again(chunk: Chunk, alone: bool) -> list[Chunk]:
+    """What is tried after a worker has died over a chunk; nothing for a member that has killed too many."""
+    if not alone:
+        return [chunk]
+    if len(chunk.members) > 1:
+        return [Chunk(member) for member in np.split(chunk.members, len(chunk.members))]
+    return [Chunk(chunk.members, chunk.crashes + 1)] if chunk.crashes + 1 < MOST_CRASHES else []
+
+
+def _died(error: BaseException) -> bool:
+    """Whether an error says that a worker has died: that of a pool of processes, or Dask's after some attempts."""
+    return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
+

@@ -1,0 +1,120 @@
+"""What a sweep asks of its members, and the table of what they answer."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..continuation.checkpoint import versions
+from ..design.problem import formula_names, known_formula
+from ..errors import InputError, whole_number
+from ..model.machine import Machine, check_machine
+from ..periodic.find import LARGEST_FAMILY
+from .designs import Members
+
+OUTCOMES = ("find", "map", "fixed_points")
+STATUSES = ("certified", "inadmissible", "no orbit", "failed")
+# The members of a chunk, which is solved together and stored at once. It is part of the question, since the last digit
+# of an answer might depend on it.
+CHUNK = 256
+LAUNCH_SPEED = "alpha"  # the name by which a sweep of the return map asks for a launch speed
+# Columns of every answer, by outcome, with their types; an integer that is missing is NaN.
+COLUMNS_OF: dict[str, dict[str, type]] = {
+    "find": {"alpha": float, "flight_time": float, "error": float, "family": int},
+    "map": {"next": float, "loss": float, "impacts": int},
+    "fixed_points": {"count": int, "alpha": float, "slope": float},
+}
+
+
+class Table(NamedTuple):
+    """Answers of some members: their places (k,) among all, and columns (k,) by name, numbers or texts."""
+
+    members: np.ndarray
+    columns: dict[str, np.ndarray]
+
+
+def empty_table(count: int, columns: Mapping[str, type]) -> Table:
+    """A table of so many members whose numbers are NaN and whose texts are empty."""
+    filled = {
+        name: np.full(count, "", dtype=object) if kind is str else np.full(count, np.nan)
+        for name, kind in columns.items()
+    }
+    return Table(np.zeros(count, dtype=np.int64), filled)
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked of every member.
+
+    machine : the machine, whose parameters the members replace
+    members : the values of the parameters
+    families : the families that are asked for; every design is asked once for each
+    quantities : further columns, names of quantities or formulas of them
+    outcome : one of `OUTCOMES`
+    between : launch speeds between which fixed points are looked for
+    """
+
+    machine: Machine
+    members: Members
+    families: tuple[int, ...] = (1,)
+    quantities: tuple[str, ...] = ()
+    outcome: str = "find"
+    between: tuple[float, float] | None = None
+
+    def __len__(self) -> int:
+        return len(self.members) * len(self.families)
+
+    def columns(self) -> dict[str, type]:
+        """The columns of the answer, with their types."""
+        parameters = dict.fromkeys(self.members.names, float)
+        own = {**COLUMNS_OF[self.outcome], **dict.fromkeys(self.quantities, float)}
+        return {**parameters, **own, "status": str, "reason": str}
+
+    def document(self) -> dict[str, Any]:
+        """The question as JSON-ready data, the values of its members by their hash."""
+        return {
+            "machine": self.machine.describe(),
+            "parameters": list(self.members.names),
+            "members": len(self.members),
+            "values": hashlib.sha256(np.ascontiguousarray(self.members.values).tobytes()).hexdigest(),
+            "shape": None if self.members.shape is None else list(self.members.shape),
+            "families": list(self.families),
+            "quantities": list(self.quantities),
+            "outcome": self.outcome,
+            "between": self.between and list(self.between),
+            "chunk": CHUNK,
+            "versions": {name: versions()[name] for name in ("persistent-orbits", "casadi", "numpy")},
+        }
+
+
+def question_of(
+    machine: Machine, members: Members, family: Any, quantities: Sequence[str], outcome: str, between: Any
+) -> Question:
+    """The question of `sweep`; raises `InputError` that names what cannot be meant."""
+    check_machine(machine, "with_values")
+    if outcome not in OUTCOMES:
+        raise InputError(f"outcome = {outcome!r}; it is one of {', '.join(OUTCOMES)}")
+    families = tuple(family) if isinstance(family, list | tuple | range) else (family,)
+    if not families or len(set(families)) < len(families):
+        raise InputError(f"family = {family!r}; it is a number, or a list of different ones")
+    families = tuple(whole_number("family", one, most=LARGEST_FAMILY) for one in families)
+    if isinstance(quantities, str):
+        raise InputError(f"quantities are a list: ['{quantities}']")
+    if outcome != "find" and (quantities or families != (1,)):
+        raise InputError(f"outcome = {outcome!r} has no families and no quantities: leave them out")
+    if (outcome == "map") != (LAUNCH_SPEED in members.names):
+        raise InputError(f"'{LAUNCH_SPEED}', a launch speed, is swept over with outcome = 'map', and only then")
+    if (outcome == "fixed_points") != (between is not None):
+        raise InputError("between = (low, high), two launch speeds, belongs to outcome = 'fixed_points'")
+    if quantities:
+        known = formula_names(machine)
+        for text in quantities:
+            known_formula(text, known, "the quantity")
+    question = Question(machine, members, families, tuple(quantities), outcome, between and tuple(map(float, between)))
+    taken = [name for name in (*members.names, *quantities) if name in (*COLUMNS_OF[outcome], "status", "reason", "index")]
+    if taken or len(question.columns()) < len(members.names) + len(quantities):
+        name = taken[0] if taken else "one of the quantities"
+        raise InputError(f"'{name}' is a column of every answer: leave it out of the quantities and parameters")
+    return question

@@ -1,0 +1,180 @@
+"""The store of a sweep: one SQLite file that no crash can spoil.
+
+The file has the question, and a row for each member that is done. The members of a chunk come in one transaction, so
+that a process that is killed loses the chunks that it was working on and no other. The file may be read meanwhile.
+"""
+
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..io import to_json
+from .question import Question, Table, empty_table
+
+STORE_FORMAT = "persistent-orbits sweep 1"
+# Seconds to wait while another process writes.
+PATIENCE = 60.0
+# Rows that are read at a time.
+READ_AT_ONCE = 10_000
+
+
+class Store:
+    """The store of a question's answers in a file, which is made where there is none."""
+
+    def __init__(self, path: str | Path, question: Question, fresh: bool = False):
+        """Open the store of a question; `fresh` refuses a file that is there. Raises `InputError` for a file that is no
+        store, that is spoilt, or that holds the answers to another question."""
+        self.path, self.question = Path(path), question
+        known = self.path.exists() and self.path.stat().st_size > 0
+        if known and fresh:
+            raise InputError(f"the store {path} exists: go on with it by resuming, or name another file")
+        if not known and not self.path.parent.is_dir():
+            raise InputError(f"the store {path} cannot be made: there is no folder '{self.path.parent}'")
+        if known:
+            document = question_in(self.path)
+            if document != json.loads(to_json(question.document())):
+                raise InputError(f"the store {path} answers another question: {_difference(document, question)}")
+        with self._writing():
+            self.connection = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
+            self.connection.execute("PRAGMA journal_mode=WAL")
+            self.connection.execute("PRAGMA synchronous=FULL")
+            if not known:
+                self._make()
+
+    def done(self) -> np.ndarray:
+        """Whether each member is done (m,)."""
+        done = np.zeros(len(self.question), dtype=bool)
+        with self._writing():
+            for (member,) in self.connection.execute("SELECT member FROM members"):
+                done[member] = True
+        return done
+
+    def write(self, table: Table) -> None:
+        """Write the members of a table; once this returns, they are in the file for good."""
+        names = ["member", *table.columns]
+        marks = ", ".join("?" * len(names))
+        rows = zip(table.members.tolist(), *(_storable(column) for column in table.columns.values()), strict=True)
+        with self._writing():
+            self.connection.execute("BEGIN IMMEDIATE")
+            try:
+                self.connection.executemany(f"INSERT OR REPLACE INTO members VALUES ({marks})", rows)
+                self.connection.execute("COMMIT")
+            except BaseException:
+                if self.connection.in_transaction:
+                    self.connection.execute("ROLLBACK")
+                raise
+
+    def read(self) -> Table:
+        """All members that are done, in order."""
+        with self._writing():
+            return _read(self.connection, self.question.columns())
+
+    def close(self) -> None:
+        """Close the file."""
+        self.connection.close()
+
+    def _make(self) -> None:
+        columns = ", ".join(f"{_quoted(name)} {kind}" for name, kind in _sql_types(self.question.columns()).items())
+        self.connection.execute("BEGIN IMMEDIATE")
+        self.connection.execute("CREATE TABLE question (format TEXT, document TEXT)")
+        document = to_json(self.question.document())
+        self.connection.execute("INSERT INTO question VALUES (?, ?)", (STORE_FORMAT, document))
+        self.connection.execute(f"CREATE TABLE members (member INTEGER PRIMARY KEY, {columns})")
+        self.connection.execute("COMMIT")
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Where the file is used: what SQLite says is an `InputError` that names the file and what is safe."""
+        try:
+            yield
+        except sqlite3.Error as error:
+            safe = "all members that it had stay in it; go on with it once that is mended"
+            raise InputError(f"the store {self.path} cannot be written: {error}; {safe}") from None
+
+
+def question_in(path: str | Path) -> dict[str, Any]:
+    """The question's document in a store; raises `InputError` for a file that is no store, or is spoilt."""
+    complaint = f"{path} is no store of a sweep"
+    if not Path(path).is_file():
+        raise InputError(f"{complaint}: there is no such file")
+    try:
+        with _opened(path) as connection:
+            (check,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+            if check != "ok":
+                raise InputError(f"the store {path} is spoilt: {check}")
+            kind, document = connection.execute("SELECT format, document FROM question").fetchone()
+    except (sqlite3.Error, TypeError, ValueError) as error:
+        raise InputError(f"{complaint}: {error}") from None
+    if kind != STORE_FORMAT:
+        raise InputError(f"the store {path} has the format {kind!r}; this version reads {STORE_FORMAT!r}")
+    return json.loads(document)
+
+
+def read_store(path: str | Path, columns: Mapping[str, type]) -> Table:
+    """The members that are done in a store, with these columns."""
+    try:
+        with _opened(path) as connection:
+            return _read(connection, columns)
+    except sqlite3.Error as error:
+        raise InputError(f"the store {path} cannot be read: {error}") from None
+
+
+@contextmanager
+def _opened(path: str | Path) -> Iterator[sqlite3.Connection]:
+    """A store to read only."""
+    connection = sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=ro", timeout=PATIENCE, uri=True)
+    try:
+        yield connection
+    finally:
+        connection.close()
+
+
+def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
+    (count,) = connection.execute("SELECT COUNT(*) FROM members").fetchone()
+    table = empty_table(count, columns)
+    selected = ", ".join(_quoted(name) for name in ("member", *columns))
+    rows, first = connection.execute(f"SELECT {selected} FROM members ORDER BY member LIMIT {count}"), 0
+    while part := rows.fetchmany(READ_AT_ONCE):
+        members, *values = zip(*part, strict=True)
+        last = first + len(part)
+        table.members[first:last] = members
+        for (name, column), given in zip(table.columns.items(), values, strict=True):
+            if columns[name] is str:
+                column[first:last] = given
+            else:
+                column[first:last] = np.array(given, dtype=float)  # None is NaN
+        first = last
+    return table
+
+
+def _storable(column: np.ndarray) -> list:
+    """The values of a column as SQLite takes them; NaN becomes NULL by itself."""
+    return column.tolist()
+
+
+def _sql_types(columns: Mapping[str, type]) -> dict[str, str]:
+    return {name: {str: "TEXT", int: "INTEGER"}.get(kind, "REAL") for name, kind in columns.items()}
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"'
+
+
+def _difference(document: Mapping[str, Any], question: Question) -> str:
+    """How the question in a store and another one differ, in words."""
+    asked = json.loads(to_json(question.document()))
+    for name, value in asked.items():
+        if document.get(name) != value:
+            return f"its {name} is {_short(document.get(name))}, and {_short(value)} is asked"
+    return "it has further parts"
+
+
+def _short(value: Any) -> str:
+    text = to_json(value)
+    return text if len(text) <= 100 else f"{text[:60]} ... {text[-30:]}"
