@@ -7,18 +7,20 @@ a law bends often, a family may have several orbits. Both show in the slopes of 
 import math
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from orbits.symbolic.calls import ElementwiseFunction
 
-from .laws import Key, from_key
+from .laws import Key, from_key, values_and_slopes
 
 # So many slopes are looked at, up to this distance from rest in units of length, and up to twice the height. A hop of
 # the linear spring's third family stays within it.
 LAW_SAMPLES, FARTHEST = 4096, 20.0
+SAMPLED_SHARES = np.linspace(0.0, 1.0, LAW_SAMPLES)
+BLOCK = 64  # laws whose slopes are looked at together, so that these stay in the processor's cache
 # Slopes below this, or above its inverse, set no unit of length.
 SOFTEST = 1e-12
 # Functions that vanish, or come to a limit, as fast as an exponential: a series far from where they vary shows nothing.
@@ -53,9 +55,16 @@ def features(key: Key, spring: Key, p: Mapping[str, float]) -> Features:
     if key.pieces is not None or key.degree() < 2:
         return NO_FEATURES
     unit = unit_of_length(spring, p)
-    low, high = (-FARTHEST, FARTHEST) if key.variable == "r" else (0.0, p.get("rest_length", 0.0) / unit + 2 * FARTHEST)
+    low, high = ends_of_features(key, p, unit)
     values = tuple(p[name] for name in key.names)
-    return _features(key._replace(reach=math.inf), values, low * unit, high * unit, unit)
+    return _features(key._replace(reach=math.inf), values, low, high, unit)
+
+
+def ends_of_features(key: Key, p: Mapping[str, Any], unit: Any) -> tuple[Any, Any]:
+    """How far features are looked for on either side, of one law or of many (m,)."""
+    if key.variable == "r":
+        return -FARTHEST * unit, FARTHEST * unit
+    return 0.0 * unit, p.get("rest_length", 0.0) + 2 * FARTHEST * unit
 
 
 def with_reach(key: Key, spring: Key, p: Mapping[str, float]) -> Key:
@@ -63,12 +72,34 @@ def with_reach(key: Key, spring: Key, p: Mapping[str, float]) -> Key:
 
     That is infinite for one that hides nothing. Else it is rounded to a power of two, so that machines share models.
     """
-    hides, hides_bumps = (not functions.isdisjoint(_operations(key)) for functions in (HIDING, HIDING_BUMPS))
+    hides, hides_bumps = hiding(key)
     if not (hides or hides_bumps):
         return key
     length, bends = features(key, spring, p)
     narrow = length < NARROW_SHARE * unit_of_length(spring, p) and (hides or bends > 1)
     return key._replace(reach=STEP_LENGTHS * 2.0 ** math.floor(math.log2(length))) if narrow else key
+
+
+def hiding(key: Key) -> tuple[bool, bool]:
+    """Whether a law may hide features, and whether it may hide bumps."""
+    hides, hides_bumps = (not functions.isdisjoint(_operations(key)) for functions in (HIDING, HIDING_BUMPS))
+    return hides, hides_bumps
+
+
+def keeps_reach(key: Key, lengths: np.ndarray, bends: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """Whether `with_reach` sets no bound for laws with these features and units of length (m,)."""
+    hides, hides_bumps = hiding(key)
+    if not (hides or hides_bumps):
+        return np.full(len(units), True)
+    return ~((lengths < NARROW_SHARE * units) & (hides | (bends > 1)))
+
+
+def units_of_length(spring: Key, p: Mapping[str, np.ndarray]) -> np.ndarray:
+    """`unit_of_length` of laws with parameters (m,) by name and no pieces."""
+    _, slopes = values_and_slopes(spring, p, np.zeros((len(next(iter(p.values()))), 1)))
+    slope = slopes[:, 0]
+    with np.errstate(all="ignore"):
+        return np.where((slope > SOFTEST) & (slope < 1 / SOFTEST), 1 / slope, 1.0)
 
 
 def unit_of_length(spring: Key, p: Mapping[str, float]) -> float:
@@ -97,22 +128,58 @@ def _slopes(key: Key) -> ElementwiseFunction:
 
 @lru_cache(maxsize=256)
 def _features(key: Key, values: tuple[float, ...], low: float, high: float, unit: float) -> Features:
-    places = np.linspace(low, high, LAW_SAMPLES)
-    slopes = _slopes(key)(places[:, None], np.array([values]))[0].ravel()
+    places, slopes = _sampled_slopes(key, np.array([values]), np.array([low]), np.array([high]))
     rest = int(np.abs(places).argmin())
     with np.errstate(invalid="ignore"):
-        ends = (~(np.abs(slopes) < SINGULAR_SLOPE / unit)).nonzero()[0]
+        ends = (~(np.abs(slopes[0]) < SINGULAR_SLOPE / unit)).nonzero()[0]
     after = int(np.searchsorted(ends, rest))
     first, last = np.append(-1, ends)[after] + 1, np.append(ends, LAW_SAMPLES)[after]
-    slopes = slopes[first:last]
-    if len(slopes) < 5:
+    if last - first < 5:
         return NO_FEATURES
-    floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / unit)
+    lengths, bends = _lengths_and_bends(slopes[:, first:last], np.array([unit]), np.array([places[0, 1] - places[0, 0]]))
+    return Features(float(lengths[0]), int(bends[0]))
+
+
+def features_of_many(key: Key, spring: Key, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """`features` of laws with parameters (m,) by name: lengths (m,) and numbers of bends (m,), which are NaN where a
+    law has a singularity."""
+    units = units_of_length(spring, p)
+    lengths, bends = np.full((2, len(units)), np.nan)
+    if key.pieces is not None or key.degree() < 2:
+        lengths[:], bends[:] = NO_FEATURES
+        return lengths, bends
+    values = np.column_stack([p[name] for name in key.names]) if key.names else np.zeros((len(units), 0))
+    low, high = ends_of_features(key, p, units)
+    for first in range(0, len(units), BLOCK):
+        rows = slice(first, first + BLOCK)
+        places, slopes = _sampled_slopes(key, values[rows], low[rows], high[rows])
+        with np.errstate(invalid="ignore"):
+            plain = (np.abs(slopes) < SINGULAR_SLOPE / units[rows, None]).all(axis=1)
+        found = _lengths_and_bends(slopes[plain], units[rows][plain], (places[:, 1] - places[:, 0])[plain])
+        lengths[rows][plain], bends[rows][plain] = found
+    return lengths, bends
+
+
+def _sampled_slopes(key: Key, values: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places (m, n) between bounds (m,), and the slopes (m, n) there of laws with parameters (m, k)."""
+    places = low[:, None] + (high - low)[:, None] * SAMPLED_SHARES
+    p = np.repeat(values, LAW_SAMPLES, axis=0) if len(values) > 1 else values
+    return places, _slopes(key)(places.reshape(-1, 1), p)[0].reshape(places.shape)
+
+
+def _lengths_and_bends(slopes: np.ndarray, units: np.ndarray, spacing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The features (m,) of laws with slopes (m, n) at places so far (m,) apart, in units of length (m,)."""
+    floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / units[:, None])
     change = np.diff(slopes)
-    signs = np.sign(change[np.abs(change) > floor[1:]])
-    second, fourth = np.abs(np.diff(slopes, 2))[1:-1], np.abs(np.diff(slopes, 4))
-    # Where the second difference is larger than its neighbours it does not vanish by chance.
-    peak = (second >= np.roll(second, 1)) & (second >= np.roll(second, -1)) & (fourth > floor[2:-2])
-    ratio = float(np.max(fourth[peak] / second[peak], initial=0.0))
-    length = float(places[1] - places[0]) / math.sqrt(ratio) if ratio else math.inf
-    return Features(length, int(np.count_nonzero(signs[1:] != signs[:-1])))
+    signs = np.where(np.abs(change) > floor[:, 1:], np.sign(change), 0.0)
+    # Changes that are rounding have the sign of the last one that is not.
+    last = np.maximum.accumulate(np.where(signs != 0, np.arange(signs.shape[1]), 0), axis=1)
+    signs = np.take_along_axis(signs, last, axis=1)
+    bends = ((signs[:, 1:] != signs[:, :-1]) & (signs[:, :-1] != 0)).sum(axis=1)
+    bend = np.diff(change)
+    second, fourth = np.abs(bend[:, 1:-1]), np.abs(np.diff(bend, 2))
+    # Where the second difference is larger than its neighbours, in a circle, it does not vanish by chance.
+    around = np.concatenate([second[:, -1:], second, second[:, :1]], axis=1)
+    peak = (second >= around[:, :-2]) & (second >= around[:, 2:]) & (fourth > floor[:, 2:-2])
+    ratio = np.divide(fourth, second, out=np.zeros(second.shape), where=peak).max(axis=1, initial=0.0)
+    return np.divide(spacing, np.sqrt(ratio), out=np.full(len(ratio), np.inf), where=ratio > 0), bends

@@ -1,7 +1,7 @@
 """Launches: the extension at which the spring's force, with a constant load, lifts off the foot, and the lowest launch
 speed of a family under constant gravity, from which the search of an orbit starts."""
 
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from orbits.model.units import FORCE, LENGTH, SPEED, STIFFNESS, Message, Quantit
 from orbits.numerics.bernstein import Crossings
 from orbits.numerics.roots import answered, root_search
 
-from .laws import Law
+from .laws import Key, Law, values_and_slopes
 
 # Below this slope, rounding cannot tell a force that passes the level of lift-off from one that only touches it.
 FLATTEST_LIFTOFF = 1e-14
@@ -25,6 +25,8 @@ FLATTEST_LIFTOFF = 1e-14
 SAMPLED_DISTANCES = np.concatenate(
     [[0.0], np.geomspace(1e-9, 1e-3, 50)[:-1], np.geomspace(1e-3, 1e3, 200), np.geomspace(1e3, 1e9, 50)[1:]]
 )
+# Springs whose lift-off is looked for together, so that their sampled forces stay in the processor's cache.
+BLOCK_OF_SPRINGS = 256
 # Halvings of an interval after which its ends are neighbouring numbers.
 BISECTIONS = 60
 # Bounds of the search, in multiples of the machine's own scale of speed. Beyond the fastest, per family, a hop is 5e7
@@ -74,7 +76,38 @@ class Liftoff:
             told = {"level": self.name, "extreme": extreme, "force": Quantity(float(force), FORCE), "within": within}
             raise NoOrbit(Message(text, law=law.text, **told))
         low, high = np.sort(extensions[beyond[0] - 1 : beyond[0] + 1])[:, None]
-        return self._checked(law, float(_level_crossings(law, np.array([level]), low, high)[0]))
+        return self._checked(law, float(_level_crossings(law.with_slope, np.array([level]), low, high)[0]))
+
+    def extensions(self, key: Key, p: Mapping[str, np.ndarray]) -> np.ndarray:
+        """`extension` of smooth springs with parameters (m,) by name, whose force rises or falls all the way from rest
+        to the level; NaN for others."""
+        count, level = len(next(iter(p.values()))), 1.0 - self.load
+        found = np.full(count, np.nan)
+        if key.pieces is not None or key.degree() == 0:
+            return found
+        forces, slopes = values_and_slopes(key, p, np.zeros((count, 1)))
+        away = np.where(forces[:, 0] < level, 1.0, -1.0)
+        for first in range(0, count, BLOCK_OF_SPRINGS):
+            rows = slice(first, first + BLOCK_OF_SPRINGS)
+            extensions, block = away[rows, None] * SAMPLED_DISTANCES, {name: values[rows] for name, values in p.items()}
+            forces, slopes = values_and_slopes(key, block, extensions)
+            with np.errstate(invalid="ignore"):
+                beyond, ends_there = (forces >= level) == (away[rows, None] > 0), ~np.isfinite(forces)
+                ends_there[:, 1:] |= (slopes[:, :-1] > 0) & (slopes[:, 1:] <= 0)
+            cell = beyond.argmax(axis=1)
+            each = np.arange(len(cell))
+            steady = (cell > 0) & (np.cumsum(ends_there, axis=1)[each, cell] == 0) & (forces[:, 0] != level)
+            if steady.any():
+                ends = np.sort([extensions[each, cell - 1][steady], extensions[each, cell][steady]], axis=0)
+                found[rows][steady] = _level_crossings(
+                    lambda r, own={name: values[steady] for name, values in block.items()}: [
+                        part[:, 0] for part in values_and_slopes(key, own, r[:, None])
+                    ],
+                    np.full(int(steady.sum()), level), *ends,
+                )
+        flat = ~(values_and_slopes(key, p, np.nan_to_num(found)[:, None])[1][:, 0] > FLATTEST_LIFTOFF)
+        found[flat] = np.nan
+        return found
 
     def extensions_at(self, law: Law, damping: float, alpha: ArrayLike) -> np.ndarray:
         """The extensions (m,) at lift-off with speeds `alpha` (m,), with a damper of this coefficient.
@@ -90,7 +123,7 @@ class Liftoff:
         inside = (cell >= 0) & (cell < len(extensions) - 1)
         if inside.any():
             ends = extensions[cell[inside]], extensions[cell[inside] + 1]
-            result[inside] = _level_crossings(law, level[inside], *ends)
+            result[inside] = _level_crossings(law.with_slope, level[inside], *ends)
         return result
 
     def _checked(self, law: Law, liftoff: float) -> float:
@@ -144,11 +177,12 @@ def _end_of_rise(law: Law, inner: ArrayLike, outer: ArrayLike) -> np.ndarray:
     return inner
 
 
-def _level_crossings(law: Law, level: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Where the force rises through levels (m,) between extensions (m,): Newton's method safeguarded by bisection."""
+def _level_crossings(force_and_slope: Callable, level: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Where a force, x (m,) -> values and slopes (m,), rises through levels (m,) between extensions (m,): Newton's method
+    safeguarded by bisection."""
     r = 0.5 * (low + high)
     for _ in range(200):
-        force, slope = law.with_slope(r)
+        force, slope = force_and_slope(r)
         low, high = np.where(force < level, r, low), np.where(force < level, high, r)
         new = np.divide(level - force, slope, out=low - r, where=slope != 0) + r
         if (np.abs(new - r) <= 4e-16 * np.abs(r)).all():

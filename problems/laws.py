@@ -16,8 +16,8 @@ from orbits.errors import InputError, OutOfRange
 from orbits.io import in_words
 from orbits.model.model import NOISE
 from orbits.model.units import LENGTH, Message, Quantity
-from orbits.symbolic.calls import MappedFunction
-from orbits.symbolic.exclusive import exclusive
+from orbits.symbolic.calls import ElementwiseFunction, MappedFunction
+from orbits.symbolic.exclusive import LOCK, exclusive
 from orbits.symbolic.formula import CONSTANTS, parse, suggest
 from orbits.symbolic.kept import kept
 from orbits.symbolic.taylor_series import has_taylor_series
@@ -73,17 +73,17 @@ class Key(NamedTuple):
     pieces: tuple[int, Callable] | None
     reach: float = math.inf
 
-    @exclusive
     @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the answer
     def degree(self) -> int:
         """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
         if self.pieces is not None:
             return 2
-        x, p = _symbols(self.variable, self.names)
-        value = ca.SX(self.expression(x, p, []))
-        if not has_taylor_series(ca.Function("law", [x, *p.values()], [value])):
-            return 2  # |x| has the derivatives of a straight line
-        return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
+        with LOCK:
+            x, p = _symbols(self.variable, self.names)
+            value = ca.SX(self.expression(x, p, []))
+            if not has_taylor_series(ca.Function("law", [x, *p.values()], [value])):
+                return 2  # |x| has the derivatives of a straight line
+            return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
 
 
 @dataclass(frozen=True)
@@ -119,24 +119,23 @@ class Law:
         """Values at `x` (any shape), NaN where the law has none; a table raises `OutOfRange` outside its range."""
         return self.with_slope(x)[0]
 
-    @exclusive
     def with_slope(self, x: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Values and derivatives at `x` (any shape)."""
         x = np.asarray(x, dtype=float)
         if x.size == 0:
             return x, x
-        call, table = _numeric(self.key)
-        p = np.array([list(self.parameters.values())])
-        q = np.zeros((1, 0))
-        if table is not None:
-            breaks, data = (np.array(out) for out in table(p[0]))
-            breaks = breaks.ravel()
-            if x.size and not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
-                low, high = (Quantity(float(end), LENGTH) for end in breaks[[0, -1]])
-                text = "{variable} is outside the law's range, [{low:.6g}, {high:.6g}]"
-                raise OutOfRange(Message(text, variable=self.variable, low=low, high=high))
-            q = data[np.clip(np.searchsorted(breaks, x.ravel(), "right") - 1, 0, len(breaks) - 2)]
-        value, slope = call(x.reshape(-1, 1), p, q)
+        p, q = np.array([list(self.parameters.values())]), np.zeros((1, 0))
+        with LOCK:
+            call, table = _numeric(self.key)
+            if table is not None:
+                breaks, data = (np.array(out) for out in table(p[0]))
+                breaks = breaks.ravel()
+                if not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
+                    low, high = (Quantity(float(end), LENGTH) for end in breaks[[0, -1]])
+                    text = "{variable} is outside the law's range, [{low:.6g}, {high:.6g}]"
+                    raise OutOfRange(Message(text, variable=self.variable, low=low, high=high))
+                q = data[np.clip(np.searchsorted(breaks, x.ravel(), "right") - 1, 0, len(breaks) - 2)]
+            value, slope = call(x.reshape(-1, 1), p, q)
         return value.reshape(x.shape), slope.reshape(x.shape)
 
     def range(self) -> tuple[float, float]:
@@ -316,6 +315,23 @@ def _symbols(variable: str, names) -> tuple[ca.SX, dict[str, ca.SX]]:
 def from_key(key: Key, p: Mapping[str, float]) -> Law:
     """The law of a key with the values that `p` has for its parameters."""
     return Law(key.text, key.variable, key.expression, {name: p[name] for name in key.names}, key.pieces)
+
+
+@exclusive
+def values_and_slopes(key: Key, p: Mapping[str, np.ndarray], x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values and slopes (m, k) of smooth laws with parameters (m,) by name at places (m, k)."""
+    columns = [np.broadcast_to(p[name], len(x)) for name in key.names]
+    values = np.column_stack(columns) if columns else np.zeros((len(x), 0))
+    value, slope = _many(key)(x.reshape(-1, 1), np.repeat(values, x.shape[1], axis=0))
+    return value.reshape(x.shape), slope.reshape(x.shape)
+
+
+@kept
+def _many(key: Key) -> ElementwiseFunction:
+    """(x, p) -> value and slope of a smooth law."""
+    x, p = _symbols(key.variable, key.names)
+    value = ca.SX(key.expression(x, p, []))
+    return ElementwiseFunction(ca.Function("laws", [x, ca.vertcat(*p.values())], [value, ca.jacobian(value, x)]))
 
 
 @kept

@@ -24,10 +24,10 @@ from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
 from orbits.symbolic.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
 
-from .features import NO_FEATURES, features, unit_of_length, with_reach
+from .features import NO_FEATURES, features, features_of_many, keeps_reach, unit_of_length, units_of_length, with_reach
 from .gravity import as_gravity
-from .launch import FASTEST, Liftoff, lowest_launch_speed
-from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number, stated
+from .launch import FASTEST, Liftoff, lowest_launch_speed, lowest_launch_speeds
+from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number, stated, values_and_slopes
 from .springs import as_spring
 
 # Beyond these bounds one of the two masses is lost in rounding, or the lengths of lift-off overflow or vanish.
@@ -230,6 +230,16 @@ def straight_line(key: Key, p: Mapping[str, float]) -> tuple[float, float]:
     return float(slope), -float(value) / float(slope)
 
 
+def half_angle(family: int) -> float:
+    """The root of b = tan b for a family n; the iteration b = n pi + atan(b) contracts to it."""
+    b = (family + 0.5) * np.pi
+    for _ in range(60):
+        b, before = family * np.pi + np.arctan(b), b
+        if b == before:
+            break
+    return float(b)
+
+
 @lru_cache(maxsize=64)
 def relative_phase(spring: Key, load: float) -> Phase:
     """The motion r'' = -(phi(r) + load) of a spring law's key, in closed form where the law is a straight line."""
@@ -250,13 +260,9 @@ def relative_reduction(spring: Key, load: float, complete: Callable, gap_slope: 
     phase, force = relative_phase(spring, load), spring.expression
 
     def exact(family: int, p: Mapping[str, float]) -> tuple[dict[str, float], float]:
-        """Eq. (12): b = tan b with alpha = b/sqrt(k); the iteration b = n pi + atan(b) contracts to it."""
+        """Eq. (12): b = tan b with alpha = b/sqrt(k)."""
         k, zero = straight_line(spring, p)
-        b = (family + 0.5) * np.pi
-        for _ in range(60):
-            b, before = family * np.pi + np.arctan(b), b
-            if b == before:
-                break
+        b = half_angle(family)
         alpha = b / np.sqrt(k)
         # The error is the residual of sin b = b cos b through its slope b sin b, and one rounding.
         error = abs((np.sin(b) - b * np.cos(b)) / (b * np.sin(b))) / np.sqrt(k) + np.spacing(alpha)
@@ -320,6 +326,38 @@ class TwoMassEquations:
         alpha = lowest_launch_speed(phase, p, extension, family, scale, what)
         return {"liftoff": extension, "alpha": alpha, "duration": alpha}
 
+    def guesses(self, family: int, p: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """`guess` of many machines with parameters (m,) by name; NaN where there is none, where one machine has to be
+        looked at by itself, and where the family may have several orbits."""
+        count = len(next(iter(p.values())))
+        extension, alpha = np.full((2, count), np.nan)
+        if not (self.damped or self.spring.pieces):
+            extension = self.threshold.extensions(self.spring, p)
+            plain = np.isfinite(extension) & self._single(p)
+            own = {name: values[plain] for name, values in p.items()}
+            alpha[plain] = self._launch_speeds(family, own, extension[plain]) if plain.any() else np.nan
+        return {"liftoff": extension, "alpha": alpha, "duration": alpha}
+
+    def _launch_speeds(self, family: int, p: Mapping[str, np.ndarray], extension: np.ndarray) -> np.ndarray:
+        """The lowest launch speeds (m,) of machines with extensions (m,) at lift-off."""
+        _, slopes = values_and_slopes(self.spring, p, np.column_stack([extension, np.zeros(len(extension))]))
+        if self.spring.degree() == 1:
+            return half_angle(family) / np.sqrt(slopes[:, 0])
+        scales = 1 / np.sqrt(np.where(np.isfinite(slopes), slopes, -np.inf).max(axis=1))
+        return lowest_launch_speeds(relative_phase(self.spring, self.threshold.load), p, extension, family, scales)
+
+    def _single(self, p: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Which of many machines (m,) have no feature for which `search` looks for several orbits, or for which steps
+        are kept shorter than this model's."""
+        units = units_of_length(self.spring, p)
+        lengths, bends = features_of_many(self.spring, self.spring, p)
+        single = np.isfinite(bends) & (self.spring.reach == math.inf) & keeps_reach(self.spring, lengths, bends, units)
+        single &= (bends <= MOST_BENDS) & ((bends <= 1) | (lengths >= UNBENT * units))
+        if self.gravity:
+            lengths, bends = features_of_many(self.gravity, self.spring, p)
+            single &= (bends <= 1) & (self.gravity.reach == math.inf) & keeps_reach(self.gravity, lengths, bends, units)
+        return single
+
     def search(self, p: Parameters) -> Search:
         """How to search for all orbits of a family."""
         spring, gravity, unit = self.spring, self.gravity, unit_of_length(self.spring, p)
@@ -364,6 +402,7 @@ def two_mass_model(machine: Any, states: tuple[str, ...], extension: Affine, **o
         heights=machine.heights,
         contact_speed=Affine((0.0, 1.0)),
         guess=machine.guess,
+        guesses=None if machine.damped else machine.guesses,
         homotopy="gravity_share" if machine.gravity else None,
         conservative=not machine.damped,
         reduction=reduction,

@@ -12,7 +12,7 @@ from ..errors import NoOrbit
 from ..numerics.roots import Array
 from ..periodic.single_shooting import STALLED_RATIO, settles
 from .curve import Curve, CurvePoint, StepEnd
-from .newton_kernel import MOST_NEWTON_STEPS, Solutions
+from ..periodic.newton_kernel import MOST_NEWTON_STEPS, Solutions
 from .predictor import around
 
 # Points of the curve that the predictor uses for a step.

@@ -78,6 +78,8 @@ class Model:
     impact : p -> direction (n,) in which an impact changes the flight state; along it the gap's speed changes by 1
     contact_speed : the contact coordinate that becomes the launch speed
     guess : (family, p) -> a launch and the "duration" of the half flight, in the scene with `homotopy` at 0
+    guesses : `guess` for parameters (m,) by name, arrays (m,) by name, NaN for a machine that has none or has to be looked
+        at by itself; None where each of them has to be
     conservative : whether flight and contact conserve the energy
     homotopy : name of the parameter that leads from the scene of the guess (0) to this one (1); None where they are one
     reduction : the smaller statement that this scene allows; None where there is none
@@ -117,6 +119,7 @@ class Model:
     units: Callable | None = None
     gauge: str | None = None
     search: Callable | None = None
+    guesses: Callable | None = None
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
@@ -164,7 +167,7 @@ def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, A
 # Which argument of a model's functions is the parameters.
 PARAMETERS_AT = {
     **dict.fromkeys(("gap", "separation", "heights", "impact_mass", "impact", "search"), 0),
-    **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess"), 1),
+    **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess", "guesses"), 1),
     **dict.fromkeys(("flight_gradient", "contact_gradient", "tension"), 1),
     "landing": 2,
 }

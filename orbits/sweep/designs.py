@@ -1,7 +1,7 @@
 """Designs of experiments: the values of the parameters at which a sweep asks for orbits."""
 
 import csv
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -19,31 +19,42 @@ LARGEST_TABLE = 1024 * MEGABYTE
 
 
 @dataclass(frozen=True)
+class Axis:
+    """What is asked of one parameter: a list of `values`, a frozen `distribution` of `scipy.stats`, or a range."""
+
+    values: tuple[float, ...] = ()
+    distribution: Any = None
+    low: float = 0.0
+    high: float = 1.0
+    logarithmic: bool = False
+
+    def at(self, shares: np.ndarray) -> np.ndarray:
+        """The values (m,) at shares (m,) between 0 and 1 of the range, the list or the probability."""
+        if self.distribution is not None:
+            return np.asarray(self.distribution.ppf(shares), dtype=float)
+        if self.values:
+            return np.array(self.values)[np.minimum((shares * len(self.values)).astype(int), len(self.values) - 1)]
+        if self.logarithmic:
+            return np.clip(self.low * (self.high / self.low) ** shares, self.low, self.high)
+        return self.low + shares * (self.high - self.low)
+
+
+@dataclass(frozen=True)
 class Members:
     """The members of a sweep: parameters by name, in order.
 
     values : (m, number of names)
     shape : the numbers of values along each parameter, whose product is m, for a grid; None for any other design
+    axes : what was asked of each parameter; empty for a table
     """
 
     names: tuple[str, ...]
     values: np.ndarray
     shape: tuple[int, ...] | None = None
+    axes: tuple[Axis, ...] = ()
 
     def __len__(self) -> int:
         return len(self.values)
-
-
-@dataclass(frozen=True)
-class Axis:
-    """What is said of one parameter: how shares (m,) between 0 and 1 become its values, and its values on a grid.
-
-    at : (m,) -> (m,), the quantiles of a distribution, or places in a range or a list
-    listed : the values of a list, which a grid takes as they are
-    """
-
-    at: Callable[[np.ndarray], np.ndarray]
-    listed: np.ndarray | None = None
 
 
 def members_of(
@@ -69,7 +80,7 @@ def members_of(
     _check_names(over, allowed)
     axes = {name: axis_of(name, stated) for name, stated in over.items()}
     if sampling is None:
-        sampling = "grid" if isinstance(samples, tuple) or all(a.listed is not None for a in axes.values()) else "sobol"
+        sampling = "grid" if isinstance(samples, tuple) or all(axis.values for axis in axes.values()) else "sobol"
     if sampling not in SAMPLINGS:
         raise InputError(f"sampling = {sampling!r}; it is one of {', '.join(SAMPLINGS)}")
     if sampling == "grid":
@@ -77,42 +88,40 @@ def members_of(
     count = whole_number("samples", 1000 if samples is None else samples, "members", most=MOST_MEMBERS)
     shares = _shares(sampling, count, len(axes), whole_number("seed", seed, least=0))
     columns = [axis.at(column) for axis, column in zip(axes.values(), shares.T, strict=True)]
-    return _checked(tuple(axes), np.column_stack(columns), None)
+    return _checked(Members(tuple(axes), np.column_stack(columns), None, tuple(axes.values())))
 
 
 def axis_of(name: str, stated: Any) -> Axis:
     """The axis that is stated for a parameter: a range (low, high) or (low, high, "log"), a list of values, or a frozen
     distribution of `scipy.stats`. Raises `InputError` for anything else."""
     if hasattr(stated, "ppf"):
-        return Axis(lambda shares: np.asarray(stated.ppf(shares), dtype=float))
+        return Axis(distribution=stated)
     if isinstance(stated, tuple) and len(stated) in (2, 3) and not (len(stated) == 3 and stated[2] != "log"):
         low, high = (finite_number(f"over '{name}'", value) for value in stated[:2])
         if not low < high:
             raise InputError(f"over '{name}' = {stated}: a range goes up, low < high; for one value give a list, [{low:g}]")
-        if len(stated) == 2:
-            return Axis(lambda shares: low + shares * (high - low))
-        if not low > 0:
+        if len(stated) == 3 and not low > 0:
             raise InputError(f"over '{name}' = {stated}: a logarithmic range lies above 0")
-        return Axis(lambda shares: np.clip(low * (high / low) ** shares, low, high))
+        return Axis(low=low, high=high, logarithmic=len(stated) == 3)
     if isinstance(stated, list | np.ndarray | range):
-        values = np.array([finite_number(f"over '{name}'", value) for value in stated], dtype=float)
-        if not len(values):
+        values = tuple(finite_number(f"over '{name}'", value) for value in stated)
+        if not values:
             raise InputError(f"over '{name}' = {stated!r} has no values")
-        return Axis(lambda shares: values[np.minimum((shares * len(values)).astype(int), len(values) - 1)], values)
+        return Axis(values)
     known = "a range (low, high) or (low, high, 'log'), a list of values or a frozen distribution of scipy.stats"
     raise InputError(f"over '{name}' = {stated!r}; it is {known}")
 
 
 def _grid(axes: Mapping[str, Axis], samples: Any) -> Members:
     """All combinations; `samples` is the number of values of each range, or a tuple of one for each axis."""
-    ranges = [name for name, axis in axes.items() if axis.listed is None]
+    ranges = [name for name, axis in axes.items() if not axis.values]
     counts = samples if isinstance(samples, tuple) else (10 if samples is None else samples,) * len(axes)
     if len(counts) != len(axes):
         raise InputError(f"samples = {samples}: a grid over {', '.join(axes)} has {len(axes)} numbers of values")
     columns = []
     for (name, axis), count in zip(axes.items(), counts, strict=True):
-        if axis.listed is not None:
-            columns.append(axis.listed)
+        if axis.values:
+            columns.append(np.array(axis.values))
             continue
         count = whole_number("samples", count, f"values of '{name}' on the grid", most=MOST_MEMBERS)
         # The ends of a distribution may be infinite, so that its values lie in the middle of equal shares.
@@ -124,7 +133,7 @@ def _grid(axes: Mapping[str, Axis], samples: Any) -> Members:
     if not ranges and samples is not None and not isinstance(samples, tuple):
         raise InputError(f"samples = {samples}: the grid over lists has as many members as these have, leave it out")
     values = np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, len(columns))
-    return _checked(tuple(axes), values, shape)
+    return _checked(Members(tuple(axes), values, shape, tuple(axes.values())))
 
 
 def _shares(sampling: str, count: int, dimensions: int, seed: int) -> np.ndarray:
@@ -157,7 +166,7 @@ def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[st
     if len(set(map(len, arrays))) > 1:
         lengths = ", ".join(f"{name} {len(array)}" for name, array in zip(names, arrays, strict=True))
         raise InputError(f"the columns of samples have different lengths: {lengths}")
-    return _checked(names, np.column_stack(arrays), None)
+    return _checked(Members(names, np.column_stack(arrays)))
 
 
 def _csv_columns(file: BinaryIO) -> dict[str, list[str]]:
@@ -201,11 +210,11 @@ def _check_names(names: Iterable[str], allowed: Sequence[str]) -> None:
             raise InputError(f"the machine has no parameter '{name}' to sweep over; it has {', '.join(allowed)}")
 
 
-def _checked(names: tuple[str, ...], values: np.ndarray, shape: tuple[int, ...] | None) -> Members:
+def _checked(members: Members) -> Members:
     """The members; raises `InputError` where there are none, too many, or a value is not finite."""
-    if not 0 < len(values) <= MOST_MEMBERS:
-        raise InputError(f"a sweep has from 1 to {MOST_MEMBERS} members, not {len(values)}")
-    for name, column in zip(names, values.T, strict=True):
+    if not 0 < len(members) <= MOST_MEMBERS:
+        raise InputError(f"a sweep has from 1 to {MOST_MEMBERS} members, not {len(members)}")
+    for name, column in zip(members.names, members.values.T, strict=True):
         if not np.isfinite(column).all():
             raise InputError(f"over '{name}': its distribution has values that are not finite")
-    return Members(names, values, shape)
+    return members

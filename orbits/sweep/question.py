@@ -24,7 +24,7 @@ LAUNCH_SPEED = "alpha"  # the name by which a sweep of the return map asks for a
 COLUMNS_OF: dict[str, dict[str, type]] = {
     "find": {"alpha": float, "flight_time": float, "error": float, "family": int},
     "map": {"next": float, "loss": float, "impacts": int},
-    "fixed_points": {"count": int, "alpha": float, "slope": float},
+    "fixed_points": {"count": int, "alpha": float, "multiplier": float},
 }
 
 

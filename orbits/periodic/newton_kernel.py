@@ -8,7 +8,7 @@ import numpy as np
 from ..flow.taylor import LONGEST_STEP, TaylorStepper
 from ..flow.trajectory import Trajectories, begins_of_steps
 from ..numerics.roots import Array
-from ..periodic.single_shooting import LAST_STEP, SMALL_STEP, STALLED_RATIO, Evaluation, Shooting
+from .single_shooting import LAST_STEP, SMALL_STEP, STALLED_RATIO, Evaluation, Shooting
 from ..symbolic.kept import kept
 from ..symbolic.kernels import Kernel
 

@@ -1,0 +1,112 @@
+"""The orbits of many machines that differ in numbers alone: guessed, solved, measured and certified together.
+
+Each is found as `find` finds it, from its own guess, so that no answer depends on what else is asked. Where that does
+not lead to a certified orbit of the family at once, `find` is left to decide.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import NoOrbit
+from ..model.model import Model
+from ..model.units import Units
+from .certificate import Certificate, certify
+from .error_bound import error_bounds
+from .find import MAX_CORRECTION
+from .formulations import Cycles, equations_of, interpret
+from .newton_kernel import Solutions, newton_kernel
+from .single_shooting import SMALLEST_UNIT, Evaluation, Shooting
+
+
+class Orbits(NamedTuple):
+    """Certified orbits of one family, without units: which of the machines (k,) have them, the orbits as arrays, and
+    their certificates."""
+
+    which: np.ndarray
+    cycles: Cycles
+    certificates: list[Certificate]
+
+
+def orbits_of_many(model: Model, names: Sequence[str], ps: np.ndarray, family: int) -> Orbits | None:
+    """The orbits of a family of machines with parameters (m, np); None where none is found at once.
+
+    The machines left out have no such orbit, or one that takes more than its guess and Newton's method, and are for
+    `find` to decide.
+    """
+    if model.guesses is None:
+        return None
+    guess = model.guesses(family, dict(zip(names, ps.T, strict=True)))
+    which = np.flatnonzero(np.isfinite(guess["alpha"]))
+    method = "relative" if model.reduction else "half orbit"
+    equations = equations_of(model, method, tuple(names))
+    if not (len(which) and len(equations.flows) == 1 and equations.smooth):
+        return None
+    us, ps = np.column_stack([guess[name][which] for name in equations.statement.unknowns]), ps[which]
+    solved, us, evaluation = _solved(model, equations, us, ps)
+    if evaluation is None:
+        return None
+    return _certified(model, method, equations, which[solved], us, ps[solved], evaluation, family)
+
+
+def _solved(
+    model: Model, equations: Shooting, us: np.ndarray, ps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Evaluation | None]:
+    """Which of the guesses (m, n) lead to a solution, these (k, n), and the equations there; the homotopy, if any, is
+    taken in one step, which is the first that `find` tries."""
+    along = model.homotopy or equations.parameters[0]
+    kernel, place = newton_kernel(equations, along), equations.parameters.index(along)
+    each = np.arange(len(us))
+    if model.homotopy:
+        before = np.insert(np.delete(ps, place, axis=1), place, 0.0, axis=1)
+        each, found = _at_value(kernel, us, before, place, record=False)
+        start, us = found.xs[:, :-1], found.xs[:, :-1] + found.directions[:, :-1]
+        positive = [equations.statement.unknowns.index(name) for name in ("alpha", "duration")]
+        ahead = (us[:, positive] > 0).all(axis=1)
+        each, us = each[ahead], us[ahead]
+    if not len(each):
+        return each, us, None
+    solved, found = _at_value(kernel, us, ps[each], place, record=True)
+    each, guesses = each[solved], us[solved]
+    xs, evaluation = found.xs[:, :-1], found.evaluation
+    if model.homotopy and len(each):
+        near = (np.abs(xs - guesses)[:, positive] <= MAX_CORRECTION * np.abs(xs[:, positive])).all(axis=1)
+        each, xs, evaluation = each[near], xs[near], evaluation[np.flatnonzero(near)] if near.any() else None
+    return each, xs, evaluation if len(each) else None
+
+
+def _at_value(kernel, us: np.ndarray, ps: np.ndarray, place: int, record: bool) -> tuple[np.ndarray, Solutions]:
+    """Which of the guesses (m, n) Newton's method leads to a solution, all parameters (m, np) held, and these."""
+    xs = np.column_stack([us, ps[:, place]])
+    rows, units = np.zeros(xs.shape), np.maximum(np.abs(xs), SMALLEST_UNIT)
+    rows[:, -1] = 1.0
+    return kernel(xs, rows, ps[:, place], units, ps, 1, record)
+
+
+def _certified(
+    model: Model, method: str, equations: Shooting, which: np.ndarray, us: np.ndarray, ps: np.ndarray,
+    evaluation: Evaluation, family: int,
+) -> Orbits | None:  # fmt: skip
+    """The solutions (k, n) of the family that can be certified."""
+    closing = np.tile(np.eye(us.shape[1] + 1)[-1], (len(us), 1))
+    errors, refused = error_bounds(equations, us, ps, evaluation, closing, quickly=True)
+    kept = np.delete(np.arange(len(us)), list(refused))
+    while len(kept):
+        parts = us[kept], ps[kept], evaluation[kept], errors[kept]
+        try:
+            cycles = interpret(model, method, equations, *parts)
+            certificates = certify(model, cycles)
+            break
+        except NoOrbit as error:
+            if error.index is None:
+                raise
+            kept = np.delete(kept, error.index)
+    else:
+        return None
+    return Orbits(which[kept], cycles, certificates)
+
+
+def numbers_of(model: Model, orbits: Orbits, units: Units | None) -> Mapping[str, np.ndarray]:
+    """Quantities (k,) of the orbits by name, NaN where one has none; in SI where units (k,) are given."""
+    raise NotImplementedError

@@ -1,0 +1,250 @@
+"""The answer of a sweep: its members as columns, tables, statistics, figures and orbits."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..io import check_ending, fields_in_line, to_json, write_table, writing
+from ..model.machine import Machine
+from ..model.units import UNIT_TEXTS
+from ..periodic.find import find
+from ..periodic.orbit import Orbit
+from .question import COLUMNS_OF, Question, Table
+from .store import question_in, read_store
+
+# Endings of the files that a sweep is saved to.
+TABLES = (".csv", ".nc", ".parquet", ".json")
+# Shares of the members below the quantiles that a summary tells.
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """The members of a sweep and what they answer; a column goes by its name, `sweep["alpha"]`.
+
+    parameters : names of the parameters that differ
+    index : the members (k,) that are here, of `count` in all; fewer where a store is read before its sweep has ended
+    columns : (k,) by name: the parameters, what was asked for, the status and the reason; NaN where there is none
+    about : the question in words and numbers
+    machine : the machine whose parameters the members replace; None where a store is read without it
+    """
+
+    parameters: tuple[str, ...]
+    index: np.ndarray
+    columns: Mapping[str, np.ndarray]
+    about: Mapping[str, Any]
+    machine: Machine | None = None
+    question: Question | None = None
+
+    @classmethod
+    def of(cls, question: Question, table: Table) -> "Sweep":
+        """The answer of a question."""
+        return cls(question.members.names, table.members, table.columns, question.document(), question.machine, question)
+
+    @classmethod
+    def load(cls, path: str | Path, machine: Machine | None = None) -> "Sweep":
+        """The members that a store has, also while a sweep goes on.
+
+        machine : the one that was swept, by which `orbit` finds members again; a file cannot tell it
+        """
+        about = question_in(path)
+        if machine is not None and to_json(machine.describe()) != to_json(about["machine"]):
+            raise InputError(f"the store {path} is of another machine: {about['machine']}")
+        columns = dict.fromkeys(about["parameters"], float) | COLUMNS_OF[about["outcome"]]
+        columns |= dict.fromkeys(about["quantities"], float) | {"status": str, "reason": str}
+        table = read_store(path, columns)
+        return cls(tuple(about["parameters"]), table.members, table.columns, about, machine)
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self.columns:
+            raise InputError(f"the sweep has no column '{name}'; it has {', '.join(self.columns)}")
+        return self.columns[name]
+
+    @property
+    def count(self) -> int:
+        """The number of members that were asked for."""
+        return self.about["members"] * len(self.about["families"])
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the columns by name; empty for a dimensionless machine."""
+        own = self.about["machine"].get("units")
+        return {} if own is None else {**UNIT_TEXTS, "next": "m/s", "loss": "m^2/s^2", **own}
+
+    def heading(self, name: str) -> str:
+        """A name with its unit, if it has one: "alpha (m/s)"."""
+        return f"{name} ({self.units[name]})" if self.units.get(name) else name
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """The names of the columns with answers that are numbers."""
+        return tuple(name for name in self.columns if name not in (*self.parameters, "status", "reason"))
+
+    def statuses(self) -> dict[str, int]:
+        """The number of members of each status."""
+        names, counts = np.unique(self.columns["status"].astype(str), return_counts=True)
+        return dict(zip(names.tolist(), counts.tolist(), strict=True))
+
+    def summary(self) -> dict[str, Any]:
+        """How many members have each status, and the quantiles of the numbers of those that have any, by name."""
+        quantiles: dict[str, dict[str, float]] = {}
+        for name in self.numbers:
+            known = self.columns[name][np.isfinite(self.columns[name])]
+            if len(known):
+                found = np.quantile(known, QUANTILES).tolist()
+                quantiles[name] = {f"{share:.0%}": value for share, value in zip(QUANTILES, found, strict=True)}
+        return {"count": self.count, "done": len(self), "status": self.statuses(), "quantiles": quantiles}
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "parameters", "count")
+
+    def __str__(self) -> str:
+        told, machine = self.summary(), self.about["machine"]
+        status = ", ".join(f"{number} {name}" for name, number in told["status"].items())
+        lines = [f"{len(self)} of {self.count} members of {machine['machine']}, spring {machine['spring']}: {status}"]
+        lines += [f"  over {', '.join(map(self.heading, self.parameters))}"]
+        width = max(map(len, map(self.heading, told["quantiles"])), default=0)
+        if told["quantiles"]:
+            lines.append(f"  {'':{width}}" + "".join(f"{share:>13.0%}" for share in QUANTILES))
+        for name, found in told["quantiles"].items():
+            lines.append(f"  {self.heading(name):<{width}}" + "".join(f"{value:13.6g}" for value in found.values()))
+        return "\n".join(lines)
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """The members as JSON-ready data, None for what one does not have."""
+        whole = {name for name, kind in COLUMNS_OF[self.about["outcome"]].items() if kind is int}
+        texts = ("status", "reason")
+        for i, member in enumerate(self.index.tolist()):
+            row: dict[str, Any] = {"index": member}
+            for name, column in self.columns.items():
+                value = column[i]
+                if name not in texts:
+                    value = None if np.isnan(value) else int(value) if name in whole else float(value)
+                row[name] = value
+            yield row
+
+    def document(self) -> dict[str, Any]:
+        """The sweep as the JSON document of the command line."""
+        status = {name: 0 for name in self.known_statuses()} | self.statuses()
+        document = {"parameters": list(self.parameters), "count": self.count, "status": status}
+        document |= {"units": self.units} if self.units else {}
+        return {**document, "members": list(self.rows())}
+
+    def known_statuses(self) -> tuple[str, ...]:
+        """The statuses that are told also where no member has them."""
+        return ("certified", "inadmissible", "no orbit", "failed") if self.about["outcome"] == "find" else ()
+
+    def orbit(self, member: int) -> Orbit:
+        """A member as a whole orbit, with its motion."""
+        if self.machine is None:
+            raise InputError("a store does not tell its machine: give it, Sweep.load(path, machine=...)")
+        if self.about["outcome"] != "find":
+            raise InputError(f"the members of this sweep are no orbits, but answer '{self.about['outcome']}'")
+        place = np.flatnonzero(self.index == member)
+        if not len(place):
+            raise InputError(f"the sweep has no member {member}; it has {len(self)}, from 0")
+        values = {name: float(self.columns[name][place[0]]) for name in self.parameters}
+        families = self.about["families"]
+        return find(self.machine.with_values(**values), families[member % len(families)])
+
+    @property
+    def dataset(self) -> Any:
+        """The sweep as an `xarray.Dataset`: with the parameters as coordinates for a grid, else along "member"."""
+        xarray = _needed("xarray", "a dataset")
+        shape, families = self.about["shape"], self.about["families"]
+        complete = len(self) == self.count
+        dims: tuple[str, ...] = ("member",)
+        coordinates: dict[str, Any] = {"member": self.index}
+        sizes: tuple[int, ...] = (len(self),)
+        if shape is not None and complete:
+            axes = {
+                name: np.moveaxis(self.columns[name].reshape(*shape, len(families)), i, 0).reshape(shape[i], -1)[:, 0]
+                for i, name in enumerate(self.parameters)
+            }
+            coordinates = {name: (name, values, self._attributes(name)) for name, values in axes.items()}
+            dims, sizes = self.parameters, tuple(shape)
+            if len(families) > 1:
+                dims, sizes = (*dims, "asked_family"), (*sizes, len(families))
+                coordinates["asked_family"] = ("asked_family", list(families))
+        data = {
+            name: (dims, (column.astype(str) if column.dtype == object else column).reshape(sizes), self._attributes(name))
+            for name, column in self.columns.items()
+            if name not in coordinates
+        }
+        return xarray.Dataset(data, coordinates, {"sweep": to_json(self.about)})
+
+    def _attributes(self, name: str) -> dict[str, str]:
+        """What a dataset tells of a column."""
+        unit = self.units.get(name)
+        return {"long_name": name.replace("_", " "), **({"units": unit} if unit else {})}
+
+    def dataframe(self) -> Any:
+        """The sweep as a `pandas.DataFrame`, a row for each member."""
+        pandas = _needed("pandas", "a data frame")
+        return pandas.DataFrame(dict(self.columns), index=pandas.Index(self.index, name="member"))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the sweep to .csv or .json, or, with the extra `data`, to .nc (NetCDF) or .parquet."""
+        path = check_ending(path, TABLES)
+        ending = path.suffix.lower()
+        with writing("sweep", path):
+            if ending == ".csv":
+                names = ["member", *map(self.heading, self.columns)]
+                columns = [column.tolist() for column in self.columns.values()]
+                rows = zip(self.index.tolist(), *columns, strict=True)
+                write_table(names, ([_blank(value) for value in row] for row in rows), path, "sweep")
+            elif ending == ".json":
+                path.write_text(to_json(self.document()) + "\n", encoding="utf-8")
+            elif ending == ".nc":
+                self.dataset.to_netcdf(path)
+            else:
+                _needed("pyarrow", "Parquet")
+                self.dataframe().to_parquet(path)
+        return path
+
+    def plot(self, quantity: str | None = None, axes: Any = None) -> Any:
+        """Plot a quantity, the first one if None, over the parameters; returns the axes.
+
+        Over one parameter it is a line, over two a map, hatched where there is no motion, and over more a matrix of
+        scatter plots.
+        """
+        from .figures import plot_sweep
+
+        return plot_sweep(self, quantity or self.numbers[0], axes)
+
+    def sensitivity(
+        self, quantities: Sequence[str] | None = None, samples: int = 1024, seed: int = 0, **options: Any
+    ) -> dict[str, dict[str, dict[str, float]]]:
+        """Sobol's indices of the quantities by the parameters, as independent variables over what was asked of them.
+
+        samples : a power of 2; the sweep that gives them has as many members times the number of parameters and two
+        options : `executor`, `workers`, `client`, `progress` of that sweep
+
+        Returns, by quantity and parameter, "first" and "total", each with the bounds "first_low", ... of its 95 %
+        confidence interval. Raises `InputError` where members have no orbit. Source: `scipy.stats.sobol_indices`.
+        """
+        from .statistics import sobol_indices
+
+        return sobol_indices(self, quantities, samples, seed, options)
+
+
+def _blank(value: Any) -> Any:
+    """A value of a CSV file; nothing for what a member does not have."""
+    return "" if isinstance(value, float) and np.isnan(value) else value
+
+
+def _needed(package: str, what: str) -> Any:
+    """A package of the extra `data`; raises `InputError` where it is missing."""
+    from importlib import import_module
+
+    try:
+        return import_module(package)
+    except ImportError:
+        raise InputError(f"{what} needs {package}: install persistent-orbits[data]") from None

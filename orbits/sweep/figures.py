@@ -1,0 +1,130 @@
+"""Figures of sweeps: a line, a map, or a matrix of scatter plots, by the number of parameters."""
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..plot import COLOURS, Axes, new_axes, new_row
+
+MAP = "viridis"  # of colours; it is read in print and by colour-blind readers
+LEVELS = 8  # contours of a map
+# Parameters that span so large a ratio are drawn on logarithmic axes.
+DECADES = 100.0
+MOTIONS = ("certified", "lifts_off")  # statuses of members that are as one wants them
+
+
+def plot_sweep(sweep: Any, quantity: str, axes: Axes | None = None) -> Axes:
+    """Plot a quantity of a sweep over its parameters; return the axes, an array of them for more than two."""
+    values = sweep[quantity]
+    if values.dtype == object:
+        raise InputError(f"'{quantity}' is no number: give one of {', '.join(sweep.numbers)}")
+    if len(sweep.parameters) == 1:
+        return _line(sweep, quantity, axes or new_axes())
+    if len(sweep.parameters) == 2:
+        return _map(sweep, quantity, axes or new_axes(6.4, 4.8))
+    return _matrix(sweep, quantity)
+
+
+def _motions(sweep: Any) -> np.ndarray:
+    """Which members (k,) are motions."""
+    return np.isin(sweep["status"].astype(str), MOTIONS)
+
+
+def _line(sweep: Any, quantity: str, axes: Axes) -> Axes:
+    """A quantity over the one parameter; for each family a line, dashed where it has no motions."""
+    (name,), families = sweep.parameters, sweep.about["families"]
+    for k, family in enumerate(families):
+        rows = np.flatnonzero(sweep.index % len(families) == k)
+        rows = rows[np.argsort(sweep[name][rows], kind="stable")]
+        x, y, motion = sweep[name][rows], sweep[quantity][rows], _motions(sweep)[rows]
+        colour = COLOURS[k % len(COLOURS)]
+        marker = {"marker": "o", "ms": 3} if len(rows) <= 60 else {}
+        label = f"family {family}" if len(families) > 1 else "motions"
+        axes.plot(x, np.where(motion, y, np.nan), color=colour, label=label, **marker)
+        if (others := ~motion & np.isfinite(y)).any():
+            axes.plot(x, np.where(others, y, np.nan), ":", color=colour, label="no motions" if k == 0 else None)
+        if (nothing := ~np.isfinite(y)).any():
+            axes.plot(x[nothing], np.zeros(nothing.sum()), "|", color="0.6", ms=5, label="none" if k == 0 else None,
+                      transform=axes.get_xaxis_transform(), clip_on=False)  # fmt: skip
+    return _labelled(axes, sweep, name, quantity, legend=True)
+
+
+def _map(sweep: Any, quantity: str, axes: Axes) -> Axes:
+    """A quantity over two parameters as colours, hatched where there is no motion and grey where there is nothing."""
+    across, up = sweep.parameters
+    shape, families = sweep.about["shape"], len(sweep.about["families"])
+    first = sweep.index % families == 0
+    x, y, z, motion = sweep[across][first], sweep[up][first], sweep[quantity][first], _motions(sweep)[first]
+    axes.set_facecolor("0.93")
+    if shape is not None and len(x) == np.prod(shape):
+        grid = [column.reshape(shape) for column in (x, y, np.ma.masked_invalid(z), motion)]
+        order = np.argsort(grid[0][:, 0]), np.argsort(grid[1][0])
+        x, y, z, motion = (part[order[0]][:, order[1]] for part in grid)
+        drawn = axes.pcolormesh(x, y, z, cmap=MAP, shading="nearest", rasterized=True)
+        if z.count() and np.ptp(z.compressed()) > 0 and min(shape) > 2:
+            contours = axes.contour(x, y, z, LEVELS, colors="white", linewidths=0.7)
+            axes.clabel(contours, fontsize="x-small", fmt="%.4g")
+        if not motion.all() and min(shape) > 1:
+            axes.contourf(x, y, ~motion * 1.0, [0.5, 1.5], colors="none", hatches=["////"])
+            axes.fill_between([], [], fc="none", ec="0.3", hatch="////", lw=0, label="no motion")
+    else:
+        known = np.isfinite(z)
+        axes.plot(x[~known], y[~known], "x", color="0.6", ms=3, label="none" if (~known).any() else None)
+        drawn = axes.scatter(x[known], y[known], c=z[known], s=_size(len(x)), cmap=MAP)
+        if (others := known & ~motion).any():
+            axes.plot(x[others], y[others], "o", mfc="none", mec="0.3", ms=4, mew=0.5, label="no motion")
+    axes.figure.colorbar(drawn, ax=axes, label=_words(sweep, quantity))
+    return _labelled(axes, sweep, across, up, legend=bool(axes.get_legend_handles_labels()[1]))
+
+
+def _matrix(sweep: Any, quantity: str) -> Axes:
+    """Every pair of parameters, with the quantity as colour, and below the quantity over each parameter."""
+    names, values = sweep.parameters, sweep[quantity]
+    count, known = len(names), np.isfinite(values)
+    panels = new_row(count, 2.6, 2.3, rows=count)
+    size, drawn = _size(len(values)), None
+    for i, j in np.ndindex(count, count):
+        axes = panels[i, j]
+        if j > i:
+            axes.remove()
+            continue
+        x, y = sweep[names[j]], values if i == j else sweep[names[i]]
+        if i != j:
+            axes.plot(x[~known], y[~known], ".", color="0.8", ms=2, zorder=0, rasterized=True)
+        drawn = axes.scatter(x[known], y[known], c=values[known], s=size, cmap=MAP, lw=0, rasterized=True)
+        below, beside = i == count - 1, j == 0
+        _labelled(axes, sweep, names[j] if below else "", (quantity if i == j else names[i]) if beside or i == j else "")
+        for name, one in ((names[j], "x"), (None if i == j else names[i], "y")):
+            if name is not None:
+                _scale(axes, sweep, name, one)
+    panels[0, 0].figure.colorbar(drawn, ax=panels[:, -1].tolist()[count - 1:], label=_words(sweep, quantity))
+    return panels
+
+
+def _size(count: int) -> float:
+    """The area of a mark, smaller for more of them."""
+    return float(np.clip(6000 / count, 1.0, 24.0))
+
+
+def _words(sweep: Any, name: str) -> str:
+    """A name for an axis, with its unit."""
+    return sweep.heading(name).replace("_", " ") if name else ""
+
+
+def _scale(axes: Axes, sweep: Any, name: str, which: str) -> None:
+    """A logarithmic axis for a parameter that spans decades."""
+    values = sweep[name]
+    if name in sweep.parameters and values.min() > 0 and values.max() >= DECADES * values.min():
+        getattr(axes, f"set_{which}scale")("log")
+
+
+def _labelled(axes: Axes, sweep: Any, across: str, up: str, legend: bool = False) -> Axes:
+    """The axes with their names, scales and legend."""
+    for name, which in ((across, "x"), (up, "y")):
+        getattr(axes, f"set_{which}label")(_words(sweep, name))
+        if name:
+            _scale(axes, sweep, name, which)
+    if legend and len(axes.get_legend_handles_labels()[1]) > 0:
+        axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4)
+    return axes

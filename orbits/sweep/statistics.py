@@ -1,0 +1,141 @@
+"""How sure an answer is, and on which parameters it depends: Sobol's indices, and uncertainties."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..design.sensitivities import sensitivities
+from ..errors import InputError, whole_number
+from ..io import fields_in_line
+from ..model.machine import Machine
+from ..periodic.find import find
+from .answer import QUANTILES, Sweep
+from .designs import members_of
+from .sweep import sweep as swept
+
+CONFIDENCE = 0.95
+
+
+def sobol_indices(
+    answer: Sweep, quantities: Sequence[str] | None, samples: int, seed: int, options: Mapping[str, Any]
+) -> dict[str, dict[str, dict[str, float]]]:
+    """As `Sweep.sensitivity`."""
+    from scipy import stats
+
+    question = answer.question
+    if question is None or not question.members.axes or question.outcome != "find" or len(question.families) > 1:
+        raise InputError("Sobol's indices are of a sweep of one family over ranges or distributions, with its machine")
+    if (samples := whole_number("samples", samples, "samples", least=2)) & (samples - 1):
+        raise InputError(f"samples = {samples}; Sobol's indices take a power of 2")
+    texts = [name for name in answer.numbers if name not in ("error", "family")] if quantities is None else [*quantities]
+    own = {"alpha", "flight_time"}
+    names, count = question.members.names, len(question.members.names)
+    shares = stats.qmc.Sobol(2 * count, seed=seed).random(samples)
+    a, b = shares[:, :count], shares[:, count:]
+    mixed = [np.where(np.arange(count) == i, b, a) for i in range(count)]
+    places = np.concatenate([a, b, *mixed])
+    table = {name: axis.at(places[:, i]) for i, (name, axis) in enumerate(zip(names, question.members.axes, strict=True))}
+    more = swept(
+        question.machine, None, table, family=question.families[0],
+        quantities=[text for text in texts if text not in own], **options,
+    )  # fmt: skip
+    found = {}
+    for text in texts:
+        values = more[text].reshape(count + 2, samples)
+        if missing := int(np.isnan(values).sum()):
+            raise InputError(
+                f"'{text}': {missing} of {values.size} members have none, and Sobol's indices need them all: "
+                "narrow the ranges to where the machine hops"
+            )
+        parts = {"f_A": values[:1], "f_B": values[1:2], "f_AB": values[2:, None]}
+        result = stats.sobol_indices(func=parts, n=samples)
+        bounds = result.bootstrap(confidence_level=CONFIDENCE)
+        found[text] = {name: _index(result, bounds, i) for i, name in enumerate(names)}
+    return found
+
+
+def _index(result: Any, bounds: Any, i: int) -> dict[str, float]:
+    """The indices of one parameter, with their confidence intervals."""
+    told = {}
+    for name in ("first", "total"):
+        told[name] = float(np.ravel(getattr(result, f"{name}_order"))[i])
+        interval = getattr(bounds, f"{name}_order").confidence_interval
+        told[f"{name}_low"], told[f"{name}_high"] = (float(np.ravel(end)[i]) for end in (interval.low, interval.high))
+    return told
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """How a machine's uncertain parameters spread the quantities of its orbit.
+
+    mean, deviation, quantiles : by quantity, of the members that have it, the quantiles by share, as "5%"
+    linear : the deviation by quantity from exact sensitivities, as if everything were a straight line
+    share : of the members that have an orbit that is a motion
+    sweep : the members
+    """
+
+    mean: Mapping[str, float]
+    deviation: Mapping[str, float]
+    quantiles: Mapping[str, Mapping[str, float]]
+    linear: Mapping[str, float]
+    share: float
+    sweep: Sweep
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "share")
+
+    def __str__(self) -> str:
+        heads = "".join(f"{name:>14}" for name in ("mean", "deviation", "linear", "5%", "95%"))
+        width = max(len(self.sweep.heading(name)) for name in self.mean)
+        lines = [f"{self.share:.1%} of {len(self.sweep)} members are motions", f"  {'':{width}}{heads}"]
+        for name, mean in self.mean.items():
+            ends = (self.quantiles[name][share] for share in ("5%", "95%"))
+            numbers = (mean, self.deviation[name], self.linear[name], *ends)
+            lines.append(f"  {self.sweep.heading(name):<{width}}" + "".join(f"{number:14.6g}" for number in numbers))
+        return "\n".join(lines)
+
+
+def uncertainty(
+    machine: Machine, over: Mapping[str, Any], quantities: Sequence[str] = (), *, family: int = 1,
+    samples: int = 1024, seed: int = 0, **options: Any,
+) -> Uncertainty:  # fmt: skip
+    """How sure the quantities of an orbit are when parameters are known with these distributions.
+
+    over : frozen distributions of `scipy.stats` (or ranges) by name; the parameters vary independently
+    quantities : besides alpha and flight_time, as in `sweep`
+    samples : members of the sample, drawn by Sobol's sequence
+    options : `executor`, `workers`, `client`, `store`, `progress` of `sweep`
+
+    The linear answer is taken at the machine itself, with the standard deviations of the distributions. Raises `NoOrbit`
+    where the machine itself has no such orbit.
+    """
+    members = members_of(over, samples, "sobol", seed, list(over))
+    orbit, texts = find(machine, family), ["alpha", "flight_time", *quantities]
+    slopes = sensitivities(machine, orbit, list(over), texts)
+    deviations = {
+        name: float(axis.distribution.std()) if axis.distribution is not None else float(np.std(axis.at(_MIDDLES)))
+        for name, axis in zip(members.names, members.axes, strict=True)
+    }
+    answer = swept(
+        machine, over, samples, sampling="sobol", seed=seed, family=family, quantities=quantities, **options
+    )
+    columns = {text: answer[text][np.isfinite(answer[text])] for text in texts}
+    if empty := [text for text, values in columns.items() if len(values) < 2]:
+        raise InputError(f"fewer than two members have '{empty[0]}': the distributions reach where there is no hop")
+    quantiles = {
+        text: {f"{share:.0%}": float(np.quantile(values, share)) for share in QUANTILES} for text, values in columns.items()
+    }
+    linear = {
+        text: float(np.sqrt(sum((slopes[text][name] * deviation) ** 2 for name, deviation in deviations.items())))
+        for text in texts
+    }
+    mean = {text: float(values.mean()) for text, values in columns.items()}
+    deviation = {text: float(values.std(ddof=1)) for text, values in columns.items()}
+    share = answer.statuses().get("certified", 0) / len(answer)
+    return Uncertainty(mean, deviation, quantiles, linear, share, answer)
+
+
+# Middles of equal shares, by which the deviation of a range or a list is taken.
+_MIDDLES = (np.arange(10_000) + 0.5) / 10_000

@@ -1,0 +1,148 @@
+"""Many orbits of one machine over its parameters: asked for once, computed anywhere, kept as they come."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError, OrbitsError
+from ..model.machine import Machine, check_machine, free_parameters
+from ..symbolic import interrupts
+from .answer import Sweep
+from .designs import Members, members_of
+from .execute import chunks_of, solved_chunks
+from .question import LAUNCH_SPEED, Question, Table, empty_table, question_of
+from .show import on_screen
+from .store import Store
+
+# Parameters that every machine of two masses takes, also where they are 0 and none of the model's.
+DAMPING = ("damping", "drag", "rest_length")
+
+
+class Progress(NamedTuple):
+    """How far a sweep has come: members done and in all, how many of each status, seconds since it began, and an
+    estimate of the seconds left, None at the beginning."""
+
+    done: int
+    count: int
+    statuses: Mapping[str, int]
+    seconds: float
+    left: float | None
+
+
+def sweep(
+    machine: Machine,
+    over: Mapping[str, Any] | Sequence[str] | None = None,
+    samples: Any = None,
+    *,
+    sampling: str | None = None,
+    seed: int = 0,
+    family: int | Sequence[int] = 1,
+    quantities: Sequence[str] = (),
+    outcome: str = "find",
+    between: tuple[float, float] | None = None,
+    executor: Any = None,
+    workers: int | None = None,
+    client: Any = None,
+    store: str | Path | None = None,
+    fresh: bool = False,
+    progress: Callable[[Progress], None] | bool | None = None,
+) -> Sweep:
+    """The orbits of many machines that differ in some parameters.
+
+    machine : as in `find`, with `with_values`
+    over : names of parameters, mapped to a range (low, high) or (low, high, "log"), a list of values, or a frozen
+        distribution of `scipy.stats`; with a table of samples the names of its columns, None for all
+    samples : the number of members (1000), with "grid" that of the values of each range or a tuple of one for each
+        parameter (10); or a table with a column for each parameter: a DataFrame, a mapping of arrays or the name of a
+        CSV file
+    sampling : "grid", "sobol", "lhs" (Latin hypercube) or "random"; None is a grid for lists and for a tuple of samples,
+        else "sobol"
+    seed : of the sampling
+    family : one or several; every design is then asked for each
+    quantities : further columns: names as in `quantities`, or formulas of them and of the parameters
+    outcome : "find", the orbits; "map", the next launch, with a launch speed "alpha" among the parameters;
+        "fixed_points", those of the return map `between` two launch speeds
+    executor : None for this process, "processes" for `workers` processes (None: one for each core), or an executor of
+        `concurrent.futures`; `client` is one of Dask
+    store : an SQLite file that has every chunk of members as soon as it is done; a sweep that names it again goes on
+        where it ended, unless it is to be `fresh`
+    progress : called with a `Progress` after every chunk; True shows a line, and None does so on a terminal
+
+    A member does not depend on the others, nor on where it is computed: the answer is the same to the last bit.
+    Raises `InputError` that names what cannot be meant, before anything is computed.
+    """
+    check_machine(machine, "with_values")
+    allowed = [*free_parameters(machine), *(name for name in DAMPING if hasattr(machine, name))]
+    allowed = list(dict.fromkeys([*allowed, LAUNCH_SPEED] if outcome == "map" else allowed))
+    members = members_of(over, samples, sampling, seed, allowed)
+    _check_domain(machine, members)
+    question = question_of(machine, members, family, quantities, outcome, between)
+    if client is not None:
+        if executor is not None:
+            raise InputError("give executor or client, not both")
+        executor = client.get_executor()
+    show = on_screen(len(question), progress)
+    kept = None if store is None else Store(store, question, fresh)
+    return _computed(question, kept, executor, workers, show)
+
+
+def _check_domain(machine: Machine, members: Members) -> None:
+    """Raise `InputError` for a member whose parameters the machine cannot have."""
+    names = [name for name in members.names if name != LAUNCH_SPEED]
+    values = members.values[:, [members.names.index(name) for name in names]]
+
+    def refusal(row: np.ndarray) -> OrbitsError | None:
+        try:
+            machine.with_values(**dict(zip(names, row.tolist(), strict=True)))
+        except OrbitsError as error:
+            return error
+        return None
+
+    # Whatever lies between two sets of parameters that a machine can have, it can have too.
+    if not names or not (refusal(values.min(0)) or refusal(values.max(0))):
+        return
+    for i, row in enumerate(values):
+        interrupts.check()
+        if error := refusal(row):
+            raise InputError(f"member {i} of the sweep cannot be: {error}")
+
+
+def _computed(
+    question: Question, store: Store | None, executor: Any, workers: int | None, show: Callable[[Progress], None]
+) -> Sweep:
+    """The answer, with what a store has already."""
+    began, count = time.perf_counter(), len(question)
+    done = np.zeros(count, dtype=bool) if store is None else store.done()
+    table, statuses = empty_table(count, question.columns()) if store is None else None, dict[str, int]()
+    chunks, before = chunks_of(question, done), int(done.sum())
+    try:
+        with interrupts.deferred():
+            for part in solved_chunks(question, chunks, executor, workers):
+                if store is not None:
+                    store.write(part)
+                if table is not None:
+                    _put(table, part)
+                done[part.members] = True
+                for status, number in zip(*np.unique(part.columns["status"].astype(str), return_counts=True), strict=True):
+                    statuses[str(status)] = statuses.get(str(status), 0) + int(number)
+                now, seconds = int(done.sum()), time.perf_counter() - began
+                show(Progress(now, count, dict(statuses), seconds, (count - now) * seconds / max(now - before, 1)))
+        return Sweep.of(question, table if store is None else store.read())
+    except KeyboardInterrupt:
+        kept = "nothing is kept: name a store to keep what is done" if store is None else (
+            f"{int(done.sum())} of {count} members are in {store.path}: the same sweep with this store goes on from there"
+        )
+        raise KeyboardInterrupt(kept) from None
+    finally:
+        if store is not None:
+            store.close()
+
+
+def _put(table: Table, part: Table) -> None:
+    """Write the answers of some members into the table of all."""
+    table.members[part.members] = part.members
+    for name, column in part.columns.items():
+        table.columns[name][part.members] = column
