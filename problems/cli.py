@@ -23,6 +23,7 @@ Examples:
   orbits map --alpha 3:12:10000 --plot map.png         from launch speed to launch speed
   orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact on the way
   orbits optimize leg.toml --plot best.png             the best design, as [design] in the file asks
+  orbits sweep --spring cubic --over beta=0:1 --over mass_ratio=0.1:10:log --samples 1000 --output hops.csv
 
 \b
 Completion of commands and options by the shell, from a line in its start file:
@@ -231,6 +232,61 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
     options.write(found, as_json, save=save)
 
 
+@orbits.command(
+    "sweep",
+    epilog="\b\nExit code: 0 done, also where some members have no orbit; 1 where none has one, 2 bad input.",
+)
+@options.machine_options
+@click.option(
+    "--over",
+    multiple=True,
+    metavar="NAME=RANGE",
+    help="A parameter with its range LOW:HIGH or LOW:HIGH:log, values V1,V2,... or distribution norm(MEAN,SD); repeatable.",
+)
+@click.option("--from", "designs", metavar="FILE.csv", help="The members instead: a column for each parameter.")
+@click.option("--samples", type=int, metavar="N", help="Members; on a grid, values of each range.")
+@click.option("--sampling", metavar="WAY", help="grid, sobol, lhs or random; default: grid for values, else sobol.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the sampling.")
+@click.option("--family", "families", default="1", show_default=True, metavar="N1,N2,...", help="As in find.")
+@click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
+@click.option("--outcome", default="find", show_default=True, metavar="find|map|fixed_points", help="What is asked.")
+@click.option("--between", metavar="A:B", help="Launch speeds between which fixed points are looked for.")
+@click.option("--store", metavar="FILE", help="An SQLite file that has every member as soon as it is done.")
+@click.option("--resume", is_flag=True, help="Go on with the store, or begin it.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute.")
+@options.json_option
+@options.file_option("--output", "sweep", "Write the members: .csv, .nc, .parquet or .json.")
+@options.plot_option
+def sweep_command(
+    over: tuple[str, ...], designs: str | None, samples: int | None, sampling: str | None, seed: int, families: str,
+    quantities: str | None, outcome: str, between: str | None, store: str | None, resume: bool, workers: int | None,
+    as_json: bool, output: str | None, plot: str | None, **stated: Any,
+) -> None:  # fmt: skip
+    """Find the orbits of many machines, over ranges of their parameters."""
+    from orbits.errors import InputError
+    from orbits.plot import save_figure
+    from orbits.sweep.sweep import sweep
+
+    axes, table = options.swept_members(over, designs)
+    if table is not None and samples is not None:
+        raise InputError("--samples draws members; --from has them already")
+    if resume and store is None:
+        raise InputError("--resume goes on with a store: give --store FILE too")
+    machine = options.machine_of(**options.with_first_values(stated, axes, table))
+    answer = sweep(
+        machine, axes if table is None else None, samples if table is None else table, sampling=sampling, seed=seed,
+        family=options.numbers("--family", families, int), quantities=options.formulas(quantities), outcome=outcome,
+        between=None if between is None else tuple(options.numbers("--between", between, float, ":")),
+        executor=None if workers in (None, 1) else "processes", workers=None if workers == 1 else workers,
+        store=store, fresh=store is not None and not resume,
+    )  # fmt: skip
+    if plot is not None:
+        save_figure(answer.plot(), plot)
+    options.write(answer, as_json, save=output)
+    if not answer.found:
+        raise click.exceptions.Exit(1)
+
+
 def main() -> None:
     """Run the command; what goes wrong is one message and an exit code, never a traceback."""
     try:
@@ -240,8 +296,8 @@ def main() -> None:
         code = 0
     except click.ClickException as error:
         code = _failed(error.format_message(), error.exit_code)
-    except (click.Abort, KeyboardInterrupt):
-        code = _failed("interrupted", 130)
+    except (click.Abort, KeyboardInterrupt) as error:
+        code = _failed(": ".join(filter(None, ("interrupted", str(error)))), 130)
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has closed it
         code = 0

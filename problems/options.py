@@ -1,6 +1,7 @@
 """What the commands share: the options that describe a machine, its losses and the files to write."""
 
 import logging
+import re
 import sys
 import threading
 import time
@@ -67,6 +68,7 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
             if kind == "animation":
                 return str(check_animation(path))
             endings = {"document": DOCUMENTS, "front": (*DOCUMENTS, ".csv"), "figure": FIGURES, "family": ENDINGS}
+            endings["sweep"] = (".csv", ".nc", ".parquet", ".json")
             check_path(path, endings.get(kind, ENDINGS[:2]))
         return path
 
@@ -92,6 +94,85 @@ def write(
     if save is not None:
         result.save(save)
     click.echo(to_json(result.document()) if as_json else str(result))
+
+
+def numbers(option: str, text: str, kind: Callable, separator: str = ",") -> list:
+    """The numbers in an option's text; raises `InputError` for anything else."""
+    from orbits.errors import InputError
+
+    try:
+        return [kind(part) for part in text.split(separator)]
+    except ValueError:
+        raise InputError(f"{option} {text!r} is not a list of numbers, as 1{separator}2") from None
+
+
+def formulas(text: str | None) -> list[str]:
+    """The formulas in an option's text, which commas separate outside of parentheses."""
+    parts, depth = [""], 0
+    for letter in text or "":
+        depth += (letter == "(") - (letter == ")")
+        if letter == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts if part.strip()]
+
+
+def swept_members(over: Sequence[str], designs: str | None) -> tuple[dict[str, Any], dict[str, list[str]] | None]:
+    """What --over asks of each parameter, or the table that --from names; raises `InputError` for neither or both."""
+    from orbits.errors import InputError
+    from orbits.sweep.designs import read_designs
+
+    if bool(over) == (designs is not None):
+        raise InputError("a sweep is --over NAME=RANGE, repeatable, or --from FILE.csv")
+    axes: dict[str, Any] = {}
+    for text in over:
+        name, equals, stated = text.partition("=")
+        name = name.strip()
+        if not equals or not name.isidentifier():
+            raise InputError(f"--over {text!r} is not of the form NAME=LOW:HIGH")
+        if name in axes:
+            raise InputError(f"--over gives {name!r} twice")
+        axes[name] = _swept_axis(text, stated.strip())
+    return axes, None if designs is None else read_designs(designs)
+
+
+def _swept_axis(option: str, text: str) -> Any:
+    """The range, the values or the distribution that a text states."""
+    if found := re.fullmatch(r"norm\(([^,()]+),([^,()]+)\)", text):
+        from scipy.stats import norm
+
+        from orbits.errors import InputError
+
+        mean, deviation = numbers("--over", ",".join(found.groups()), float)
+        if not deviation > 0:
+            raise InputError(f"--over {option!r}: a standard deviation is above 0")
+        return norm(mean, deviation)
+    if ":" not in text:
+        return numbers("--over", text, float)
+    ends, colon, last = text.rpartition(":")
+    logarithmic = last == "log"
+    low, *high = numbers("--over", ends if logarithmic else text, float, ":")
+    if len(high) != 1:
+        from orbits.errors import InputError
+
+        raise InputError(f"--over {option!r} is not of the form NAME=LOW:HIGH or NAME=LOW:HIGH:log")
+    return (low, high[0], "log") if logarithmic else (low, high[0])
+
+
+def with_first_values(stated: dict[str, Any], axes: dict[str, Any], table: Any) -> dict[str, Any]:
+    """The options that state a machine, with a value for each swept parameter that has none, since a formula needs one."""
+    import numpy as np
+
+    from orbits.sweep.designs import axis_of
+
+    settings = list(stated.get("settings", ()))
+    known = {setting.partition("=")[0].strip() for setting in settings}
+    middle = {name: float(axis_of(name, axis).at(np.array([0.5]))[0]) for name, axis in axes.items()}
+    middle |= {name: values[0] for name, values in (table or {}).items() if values}
+    own = ("mass_ratio", "rest_length", "alpha", "damping", "drag")
+    settings += [f"{name}={value}" for name, value in middle.items() if name not in known and name not in own]
+    return {**stated, "settings": tuple(settings)}
 
 
 def launch_speeds(text: str) -> "np.ndarray":

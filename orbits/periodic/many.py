@@ -4,14 +4,14 @@ Each is found as `find` finds it, from its own guess, so that no answer depends 
 not lead to a certified orbit of the family at once, `find` is left to decide.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import NoOrbit
 from ..model.model import Model
-from ..model.units import Units
+from ..model.units import DIMENSIONS, Units
 from .certificate import Certificate, certify
 from .error_bound import error_bounds
 from .find import MAX_CORRECTION
@@ -107,6 +107,24 @@ def _certified(
     return Orbits(which[kept], cycles, certificates)
 
 
-def numbers_of(model: Model, orbits: Orbits, units: Units | None) -> Mapping[str, np.ndarray]:
-    """Quantities (k,) of the orbits by name, NaN where one has none; in SI where units (k,) are given."""
-    raise NotImplementedError
+# Quantities that orbits have which are found together, as in `orbits.quantities`.
+NUMBERS = (
+    *("alpha", "flight_time", "contact_time", "period", "liftoff_extension", "error", "clearance"),
+    *("smallest_separation", "smallest_contact_force", "largest_contact_force", "landing_jerk", "loss_coefficient"),
+)
+
+
+def numbers_of(model: Model, orbits: Orbits, units: Units | None) -> dict[str, np.ndarray]:
+    """The quantities `NUMBERS` (k,) of orbits, NaN where one has none; in SI by units that are arrays (k,)."""
+    cycles, found = orbits.cycles, dict[str, np.ndarray]()
+    found["alpha"], found["liftoff_extension"] = cycles.u["alpha"], cycles.u["liftoff"]
+    found["flight_time"], contact = cycles.flight_times, cycles.contact_times
+    found["contact_time"] = np.where(np.isfinite(contact), contact, np.nan)
+    found["period"] = found["flight_time"] + found["contact_time"]
+    for name in NUMBERS:
+        if name not in found:
+            values = [getattr(certificate, name) for certificate in orbits.certificates]
+            found[name] = np.array(values, dtype=float)  # None is NaN
+    if units:
+        found = {name: values * units.of(DIMENSIONS[name]) for name, values in found.items()}
+    return found

@@ -137,6 +137,12 @@ class Sweep:
         document |= {"units": self.units} if self.units else {}
         return {**document, "members": list(self.rows())}
 
+    @property
+    def found(self) -> int:
+        """The number of members that have what was asked for."""
+        first = self.columns[self.numbers[0]]
+        return int(np.isfinite(first).sum())
+
     def known_statuses(self) -> tuple[str, ...]:
         """The statuses that are told also where no member has them."""
         return ("certified", "inadmissible", "no orbit", "failed") if self.about["outcome"] == "find" else ()

@@ -151,7 +151,7 @@ def _shares(sampling: str, count: int, dimensions: int, seed: int) -> np.ndarray
 def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[str]) -> Members:
     """The members that a DataFrame, a mapping of arrays or a CSV file states; all columns where none are `wanted`."""
     if isinstance(table, str | Path):
-        columns = read_file(table, f"{table} is no table of designs", _csv_columns, LARGEST_TABLE)
+        columns = read_designs(table)
     elif isinstance(table, Mapping) or hasattr(table, "columns"):
         columns = {str(name): table[name] for name in table}
     else:
@@ -167,6 +167,11 @@ def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[st
         lengths = ", ".join(f"{name} {len(array)}" for name, array in zip(names, arrays, strict=True))
         raise InputError(f"the columns of samples have different lengths: {lengths}")
     return _checked(Members(names, np.column_stack(arrays)))
+
+
+def read_designs(path: str | Path) -> dict[str, list[str]]:
+    """The columns of a CSV file by name; raises `InputError` for a file that is no table."""
+    return read_file(path, f"{path} is no table of designs", _csv_columns, LARGEST_TABLE)
 
 
 def _csv_columns(file: BinaryIO) -> dict[str, list[str]]:

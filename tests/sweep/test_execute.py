@@ -1,0 +1,101 @@
+"""Sweeps by workers: the same answer to the last bit, whoever computes it and whatever dies on the way."""
+
+import multiprocessing
+import os
+import signal
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import pytest
+
+from orbits.errors import InputError
+from orbits.sweep.question import CHUNK
+from orbits.sweep.sweep import sweep
+from problems import Hopper
+
+OVER = {"beta": (0.0, 0.5), "mass_ratio": (0.5, 2.0)}
+DEADLY = 0.125
+
+
+@dataclass(frozen=True, repr=False)
+class DeadlyHopper(Hopper):
+    """A hopper that kills its process, if that is a worker, where beta has a certain value."""
+
+    def with_values(self, **values: float) -> Self:
+        if values.get("beta") == DEADLY and multiprocessing.parent_process() is not None:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().with_values(**values)
+
+
+def assert_same(one, other):
+    assert one.index.tolist() == other.index.tolist()
+    for name, column in one.columns.items():
+        np.testing.assert_array_equal(column, other.columns[name], err_msg=name)
+
+
+def test_workers_give_the_same_bits():
+    alone = sweep(Hopper("cubic"), OVER, 2 * CHUNK + 50)
+    for options in ({"executor": "processes", "workers": 2}, {"executor": ThreadPoolExecutor(2)}):
+        assert_same(alone, sweep(Hopper("cubic"), OVER, 2 * CHUNK + 50, **options))
+    assert alone.statuses() == {"certified": 2 * CHUNK + 50}
+
+
+def test_a_member_does_not_depend_on_the_others():
+    whole = sweep(Hopper("cubic"), OVER, 300)
+    order = np.random.default_rng(0).permutation(300)[:170]
+    table = {name: whole[name][order] for name in OVER}
+    part = sweep(Hopper("cubic"), None, table)
+    for name, column in part.columns.items():
+        np.testing.assert_array_equal(column, whole.columns[name][order], err_msg=name)
+
+
+def test_a_member_that_kills_its_workers_has_failed_and_no_other():
+    table = {"beta": [*np.linspace(0.01, 0.1, 5), DEADLY, *np.linspace(0.15, 0.3, 4)]}
+    found = sweep(DeadlyHopper("cubic"), None, table, quantities=["stroke"], executor="processes", workers=2)
+    assert found.statuses() == {"certified": 9, "failed": 1}
+    assert found["status"][5] == "failed"
+    assert found["reason"][5] == "it crashed its worker 3 times"
+    assert found["beta"][5] == DEADLY
+    assert np.isnan(found["alpha"][5])
+    table["beta"].remove(DEADLY)
+    expected = sweep(Hopper("cubic"), None, table, quantities=["stroke"])
+    np.testing.assert_array_equal(np.delete(found["stroke"], 5), expected["stroke"])
+
+
+def test_a_worker_that_is_killed_costs_a_retry(tmp_path):
+    killed = []
+
+    def kill_once(state):
+        if not killed:
+            (victim, *_) = multiprocessing.active_children()
+            killed.append(victim.pid)
+            os.kill(victim.pid, signal.SIGKILL)
+
+    options = {"executor": "processes", "workers": 2, "store": tmp_path / "study.db", "progress": kill_once}
+    found = sweep(Hopper("cubic"), OVER, 6 * CHUNK, **options)
+    assert killed
+    assert_same(found, sweep(Hopper("cubic"), OVER, 6 * CHUNK))
+
+
+def test_what_cannot_be_sent_is_refused():
+    @dataclass(frozen=True, repr=False)
+    class Local(Hopper):
+        pass
+
+    with pytest.raises(InputError, match="cannot be sent to other processes.*cloudpickle"):
+        sweep(Local("cubic"), OVER, 10, executor="processes")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"executor": "threads"}, "executor = 'threads'"),
+        ({"workers": 2}, "executor='processes'"),
+        ({"executor": "processes", "workers": 0}, "workers = 0"),
+    ],
+)
+def test_executors_that_are_none(options, said):
+    with pytest.raises(InputError, match=said):
+        sweep(Hopper("cubic"), OVER, 10, **options)

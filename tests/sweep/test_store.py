@@ -1,0 +1,170 @@
+"""The store: what is acknowledged stays, whatever happens; what is no store of this question is refused untouched."""
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+
+from orbits.errors import InputError
+from orbits.sweep.designs import members_of
+from orbits.sweep.members import failed_table
+from orbits.sweep.question import Question, question_of
+from orbits.sweep.store import STORE_FORMAT, Store, question_in, read_store
+from problems import Hopper
+
+MACHINE = Hopper("cubic")
+
+
+def asked(count: int = 600, **options) -> Question:
+    members = members_of({"beta": (0.0, 1.0)}, count, "sobol", 0, ["beta"])
+    return question_of(MACHINE, members, options.get("family", 1), options.get("quantities", ()), "find", None)
+
+
+def table_of(question: Question, members) -> object:
+    """Some members as failed ones, with numbers to recognise."""
+    table = failed_table(question, np.asarray(members), "a reason with 'quotes' and \u03b1")
+    table.columns["alpha"][:] = np.asarray(members) / 3
+    return table
+
+
+def test_what_is_written_is_read_to_the_last_bit(tmp_path):
+    question, path = asked(quantities=("period", "alpha/2")), tmp_path / "study.db"
+    store = Store(path, question)
+    store.write(table_of(question, [5, 7]))
+    store.write(table_of(question, range(100, 600)))
+    store.close()
+    again = Store(path, question)
+    assert np.flatnonzero(again.done()).tolist() == [5, 7, *range(100, 600)]
+    found, expected = again.read(), table_of(question, [5, 7, *range(100, 600)])
+    again.close()
+    assert found.members.tolist() == expected.members.tolist()
+    for name, column in expected.columns.items():
+        np.testing.assert_array_equal(found.columns[name], column, err_msg=name)
+
+
+def test_it_is_read_while_it_is_written(tmp_path):
+    question, path = asked(), tmp_path / "study.db"
+    store = Store(path, question)
+    store.write(table_of(question, [1]))
+    assert read_store(path, question.columns()).members.tolist() == [1]
+    store.write(table_of(question, [2]))
+    assert read_store(path, question.columns()).members.tolist() == [1, 2]
+    store.close()
+
+
+def test_another_question_is_refused_and_both_are_named(tmp_path):
+    path = tmp_path / "study.db"
+    Store(path, asked()).close()
+    before = path.read_bytes()
+    for other, said in (
+        (asked(601), "members is 600, and 601"),
+        (asked(family=2), r"families is \[1\], and \[2\]"),
+        (asked(quantities=("stroke",)), r"quantities is \[\], and"),
+    ):
+        with pytest.raises(InputError, match=said):
+            Store(path, other)
+    with pytest.raises(InputError, match="exists"):
+        Store(path, asked(), fresh=True)
+    assert path.read_bytes() == before
+
+
+def test_another_version_is_refused(tmp_path):
+    path = tmp_path / "study.db"
+    Store(path, asked()).close()
+    connection = sqlite3.connect(path)
+    with connection:
+        connection.execute("UPDATE question SET format = 'persistent-orbits sweep 9'")
+    connection.close()
+    with pytest.raises(InputError, match=rf"sweep 9.*{STORE_FORMAT}"):
+        Store(path, asked())
+
+
+@pytest.mark.parametrize("content", [b"no database at all, but some text", b"SQLite format 3\x00" + bytes(4000)])
+def test_a_file_that_is_no_store_is_refused_untouched(tmp_path, content):
+    path = tmp_path / "study.db"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="is no store"):
+        Store(path, asked())
+    assert path.read_bytes() == content
+
+
+def test_a_database_of_something_else_is_refused(tmp_path):
+    path = tmp_path / "other.db"
+    connection = sqlite3.connect(path)
+    connection.execute("CREATE TABLE songs (name TEXT)")
+    connection.commit()
+    connection.close()
+    with pytest.raises(InputError, match="is no store"):
+        Store(path, asked())
+
+
+def test_a_spoilt_store_is_refused_untouched(tmp_path):
+    question, path = asked(), tmp_path / "study.db"
+    store = Store(path, question)
+    store.write(table_of(question, range(600)))
+    store.close()
+    content = bytearray(path.read_bytes())
+    content[8192:16384] = os.urandom(8192)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"is spoilt|is no store"):
+        Store(path, question)
+    assert path.read_bytes() == content
+
+
+def test_a_folder_that_is_not_there_and_a_file_that_cannot_be_written(tmp_path):
+    with pytest.raises(InputError, match="no folder"):
+        Store(tmp_path / "nowhere" / "study.db", asked())
+    question, path = asked(), tmp_path / "study.db"
+    store = Store(path, question)
+    store.write(table_of(question, [3]))
+    store.connection.execute("PRAGMA query_only=ON")
+    with pytest.raises(InputError, match=r"study\.db cannot be written: .*readonly"):
+        store.write(table_of(question, [4]))
+    store.close()
+    assert read_store(path, question.columns()).members.tolist() == [3]
+
+
+def test_a_full_disk_is_said_and_loses_nothing(tmp_path):
+    question, path = asked(), tmp_path / "study.db"
+    store = Store(path, question)
+    store.write(table_of(question, range(100)))
+    (pages,) = store.connection.execute("PRAGMA page_count").fetchone()
+    store.connection.execute(f"PRAGMA max_page_count={pages}")
+    with pytest.raises(InputError, match=r"study\.db cannot be written: .*full"):
+        store.write(table_of(question, range(100, 600)))
+    store.close()
+    assert read_store(path, question.columns()).members.tolist() == list(range(100))
+
+
+WRITER = """
+    import sys
+    from tests.sweep.test_store import asked, table_of
+    from orbits.sweep.store import Store
+    question = asked()
+    store = Store(sys.argv[1], question)
+    for member in range(int(store.done().sum()), 600):
+        store.write(table_of(question, [member]))
+        print(member, flush=True)
+"""
+
+
+@pytest.mark.parametrize("kills", [3])
+def test_nothing_that_was_acknowledged_is_lost_in_a_kill(tmp_path, kills):
+    path, generator = tmp_path / "study.db", np.random.default_rng(0)
+    for _ in range(kills):
+        writer = subprocess.Popen(
+            [sys.executable, "-c", textwrap.dedent(WRITER), str(path)], stdout=subprocess.PIPE, text=True
+        )
+        assert writer.stdout is not None
+        acknowledged = [int(writer.stdout.readline()) for _ in range(int(generator.integers(2, 60)))]
+        writer.send_signal(signal.SIGKILL)
+        rest, _ = writer.communicate()
+        acknowledged += [int(line) for line in rest.split("\n")[:-1]]
+        found = read_store(path, asked().columns())
+        assert set(range(max(acknowledged) + 1)) <= set(found.members.tolist())
+    assert question_in(path)["members"] == 600

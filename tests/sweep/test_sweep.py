@@ -1,0 +1,204 @@
+"""Sweeps against `find`, one member after the other, and their answers as tables, statistics and figures."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from orbits import InputError, NoOrbit, find, quantities
+from orbits.sweep.answer import Sweep
+from orbits.sweep.sweep import sweep
+from problems import Hopper, Juggler, hopper_in_si
+
+LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
+GRAVITY = Hopper("cubic", "1/(1 + z/R)**2", rest_length=15.0, parameters={"R": 200.0})
+CASES = {
+    "cubic": (Hopper("cubic", rest_length=9.0), {"beta": (0.0, 1.0), "mass_ratio": (0.2, 5.0, "log")}, 1),
+    "family 3": (Hopper("cubic"), {"beta": (0.0, 0.2)}, 3),
+    "softening": (Hopper("cubic", rest_length=20.0), {"beta": (-0.02, 0.01)}, 1),
+    "linear": (Hopper(), {"mass_ratio": (0.1, 10.0, "log"), "rest_length": (3.0, 12.0)}, 2),
+    "juggler": (Juggler("sinh", parameters={"b": 0.3}), {"b": (0.01, 0.6), "mass_ratio": (0.5, 2.0)}, 1),
+    "varying gravity": (GRAVITY, {"R": (60.0, 400.0), "beta": (0.0, 0.5)}, 1),
+    "saturating": (Hopper("tanh(b*r)/b + c*r", parameters={"b": 0.2, "c": 0.0}), {"b": (0.1, 0.8), "c": (0.0, 0.05)}, 1),
+    "SI": (LEG, {"k": (2000.0, 20000.0), "b": (0.0, 4e6), "body_mass": (40.0, 90.0)}, 1),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_member_is_what_find_finds(case):
+    machine, over, family = CASES[case]
+    names = ["loss_coefficient", "smallest_separation", "contact_time/flight_time"]
+    asked = names if machine.rest_length else [names[0], names[2]]
+    found = sweep(machine, over, 40, sampling="sobol", family=family, quantities=asked)
+    assert len(found) == 40
+    for i in range(40):
+        try:
+            orbit = find(machine.with_values(**{name: float(found[name][i]) for name in over}), family)
+        except NoOrbit as error:
+            assert found["status"][i] == "no orbit"
+            assert found["reason"][i] == str(error)
+            assert np.isnan(found["alpha"][i])
+            continue
+        assert abs(found["alpha"][i] - orbit.alpha) <= found["error"][i] + orbit.error
+        assert found["flight_time"][i] == pytest.approx(orbit.flight_time, rel=1e-11)
+        assert found["status"][i] == ("certified" if orbit.admissible else "inadmissible")
+        assert (found["reason"][i] == "") == orbit.admissible
+        assert found["family"][i] == family
+        assert found["loss_coefficient"][i] == pytest.approx(orbit.certificate.loss_coefficient, rel=1e-8)
+        if orbit.contact_time:
+            assert found[names[2]][i] == pytest.approx(orbit.contact_time / orbit.flight_time, rel=1e-11)
+        if machine.rest_length:
+            assert found["smallest_separation"][i] == pytest.approx(orbit.certificate.smallest_separation, rel=1e-10)
+
+
+def test_quantities_are_those_of_quantities():
+    names = ["stroke", "largest_spring_force", "centre_of_mass_rise", "landing_sensitivity", "period", "beta*stroke**2"]
+    found = sweep(CASES["cubic"][0], CASES["cubic"][1], 6, quantities=names)
+    for i in range(6):
+        machine = CASES["cubic"][0].with_values(**{name: float(found[name][i]) for name in CASES["cubic"][1]})
+        expected = quantities(machine, find(machine), names)
+        for name in names:
+            assert found[name][i] == pytest.approx(expected[name], rel=1e-9), name
+
+
+def test_members_without_an_orbit_say_why():
+    found = sweep(Hopper("cubic", rest_length=30.0), {"beta": [0.0, -0.01, -0.05]})
+    assert found["status"].tolist() == ["certified", "certified", "no orbit"]
+    assert "no lossless orbit" in found["reason"][2]
+    assert np.isnan(found["alpha"][2])
+
+
+def test_several_families_are_members_of_their_own():
+    found = sweep(Hopper("cubic"), {"beta": [0.0, 0.1]}, family=[1, 2])
+    assert found["family"].tolist() == [1, 2, 1, 2]
+    assert found["beta"].tolist() == [0, 0, 0.1, 0.1]
+    assert found.count == 4
+    assert found.orbit(3).family == 2
+
+
+def test_the_return_map_is_swept():
+    from orbits import ReturnMap
+
+    found = sweep(Hopper(), {"alpha": (4.0, 6.0), "restitution": [0.0]} if False else {"alpha": (4.0, 6.0)}, 50, outcome="map")
+    hops = ReturnMap(Hopper())(found["alpha"])
+    np.testing.assert_array_equal(found["next"], hops.next)
+    assert found["status"].tolist() == hops.status.tolist()
+
+
+def test_fixed_points_are_swept():
+    found = sweep(Hopper(), {"mass_ratio": [0.5, 1.0]}, outcome="fixed_points", between=(4.0, 5.0))
+    assert found["count"].tolist() == [1, 1]
+    assert found["alpha"][1] == pytest.approx(4.493409457909064, rel=1e-12)
+
+
+def test_an_orbit_comes_back():
+    found = sweep(LEG, {"k": [8000.0, 9000.0]})
+    orbit = found.orbit(1)
+    assert orbit.alpha == pytest.approx(found["alpha"][1], rel=1e-13)
+    assert orbit.units is not None
+    with pytest.raises(InputError, match="no member 2"):
+        found.orbit(2)
+
+
+def test_a_store_is_gone_on_with_and_read(tmp_path):
+    path, over = tmp_path / "study.db", {"beta": (0.0, 0.5)}
+    machine, states = Hopper("cubic"), []
+
+    def stop(state):
+        states.append(state)
+        if len(states) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match=r"512 of 700 members are in .*study\.db"):
+        sweep(machine, over, 700, store=path, progress=stop)
+    assert len(Sweep.load(path)) == 512
+    later = []
+    found = sweep(machine, over, 700, store=path, progress=later.append)
+    assert [state.done for state in later] == [700]
+    expected = sweep(machine, over, 700)
+    for name, column in expected.columns.items():
+        np.testing.assert_array_equal(found.columns[name], column, err_msg=name)
+    loaded = Sweep.load(path, machine)
+    assert loaded.orbit(3).alpha == pytest.approx(found["alpha"][3], rel=1e-13)
+    with pytest.raises(InputError, match="machine="):
+        Sweep.load(path).orbit(3)
+    with pytest.raises(InputError, match="another machine"):
+        Sweep.load(path, Juggler())
+
+
+def test_the_document_tells_everything_and_no_time():
+    found = sweep(Hopper("cubic", rest_length=30.0), {"beta": [0.0, -0.05]}, quantities=["period"])
+    document = json.loads(json.dumps(found.document()))
+    assert document["parameters"] == ["beta"]
+    assert document["count"] == 2
+    assert document["status"] == {"certified": 1, "inadmissible": 0, "no orbit": 1, "failed": 0}
+    first, second = document["members"]
+    assert list(first) == ["index", "beta", "alpha", "flight_time", "error", "family", "period", "status", "reason"]
+    assert first["family"] == 1
+    assert second["alpha"] is None
+    assert second["status"] == "no orbit"
+
+
+def test_datasets_frames_and_files(tmp_path):
+    xarray, pandas = pytest.importorskip("xarray"), pytest.importorskip("pandas")
+    found = sweep(LEG, {"k": (5000.0, 9000.0), "body_mass": [50.0, 60.0, 70.0]}, (4, 3), sampling="grid")
+    data = found.dataset
+    assert data["alpha"].dims == ("k", "body_mass")
+    assert data["alpha"].shape == (4, 3)
+    assert data["alpha"].attrs["units"] == "m/s"
+    assert data["k"].attrs["units"] == "N/m"
+    assert float(data["alpha"].sel(k=9000.0, body_mass=60.0)) == found["alpha"][found.index[-2]]
+    frame = found.dataframe()
+    assert list(frame.columns) == list(found.columns)
+    assert isinstance(frame, pandas.DataFrame)
+    found.save(tmp_path / "leg.nc")
+    with xarray.open_dataset(tmp_path / "leg.nc") as again:
+        np.testing.assert_array_equal(again["alpha"], data["alpha"])
+    found.save(tmp_path / "leg.csv")
+    table = pandas.read_csv(tmp_path / "leg.csv", float_precision="round_trip")
+    assert table["alpha (m/s)"].tolist() == found["alpha"].tolist()
+    cloud = sweep(Hopper("cubic"), {"beta": (0.0, 1.0)}, 8).dataset
+    assert cloud["alpha"].dims == ("member",)
+
+
+def test_a_summary_and_a_table_in_words():
+    found = sweep(Hopper("cubic", rest_length=30.0), {"beta": (-0.02, 0.02)}, 64)
+    told = found.summary()
+    assert sum(told["status"].values()) == told["count"] == 64
+    assert told["quantiles"]["alpha"]["50%"] == pytest.approx(np.nanmedian(found["alpha"]))
+    assert "certified" in str(found)
+    assert "alpha" in str(found)
+
+
+@pytest.mark.parametrize("over", [{"beta": (-0.02, 0.1)}, {"beta": (-0.02, 0.1), "mass_ratio": (0.5, 2.0)},
+                                  {"beta": (0.0, 0.1), "mass_ratio": (0.5, 2.0), "rest_length": (6.0, 9.0)}])  # fmt: skip
+@pytest.mark.parametrize("sampling", ["grid", "sobol"])
+def test_figures(over, sampling, tmp_path):
+    from orbits.plot import save_figure
+
+    found = sweep(Hopper("cubic", rest_length=8.0), over, 5 if sampling == "grid" else 30, sampling=sampling)
+    axes = found.plot("flight_time")
+    save_figure(np.ravel(axes)[0], tmp_path / "sweep.png")
+    assert (tmp_path / "sweep.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "said"),
+    [
+        (({"beta": (0, 1)}, 5), {"family": 0}, "family = 0"),
+        (({"beta": (0, 1)}, 5), {"family": [1, 1]}, "different"),
+        (({"beta": (0, 1)}, 5), {"quantities": "period"}, "are a list"),
+        (({"beta": (0, 1)}, 5), {"quantities": ["perod"]}, "unknown quantity 'perod'"),
+        (({"beta": (0, 1)}, 5), {"quantities": ["alpha"]}, "column of every answer"),
+        (({"beta": (0, 1)}, 5), {"outcome": "hop"}, "outcome = 'hop'"),
+        (({"beta": (0, 1)}, 5), {"outcome": "map"}, "a launch speed"),
+        (({"beta": (0, 1)}, 5), {"outcome": "fixed_points"}, "between"),
+        (({"beta": (0, 1)}, 5), {"between": (4, 5)}, "between"),
+        (({"mass_ratio": (-1.0, 1.0)}, 5), {}, "mass_ratio"),
+        (({"mass_ratio": norm(1.0, 1.0)}, 50), {}, "member .* mass_ratio"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused_at_once(arguments, options, said):
+    with pytest.raises(InputError, match=said):
+        sweep(Hopper("cubic"), *arguments, **options)
