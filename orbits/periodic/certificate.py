@@ -167,8 +167,14 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
 def count_families(model: Model, halves: Trajectories, per_flight: int) -> list[int]:
     """The families of flights: the stationary points of the extension after lift-off up to and with mid-flight, less
     one; `per_flight` of the halves belong to each flight."""
-    owner, piece, t = halves.pile(derivative(halves.series(model.extension))).roots()
-    inside = halves.time(owner, piece, t) < halves.ends[owner] * (1 - MIDDLE)  # the root left out is mid-flight
+    speed = derivative(halves.series(model.extension))
+    owner, piece, t = halves.pile(speed).roots()
+    last, h = speed[halves.last], halves.steps[halves.last]
+    rest, rate = np.abs(evaluate(last, h)), np.abs(evaluate(derivative(last), h))
+    # The root left out is mid-flight itself, which rounding moves where the motion nearly hangs there.
+    moved = np.divide(2 * rest, rate, out=np.zeros(len(h)), where=rate * h > 2 * rest)
+    middle = np.maximum(moved, MIDDLE * halves.ends)
+    inside = halves.time(owner, piece, t) < (halves.ends - middle)[owner]
     turns = np.bincount(owner[inside] // per_flight, minlength=len(halves) // per_flight)
     return (turns // per_flight).tolist()
 
