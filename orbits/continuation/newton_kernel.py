@@ -55,6 +55,8 @@ class NewtonKernel:
         steps = (taylor_step(*shape, order) for order in (NEWTON_ORDER, TAYLOR_ORDER))
         roughly, exactly = (motion_function(step, self.flow.size) for step in steps)
         self.solving, self.recording = Kernel(self._solving(roughly)), Kernel(self._recording(exactly))
+        for kernel in (self.solving, self.recording):  # A use of one of them is mostly one of the other, too.
+            kernel.interpretation_budget /= 2
 
     def __call__(
         self, xs: Array, rows: Array, levels: Array, units: Array, ps: Array, least: int, record: bool
