@@ -1,7 +1,4 @@
-"""Newton's method for many points of a curve at once: in each lane the motions, their closing and the steps.
-
-The motions of the solutions are then followed once more, with sensitivities that are as exact as the states.
-"""
+"""Newton's method for many points of a curve at once: in each lane the motions, their closing and the steps."""
 
 from typing import NamedTuple
 
@@ -18,11 +15,11 @@ from ..symbolic.kernels import Kernel
 
 # Newton steps of a corrector that converges, with some to spare.
 MOST_NEWTON_STEPS = 8
-# Order of the series of sensitivities in Newton's method, which give them to about ten digits: a Newton step, which is
-# small, needs no more, and they take a third of the instructions.
-NEWTON_ORDER = 16
-# What a lane is doing: it takes Newton steps, has solved the equations, or has failed.
-SOLVING, DONE, FAILED = 0, 1, -1
+# Order of the series of the sensitivities, which gives them ten digits and takes half the instructions. Newton's method
+# and the errors of its solutions need no more.
+SENSITIVITY_ORDER = 16
+# What a lane is doing: it takes Newton steps, follows the solution to record it, has done so, or has failed.
+SOLVING, RECORDING, DONE, FAILED = 0, 1, 2, -1
 
 
 class Solutions(NamedTuple):
@@ -41,8 +38,9 @@ class NewtonKernel:
 
     Steps of the motion are iterated; where one ends, the next Newton step begins another motion. The argument z holds
     the point X = (u, value), the direction of the curve, the last relative step, the growth of a small change, the
-    number of Newton steps, what the lane is doing, and the argument of the motion. The data are the row, the level,
-    what is one unit of each component of X, the parameters, and the least number of Newton steps.
+    number of Newton steps, what the lane is doing, the duration, and the argument of the motion. The data are the row,
+    the level, what is one unit of each component of X, the parameters, the least number of Newton steps, and whether to
+    record the motion of the solution.
     """
 
     def __init__(self, equations: Shooting, along: str):
@@ -50,89 +48,75 @@ class NewtonKernel:
         self.size, self.place = equations.size + 1, equations.parameters.index(along)
         ((self.seeds, parameter_seeds),) = equations.seeds((along,))[3]
         used = np.flatnonzero(parameter_seeds.any(1))
-        self.parameter_seeds = parameter_seeds[used].T.ravel()
-        shape = self.flow.vector_field, self.seeds.shape[1], tuple(used.tolist())
-        steps = (taylor_step(*shape, order) for order in (NEWTON_ORDER, TAYLOR_ORDER))
-        roughly, exactly = (motion_function(step, self.flow.size) for step in steps)
-        self.solving, self.recording = Kernel(self._solving(roughly)), Kernel(self._recording(exactly))
-        for kernel in (self.solving, self.recording):  # A use of one of them is mostly one of the other, too.
-            kernel.interpretation_budget /= 2
+        varied = self.seeds.shape[1], tuple(used.tolist())
+        step = taylor_step(self.flow.vector_field, *varied, SENSITIVITY_ORDER)
+        self.kernel = Kernel(self._function(motion_function(step, self.flow.size), parameter_seeds[used]))
 
     def __call__(
         self, xs: Array, rows: Array, levels: Array, units: Array, ps: Array, least: int, record: bool
     ) -> Solutions | None:
         """The solutions near points xs (m, n + 1) with parameters (m, np) where rows . X = levels, by at least so many
         Newton steps; None where one of them has to be solved for by itself."""
-        n = self.size
-        z = np.zeros((len(xs), 2 * n + 4))
-        z[:, :n], z[:, 2 * n] = xs, np.inf
-        data = np.hstack([rows, levels[:, None], units, ps, np.full((len(xs), 1), least)])
-        z, *_ = self.solving(np.hstack([z, self._motions(xs, ps)]), data)
-        if (z[:, 2 * n + 3] != DONE).any():
+        n, control = self.size, self.flow.control
+        states, columns = self.seeds.shape
+        state, sensitivities = slice(2 * n + 5, 2 * n + 5 + states), slice(2 * n + 5 + states, -2)
+        begin = self.equations.beginnings[0](xs[:, :-1], xs[:, :0], ps)[0][:, :, 0]
+        z = np.zeros((len(xs), self.kernel.sizes_in[0]))
+        z[:, :n], z[:, 2 * n], z[:, 2 * n + 4], z[:, state] = xs, np.inf, begin[:, -1], begin[:, :-1]
+        z[:, sensitivities], z[:, -2], z[:, -1] = self.seeds.T.ravel(), begin[:, -1], LONGEST_STEP
+        data = np.hstack([rows, levels[:, None], units, ps, np.full((len(xs), 2), (least, record))])
+        z, (c, before, steps), counts, _ = self.kernel(z, data, most=control.max_block)
+        xs, directions, growths, ends = z[:, :n], z[:, n : 2 * n], z[:, 2 * n + 1], z[:, state]
+        if (z[:, 2 * n + 3] != DONE).any() or not np.abs(ends).max() <= control.runaway:
             return None
-        xs, directions, growths = z[:, :n], z[:, n : 2 * n], z[:, 2 * n + 1]
         if not record:
             return Solutions(xs, directions, growths, None)
-        evaluation = self._evaluation(xs, np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]]))
-        return Solutions(xs, directions, growths, evaluation) if evaluation else None
-
-    def _motions(self, xs: Array, ps: Array) -> Array:
-        """The arguments of motions from points (m, n + 1) with parameters (m, np)."""
-        begin = self.equations.beginnings[0](xs[:, :-1], xs[:, :0], ps)[0][:, :, 0]
-        seeds, longest = np.tile(self.seeds.T.ravel(), (len(xs), 1)), np.full((len(xs), 1), LONGEST_STEP)
-        return np.hstack([begin[:, :-1], seeds, begin[:, -1:], longest])
-
-    def _evaluation(self, xs: Array, ps: Array) -> Evaluation | None:
-        """The equations at points (m, n + 1) with parameters (m, np); None where one has to be followed by itself."""
-        (states, columns), control, begin = self.seeds.shape, self.flow.control, self._motions(xs, ps)
-        z, (c, before, steps), counts, _ = self.recording(begin, ps, most=control.max_block)
-        begins, ends = begins_of_steps(steps[:, 0], counts), z[:, :states]
-        vanishing = steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)
-        if vanishing.any() or not (z[:, -2] == 0).all() or not np.abs(ends).max() <= control.runaway:
+        begins = begins_of_steps(steps[:, 0], counts)
+        if (steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)).any():
             return None
         variations = before.reshape(-1, columns, states, 1).swapaxes(1, 2)
         c = c.reshape(len(c), -1, TAYLOR_ORDER + 1)
-        motions = Trajectories(begins, begin[:, -2], c, counts, self.flow.names, variations)
-        transitions = z[:, states:-2].reshape(-1, columns, states).swapaxes(1, 2)
-        return self.equations.closed(xs[:, :-1], ps, (self.along,), [(motions, ends, transitions)])
+        motions = Trajectories(begins, z[:, 2 * n + 4], c, counts, self.flow.names, variations)
+        transitions = z[:, sensitivities].reshape(-1, columns, states).swapaxes(1, 2)
+        ps = np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]])
+        evaluation = self.equations.closed(xs[:, :-1], ps, (self.along,), [(motions, ends, transitions)])
+        return Solutions(xs, directions, growths, evaluation)
 
-    def _recording(self, motion_function: ca.Function) -> ca.Function:
-        """What is iterated to follow the motions of solutions, with the sensitivities before each step recorded."""
-        z, p = ca.MX.sym("z", motion_function.numel_in(0)), ca.MX.sym("p", len(self.equations.parameters))
-        after, c, _, length, accepted, goes = motion_function(z, ca.vertcat(p, self.parameter_seeds))
-        return ca.Function("record", [z, p], [after, c, z[self.flow.size : -2], length, accepted, goes])
-
-    def _solving(self, motion_function: ca.Function) -> ca.Function:
-        """What is iterated to solve the equations."""
+    def _function(self, motion_function: ca.Function, parameter_seeds: Array) -> ca.Function:
+        """What the kernel iterates."""
         n, (states, columns), count = self.size, self.seeds.shape, len(self.equations.parameters)
-        widths, given = (n, n, 1, 1, 1, 1, motion_function.numel_in(0)), (n, 1, n, count, 1)
+        widths, given = (n, n, 1, 1, 1, 1, 1, motion_function.numel_in(0)), (n, 1, n, count, 1, 1)
         z, data = ca.MX.sym("z", sum(widths)), ca.MX.sym("data", sum(given))
-        x, _, last, _, taken, _, motion = ca.vertsplit(z, np.cumsum([0, *widths]).tolist())
-        row, level, unit, p, least = ca.vertsplit(data, np.cumsum([0, *given]).tolist())
+        x, _, last, _, taken, doing, duration, motion = ca.vertsplit(z, np.cumsum([0, *widths]).tolist())
+        row, level, unit, p, *options = ca.vertsplit(data, np.cumsum([0, *given]).tolist())
         parameters = ca.vertsplit(p)
 
         def parameters_at(point: ca.MX) -> ca.MX:
             return ca.vertcat(*parameters[: self.place], point[-1], *parameters[self.place + 1 :])
 
-        after, *_, accepted, goes = motion_function(motion, ca.vertcat(parameters_at(x), self.parameter_seeds))
+        parameters_with_seeds = ca.vertcat(parameters_at(x), ca.DM(parameter_seeds).reshape((-1, 1)))
+        after, c, _, length, accepted, goes = motion_function(motion, parameters_with_seeds)
         ended = ca.logic_and(accepted, after[-2] <= 0)
         closing = parameters_at(x), after[:states], ca.reshape(after[states:-2], states, columns)
-        found, does = self._newton()(x, *closing, row, level, unit, last, taken + 1, least)
-        known = ca.if_else(ended, ca.vertcat(found, does), z[: 2 * n + 4])
-        restarts = ca.logic_and(ended, does == SOLVING)
+        found, does = self._newton()(x, *closing, row, level, unit, last, taken + 1, *options)
+        solves = ca.logic_and(ended, doing == SOLVING)
+        does = ca.if_else(solves, does, ca.if_else(ended, DONE, doing))
+        known = ca.if_else(solves, found, z[: 2 * n + 3])
+        restarts = ca.logic_and(solves, ca.logic_or(does == SOLVING, does == RECORDING))
         begin = self.equations.ends[0][0].function(known[: n - 1], ca.MX(0, 1), parameters_at(known[:n]))[0]
-        start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], LONGEST_STEP)
-        new = ca.vertcat(known, ca.if_else(restarts, start, after))
+        start = ca.vertcat(begin[-1], begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], LONGEST_STEP)
+        new = ca.vertcat(known, does, ca.if_else(restarts, start, ca.vertcat(duration, after)))
         goes = ca.logic_or(restarts, ca.logic_and(goes, ca.logic_not(ended)))
-        return ca.Function("solve", [z, data], [new, ca.MX(ca.DM(0)), goes])
+        recorded = ca.logic_and(accepted, doing == RECORDING)
+        return ca.Function("solve", [z, data], [new, c, motion[states:-2], length, recorded, goes])
 
     def _newton(self) -> ca.Function:
         """(X, parameters, end of the motion, its transition, row, level, unit, size of the last Newton step, number of
-        steps, the least) -> what z holds of the next point, and what the lane does next."""
+        steps, the least, whether to record) -> what z holds of the next point, and what the lane does next."""
         closing = self.equations.closing((self.along,)).function
         x, row, unit = (ca.SX.sym(name, self.size) for name in ("x", "row", "unit"))
         p, end, transition, _, q, slopes = (ca.SX.sym("a", *closing.size_in(i)) for i in range(1, 7))
-        level, last, taken, least = ca.vertsplit(ca.SX.sym("options", 4))
+        level, last, taken, least, record = ca.vertsplit(ca.SX.sym("options", 5))
         speed = self.flow.vector_field.field(end, p)[0]
         residual, jacobian, *_ = closing(x[:-1], p, end, transition, speed, q, slopes)
         sides = ca.vertcat(ca.horzcat(-residual, ca.SX(self.size - 1, 1)), ca.horzcat(level - ca.dot(row, x), 1))
@@ -141,9 +125,9 @@ class NewtonKernel:
         rounding = ca.logic_and(size < SMALL_STEP, size > STALLED_RATIO * last)
         settled = ca.logic_or(size * ca.fmax(growth, 1.0) < LAST_STEP, rounding)
         failed = ca.logic_or(ca.logic_not(size < STALLED_RATIO * last), taken >= MOST_NEWTON_STEPS)
-        does = ca.if_else(settled, DONE, ca.if_else(failed, FAILED, SOLVING))
+        does = ca.if_else(settled, ca.if_else(record, RECORDING, DONE), ca.if_else(failed, FAILED, SOLVING))
         known = ca.vertcat(x + found[:, 0], found[:, 1], size, growth, taken)
-        arguments = [x, p, end, transition, row, level, unit, last, taken, least]
+        arguments = [x, p, end, transition, row, level, unit, last, taken, least, record]
         return ca.Function("newton", arguments, [known, ca.if_else(taken >= least, does, SOLVING)])
 
 
