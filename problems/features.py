@@ -20,7 +20,7 @@ from .laws import Key, from_key, values_and_slopes
 # the linear spring's third family stays within it.
 LAW_SAMPLES, FARTHEST = 4096, 20.0
 SAMPLED_SHARES = np.linspace(0.0, 1.0, LAW_SAMPLES)
-BLOCK = 64  # laws whose slopes are looked at together, so that these stay in the processor's cache
+BLOCK = 16  # laws whose slopes are looked at together, so that these stay in the processor's cache
 # Slopes below this, or above its inverse, set no unit of length.
 SOFTEST = 1e-12
 # Functions that vanish, or come to a limit, as fast as an exponential: a series far from where they vary shows nothing.
@@ -142,21 +142,27 @@ def _features(key: Key, values: tuple[float, ...], low: float, high: float, unit
 
 def features_of_many(key: Key, spring: Key, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """`features` of laws with parameters (m,) by name: lengths (m,) and numbers of bends (m,), which are NaN where a
-    law has a singularity."""
+    law has a singularity. Where nothing depends on a length, since a law bends but once, it is infinite."""
     units = units_of_length(spring, p)
     lengths, bends = np.full((2, len(units)), np.nan)
     if key.pieces is not None or key.degree() < 2:
         lengths[:], bends[:] = NO_FEATURES
         return lengths, bends
     values = np.column_stack([p[name] for name in key.names]) if key.names else np.zeros((len(units), 0))
-    low, high = ends_of_features(key, p, units)
+    (low, high), hides = ends_of_features(key, p, units), hiding(key)[0]
     for first in range(0, len(units), BLOCK):
         rows = slice(first, first + BLOCK)
         places, slopes = _sampled_slopes(key, values[rows], low[rows], high[rows])
         with np.errstate(invalid="ignore"):
             plain = (np.abs(slopes) < SINGULAR_SLOPE / units[rows, None]).all(axis=1)
-        found = _lengths_and_bends(slopes[plain], units[rows][plain], (places[:, 1] - places[:, 0])[plain])
-        lengths[rows][plain], bends[rows][plain] = found
+        # A law that bends at most once needs no closer look unless it may hide something.
+        falls = slopes[:, 1:] < slopes[:, :-1]
+        turns = np.count_nonzero(falls[:, 1:] != falls[:, :-1], axis=1)
+        steady = plain & (not hides) & (turns <= 1)
+        lengths[rows][steady], bends[rows][steady] = math.inf, turns[steady]
+        if (rest := plain & ~steady).any():
+            found = _lengths_and_bends(slopes[rest], units[rows][rest], (places[:, 1] - places[:, 0])[rest])
+            lengths[rows][rest], bends[rows][rest] = found
     return lengths, bends
 
 
@@ -169,8 +175,8 @@ def _sampled_slopes(key: Key, values: np.ndarray, low: np.ndarray, high: np.ndar
 
 def _lengths_and_bends(slopes: np.ndarray, units: np.ndarray, spacing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The features (m,) of laws with slopes (m, n) at places so far (m,) apart, in units of length (m,)."""
-    floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / units[:, None])
     change = np.diff(slopes)
+    floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / units[:, None])
     signs = np.where(np.abs(change) > floor[:, 1:], np.sign(change), 0.0)
     # Changes that are rounding have the sign of the last one that is not.
     last = np.maximum.accumulate(np.where(signs != 0, np.arange(signs.shape[1]), 0), axis=1)

@@ -30,7 +30,7 @@ def correct_all(
 ) -> list[CurvePoint]:
     """`correct` of several guesses (m, n + 1), at levels (m,) of rows (m, n + 1), with tangents `before` (m, n + 1);
     `gaps` (m,) and `parts` (m,) are their `length` and their `parts`."""
-    xs, tangents, _, evaluation = _solutions(curve, guesses, rows, levels)
+    _, xs, tangents, _, evaluation = _solutions(curve, guesses, rows, levels)
     assert evaluation is not None
     tangents = _onward(curve, xs, tangents, before)
     sizes = curve.size(xs)
@@ -61,7 +61,7 @@ def _solve_step_by_step(curve: Curve, xs: Array, rows: Array, levels: Array, lea
         settled, shrinks = settles(moved, last, evaluation.amplification), moved < STALLED_RATIO * last
         if taken >= least and settled.all():
             evaluation = curve.evaluate(xs)
-            return Solutions(xs, directions, evaluation.amplification, evaluation)
+            return Solutions(np.arange(len(xs)), xs, directions, evaluation.amplification, evaluation)
         if not (np.isfinite(moved) & (settled | shrinks | (taken < least))).all():
             raise NoOrbit("the corrector does not converge")
         last = moved
@@ -94,6 +94,6 @@ def predict_and_correct(
     guess += last.tangent * (target - closing @ guess) / (closing @ last.tangent)
     # The second step makes the tangent, from which the next ones are predicted, as exact as the point.
     targets = closing[None], np.array([target])
-    xs, directions, growths, _ = _solutions(curve, guess[None], *targets, least=2, record=False)
+    _, xs, directions, growths, _ = _solutions(curve, guess[None], *targets, least=2, record=False)
     (tangent,) = _onward(curve, xs, directions, last.tangent[None])
     return StepEnd(xs[0], tangent, float(growths[0]), closing), guess, rests

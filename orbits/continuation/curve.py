@@ -140,7 +140,8 @@ class Curve:
         if len(self.equations.flows) > 1 or not self.equations.smooth:
             return None
         kernel = newton_kernel(self.equations, self.along)
-        return kernel(xs, rows, levels, self.size(xs), self.parameters_at(xs), least, record)
+        found = kernel(xs, rows, levels, self.size(xs), self.parameters_at(xs), least, record)
+        return found if len(found.which) == len(xs) else None
 
     def certify(self, point: CurvePoint) -> CurvePoint:
         """The point, certified; raises the error when it cannot be."""

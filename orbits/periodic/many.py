@@ -16,7 +16,7 @@ from .certificate import Certificate, certify
 from .error_bound import error_bounds
 from .find import MAX_CORRECTION
 from .formulations import Cycles, equations_of, interpret
-from .newton_kernel import Solutions, newton_kernel
+from .newton_kernel import NewtonKernel, Solutions, newton_kernel
 from .single_shooting import SMALLEST_UNIT, Evaluation, Shooting
 
 
@@ -45,8 +45,9 @@ def orbits_of_many(model: Model, names: Sequence[str], ps: np.ndarray, family: i
         return None
     us, ps = np.column_stack([guess[name][which] for name in equations.statement.unknowns]), ps[which]
     solved, us, evaluation = _solved(model, equations, us, ps)
-    if evaluation is None:
+    if not len(solved):
         return None
+    assert evaluation is not None
     return _certified(model, method, equations, which[solved], us, ps[solved], evaluation, family)
 
 
@@ -57,27 +58,24 @@ def _solved(
     taken in one step, which is the first that `find` tries."""
     along = model.homotopy or equations.parameters[0]
     kernel, place = newton_kernel(equations, along), equations.parameters.index(along)
-    each = np.arange(len(us))
-    if model.homotopy:
-        before = np.insert(np.delete(ps, place, axis=1), place, 0.0, axis=1)
-        each, found = _at_value(kernel, us, before, place, record=False)
-        start, us = found.xs[:, :-1], found.xs[:, :-1] + found.directions[:, :-1]
-        positive = [equations.statement.unknowns.index(name) for name in ("alpha", "duration")]
-        ahead = (us[:, positive] > 0).all(axis=1)
-        each, us = each[ahead], us[ahead]
-    if not len(each):
-        return each, us, None
-    solved, found = _at_value(kernel, us, ps[each], place, record=True)
-    each, guesses = each[solved], us[solved]
-    xs, evaluation = found.xs[:, :-1], found.evaluation
-    if model.homotopy and len(each):
-        near = (np.abs(xs - guesses)[:, positive] <= MAX_CORRECTION * np.abs(xs[:, positive])).all(axis=1)
-        each, xs, evaluation = each[near], xs[near], evaluation[np.flatnonzero(near)] if near.any() else None
-    return each, xs, evaluation if len(each) else None
+    if model.homotopy is None:
+        found = _at_value(kernel, us, ps, place, record=True)
+        return found.which, found.xs[:, :-1], found.evaluation
+    before = ps.copy()
+    before[:, place] = 0.0
+    first = _at_value(kernel, us, before, place, record=False)
+    guesses = first.xs[:, :-1] + first.directions[:, :-1]
+    positive = [equations.statement.unknowns.index(name) for name in ("alpha", "duration")]
+    ahead = np.flatnonzero((guesses[:, positive] > 0).all(axis=1))
+    found = _at_value(kernel, guesses[ahead], ps[first.which[ahead]], place, record=True)
+    which, xs = ahead[found.which], found.xs[:, :-1]
+    near = (np.abs(xs - guesses[which])[:, positive] <= MAX_CORRECTION * np.abs(xs[:, positive])).all(axis=1)
+    evaluation = found.evaluation and found.evaluation[np.flatnonzero(near)]
+    return first.which[which[near]], xs[near], evaluation
 
 
-def _at_value(kernel, us: np.ndarray, ps: np.ndarray, place: int, record: bool) -> tuple[np.ndarray, Solutions]:
-    """Which of the guesses (m, n) Newton's method leads to a solution, all parameters (m, np) held, and these."""
+def _at_value(kernel: NewtonKernel, us: np.ndarray, ps: np.ndarray, place: int, record: bool) -> Solutions:
+    """The solutions that Newton's method comes to from guesses (m, n), all parameters (m, np) held."""
     xs = np.column_stack([us, ps[:, place]])
     rows, units = np.zeros(xs.shape), np.maximum(np.abs(xs), SMALLEST_UNIT)
     rows[:, -1] = 1.0
@@ -97,14 +95,16 @@ def _certified(
         try:
             cycles = interpret(model, method, equations, *parts)
             certificates = certify(model, cycles)
-            break
         except NoOrbit as error:
             if error.index is None:
                 raise
             kept = np.delete(kept, error.index)
-    else:
-        return None
-    return Orbits(which[kept], cycles, certificates)
+            continue
+        others = [i for i, certificate in enumerate(certificates) if certificate.family != family]
+        if not others:
+            return Orbits(which[kept], cycles, certificates)
+        kept = np.delete(kept, others)
+    return None
 
 
 # Quantities that orbits have which are found together, as in `orbits.quantities`.

@@ -23,9 +23,11 @@ SOLVING, RECORDING, DONE, FAILED = 0, 1, 2, -1
 
 
 class Solutions(NamedTuple):
-    """Points X (m, n + 1) that solve the equations, the directions (m, n + 1) of the curve there, the growths (m,) of a
-    small change over their motions, and the equations there, None where these are not asked for."""
+    """Which of the points (k,) are solved for, the points X (k, n + 1) that solve the equations, the directions
+    (k, n + 1) of the curve there, the growths (k,) of a small change over their motions, and the equations there, None
+    where these are not asked for."""
 
+    which: Array
     xs: Array
     directions: Array
     growths: Array
@@ -54,9 +56,9 @@ class NewtonKernel:
 
     def __call__(
         self, xs: Array, rows: Array, levels: Array, units: Array, ps: Array, least: int, record: bool
-    ) -> Solutions | None:
+    ) -> Solutions:
         """The solutions near points xs (m, n + 1) with parameters (m, np) where rows . X = levels, by at least so many
-        Newton steps; None where one of them has to be solved for by itself."""
+        Newton steps; the points left out have to be solved for by themselves."""
         n, control = self.size, self.flow.control
         states, columns = self.seeds.shape
         state, sensitivities = slice(2 * n + 5, 2 * n + 5 + states), slice(2 * n + 5 + states, -2)
@@ -66,21 +68,27 @@ class NewtonKernel:
         z[:, sensitivities], z[:, -2], z[:, -1] = self.seeds.T.ravel(), begin[:, -1], LONGEST_STEP
         data = np.hstack([rows, levels[:, None], units, ps, np.full((len(xs), 2), (least, record))])
         z, (c, before, steps), counts, _ = self.kernel(z, data, most=control.max_block)
+        solved = (z[:, 2 * n + 3] == DONE) & (np.abs(z[:, state]).max(1) <= control.runaway)
+        if record:
+            owner = np.repeat(np.arange(len(z)), counts)
+            begins = begins_of_steps(steps[:, 0], counts)
+            solved[owner[steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)]] = False
+        if not solved.all():
+            if record:
+                kept = solved[owner]
+                c, before, begins, counts = c[kept], before[kept], begins[kept], counts[solved]
+            z, ps = z[solved], ps[solved]
         xs, directions, growths, ends = z[:, :n], z[:, n : 2 * n], z[:, 2 * n + 1], z[:, state]
-        if (z[:, 2 * n + 3] != DONE).any() or not np.abs(ends).max() <= control.runaway:
-            return None
-        if not record:
-            return Solutions(xs, directions, growths, None)
-        begins = begins_of_steps(steps[:, 0], counts)
-        if (steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)).any():
-            return None
+        which = np.flatnonzero(solved)
+        if not (record and len(which)):
+            return Solutions(which, xs, directions, growths, None)
         variations = before.reshape(-1, columns, states, 1).swapaxes(1, 2)
         c = c.reshape(len(c), -1, TAYLOR_ORDER + 1)
         motions = Trajectories(begins, z[:, 2 * n + 4], c, counts, self.flow.names, variations)
         transitions = z[:, sensitivities].reshape(-1, columns, states).swapaxes(1, 2)
         ps = np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]])
         evaluation = self.equations.closed(xs[:, :-1], ps, (self.along,), [(motions, ends, transitions)])
-        return Solutions(xs, directions, growths, evaluation)
+        return Solutions(which, xs, directions, growths, evaluation)
 
     def _function(self, motion_function: ca.Function, parameter_seeds: Array) -> ca.Function:
         """What the kernel iterates."""
