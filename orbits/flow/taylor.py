@@ -1,5 +1,6 @@
 """Taylor steps of a flow with their sensitivities, of one motion or of many, in kernels."""
 
+from functools import cached_property
 from math import comb
 from typing import NamedTuple
 
@@ -58,7 +59,7 @@ class TaylorStepper:
     def __init__(self, graph: VectorField, columns: int, varied: tuple[int, ...] = ()):
         self.n, self.columns, self.varied = graph.size, columns, list(varied)
         self.rows = graph.size + graph.field.numel_out(1)
-        self.step_function = taylor_step(graph, columns, varied)
+        self.step_function = _step_function(graph, columns, varied)
         self.kernel = Kernel(self._recorded_motion())
         self._watching: dict[tuple[int, int], Kernel] = {}  # of `watch`, by the functions and turns
 
@@ -136,23 +137,22 @@ class TaylorStepper:
     def _recorded_motion(self) -> ca.Function:
         """The steps of a motion as a `Kernel` iterates them: recorded are coefficients, sensitivities and the length of
         an accepted step, where the last entry of the data is 1."""
-        motion = motion_function(self.step_function, self.n)
-        z, data = (ca.MX.sym(name, motion.numel_in(i) + i) for i, name in enumerate("zp"))
-        *results, taken, goes = motion(z, data[:-1])
+        z, data = (ca.MX.sym(name, self.motion_function.numel_in(i) + i) for i, name in enumerate("zp"))
+        *results, taken, goes = self.motion_function(z, data[:-1])
         return ca.Function("recorded", [z, data], [*results, ca.logic_and(taken, data[-1]), goes])
 
-
-def motion_function(step_function: ca.Function, n: int) -> ca.Function:
-    """A step of a motion with n states by a `taylor_step`, (z, data) -> (z after it, coefficients, those of the
-    sensitivities, the length, whether it counts, whether to go on); it goes on until no time is left, the state runs
-    away or no step is accepted."""
-    z, data = (ca.MX.sym(name, step_function.numel_in(i)) for i, name in enumerate("zp"))
-    after, c, dc, made = step_function(z, data)
-    taken, goes = _progress(n, c.numel())(ca.vertcat(after[:n], after[-2:]), ca.vec(c), made)
-    # A motion whose last step is no number has not come to its end.
-    left = ca.if_else(ca.logic_and(made[0] > 0, ca.logic_not(taken)), np.nan, after[-2])
-    after = ca.vertcat(after[:-2], left, after[-1])
-    return ca.Function("motion", [z, data], [after, c, dc, made[0], taken, goes])
+    @cached_property
+    def motion_function(self) -> ca.Function:
+        """A step of a motion, (z, data) -> (z after it, coefficients, those of the sensitivities, the length, whether
+        it counts, whether to go on); it goes on until no time is left, the state runs away or no step is accepted."""
+        z, data = (ca.MX.sym(name, self.step_function.numel_in(i)) for i, name in enumerate("zp"))
+        after, c, dc, made = self.step_function(z, data)
+        limits = ca.vertcat(after[: self.n], after[-2:])
+        taken, goes = _progress(self.n, c.numel())(limits, ca.vec(c), made)
+        # A motion whose last step is no number has not come to its end.
+        left = ca.if_else(ca.logic_and(made[0] > 0, ca.logic_not(taken)), np.nan, after[-2])
+        after = ca.vertcat(after[:-2], left, after[-1])
+        return ca.Function("motion", [z, data], [after, c, dc, made[0], taken, goes])
 
 
 def _progress(n: int, size: int) -> ca.Function:
@@ -224,31 +224,30 @@ def _may_change_sign(rows: int, size: int, counts: bool) -> ca.Function:
     return ca.Function("signs", [c, h, tests, order, before], [change, ca.vertcat(*after)])
 
 
-def taylor_step(graph: VectorField, columns: int, varied: tuple[int, ...], order: int = TAYLOR_ORDER) -> ca.Function:
-    """The `step_function` of a `TaylorStepper`, with sensitivities of that order."""
+def _step_function(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.Function:
+    """The `step_function` of a `TaylorStepper`."""
     n, size = graph.size, graph.p.numel()
     z, data = ca.MX.sym("z", n * (1 + columns) + 2), ca.MX.sym("p", size + len(varied) * columns)
     x, dx = z[:n], ca.reshape(z[n:-2], n, columns)
     p, dp = data[:size], ca.reshape(data[size:], len(varied), columns)
     if columns:
-        c, dc = variations(graph.field, varied, columns, TAYLOR_ORDER, order)(x, p, dx, dp)
+        c, dc = variations(graph.field, varied, columns, TAYLOR_ORDER)(x, p, dx, dp)
     else:
         c = ca.Function("series", [graph.x, graph.p], [ca.densify(graph.series.T)])(x, p)
-        dc = ca.MX(order + 1, 0)
-    powers, limits, made = _length_function(graph, dc.shape, len(varied))(c[:, :n], dc, p, ca.vec(dp), z[-2:])
-    ends = ca.horzcat(powers.T @ c[:, :n], powers[: order + 1].T @ dc).T
+        dc = ca.MX(TAYLOR_ORDER + 1, 0)
+    powers, limits, made = _length_function(graph, columns, len(varied))(c[:, :n], dc, p, ca.vec(dp), z[-2:])
+    ends = (powers.T @ ca.horzcat(c[:, :n], dc)).T
     # A choice between ends costs less than powers of a chosen length, into which CasADi draws the choice.
     after = ca.vertcat(ca.if_else(made[0] > 0, ends, z[:-2]), limits)
     return ca.Function("taylor", [z, data], [after, c, dc, made])
 
 
-def _length_function(graph: VectorField, shape: tuple[int, int], varied: int) -> ca.Function:
-    """The choice of a step's length: coefficients of a step, those of its sensitivities, which have this shape, p, dp,
-    and limits (2,), which are the time left and the longest step to try -> the powers (K + 1,) of the length tried, the
-    next limits, the lengths taken and tried."""
+def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Function:
+    """The choice of a step's length: coefficients of a step, p, dp, and limits (2,), which are the time left and the
+    longest step to try -> the powers (K + 1,) of the length tried, the next limits, the lengths taken and tried."""
     n, orders = graph.size, TAYLOR_ORDER + 1
-    c, dc = ca.SX.sym("c", orders, n), ca.SX.sym("dc", *shape)
-    dp, limits = ca.SX.sym("dp", varied * (shape[1] // n)), ca.SX.sym("l", 2)
+    c, dc = ca.SX.sym("c", orders, n), ca.SX.sym("dc", orders, n * columns)
+    dp, limits = ca.SX.sym("dp", varied * columns), ca.SX.sym("l", 2)
     left, longest = ca.vertsplit(limits)
     length = _truncated_length(c, 0)
     if varied:  # The series of f_p may have a smaller radius of convergence than that of f.
@@ -269,11 +268,10 @@ def _length_function(graph: VectorField, shape: tuple[int, int], varied: int) ->
 
 def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
     """The step at which the last two terms of series (K + 1, rows) vanish beside the first two and `size`, by Jorba and
-    Zou (2005), the source of `taylor_series`; series of a lower order are truncated earlier."""
+    Zou (2005), the source of `taylor_series`."""
     scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (c[:2, :], c[-2, :], c[-1, :]))
-    order = c.shape[0] - 1
-    bound = TRUNCATION ** (order / TAYLOR_ORDER) * (scale + size)
-    return ca.fmin((bound / before) ** (1 / (order - 1)), (bound / last) ** (1 / order))
+    bound = TRUNCATION * (scale + size)
+    return ca.fmin((bound / before) ** (1 / (TAYLOR_ORDER - 1)), (bound / last) ** (1 / TAYLOR_ORDER))
 
 
 def _time_within(c: ca.SX, weights: tuple[float, ...], reach: float) -> ca.SX:

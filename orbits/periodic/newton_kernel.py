@@ -5,9 +5,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..flow.taylor import LONGEST_STEP, motion_function, taylor_step
+from ..flow.taylor import LONGEST_STEP, TaylorStepper
 from ..flow.trajectory import Trajectories, begins_of_steps
-from ..flow.vector_field import TAYLOR_ORDER
 from ..numerics.roots import Array
 from .single_shooting import LAST_STEP, SMALL_STEP, STALLED_RATIO, Evaluation, Shooting
 from ..symbolic.kept import kept
@@ -15,9 +14,6 @@ from ..symbolic.kernels import Kernel
 
 # Newton steps of a corrector that converges, with some to spare.
 MOST_NEWTON_STEPS = 8
-# Order of the series of the sensitivities, which gives them ten digits and takes half the instructions. Newton's method
-# and the errors of its solutions need no more.
-SENSITIVITY_ORDER = 16
 # What a lane is doing: it takes Newton steps, follows the solution to record it, has done so, or has failed.
 SOLVING, RECORDING, DONE, FAILED = 0, 1, 2, -1
 
@@ -50,9 +46,10 @@ class NewtonKernel:
         self.size, self.place = equations.size + 1, equations.parameters.index(along)
         ((self.seeds, parameter_seeds),) = equations.seeds((along,))[3]
         used = np.flatnonzero(parameter_seeds.any(1))
-        varied = self.seeds.shape[1], tuple(used.tolist())
-        step = taylor_step(self.flow.vector_field, *varied, SENSITIVITY_ORDER)
-        self.kernel = Kernel(self._function(motion_function(step, self.flow.size), parameter_seeds[used]))
+        stepper = self.flow.stepper(self.seeds.shape[1], tuple(used.tolist()))
+        assert isinstance(stepper, TaylorStepper)
+        self.rows = stepper.rows
+        self.kernel = Kernel(self._function(stepper.motion_function, parameter_seeds[used]))
 
     def __call__(
         self, xs: Array, rows: Array, levels: Array, units: Array, ps: Array, least: int, record: bool
@@ -83,7 +80,7 @@ class NewtonKernel:
         if not (record and len(which)):
             return Solutions(which, xs, directions, growths, None)
         variations = before.reshape(-1, columns, states, 1).swapaxes(1, 2)
-        c = c.reshape(len(c), -1, TAYLOR_ORDER + 1)
+        c = c.reshape(len(c), self.rows, -1)
         motions = Trajectories(begins, z[:, 2 * n + 4], c, counts, self.flow.names, variations)
         transitions = z[:, sensitivities].reshape(-1, columns, states).swapaxes(1, 2)
         ps = np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]])

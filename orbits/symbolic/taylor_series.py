@@ -46,15 +46,13 @@ def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> c
     return ca.vertcat(*[ca.horzcat(*row) for row in (*state, *watched)])
 
 
-def variations(
-    field: ca.Function, varied: tuple[int, ...], columns: int, order: int, order_of_columns: int
-) -> ca.Function:
+def variations(field: ca.Function, varied: tuple[int, ...], columns: int, order: int) -> ca.Function:
     """Taylor series of the solution and of columns of its variational equations dx' = f_x dx + f_p dp.
 
     varied : the rows of dp that are given; the others are zero
 
     Returns a function from (x, p, dx (n, columns), dp (rows, columns)) to the coefficients (order + 1, n + m) of
-    `taylor_coefficients`, transposed, and to those of the columns, (order_of_columns + 1, n columns).
+    `taylor_coefficients`, transposed, and to those of the columns, (order + 1, n columns).
 
     f_x = R + Q D A, as in `_Separated`: the fewer nonlinear functions of the state there are, the fewer products of
     series a column takes, for a force that pulls at two masses one instead of four.
@@ -72,7 +70,7 @@ def variations(
     results = []
     for column in range(columns):
         series, moved = [dx[:, column]], list[list[ca.SX]]()
-        for k in range(order_of_columns):
+        for k in range(order):
             moved.append(ca.vertsplit(parts.arguments @ series[k]))
             changes = [_ZERO] * parts.multiples.shape[1]
             for i, j, slope in slopes:
@@ -84,7 +82,7 @@ def variations(
                 rise[i] += force[k] * dp[j, column]
             series.append(rise * (1 / (k + 1)))
         results.append(ca.horzcat(*series).T)
-    slopes_of_columns = ca.densify(ca.horzcat(*results)) if columns else ca.SX(order_of_columns + 1, 0)
+    slopes_of_columns = ca.densify(ca.horzcat(*results)) if columns else ca.SX(order + 1, 0)
     return ca.Function("variations", [x, p, dx, dp], [ca.densify(c[: n + m, :].T), slopes_of_columns])
 
 
