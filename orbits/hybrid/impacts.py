@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway, finite_number
 from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectory
-from ..flow.zero_crossing import first_zeros
+from ..flow.zero_crossing import MOST_CLOSED_STEPS, first_zeros
 from ..model.machine import ImpactingMachine, check_machine
 from ..model.phase import Affine
 from ..model.units import SPEED, Message, Quantity
@@ -48,6 +48,8 @@ MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
 CAP = 10_000  # a hop is given up after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
 TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
+# A landing in closed form is searched from so many reciprocals of the frequency before it may come.
+BEFORE_LANDING = 0.01
 # A contact whose rates are all below this is at rest. An overdamped contact gets there without turning.
 STILL_RATE = 1e-12
 
@@ -125,6 +127,19 @@ class Impacts:
         self.gap, self.contact_force = model.gap(self.values), contact_force_row(model.contact)
         self.force_index = len(self.contact_force.weights) - 1 - self.contact.size
         self.direction, self.onto_contact = model.impact(self.values), np.linalg.pinv(model.embed)
+
+    def landings(self, x: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError]]:
+        """`first_zeros` of the gap on flights from states (m, n), where it has a zero of this order and opens."""
+        limit, orders = self.longest_flight(x), np.full(len(x), order)
+        if self.flight.phase.closed_form:
+            # Nothing is searched until shortly before the gap may close.
+            form = self.flight.closed_form(self.p)
+            steps = np.sqrt(form.square) * form.positive_until(self.gap, x.T, order) - BEFORE_LANDING
+            ahead = steps / np.sqrt(form.square)
+            known = (ahead > 0) & (ahead < limit) & (steps < MOST_CLOSED_STEPS)
+            ahead = np.where(known, ahead, 0.0)
+            x, orders, limit = form.state(x.T, ahead).T, np.where(known, 0, order), limit - ahead
+        return first_zeros(self.flight, x, self.p, self.gap, limit, orders)
 
     def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows, at
@@ -294,8 +309,7 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | No
     flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
     status[flying], status[too_fast] = "cap", "lost"
     for _ in range(cap):
-        start, limit = state[flying], impacts.longest_flight(state[flying])
-        times, rows, errors = first_zeros(impacts.flight, start, impacts.p, impacts.gap, limit, order)
+        times, rows, errors = impacts.landings(state[flying], order)
         gone, order = np.isnan(times), impacts.bounce_order
         status[flying[gone]] = "carried_off"
         for i, error in errors.items():
