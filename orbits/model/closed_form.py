@@ -138,8 +138,8 @@ class ThrownOscillator:
             return np.where(known, (slope - root) / at_w, np.inf), np.where(known, (slope + root) / at_w, 0.0)
 
     def positive_until(self, quantity: Any, starts: np.ndarray, order: int) -> np.ndarray:
-        """Times (m,) until which an affine quantity is known to be positive on motions from `starts` (4, m), where it has
-        a zero of this order, at least 1, and is positive at first; 0 where nothing is known.
+        """Times (m,) until which an affine quantity is known to be positive on motions from `starts` (4, m), where it
+        has a zero of this order, at least 1, and is positive at first; 0 where nothing is known.
 
         While the second derivative stays positive the quantity does, and `positive_between` may go on from there.
         """
