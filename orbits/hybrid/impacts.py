@@ -147,10 +147,10 @@ class Impacts:
         bounces; the loss of energy (m,); and the time (m,) that infinitely many bounces take."""
         e, speed = self.restitution, x @ self.gap_speed
         stuck = x - speed[:, None] * self.direction
-        force, closing = self.pressing(stuck)
-        held, wait = force >= 0, np.zeros(len(x))
+        held, wait = self.pressing(stuck) >= 0, np.zeros(len(x))
         if e > 0:
-            # All bounces to come are summed where the pressing acceleration hardly changes while they last.
+            closing = -(self.flight.field(stuck, self.p)[0] @ self.gap_speed)
+            # All bounces to come are summed where the acceleration that closes the gap hardly changes while they last.
             jerk, snap = self.gap_rates(stuck - (e * speed)[:, None] * self.direction)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 wait = 2 * e * np.abs(speed) / (1 - e) / closing if e < 1 else np.full(len(x), np.inf)
@@ -244,12 +244,9 @@ class Impacts:
         speed = ca.DM(self.gap.weights).T @ graph.field(graph.x, graph.p)[0]
         return np.array(ca.evalf(ca.jacobian(speed, graph.x))).ravel()
 
-    def pressing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The contact force (m,) at flight states with closed gap and no gap speed, and the acceleration (m,) at which
-        the gap would close without it."""
-        rates, _ = self.flight.field(x, self.p)
-        _, watched = self.contact.field(x @ self.onto_contact.T, self.p)
-        return watched[:, self.force_index], -(rates @ self.gap_speed)
+    def pressing(self, x: np.ndarray) -> np.ndarray:
+        """The contact force (m,) at flight states (m, n) with closed gap and no gap speed."""
+        return self.contact.field(x @ self.onto_contact.T, self.p)[1][:, self.force_index]
 
     def gap_rates(self, x: np.ndarray) -> np.ndarray:
         """Third and fourth derivative (2, m) of the gap in time at flight states (m, n)."""
