@@ -130,16 +130,14 @@ class Impacts:
 
     def landings(self, x: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError]]:
         """`first_zeros` of the gap on flights from states (m, n), where it has a zero of this order and opens."""
-        limit, orders = self.longest_flight(x), np.full(len(x), order)
+        limit, ahead = self.longest_flight(x), 0.0
         if self.flight.phase.closed_form:
             # Nothing is searched until shortly before the gap may close.
             form = self.flight.closed_form(self.p)
-            steps = np.sqrt(form.square) * form.positive_until(self.gap, x.T, order) - BEFORE_LANDING
-            ahead = steps / np.sqrt(form.square)
-            known = (ahead > 0) & (ahead < limit) & (steps < MOST_CLOSED_STEPS)
-            ahead = np.where(known, ahead, 0.0)
-            x, orders, limit = form.state(x.T, ahead).T, np.where(known, 0, order), limit - ahead
-        return first_zeros(self.flight, x, self.p, self.gap, limit, orders)
+            rate = np.sqrt(form.square)
+            ahead = form.positive_until(self.gap, x.T, order) - BEFORE_LANDING / rate
+            ahead = np.where((ahead > 0) & (ahead < limit) & (ahead * rate < MOST_CLOSED_STEPS), ahead, 0.0)
+        return first_zeros(self.flight, x, self.p, self.gap, limit, order, ahead=ahead)
 
     def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows, at
