@@ -19,6 +19,7 @@ from .laws import Key, from_key
 # So many slopes are looked at, up to this distance from rest in units of length, and up to twice the height. A hop of
 # the linear spring's third family stays within it.
 LAW_SAMPLES, FARTHEST = 4096, 20.0
+SAMPLED_SHARES = np.linspace(0.0, 1.0, LAW_SAMPLES)
 # Slopes below this, or above its inverse, set no unit of length.
 SOFTEST = 1e-12
 # Functions that vanish, or come to a limit, as fast as an exponential: a series far from where they vary shows nothing.
@@ -97,7 +98,7 @@ def _slopes(key: Key) -> ElementwiseFunction:
 
 @lru_cache(maxsize=256)
 def _features(key: Key, values: tuple[float, ...], low: float, high: float, unit: float) -> Features:
-    places = np.linspace(low, high, LAW_SAMPLES)
+    places = low + (high - low) * SAMPLED_SHARES
     slopes = _slopes(key)(places[:, None], np.array([values]))[0].ravel()
     rest = int(np.abs(places).argmin())
     with np.errstate(invalid="ignore"):
@@ -109,10 +110,12 @@ def _features(key: Key, values: tuple[float, ...], low: float, high: float, unit
         return NO_FEATURES
     floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / unit)
     change = np.diff(slopes)
-    signs = np.sign(change[np.abs(change) > floor[1:]])
-    second, fourth = np.abs(np.diff(slopes, 2))[1:-1], np.abs(np.diff(slopes, 4))
-    # Where the second difference is larger than its neighbours it does not vanish by chance.
-    peak = (second >= np.roll(second, 1)) & (second >= np.roll(second, -1)) & (fourth > floor[2:-2])
+    rises = change[np.abs(change) > floor[1:]] > 0
+    bend = np.diff(change)
+    second, fourth = np.abs(bend[1:-1]), np.abs(np.diff(bend, 2))
+    # Where the second difference is larger than its neighbours, in a circle, it does not vanish by chance.
+    around = np.concatenate([second[-1:], second, second[:1]])
+    peak = (second >= around[:-2]) & (second >= around[2:]) & (fourth > floor[2:-2])
     ratio = float(np.max(fourth[peak] / second[peak], initial=0.0))
     length = float(places[1] - places[0]) / math.sqrt(ratio) if ratio else math.inf
-    return Features(length, int(np.count_nonzero(signs[1:] != signs[:-1])))
+    return Features(length, int(np.count_nonzero(rises[1:] != rises[:-1])))

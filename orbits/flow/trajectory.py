@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..io import one_line
 from ..model.phase import Affine
-from ..numerics.bernstein import PiecewisePolynomials, evaluate, powers, shifted
+from ..numerics.bernstein import evaluate, powers, shifted
 from ..numerics.roots import Array
 
 
@@ -167,14 +167,6 @@ class Trajectories:
         values[:, 0] += offset[self.owner] if offset.ndim else offset
         return values
 
-    def pile(self, series: np.ndarray) -> PiecewisePolynomials:
-        """The piecewise polynomials with the coefficients `series` (N, K + 1), one for each motion."""
-        return PiecewisePolynomials(series, self.steps, self.counts, self.of_steps)
-
-    def time(self, owner: np.ndarray, piece: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """The times (r,) of places in motions, given as `PiecewisePolynomials` returns them."""
-        return self.starts[self.first[owner] + piece] + t
-
     def largest(self, values: np.ndarray) -> np.ndarray:
         """The largest absolute value (m,) of any of `values` (N, ...) on each motion."""
         return np.maximum.reduceat(np.abs(values).reshape(len(values), -1).max(1), self.first)
@@ -187,7 +179,7 @@ class Trajectories:
     @cached_property
     def finals(self) -> np.ndarray:
         """The rows (m, rows) at the end of each motion."""
-        return evaluate(self.coefficients[self.last], self.steps[self.last, None])
+        return np.einsum("mrk,mk->mr", self.coefficients[self.last], self.of_steps[self.last])
 
     @cached_property
     def step_ends(self) -> np.ndarray:
