@@ -17,7 +17,7 @@ from orbits.io import in_words
 from orbits.model.model import NOISE
 from orbits.model.units import LENGTH, Message, Quantity
 from orbits.symbolic.calls import MappedFunction
-from orbits.symbolic.exclusive import exclusive
+from orbits.symbolic.exclusive import LOCK, exclusive
 from orbits.symbolic.formula import CONSTANTS, parse, suggest
 from orbits.symbolic.kept import kept
 from orbits.symbolic.taylor_series import has_taylor_series
@@ -73,17 +73,17 @@ class Key(NamedTuple):
     pieces: tuple[int, Callable] | None
     reach: float = math.inf
 
-    @exclusive
     @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the answer
     def degree(self) -> int:
         """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
         if self.pieces is not None:
             return 2
-        x, p = _symbols(self.variable, self.names)
-        value = ca.SX(self.expression(x, p, []))
-        if not has_taylor_series(ca.Function("law", [x, *p.values()], [value])):
-            return 2  # |x| has the derivatives of a straight line
-        return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
+        with LOCK:
+            x, p = _symbols(self.variable, self.names)
+            value = ca.SX(self.expression(x, p, []))
+            if not has_taylor_series(ca.Function("law", [x, *p.values()], [value])):
+                return 2  # |x| has the derivatives of a straight line
+            return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
 
 
 @dataclass(frozen=True)
@@ -119,24 +119,23 @@ class Law:
         """Values at `x` (any shape), NaN where the law has none; a table raises `OutOfRange` outside its range."""
         return self.with_slope(x)[0]
 
-    @exclusive
     def with_slope(self, x: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Values and derivatives at `x` (any shape)."""
         x = np.asarray(x, dtype=float)
         if x.size == 0:
             return x, x
-        call, table = _numeric(self.key)
-        p = np.array([list(self.parameters.values())])
-        q = np.zeros((1, 0))
-        if table is not None:
-            breaks, data = (np.array(out) for out in table(p[0]))
-            breaks = breaks.ravel()
-            if x.size and not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
-                low, high = (Quantity(float(end), LENGTH) for end in breaks[[0, -1]])
-                text = "{variable} is outside the law's range, [{low:.6g}, {high:.6g}]"
-                raise OutOfRange(Message(text, variable=self.variable, low=low, high=high))
-            q = data[np.clip(np.searchsorted(breaks, x.ravel(), "right") - 1, 0, len(breaks) - 2)]
-        value, slope = call(x.reshape(-1, 1), p, q)
+        p, q = np.array([list(self.parameters.values())]), np.zeros((1, 0))
+        with LOCK:
+            call, table = _numeric(self.key)
+            if table is not None:
+                breaks, data = (np.array(out) for out in table(p[0]))
+                breaks = breaks.ravel()
+                if not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
+                    low, high = (Quantity(float(end), LENGTH) for end in breaks[[0, -1]])
+                    text = "{variable} is outside the law's range, [{low:.6g}, {high:.6g}]"
+                    raise OutOfRange(Message(text, variable=self.variable, low=low, high=high))
+                q = data[np.clip(np.searchsorted(breaks, x.ravel(), "right") - 1, 0, len(breaks) - 2)]
+            value, slope = call(x.reshape(-1, 1), p, q)
         return value.reshape(x.shape), slope.reshape(x.shape)
 
     def range(self) -> tuple[float, float]:

@@ -70,6 +70,8 @@ class Trajectory:
 
 def begins_of_steps(steps: Array, counts: Array) -> Array:
     """The times (N,) at which steps (N,) begin, of motions of so many steps (m,) each, one after the other."""
+    if len(counts) == 1:
+        return np.append(0.0, steps[:-1]).cumsum()[: len(steps)]
     lengths = np.zeros((len(counts), int(counts.max(initial=0)) + 1))
     inside = np.arange(1, lengths.shape[1]) <= counts[:, None]
     lengths[:, 1:][inside] = steps
@@ -158,11 +160,12 @@ class Trajectories:
 
         The weights and the offset of the function are numbers, or (m,) where they differ between motions.
         """
-        weights, offset = np.array(np.broadcast_arrays(*quantity.weights)).T, np.asarray(quantity.offset)
-        weights = weights[self.owner] if weights.ndim > 1 else weights[None]
+        offset, varying = np.asarray(quantity.offset), any(isinstance(each, np.ndarray) for each in quantity.weights)
+        weights = np.array(np.broadcast_arrays(*quantity.weights) if varying else quantity.weights)
+        weights = weights.T[self.owner] if weights.ndim > 1 else weights[None]
         weights = weights if embed is None else weights @ embed
         values = np.zeros(self.coefficients.shape[::2])
-        for i in np.flatnonzero(weights.any(0)):  # many times faster than products of small matrices
+        for i in weights.any(0).nonzero()[0].tolist():  # many times faster than products of small matrices
             values += weights[:, i, None] * self.coefficients[:, i]
         values[:, 0] += offset[self.owner] if offset.ndim else offset
         return values
