@@ -109,10 +109,11 @@ def _features(key: Key, values: tuple[float, ...], low: float, high: float, unit
     if len(slopes) < 5:
         return NO_FEATURES
     floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / unit)
-    change = np.diff(slopes)
+    change = slopes[1:] - slopes[:-1]
     rises = change[np.abs(change) > floor[1:]] > 0
-    bend = np.diff(change)
-    second, fourth = np.abs(bend[1:-1]), np.abs(np.diff(bend, 2))
+    bend = change[1:] - change[:-1]
+    second, third = np.abs(bend[1:-1]), bend[1:] - bend[:-1]
+    fourth = np.abs(third[1:] - third[:-1])
     # Where the second difference is larger than its neighbours, in a circle, it does not vanish by chance.
     around = np.concatenate([second[-1:], second, second[:1]])
     peak = (second >= around[:-2]) & (second >= around[2:]) & (fourth > floor[2:-2])

@@ -155,7 +155,7 @@ class Law:
         for name in values:
             if name not in self.parameters:
                 raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, stated(self.parameters))}")
-        return replace(self, parameters={**self.parameters, **values})
+        return replace(self, parameters={**self.parameters, **values}) if values else self
 
     def scaled(self, length: float, force: float | None = None) -> "Law":
         """The law in units of `length` and `force`, which become its parameters; None keeps the values as they are."""

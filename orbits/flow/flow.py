@@ -185,7 +185,9 @@ class Flow:
         if self.phase.pieces:
             lengths[-1], side = piece.cut(c[0], lengths[-1])
         if stop and (halt := stop(c[: len(lengths)], lengths)):
-            return np.append(lengths[: halt[0]], halt[1]), 0, True
+            lengths = lengths[: halt[0] + 1]
+            lengths[-1] = halt[1]
+            return lengths, 0, True
         return lengths, side, False
 
     def _failure(self, what: str, t: float, x: Array) -> Message:
@@ -343,4 +345,4 @@ class Flow:
 
 def _rows_used(seeds: Array) -> tuple[int, ...]:
     """The rows of parameter seeds (np, columns) that are not zero."""
-    return tuple(np.flatnonzero(seeds.any(1)).tolist()) if seeds.size else ()
+    return tuple(seeds.any(1).nonzero()[0].tolist()) if seeds.size else ()

@@ -71,7 +71,9 @@ class Trajectory:
 def begins_of_steps(steps: Array, counts: Array) -> Array:
     """The times (N,) at which steps (N,) begin, of motions of so many steps (m,) each, one after the other."""
     if len(counts) == 1:
-        return np.append(0.0, steps[:-1]).cumsum()[: len(steps)]
+        begins = np.zeros(len(steps))
+        steps[:-1].cumsum(out=begins[1:])
+        return begins
     lengths = np.zeros((len(counts), int(counts.max(initial=0)) + 1))
     inside = np.arange(1, lengths.shape[1]) <= counts[:, None]
     lengths[:, 1:][inside] = steps
@@ -143,7 +145,7 @@ class Trajectories:
         moving = None if self.variations is None else self.variations[steps]
         if many:
             return Trajectories(starts, ends, coefficients, self.counts[i], self.names, moving)
-        return Trajectory(np.append(starts, ends), coefficients, self.names, moving)
+        return Trajectory(np.concatenate([starts, [ends]]), coefficients, self.names, moving)
 
     def with_rows(self, coefficients: Array, names: tuple[str, ...]) -> "Trajectories":
         """Motions in the same steps with other rows, given by their names, without variations."""
@@ -187,6 +189,11 @@ class Trajectories:
     @cached_property
     def step_ends(self) -> np.ndarray:
         """The rows (N, rows) at the end of every step."""
-        ends = np.roll(self.coefficients[:, :, 0], -1, axis=0)
-        ends[self.last] = self.finals
+        return self.until_next(self.coefficients[:, :, 0], self.finals)
+
+    def until_next(self, values: np.ndarray, finals: np.ndarray) -> np.ndarray:
+        """What holds (N, ...) at the ends of the steps, from the `values` (N, ...) at their starts and the `finals`
+        (m, ...) at the ends of the motions."""
+        ends = np.empty_like(values)
+        ends[:-1], ends[self.last] = values[1:], finals
         return ends

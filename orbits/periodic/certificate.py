@@ -184,8 +184,8 @@ class _Curve(NamedTuple):
         """The lowest value (m,) at the places that are not the end of a motion and at the ends `also` (e,), `NONE`
         without one, and its time (m,)."""
         inside, ends = self.inside, self.motions.ends
-        parts = self.owner[inside], self.values[inside], self.times[inside]
-        return _lowest(len(ends), *map(np.append, parts, (also, self.ends[also], ends[also])))
+        parts = (self.owner, also), (self.values, self.ends[also]), (self.times, ends[also])
+        return _lowest(len(ends), *(np.concatenate([places[inside], others]) for places, others in parts))
 
     def lowest(self) -> tuple[np.ndarray, np.ndarray]:
         """The lowest value (m,) on each motion, whose minima are at the places, and its time (m,)."""
