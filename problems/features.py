@@ -46,14 +46,14 @@ class Features(NamedTuple):
 NO_FEATURES = Features(math.inf, 0)
 
 
-def features(key: Key, spring: Key, p: Mapping[str, float]) -> Features:
-    """The features of a spring, or of the gravity that varies around a spring, as far as a hop may lead.
+def features(key: Key, unit: float, p: Mapping[str, float]) -> Features:
+    """The features of a spring, or of the gravity that varies around a spring, with this `unit_of_length`, as far as a
+    hop may lead.
 
     None are looked for in a law in pieces, whose breakpoints end the steps.
     """
     if key.pieces is not None or key.degree() < 2:
         return NO_FEATURES
-    unit = unit_of_length(spring, p)
     low, high = (-FARTHEST, FARTHEST) if key.variable == "r" else (0.0, p.get("rest_length", 0.0) / unit + 2 * FARTHEST)
     values = tuple(p[name] for name in key.names)
     return _features(key._replace(reach=math.inf), values, low * unit, high * unit, unit)
@@ -67,8 +67,9 @@ def with_reach(key: Key, spring: Key, p: Mapping[str, float]) -> Key:
     hides, hides_bumps = (not functions.isdisjoint(_operations(key)) for functions in (HIDING, HIDING_BUMPS))
     if not (hides or hides_bumps):
         return key
-    length, bends = features(key, spring, p)
-    narrow = length < NARROW_SHARE * unit_of_length(spring, p) and (hides or bends > 1)
+    unit = unit_of_length(spring, p)
+    length, bends = features(key, unit, p)
+    narrow = length < NARROW_SHARE * unit and (hides or bends > 1)
     return key._replace(reach=STEP_LENGTHS * 2.0 ** math.floor(math.log2(length))) if narrow else key
 
 

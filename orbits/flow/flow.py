@@ -345,4 +345,4 @@ class Flow:
 
 def _rows_used(seeds: Array) -> tuple[int, ...]:
     """The rows of parameter seeds (np, columns) that are not zero."""
-    return tuple(seeds.any(1).nonzero()[0].tolist()) if seeds.size else ()
+    return tuple(np.flatnonzero(seeds.any(1)).tolist()) if seeds.size else ()

@@ -162,12 +162,12 @@ class Trajectories:
 
         The weights and the offset of the function are numbers, or (m,) where they differ between motions.
         """
-        offset, varying = np.asarray(quantity.offset), any(isinstance(each, np.ndarray) for each in quantity.weights)
+        offset, varying = np.asarray(quantity.offset), np.ndarray in map(type, quantity.weights)
         weights = np.array(np.broadcast_arrays(*quantity.weights) if varying else quantity.weights)
         weights = weights.T[self.owner] if weights.ndim > 1 else weights[None]
         weights = weights if embed is None else weights @ embed
         values = np.zeros(self.coefficients.shape[::2])
-        for i in weights.any(0).nonzero()[0].tolist():  # many times faster than products of small matrices
+        for i in np.flatnonzero(weights.any(0)):  # many times faster than products of small matrices
             values += weights[:, i, None] * self.coefficients[:, i]
         values[:, 0] += offset[self.owner] if offset.ndim else offset
         return values

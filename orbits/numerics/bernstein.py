@@ -141,9 +141,10 @@ class PiecewisePolynomials:
         rising : report only the roots where the sign goes from minus to plus, for all or (m,)
         before : the sign (m,) with which each is continued from an earlier block, or 0 where it begins here
         """
-        orders, only = (np.broadcast_to(each, self.first.shape) if _any(each) else None for each in (start, rising))
+        orders = np.broadcast_to(start, self.first.shape) if _any(start) else None
+        only = np.broadcast_to(rising, self.first.shape)[self.owner] if _any(rising) else None
         values = self._control_values(orders, before)
-        self._ends, only = values[self.last, -1], None if only is None else only[self.owner]
+        self._ends = values[self.last, -1]
         if not len(brackets := _brackets(values, only)):
             return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
         pieces = brackets[0]
@@ -259,7 +260,7 @@ def _halve(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _refine(coefficients, h, low, high, rising, t) -> float:
     """The root (in time) in a bracket (in shares of h) by Newton's method, or bisection where that leads out of it."""
     c = coefficients.tolist()
-    low, high, t = (float(share * h) for share in (low, high, t))
+    low, high, t = float(low * h), float(high * h), float(t * h)
     sign, last = 1.0 if rising else -1.0, 0.0
     for _ in range(MOST_ITERATIONS):
         value = slope = 0.0

@@ -185,14 +185,14 @@ class _Curve(NamedTuple):
         without one, and its time (m,)."""
         inside, ends = self.inside, self.motions.ends
         parts = (self.owner, also), (self.values, self.ends[also]), (self.times, ends[also])
-        return _lowest(len(ends), *(np.concatenate([places[inside], others]) for places, others in parts))
+        return _least_of_motions(len(ends), *(np.concatenate([places[inside], others]) for places, others in parts))
 
     def lowest(self) -> tuple[np.ndarray, np.ndarray]:
         """The lowest value (m,) on each motion, whose minima are at the places, and its time (m,)."""
         motions, count = self.motions, len(self.ends)
         parts = (motions.owner, np.arange(count)), (self.series[:, 0], self.ends), (motions.starts, motions.ends)
         found = zip((self.owner, self.values, self.times), parts, strict=True)
-        return _lowest(count, *(np.concatenate([places, *others]) for places, others in found))
+        return _least_of_motions(count, *(np.concatenate([places, *others]) for places, others in found))
 
     @property
     def inside(self) -> np.ndarray:
@@ -207,7 +207,9 @@ class _Curve(NamedTuple):
         return np.einsum("mk,mk->m", c[last], self.motions.of_steps[last, : c.shape[1]])
 
 
-def _lowest(count: int, owner: np.ndarray, values: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _least_of_motions(
+    count: int, owner: np.ndarray, values: np.ndarray, times: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The lowest (count,) of the values (r,) that belong to each motion, `NONE` without one, and its time (count,)."""
     lowest, when = np.full(count, NONE), np.zeros(count)
     order = np.argsort(-values, kind="stable")  # of several assignments to one motion the last, the lowest, counts
