@@ -180,19 +180,19 @@ class _Curve(NamedTuple):
     values: np.ndarray
     ends: np.ndarray
 
-    def lowest_inside(self, also: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The lowest value (m,) at the places that are not the end of a motion and at the ends `also` (e,), `NONE`
-        without one, and its time (m,)."""
-        inside, ends = self.inside, self.motions.ends
-        parts = (self.owner, also), (self.values, self.ends[also]), (self.times, ends[also])
-        return _least_of_motions(len(ends), *(np.concatenate([places[inside], others]) for places, others in parts))
-
-    def lowest(self) -> tuple[np.ndarray, np.ndarray]:
-        """The lowest value (m,) on each motion, whose minima are at the places, and its time (m,)."""
-        motions, count = self.motions, len(self.ends)
-        parts = (motions.owner, np.arange(count)), (self.series[:, 0], self.ends), (motions.starts, motions.ends)
-        found = zip((self.owner, self.values, self.times), parts, strict=True)
-        return _least_of_motions(count, *(np.concatenate([places, *others]) for places, others in found))
+    def lowest(self, middles: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest value (m,) on each motion, whose minima are at the places, and its time (m,); with `middles`, that
+        of its minima alone, `NONE` without one, the ends of these motions (e,) being minima and no others."""
+        each, among, starts, ends = np.arange(len(self.ends)), self.inside, np.zeros(0, int), middles
+        if ends is None:
+            among, starts, ends = np.ones(len(self.owner), bool), each, each
+        owner = np.concatenate([self.owner[among], starts, ends])
+        values = np.concatenate([self.values[among], self.series[self.motions.first[starts], 0], self.ends[ends]])
+        times = np.concatenate([self.times[among], np.zeros(len(starts)), self.motions.ends[ends]])
+        lowest, when = np.full(len(each), NONE), np.zeros(len(each))
+        order = np.argsort(-values, kind="stable")  # of several assignments to one motion the last, the lowest, counts
+        lowest[owner[order]], when[owner[order]] = values[order], times[order]
+        return lowest, when
 
     @property
     def inside(self) -> np.ndarray:
@@ -207,16 +207,6 @@ class _Curve(NamedTuple):
         return np.einsum("mk,mk->m", c[last], self.motions.of_steps[last, : c.shape[1]])
 
 
-def _least_of_motions(
-    count: int, owner: np.ndarray, values: np.ndarray, times: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The lowest (count,) of the values (r,) that belong to each motion, `NONE` without one, and its time (count,)."""
-    lowest, when = np.full(count, NONE), np.zeros(count)
-    order = np.argsort(-values, kind="stable")  # of several assignments to one motion the last, the lowest, counts
-    lowest[owner[order]], when[owner[order]] = values[order], times[order]
-    return lowest, when
-
-
 def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int, bool]]) -> dict[str, _Curve]:
     """Functions on motions with their zeros or stationary points, which are all found in one search.
 
@@ -226,18 +216,17 @@ def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int, bo
     """
     motions, series, by_rate, orders, rising = zip(*sought.values(), strict=True)
     begins, firsts = (np.cumsum([0, *map(len, each)]) for each in (series, motions))
-    names = ("steps", "counts", "of_steps")
-    steps, counts, of_steps = (np.concatenate([getattr(each, name) for each in motions]) for name in names)
-    whole, sizes = np.concatenate(series), np.diff(firsts)
-    searched = whole.copy()
-    for begin, end, rate in zip(begins[:-1].tolist(), begins[1:].tolist(), by_rate, strict=True):
-        if rate:
-            searched[begin:end, :-1], searched[begin:end, -1] = derivative(whole[begin:end]), 0.0
-    polynomials = PiecewisePolynomials(searched, steps, counts, of_steps)
+    parts = zip(*((each.starts, each.steps, each.counts, each.of_steps) for each in motions), strict=True)
+    starts, *pieces = map(np.concatenate, parts)
+    functions, sizes = np.concatenate(series), np.diff(firsts)
+    rates = np.zeros_like(functions)
+    rates[:, :-1] = derivative(functions)
+    searched = np.where(np.repeat(by_rate, np.diff(begins))[:, None], rates, functions)
+    polynomials = PiecewisePolynomials(searched, *pieces)
     owner, piece, t = polynomials.roots(np.repeat(orders, sizes), np.repeat(rising, sizes))
     step, last = polynomials.first[owner] + piece, polynomials.last
-    values, ends = evaluate(whole[step], t), np.einsum("mk,mk->m", whole[last], of_steps[last])
-    times = np.concatenate([each.starts for each in motions])[step] + t
+    values, times = evaluate(functions[step], t), starts[step] + t
+    ends = np.einsum("mk,mk->m", functions[last], polynomials.of_steps[last])
     places, found = np.searchsorted(owner, firsts).tolist(), dict[str, _Curve]()
     for i, name in enumerate(sought):
         here, each = slice(places[i], places[i + 1]), slice(firsts[i], firsts[i + 1])
@@ -285,7 +274,7 @@ def _gaps(model: Model, cycles: Cycles, gap: _Curve) -> tuple[np.ndarray, np.nda
     # The end of a half, mid-flight, may be a minimum too.
     still = np.abs(gap.at_ends(1)) * halves.ends < STATIONARY * halves.largest(gap.series[:, :1])
     middles = ((gap.at_ends(2) > 0) & still).nonzero()[0]
-    clearance, when = _least_of_halves(cycles, *gap.lowest_inside(middles))
+    clearance, when = _least_of_halves(cycles, *gap.lowest(middles))
     violations = list[Violation]()
     for i in (jerk <= 0).nonzero()[0].tolist():
         text = "the gap opens the wrong way at landing (landing jerk {jerk:.3g}, must be negative)"
@@ -316,7 +305,7 @@ def _contact_forces(
     contacts, pulls, force, pull = cycles.contacts, model.violations["pull"], curves["force"], curves["pull"]
     # Mid-contact itself may be a minimum.
     middles = (force.at_ends(2) > 0).nonzero()[0] if model.reversor else np.zeros(0, int)
-    low, _ = force.lowest_inside(middles)
+    low, _ = force.lowest(middles)
     least[cycles.with_contact], peaks[cycles.with_contact] = low, -curves["peak"].lowest()[0]
     # A whole contact ends on another zero of the force than the one that it starts from.
     inside = np.full(len(pull.times), True) if model.reversor else pull.inside
