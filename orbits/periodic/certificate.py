@@ -31,6 +31,8 @@ MIDDLE = 1e-7
 STATIONARY = 1e-6
 # Roundings of the loss coefficient beside those that its parts share with alpha, in units of the last place.
 LOSS_ROUNDING = 16
+# Up to this many polynomials are searched together; of more, the arrays leave the processor's cache.
+MOST_TOGETHER = 500
 Violation = tuple[int, str]  # the index of the orbit, and what is wrong in words
 
 
@@ -214,6 +216,8 @@ def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int, bo
         order of the zero of what is searched at the start of each motion, which is divided out exactly, and whether
         only rising zeros count
     """
+    if len(sought) > 1 and sum(len(series) for _, series, *_ in sought.values()) > MOST_TOGETHER:
+        return {name: _searched({name: one})[name] for name, one in sought.items()}
     motions, series, by_rate, orders, rising = zip(*sought.values(), strict=True)
     begins, firsts = (np.cumsum([0, *map(len, each)]) for each in (series, motions))
     parts = zip(*((each.starts, each.steps, each.counts, each.of_steps) for each in motions), strict=True)
