@@ -44,6 +44,10 @@ def until_zero(
     search.by_taylor_steps()
     if not len(which := np.isfinite(search.times).nonzero()[0]):
         return which, None
+    if len(starts) == len(search.steps) == 1:
+        ((_, steps, coefficients),) = search.steps
+        counts = np.array([len(steps)])
+        return which, Trajectories(begins_of_steps(steps, counts), search.times, coefficients, counts, flow.names)
     owners, steps, coefficients = map(np.concatenate, zip(*search.steps, strict=True))
     reached = np.isfinite(search.times)[owners]
     order = reached.nonzero()[0][np.argsort(owners[reached], kind="stable")]
