@@ -130,7 +130,7 @@ class Impacts:
 
     def landings(self, x: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError]]:
         """`first_zeros` of the gap on flights from states (m, n), where it has a zero of this order and opens."""
-        limit, ahead = self.longest_flight(x), 0.0
+        limit, ahead = self.longest_flight(x), np.zeros(len(x))
         if self.flight.phase.closed_form:
             # Nothing is searched until shortly before the gap may close.
             form = self.flight.closed_form(self.p)
