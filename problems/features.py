@@ -47,14 +47,14 @@ class Features(NamedTuple):
 NO_FEATURES = Features(math.inf, 0)
 
 
-def features(key: Key, spring: Key, p: Mapping[str, float]) -> Features:
-    """The features of a spring, or of the gravity that varies around a spring, as far as a hop may lead.
+def features(key: Key, unit: float, p: Mapping[str, float]) -> Features:
+    """The features of a spring, or of the gravity that varies around a spring, with this `unit_of_length`, as far as a
+    hop may lead.
 
     None are looked for in a law in pieces, whose breakpoints end the steps.
     """
     if key.pieces is not None or key.degree() < 2:
         return NO_FEATURES
-    unit = unit_of_length(spring, p)
     low, high = ends_of_features(key, p, unit)
     values = tuple(p[name] for name in key.names)
     return _features(key._replace(reach=math.inf), values, low, high, unit)
@@ -75,8 +75,9 @@ def with_reach(key: Key, spring: Key, p: Mapping[str, float]) -> Key:
     hides, hides_bumps = hiding(key)
     if not (hides or hides_bumps):
         return key
-    length, bends = features(key, spring, p)
-    narrow = length < NARROW_SHARE * unit_of_length(spring, p) and (hides or bends > 1)
+    unit = unit_of_length(spring, p)
+    length, bends = features(key, unit, p)
+    narrow = length < NARROW_SHARE * unit and (hides or bends > 1)
     return key._replace(reach=STEP_LENGTHS * 2.0 ** math.floor(math.log2(length))) if narrow else key
 
 
@@ -175,15 +176,13 @@ def _sampled_slopes(key: Key, values: np.ndarray, low: np.ndarray, high: np.ndar
 
 def _lengths_and_bends(slopes: np.ndarray, units: np.ndarray, spacing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The features (m,) of laws with slopes (m, n) at places so far (m,) apart, in units of length (m,)."""
-    change = np.diff(slopes)
     floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / units[:, None])
-    signs = np.where(np.abs(change) > floor[:, 1:], np.sign(change), 0.0)
-    # Changes that are rounding have the sign of the last one that is not.
-    last = np.maximum.accumulate(np.where(signs != 0, np.arange(signs.shape[1]), 0), axis=1)
-    signs = np.take_along_axis(signs, last, axis=1)
-    bends = ((signs[:, 1:] != signs[:, :-1]) & (signs[:, :-1] != 0)).sum(axis=1)
-    bend = np.diff(change)
-    second, fourth = np.abs(bend[:, 1:-1]), np.abs(np.diff(bend, 2))
+    change = slopes[:, 1:] - slopes[:, :-1]
+    rises = [row[beyond] > 0 for row, beyond in zip(change, np.abs(change) > floor[:, 1:], strict=True)]
+    bends = np.array([np.count_nonzero(row[1:] != row[:-1]) for row in rises])
+    bend = change[:, 1:] - change[:, :-1]
+    second, third = np.abs(bend[:, 1:-1]), bend[:, 1:] - bend[:, :-1]
+    fourth = np.abs(third[:, 1:] - third[:, :-1])
     # Where the second difference is larger than its neighbours, in a circle, it does not vanish by chance.
     around = np.concatenate([second[:, -1:], second, second[:, :1]], axis=1)
     peak = (second >= around[:, :-2]) & (second >= around[:, 2:]) & (fourth > floor[:, 2:-2])

@@ -247,6 +247,8 @@ def _half_oscillations(flow: Flow, ps: np.ndarray, starts: np.ndarray) -> tuple[
     longest, times = LONGEST_FLIGHT * (1 + starts[:, 1]), np.full((2, len(starts)), np.inf)
     going = np.arange(len(starts))
     for turn in range(2):
+        if not len(going):
+            break
         found, rows, _ = first_zeros(flow, starts, ps[going], SPEED_OF_EXTENSION, longest[going], turn)
         back = np.isfinite(found)
         going, starts = going[back], rows[back, :2]
@@ -323,14 +325,25 @@ def _sample(phase: Phase, p: dict[str, float], liftoff: float, family: int, alph
 def _estimated_root(early: _Sample, late: _Sample) -> Generator[float, _Sample, float]:
     """The root between a sample where the turn comes too late and a faster one where it comes too early; yields launch
     speeds and is sent samples there."""
-    enough = min(ACCURACY * late.half_period, DEPTH * abs(late.lateness))
+    enough, seen = min(ACCURACY * late.half_period, DEPTH * abs(late.lateness)), [early, late]
     search = root_search(early.alpha, late.alpha, early.lateness, late.lateness, enough)
     try:
         alpha = next(search)
         while True:
-            alpha = search.send((yield alpha).lateness)
+            seen.append((yield alpha))
+            alpha = search.send(seen[-1].lateness)
     except StopIteration as end:
-        return end.value
+        root = end.value
+    # The parabola of the speed over the last three values is far more accurate than the secant, often so much that
+    # Newton's method takes one step. Where it leads far from the secant's root, it tells nothing.
+    values = {each.lateness: each.alpha for each in seen[-3:] if np.isfinite(each.lateness)}
+    if len(values) < 3:
+        return root
+    (fa, a), (fb, b), (fc, c) = values.items()
+    slope, other = (b - a) / (fb - fa), (c - b) / (fc - fb)
+    better = c - fc * (other - fb * (other - slope) / (fc - fa))
+    return better if abs(better - root) < abs(root - c) else root
+
 
 
 def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float:

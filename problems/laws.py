@@ -4,7 +4,7 @@ import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -110,7 +110,7 @@ class Law:
     def __reduce__(self) -> tuple[type, tuple]:
         return Law, (self.text, self.variable, self.expression, dict(self.parameters), self.pieces)
 
-    @property
+    @cached_property
     def key(self) -> Key:
         """The law without its parameters' values."""
         return Key(self.text, self.variable, self.expression, tuple(self.parameters), self.pieces)
@@ -155,7 +155,7 @@ class Law:
         for name in values:
             if name not in self.parameters:
                 raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, stated(self.parameters))}")
-        return replace(self, parameters={**self.parameters, **values})
+        return replace(self, parameters={**self.parameters, **values}) if values else self
 
     def scaled(self, length: float, force: float | None = None) -> "Law":
         """The law in units of `length` and `force`, which become its parameters; None keeps the values as they are."""
