@@ -241,7 +241,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
     "--over",
     multiple=True,
     metavar="NAME=RANGE",
-    help="A parameter with its range LOW:HIGH or LOW:HIGH:log, values V1,V2,... or distribution norm(MEAN,SD); repeatable.",
+    help="A parameter: LOW:HIGH, LOW:HIGH:log, V1,V2,... or norm(MEAN,SD); repeatable.",
 )
 @click.option("--from", "designs", metavar="FILE.csv", help="The members instead: a column for each parameter.")
 @click.option("--samples", type=int, metavar="N", help="Members; on a grid, values of each range.")

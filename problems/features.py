@@ -87,12 +87,11 @@ def hiding(key: Key) -> tuple[bool, bool]:
     return hides, hides_bumps
 
 
-def keeps_reach(key: Key, lengths: np.ndarray, bends: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """Whether `with_reach` sets no bound for laws with these features and units of length (m,)."""
+def reaches_of_many(key: Key, lengths: np.ndarray, bends: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """How far (m,) `with_reach` lets steps go along laws with these features and units of length (m,)."""
     hides, hides_bumps = hiding(key)
-    if not (hides or hides_bumps):
-        return np.full(len(units), True)
-    return ~((lengths < NARROW_SHARE * units) & (hides | (bends > 1)))
+    narrow = (lengths < NARROW_SHARE * units) & (hides | (hides_bumps & (bends > 1)))
+    return np.where(narrow, STEP_LENGTHS * 2.0 ** np.floor(np.log2(np.where(narrow, lengths, 1.0))), math.inf)
 
 
 def units_of_length(spring: Key, p: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -130,20 +129,25 @@ def _slopes(key: Key) -> ElementwiseFunction:
 @lru_cache(maxsize=256)
 def _features(key: Key, values: tuple[float, ...], low: float, high: float, unit: float) -> Features:
     places, slopes = _sampled_slopes(key, np.array([values]), np.array([low]), np.array([high]))
+    return _features_of_branch(places[0], slopes[0], unit)
+
+
+def _features_of_branch(places: np.ndarray, slopes: np.ndarray, unit: float) -> Features:
+    """The features of a law with slopes (n,) at places (n,), between the singularities nearest to rest."""
     rest = int(np.abs(places).argmin())
     with np.errstate(invalid="ignore"):
-        ends = (~(np.abs(slopes[0]) < SINGULAR_SLOPE / unit)).nonzero()[0]
+        ends = (~(np.abs(slopes) < SINGULAR_SLOPE / unit)).nonzero()[0]
     after = int(np.searchsorted(ends, rest))
     first, last = np.append(-1, ends)[after] + 1, np.append(ends, LAW_SAMPLES)[after]
     if last - first < 5:
         return NO_FEATURES
-    lengths, bends = _lengths_and_bends(slopes[:, first:last], np.array([unit]), np.array([places[0, 1] - places[0, 0]]))
+    lengths, bends = _lengths_and_bends(slopes[None, first:last], np.array([unit]), places[None, 1] - places[None, 0])
     return Features(float(lengths[0]), int(bends[0]))
 
 
 def features_of_many(key: Key, spring: Key, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """`features` of laws with parameters (m,) by name: lengths (m,) and numbers of bends (m,), which are NaN where a
-    law has a singularity. Where nothing depends on a length, since a law bends but once, it is infinite."""
+    """`features` of laws with parameters (m,) by name: lengths (m,) and numbers of bends (m,). Where nothing depends on
+    a length, since a law bends but once, it is infinite."""
     units = units_of_length(spring, p)
     lengths, bends = np.full((2, len(units)), np.nan)
     if key.pieces is not None or key.degree() < 2:
@@ -164,6 +168,8 @@ def features_of_many(key: Key, spring: Key, p: Mapping[str, np.ndarray]) -> tupl
         if (rest := plain & ~steady).any():
             found = _lengths_and_bends(slopes[rest], units[rows][rest], (places[:, 1] - places[:, 0])[rest])
             lengths[rows][rest], bends[rows][rest] = found
+        for i in np.flatnonzero(~plain).tolist():
+            lengths[first + i], bends[first + i] = _features_of_branch(places[i], slopes[i], units[first + i])
     return lengths, bends
 
 

@@ -97,17 +97,19 @@ class Liftoff:
             cell = beyond.argmax(axis=1)
             each = np.arange(len(cell))
             steady = (cell > 0) & (np.cumsum(ends_there, axis=1)[each, cell] == 0) & (forces[:, 0] != level)
-            if steady.any():
-                ends = np.sort([extensions[each, cell - 1][steady], extensions[each, cell][steady]], axis=0)
-                found[rows][steady] = _level_crossings(
-                    lambda r, own={name: values[steady] for name, values in block.items()}: [
-                        part[:, 0] for part in values_and_slopes(key, own, r[:, None])
-                    ],
-                    np.full(int(steady.sum()), level), *ends,
-                )
+            ends = np.sort([extensions[each, cell - 1][steady], extensions[each, cell][steady]], axis=0)
+            found[rows][steady] = self._reached(key, {name: values[steady] for name, values in block.items()}, *ends)
         flat = ~(values_and_slopes(key, p, np.nan_to_num(found)[:, None])[1][:, 0] > FLATTEST_LIFTOFF)
         found[flat] = np.nan
         return found
+
+    def _reached(self, key: Key, p: Mapping[str, np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Where springs with parameters (m,) by name reach the level between extensions (m,)."""
+
+        def force_and_slope(r: np.ndarray) -> list[np.ndarray]:
+            return [column[:, 0] for column in values_and_slopes(key, p, r[:, None])]
+
+        return _level_crossings(force_and_slope, np.full(len(low), 1.0 - self.load), low, high) if len(low) else low
 
     def extensions_at(self, law: Law, damping: float, alpha: ArrayLike) -> np.ndarray:
         """The extensions (m,) at lift-off with speeds `alpha` (m,), with a damper of this coefficient.
@@ -178,8 +180,8 @@ def _end_of_rise(law: Law, inner: ArrayLike, outer: ArrayLike) -> np.ndarray:
 
 
 def _level_crossings(force_and_slope: Callable, level: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Where a force, x (m,) -> values and slopes (m,), rises through levels (m,) between extensions (m,): Newton's method
-    safeguarded by bisection."""
+    """Where a force, x (m,) -> values and slopes (m,), rises through levels (m,) between extensions (m,): Newton's
+    method safeguarded by bisection."""
     r = 0.5 * (low + high)
     for _ in range(200):
         force, slope = force_and_slope(r)
@@ -343,7 +345,6 @@ def _estimated_root(early: _Sample, late: _Sample) -> Generator[float, _Sample, 
     slope, other = (b - a) / (fb - fa), (c - b) / (fc - fb)
     better = c - fc * (other - fb * (other - slope) / (fc - fa))
     return better if abs(better - root) < abs(root - c) else root
-
 
 
 def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float:

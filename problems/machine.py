@@ -24,7 +24,15 @@ from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
 from orbits.symbolic.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
 
-from .features import NO_FEATURES, features, features_of_many, keeps_reach, unit_of_length, units_of_length, with_reach
+from .features import (
+    NO_FEATURES,
+    features,
+    features_of_many,
+    reaches_of_many,
+    unit_of_length,
+    units_of_length,
+    with_reach,
+)
 from .gravity import as_gravity
 from .launch import FASTEST, Liftoff, lowest_launch_speed, lowest_launch_speeds
 from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number, stated, values_and_slopes
@@ -347,15 +355,15 @@ class TwoMassEquations:
         return lowest_launch_speeds(relative_phase(self.spring, self.threshold.load), p, extension, family, scales)
 
     def _single(self, p: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Which of many machines (m,) have no feature for which `search` looks for several orbits, or for which steps
-        are kept shorter than this model's."""
+        """Which of many machines (m,) have no feature for which `search` looks for several orbits, and take integration
+        steps as far as this model lets them."""
         units = units_of_length(self.spring, p)
         lengths, bends = features_of_many(self.spring, self.spring, p)
-        single = np.isfinite(bends) & (self.spring.reach == math.inf) & keeps_reach(self.spring, lengths, bends, units)
-        single &= (bends <= MOST_BENDS) & ((bends <= 1) | (lengths >= UNBENT * units))
+        single = (bends <= MOST_BENDS) & ((bends <= 1) | (lengths >= UNBENT * units))
+        single &= reaches_of_many(self.spring, lengths, bends, units) == self.spring.reach
         if self.gravity:
             lengths, bends = features_of_many(self.gravity, self.spring, p)
-            single &= (bends <= 1) & (self.gravity.reach == math.inf) & keeps_reach(self.gravity, lengths, bends, units)
+            single &= (bends <= 1) & (reaches_of_many(self.gravity, lengths, bends, units) == self.gravity.reach)
         return single
 
     def search(self, p: Parameters) -> Search:

@@ -150,7 +150,7 @@ def _swept_axis(option: str, text: str) -> Any:
         return norm(mean, deviation)
     if ":" not in text:
         return numbers("--over", text, float)
-    ends, colon, last = text.rpartition(":")
+    ends, _, last = text.rpartition(":")
     logarithmic = last == "log"
     low, *high = numbers("--over", ends if logarithmic else text, float, ":")
     if len(high) != 1:
@@ -161,7 +161,7 @@ def _swept_axis(option: str, text: str) -> Any:
 
 
 def with_first_values(stated: dict[str, Any], axes: dict[str, Any], table: Any) -> dict[str, Any]:
-    """The options that state a machine, with a value for each swept parameter that has none, since a formula needs one."""
+    """The options that state a machine, with a value for each swept parameter that has none: a formula needs one."""
     import numpy as np
 
     from orbits.sweep.designs import axis_of

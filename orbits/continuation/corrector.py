@@ -10,9 +10,9 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..numerics.roots import Array
+from ..periodic.newton_kernel import MOST_NEWTON_STEPS, Solutions
 from ..periodic.single_shooting import STALLED_RATIO, settles
 from .curve import Curve, CurvePoint, StepEnd
-from ..periodic.newton_kernel import MOST_NEWTON_STEPS, Solutions
 from .predictor import around
 
 # Points of the curve that the predictor uses for a step.

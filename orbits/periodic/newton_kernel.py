@@ -8,9 +8,9 @@ import numpy as np
 from ..flow.taylor import LONGEST_STEP, TaylorStepper
 from ..flow.trajectory import Trajectories, begins_of_steps
 from ..numerics.roots import Array
-from .single_shooting import LAST_STEP, SMALL_STEP, STALLED_RATIO, Evaluation, Shooting
 from ..symbolic.kept import kept
 from ..symbolic.kernels import Kernel
+from .single_shooting import LAST_STEP, SMALL_STEP, STALLED_RATIO, Evaluation, Shooting
 
 # Newton steps of a corrector that converges, with some to spare.
 MOST_NEWTON_STEPS = 8

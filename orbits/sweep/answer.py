@@ -43,7 +43,9 @@ class Sweep:
     @classmethod
     def of(cls, question: Question, table: Table) -> "Sweep":
         """The answer of a question."""
-        return cls(question.members.names, table.members, table.columns, question.document(), question.machine, question)
+        return cls(
+            question.members.names, table.members, table.columns, question.document(), question.machine, question
+        )
 
     @classmethod
     def load(cls, path: str | Path, machine: Machine | None = None) -> "Sweep":
@@ -132,7 +134,7 @@ class Sweep:
 
     def document(self) -> dict[str, Any]:
         """The sweep as the JSON document of the command line."""
-        status = {name: 0 for name in self.known_statuses()} | self.statuses()
+        status = dict.fromkeys(self.known_statuses(), 0) | self.statuses()
         document = {"parameters": list(self.parameters), "count": self.count, "status": status}
         document |= {"units": self.units} if self.units else {}
         return {**document, "members": list(self.rows())}
@@ -179,11 +181,11 @@ class Sweep:
             if len(families) > 1:
                 dims, sizes = (*dims, "asked_family"), (*sizes, len(families))
                 coordinates["asked_family"] = ("asked_family", list(families))
-        data = {
-            name: (dims, (column.astype(str) if column.dtype == object else column).reshape(sizes), self._attributes(name))
-            for name, column in self.columns.items()
-            if name not in coordinates
-        }
+        data: dict[str, Any] = {}
+        for name, column in self.columns.items():
+            if name not in coordinates:
+                values = column.astype(str) if column.dtype == object else column
+                data[name] = dims, values.reshape(sizes), self._attributes(name)
         return xarray.Dataset(data, coordinates, {"sweep": to_json(self.about)})
 
     def _attributes(self, name: str) -> dict[str, str]:

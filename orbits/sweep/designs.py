@@ -99,7 +99,9 @@ def axis_of(name: str, stated: Any) -> Axis:
     if isinstance(stated, tuple) and len(stated) in (2, 3) and not (len(stated) == 3 and stated[2] != "log"):
         low, high = (finite_number(f"over '{name}'", value) for value in stated[:2])
         if not low < high:
-            raise InputError(f"over '{name}' = {stated}: a range goes up, low < high; for one value give a list, [{low:g}]")
+            raise InputError(
+                f"over '{name}' = {stated}: a range goes up, low < high; for one value give a list, [{low:g}]"
+            )
         if len(stated) == 3 and not low > 0:
             raise InputError(f"over '{name}' = {stated}: a logarithmic range lies above 0")
         return Axis(low=low, high=high, logarithmic=len(stated) == 3)
@@ -129,7 +131,9 @@ def _grid(axes: Mapping[str, Axis], samples: Any) -> Members:
         columns.append(axis.at((np.arange(count) + 0.5) / count if shares is None or count == 1 else shares))
     shape = tuple(map(len, columns))
     if float(np.prod(shape, dtype=float)) > MOST_MEMBERS:
-        raise InputError(f"samples = {samples}: a grid of {' x '.join(map(str, shape))} has more than {MOST_MEMBERS} members")
+        raise InputError(
+            f"samples = {samples}: a grid of {' x '.join(map(str, shape))} has more than {MOST_MEMBERS} members"
+        )
     if not ranges and samples is not None and not isinstance(samples, tuple):
         raise InputError(f"samples = {samples}: the grid over lists has as many members as these have, leave it out")
     values = np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, len(columns))

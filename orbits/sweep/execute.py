@@ -3,6 +3,7 @@
 A chunk is a pure function of data that can be pickled, so that any executor can solve it, in any order, and again.
 """
 
+import os
 import pickle
 from collections import deque
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, OrbitsError, whole_number
+from ..errors import InputError, whole_number
 from ..symbolic import interrupts
 from .members import failed_table, solve_chunk
 from .question import CHUNK, Question, Table
@@ -113,7 +114,7 @@ class _Processes:
         self.pool.shutdown(wait=True, cancel_futures=True)
 
     def _started(self) -> ProcessPoolExecutor:
-        pool = ProcessPoolExecutor(self.workers, mp_context=self.context)
+        pool = ProcessPoolExecutor(self.size, mp_context=self.context)
         try:
             pool.submit(int).result()
         except BrokenExecutor:
@@ -124,7 +125,7 @@ class _Processes:
     @property
     def size(self) -> int:
         """The number of workers."""
-        return self.pool._max_workers
+        return self.workers or os.cpu_count() or 1
 
     def submit(self, *call: Any) -> Future:
         """A call in one of the processes."""
@@ -197,4 +198,3 @@ def _tried_again(chunk: Chunk, alone: bool) -> list[Chunk]:
 def _died(error: BaseException) -> bool:
     """Whether an error says that a worker has died: that of a pool of processes, or Dask's after some attempts."""
     return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
-

@@ -94,11 +94,13 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
             axes.plot(x[~known], y[~known], ".", color="0.8", ms=2, zorder=0, rasterized=True)
         drawn = axes.scatter(x[known], y[known], c=values[known], s=size, cmap=MAP, lw=0, rasterized=True)
         below, beside = i == count - 1, j == 0
-        _labelled(axes, sweep, names[j] if below else "", (quantity if i == j else names[i]) if beside or i == j else "")
+        _labelled(
+            axes, sweep, names[j] if below else "", (quantity if i == j else names[i]) if beside or i == j else ""
+        )
         for name, one in ((names[j], "x"), (None if i == j else names[i], "y")):
             if name is not None:
                 _scale(axes, sweep, name, one)
-    panels[0, 0].figure.colorbar(drawn, ax=panels[:, -1].tolist()[count - 1:], label=_words(sweep, quantity))
+    panels[0, 0].figure.colorbar(drawn, ax=panels[:, -1].tolist()[count - 1 :], label=_words(sweep, quantity))
     return panels
 
 

@@ -1,7 +1,7 @@
 """What the members of a sweep answer: a chunk of them solved together, and by `find` those that ask for more."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from ..design.problem import formula_names, known_formula
 from ..design.sensitivities import quantities
 from ..errors import InputError, OrbitsError
 from ..hybrid.return_map import ReturnMap
-from ..model.machine import Machine
+from ..model.machine import ImpactingMachine, Machine
 from ..model.model import Model
 from ..model.units import in_units
 from ..periodic.find import find
@@ -57,23 +57,25 @@ def _find(question: Question, table: Table) -> None:
 def _found_together(question: Question, table: Table, rows: np.ndarray, family: int) -> np.ndarray:
     """Fill in the rows whose orbits are found together, and return the others.
 
-    Machines that differ in numbers alone share a model, but for those whose laws vary so finely that their integration
-    steps are bounded. A model that serves is looked for among those of the rows.
+    Machines that differ in numbers alone share a model, or few models where their laws vary so finely that integration
+    steps are bounded.
     """
-    formulas, tried = _formulas(question), set()
+    formulas, tried, left = _formulas(question), set[Model](), rows
     for row in rows.tolist():
+        if row not in left:
+            continue
         base = _machine_at(question, table, row)
         names = set().union(*(formula.names for formula in formulas.values())) - base.values.keys()
         if base.model in tried or not names <= {*NUMBERS}:
             continue
         tried.add(base.model)
-        ps = np.tile(list(base.values.values()), (len(rows), 1))
+        ps = np.tile(list(base.values.values()), (len(left), 1))
         for name in question.members.names:
-            ps[:, list(base.values).index(name)] = table.columns[name][rows]
+            ps[:, list(base.values).index(name)] = table.columns[name][left]
         if orbits := orbits_of_many(base.model, tuple(base.values), ps, family):
-            _fill_in(table, rows[orbits.which], base.model, orbits, family, formulas)
-            return np.delete(rows, orbits.which)
-    return rows
+            _fill_in(table, left[orbits.which], base.model, orbits, family, formulas)
+            left = np.delete(left, orbits.which)
+    return left
 
 
 def _fill_in(
@@ -140,6 +142,11 @@ def _machine_at(question: Question, table: Table, row: int) -> Machine:
     return question.machine.with_values(**{name: float(table.columns[name][row]) for name in names})
 
 
+def _return_map(question: Question, table: Table, row: int) -> ReturnMap:
+    """The return map of the machine of a row."""
+    return ReturnMap(cast(ImpactingMachine, _machine_at(question, table, row)))
+
+
 def _map(question: Question, table: Table) -> None:
     """The next launch: launches of the same machine are mapped together."""
     own = [name for name in question.members.names if name != LAUNCH_SPEED]
@@ -149,7 +156,7 @@ def _map(question: Question, table: Table) -> None:
         interrupts.check()
         rows = np.flatnonzero(group.ravel() == k)
         try:
-            hops = ReturnMap(_machine_at(question, table, int(first[k])))(table.columns[LAUNCH_SPEED][rows])
+            hops = _return_map(question, table, int(first[k]))(table.columns[LAUNCH_SPEED][rows])
         except OrbitsError as error:
             table.columns["status"][rows], table.columns["reason"][rows] = "no orbit", str(error)
             continue
@@ -163,7 +170,7 @@ def _fixed_points(question: Question, table: Table) -> None:
     for row in range(len(table.members)):
         interrupts.check()
         try:
-            found = ReturnMap(_machine_at(question, table, row)).fixed_points(*question.between)
+            found = _return_map(question, table, row).fixed_points(*question.between)
         except OrbitsError as error:
             table.columns["status"][row], table.columns["reason"][row] = "no orbit", str(error)
             continue

@@ -113,7 +113,9 @@ def question_of(
         for text in quantities:
             known_formula(text, known, "the quantity")
     question = Question(machine, members, families, tuple(quantities), outcome, between and tuple(map(float, between)))
-    taken = [name for name in (*members.names, *quantities) if name in (*COLUMNS_OF[outcome], "status", "reason", "index")]
+    taken = [
+        name for name in (*members.names, *quantities) if name in (*COLUMNS_OF[outcome], "status", "reason", "index")
+    ]
     if taken or len(question.columns()) < len(members.names) + len(quantities):
         name = taken[0] if taken else "one of the quantities"
         raise InputError(f"'{name}' is a column of every answer: leave it out of the quantities and parameters")

@@ -29,14 +29,18 @@ def sobol_indices(
         raise InputError("Sobol's indices are of a sweep of one family over ranges or distributions, with its machine")
     if (samples := whole_number("samples", samples, "samples", least=2)) & (samples - 1):
         raise InputError(f"samples = {samples}; Sobol's indices take a power of 2")
-    texts = [name for name in answer.numbers if name not in ("error", "family")] if quantities is None else [*quantities]
+    texts = (
+        [name for name in answer.numbers if name not in ("error", "family")] if quantities is None else [*quantities]
+    )
     own = {"alpha", "flight_time"}
     names, count = question.members.names, len(question.members.names)
     shares = stats.qmc.Sobol(2 * count, seed=seed).random(samples)
     a, b = shares[:, :count], shares[:, count:]
     mixed = [np.where(np.arange(count) == i, b, a) for i in range(count)]
     places = np.concatenate([a, b, *mixed])
-    table = {name: axis.at(places[:, i]) for i, (name, axis) in enumerate(zip(names, question.members.axes, strict=True))}
+    table = {
+        name: axis.at(places[:, i]) for i, (name, axis) in enumerate(zip(names, question.members.axes, strict=True))
+    }
     more = swept(
         question.machine, None, table, family=question.families[0],
         quantities=[text for text in texts if text not in own], **options,
@@ -108,8 +112,8 @@ def uncertainty(
     samples : members of the sample, drawn by Sobol's sequence
     options : `executor`, `workers`, `client`, `store`, `progress` of `sweep`
 
-    The linear answer is taken at the machine itself, with the standard deviations of the distributions. Raises `NoOrbit`
-    where the machine itself has no such orbit.
+    The linear answer is taken at the machine itself, with the standard deviations of the distributions. Raises
+    `NoOrbit` where the machine itself has no such orbit.
     """
     members = members_of(over, samples, "sobol", seed, list(over))
     orbit, texts = find(machine, family), ["alpha", "flight_time", *quantities]
@@ -118,14 +122,13 @@ def uncertainty(
         name: float(axis.distribution.std()) if axis.distribution is not None else float(np.std(axis.at(_MIDDLES)))
         for name, axis in zip(members.names, members.axes, strict=True)
     }
-    answer = swept(
-        machine, over, samples, sampling="sobol", seed=seed, family=family, quantities=quantities, **options
-    )
+    answer = swept(machine, over, samples, sampling="sobol", seed=seed, family=family, quantities=quantities, **options)
     columns = {text: answer[text][np.isfinite(answer[text])] for text in texts}
     if empty := [text for text, values in columns.items() if len(values) < 2]:
         raise InputError(f"fewer than two members have '{empty[0]}': the distributions reach where there is no hop")
     quantiles = {
-        text: {f"{share:.0%}": float(np.quantile(values, share)) for share in QUANTILES} for text, values in columns.items()
+        text: {f"{share:.0%}": float(np.quantile(values, share)) for share in QUANTILES}
+        for text, values in columns.items()
     }
     linear = {
         text: float(np.sqrt(sum((slopes[text][name] * deviation) ** 2 for name, deviation in deviations.items())))

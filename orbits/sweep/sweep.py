@@ -1,6 +1,7 @@
 """Many orbits of one machine over its parameters: asked for once, computed anywhere, kept as they come."""
 
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,13 +24,13 @@ DAMPING = ("damping", "drag", "rest_length")
 
 class Progress(NamedTuple):
     """How far a sweep has come: members done and in all, how many of each status, seconds since it began, and an
-    estimate of the seconds left, None at the beginning."""
+    estimate of the seconds left."""
 
     done: int
-    count: int
+    whole: int
     statuses: Mapping[str, int]
     seconds: float
-    left: float | None
+    left: float
 
 
 def sweep(
@@ -58,8 +59,8 @@ def sweep(
     samples : the number of members (1000), with "grid" that of the values of each range or a tuple of one for each
         parameter (10); or a table with a column for each parameter: a DataFrame, a mapping of arrays or the name of a
         CSV file
-    sampling : "grid", "sobol", "lhs" (Latin hypercube) or "random"; None is a grid for lists and for a tuple of samples,
-        else "sobol"
+    sampling : "grid", "sobol", "lhs" (Latin hypercube) or "random"; None is a grid for lists and for a tuple of
+        samples, else "sobol"
     seed : of the sampling
     family : one or several; every design is then asked for each
     quantities : further columns: names as in `quantities`, or formulas of them and of the parameters
@@ -116,7 +117,7 @@ def _computed(
     """The answer, with what a store has already."""
     began, count = time.perf_counter(), len(question)
     done = np.zeros(count, dtype=bool) if store is None else store.done()
-    table, statuses = empty_table(count, question.columns()) if store is None else None, dict[str, int]()
+    table, statuses = None if store else empty_table(count, question.columns()), Counter[str]()
     chunks, before = chunks_of(question, done), int(done.sum())
     try:
         with interrupts.deferred():
@@ -126,16 +127,18 @@ def _computed(
                 if table is not None:
                     _put(table, part)
                 done[part.members] = True
-                for status, number in zip(*np.unique(part.columns["status"].astype(str), return_counts=True), strict=True):
-                    statuses[str(status)] = statuses.get(str(status), 0) + int(number)
+                statuses.update(part.columns["status"])
                 now, seconds = int(done.sum()), time.perf_counter() - began
                 show(Progress(now, count, dict(statuses), seconds, (count - now) * seconds / max(now - before, 1)))
-        return Sweep.of(question, table if store is None else store.read())
+        if table is None:
+            assert store is not None
+            table = store.read()
+        return Sweep.of(question, table)
     except KeyboardInterrupt:
-        kept = "nothing is kept: name a store to keep what is done" if store is None else (
-            f"{int(done.sum())} of {count} members are in {store.path}: the same sweep with this store goes on from there"
-        )
-        raise KeyboardInterrupt(kept) from None
+        if store is None:
+            raise KeyboardInterrupt("nothing is kept: name a store to keep what is done") from None
+        kept = f"{int(done.sum())} of {count} members are in {store.path}"
+        raise KeyboardInterrupt(f"{kept}: the same sweep with this store goes on from there") from None
     finally:
         if store is not None:
             store.close()

@@ -97,7 +97,12 @@ def test_what_cannot_be_meant_is_refused(over, samples, sampling, said):
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("", "first line"), ("beta,beta\n1,2\n", "each once"), ("beta,mass_ratio\n1\n", "line 2"), ("beta\nnan\n", "row 1")],
+    [
+        ("", "first line"),
+        ("beta,beta\n1,2\n", "each once"),
+        ("beta,mass_ratio\n1\n", "line 2"),
+        ("beta\nnan\n", "row 1"),
+    ],
 )
 def test_a_table_that_is_none_is_refused(tmp_path, text, said):
     file = tmp_path / "designs.csv"

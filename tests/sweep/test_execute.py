@@ -84,7 +84,7 @@ def test_what_cannot_be_sent_is_refused():
     class Local(Hopper):
         pass
 
-    with pytest.raises(InputError, match="cannot be sent to other processes.*cloudpickle"):
+    with pytest.raises(InputError, match=r"cannot be sent to other processes.*cloudpickle"):
         sweep(Local("cubic"), OVER, 10, executor="processes")
 
 

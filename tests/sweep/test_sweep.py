@@ -20,7 +20,11 @@ CASES = {
     "linear": (Hopper(), {"mass_ratio": (0.1, 10.0, "log"), "rest_length": (3.0, 12.0)}, 2),
     "juggler": (Juggler("sinh", parameters={"b": 0.3}), {"b": (0.01, 0.6), "mass_ratio": (0.5, 2.0)}, 1),
     "varying gravity": (GRAVITY, {"R": (60.0, 400.0), "beta": (0.0, 0.5)}, 1),
-    "saturating": (Hopper("tanh(b*r)/b + c*r", parameters={"b": 0.2, "c": 0.0}), {"b": (0.1, 0.8), "c": (0.0, 0.05)}, 1),
+    "saturating": (
+        Hopper("tanh(b*r)/b + c*r", parameters={"b": 0.2, "c": 0.0}),
+        {"b": (0.1, 0.8), "c": (0.0, 0.05)},
+        1,
+    ),
     "SI": (LEG, {"k": (2000.0, 20000.0), "b": (0.0, 4e6), "body_mass": (40.0, 90.0)}, 1),
 }
 
@@ -33,13 +37,14 @@ def test_every_member_is_what_find_finds(case):
     found = sweep(machine, over, 40, sampling="sobol", family=family, quantities=asked)
     assert len(found) == 40
     for i in range(40):
-        try:
-            orbit = find(machine.with_values(**{name: float(found[name][i]) for name in over}), family)
-        except NoOrbit as error:
-            assert found["status"][i] == "no orbit"
-            assert found["reason"][i] == str(error)
+        member = machine.with_values(**{name: float(found[name][i]) for name in over})
+        if found["status"][i] == "no orbit":
+            with pytest.raises(NoOrbit) as error:
+                find(member, family)
+            assert found["reason"][i] == str(error.value)
             assert np.isnan(found["alpha"][i])
             continue
+        orbit = find(member, family)
         assert abs(found["alpha"][i] - orbit.alpha) <= found["error"][i] + orbit.error
         assert found["flight_time"][i] == pytest.approx(orbit.flight_time, rel=1e-11)
         assert found["status"][i] == ("certified" if orbit.admissible else "inadmissible")
@@ -48,7 +53,7 @@ def test_every_member_is_what_find_finds(case):
         assert found["loss_coefficient"][i] == pytest.approx(orbit.certificate.loss_coefficient, rel=1e-8)
         if orbit.contact_time:
             assert found[names[2]][i] == pytest.approx(orbit.contact_time / orbit.flight_time, rel=1e-11)
-        if machine.rest_length:
+        if "smallest_separation" in found.columns and orbit.certificate.smallest_separation is not None:
             assert found["smallest_separation"][i] == pytest.approx(orbit.certificate.smallest_separation, rel=1e-10)
 
 
@@ -64,7 +69,8 @@ def test_quantities_are_those_of_quantities():
 
 def test_members_without_an_orbit_say_why():
     found = sweep(Hopper("cubic", rest_length=30.0), {"beta": [0.0, -0.01, -0.05]})
-    assert found["status"].tolist() == ["certified", "certified", "no orbit"]
+    assert found["status"].tolist() == ["certified", "inadmissible", "no orbit"]
+    assert found["reason"][1].startswith("contact: the spring collapses")
     assert "no lossless orbit" in found["reason"][2]
     assert np.isnan(found["alpha"][2])
 
@@ -80,7 +86,7 @@ def test_several_families_are_members_of_their_own():
 def test_the_return_map_is_swept():
     from orbits import ReturnMap
 
-    found = sweep(Hopper(), {"alpha": (4.0, 6.0), "restitution": [0.0]} if False else {"alpha": (4.0, 6.0)}, 50, outcome="map")
+    found = sweep(Hopper(), {"alpha": (4.0, 6.0)}, 50, outcome="map")
     hops = ReturnMap(Hopper())(found["alpha"])
     np.testing.assert_array_equal(found["next"], hops.next)
     assert found["status"].tolist() == hops.status.tolist()
@@ -156,8 +162,8 @@ def test_datasets_frames_and_files(tmp_path):
     with xarray.open_dataset(tmp_path / "leg.nc") as again:
         np.testing.assert_array_equal(again["alpha"], data["alpha"])
     found.save(tmp_path / "leg.csv")
-    table = pandas.read_csv(tmp_path / "leg.csv", float_precision="round_trip")
-    assert table["alpha (m/s)"].tolist() == found["alpha"].tolist()
+    table = pandas.read_csv(tmp_path / "leg.csv")
+    np.testing.assert_allclose(table["alpha (m/s)"], found["alpha"], rtol=1e-15)
     cloud = sweep(Hopper("cubic"), {"beta": (0.0, 1.0)}, 8).dataset
     assert cloud["alpha"].dims == ("member",)
 
@@ -171,8 +177,14 @@ def test_a_summary_and_a_table_in_words():
     assert "alpha" in str(found)
 
 
-@pytest.mark.parametrize("over", [{"beta": (-0.02, 0.1)}, {"beta": (-0.02, 0.1), "mass_ratio": (0.5, 2.0)},
-                                  {"beta": (0.0, 0.1), "mass_ratio": (0.5, 2.0), "rest_length": (6.0, 9.0)}])  # fmt: skip
+@pytest.mark.parametrize(
+    "over",
+    [
+        {"beta": (-0.02, 0.1)},
+        {"beta": (-0.02, 0.1), "mass_ratio": (0.5, 2.0)},
+        {"beta": (0.0, 0.1), "mass_ratio": (0.5, 2.0), "rest_length": (6.0, 9.0)},
+    ],
+)
 @pytest.mark.parametrize("sampling", ["grid", "sobol"])
 def test_figures(over, sampling, tmp_path):
     from orbits.plot import save_figure
