@@ -62,16 +62,11 @@ def affine(function: Affine, x: Iterable) -> Any:
     return sum((w * value for w, value in zip(function.weights, x, strict=False)), function.offset)
 
 
-def rises(model: Model, p: Mapping) -> dict[str, Affine]:
-    """The heights, by the name of the quantity that says how far each rises above its value at lift-off."""
-    return {f"{name.replace(' ', '_')}_rise": height for name, height in model.heights(p).items()}
-
-
 def quantity_names(model: Model, p: Mapping) -> list[str]:
     """The quantities of a model's orbits."""
     missing = [] if model.tension else ["largest_spring_force"]
     missing += [] if model.separation(p) is not None else ["smallest_separation"]
-    return [name for name in QUANTITIES if name not in missing] + list(rises(model, p))
+    return [name for name in QUANTITIES if name not in missing] + list(model.rises(p))
 
 
 def extremes_of(name: str) -> tuple[str, ...]:
@@ -99,7 +94,7 @@ def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
         "peak": (("contact", lambda x, p: force(x, p, [])),),
         "tension": over_cycle(lambda x, p: tension(x, p, [])) + over_cycle(lambda x, p: -tension(x, p, [])),
     }
-    return functions.get(name) or (("flight", lambda x, p: affine(rises(model, p)[name], x)),)
+    return functions.get(name) or (("flight", lambda x, p: affine(model.rises(p)[name], x)),)
 
 
 def _value_and_rate(phase, function, x, p):
@@ -296,5 +291,5 @@ def expressions(
         if name in COMPOSITION:
             values[name] = sum(sign * extremes[extreme][0] for extreme, sign in COMPOSITION[name].items())
         elif name not in values:
-            values[name] = extremes[name][0] - affine(rises(model, p)[name], model.launch(u, p))
+            values[name] = extremes[name][0] - affine(model.rises(p)[name], model.launch(u, p))
     return {name: values[name] for name in names}

@@ -124,6 +124,10 @@ class Model:
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
 
+    def rises(self, p: Mapping[str, Any]) -> dict[str, Affine]:
+        """The heights, by the name of the quantity that says how far each rises above its value at lift-off."""
+        return {f"{name.replace(' ', '_')}_rise": height for name, height in self.heights(p).items()}
+
     @property
     def half_unknowns(self) -> tuple[str, ...]:
         """Names of the unknowns of half an orbit: those of the launch, and half the time of each phase that is shot."""

@@ -240,6 +240,13 @@ def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int, bo
     return found
 
 
+def extremes(motions: Trajectories, series: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and the highest values (m,) on motions of a function with coefficients (N, K + 1)."""
+    curve = _searched({"all": (motions, series, True, 0, False)})["all"]
+    mirrored = curve._replace(series=-curve.series, values=-curve.values, ends=-curve.ends)
+    return curve.lowest()[0], -mirrored.lowest()[0]
+
+
 def _curves(model: Model, cycles: Cycles) -> dict[str, _Curve]:
     """The functions on the motions that a certificate looks at: gap, force, -force ("peak") and separations with their
     minima, the extension with its stationary points, and the force with its zeros ("pull")."""

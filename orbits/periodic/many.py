@@ -4,15 +4,15 @@ Each is found as `find` finds it, from its own guess, so that no answer depends 
 not lead to a certified orbit of the family at once, `find` is left to decide.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import NoOrbit
 from ..model.model import Model
-from ..model.units import DIMENSIONS, Units
-from .certificate import Certificate, certify
+from ..model.units import DIMENSIONS, LENGTH, Units
+from .certificate import Certificate, certify, extremes
 from .error_bound import error_bounds
 from .find import MAX_CORRECTION
 from .formulations import Cycles, equations_of, interpret
@@ -107,24 +107,39 @@ def _certified(
     return None
 
 
-# Quantities that orbits have which are found together, as in `orbits.quantities`.
+# Quantities of orbits that are found together, besides the rises of the heights; they are those of `orbits.quantities`.
 NUMBERS = (
-    *("alpha", "flight_time", "contact_time", "period", "liftoff_extension", "error", "clearance"),
+    *("alpha", "flight_time", "contact_time", "period", "liftoff_extension", "error", "clearance", "stroke"),
     *("smallest_separation", "smallest_contact_force", "largest_contact_force", "landing_jerk", "loss_coefficient"),
 )
 
 
-def numbers_of(model: Model, orbits: Orbits, units: Units | None) -> dict[str, np.ndarray]:
-    """The quantities `NUMBERS` (k,) of orbits, NaN where one has none; in SI by units that are arrays (k,)."""
-    cycles, found = orbits.cycles, dict[str, np.ndarray]()
-    found["alpha"], found["liftoff_extension"] = cycles.u["alpha"], cycles.u["liftoff"]
-    found["flight_time"], contact = cycles.flight_times, cycles.contact_times
-    found["contact_time"] = np.where(np.isfinite(contact), contact, np.nan)
-    found["period"] = found["flight_time"] + found["contact_time"]
-    for name in NUMBERS:
-        if name not in found:
-            values = [getattr(certificate, name) for certificate in orbits.certificates]
-            found[name] = np.array(values, dtype=float)  # None is NaN
+def numbers_of(model: Model, orbits: Orbits, units: Units | None, wanted: Collection[str]) -> dict[str, np.ndarray]:
+    """Some of `NUMBERS` and the rises (k,) of orbits, NaN where one has none; in SI by units that are arrays (k,)."""
+    cycles, certificates = orbits.cycles, orbits.certificates
+    contact = np.where(np.isfinite(cycles.contact_times), cycles.contact_times, np.nan)
+    found = {"alpha": cycles.u["alpha"], "liftoff_extension": cycles.u["liftoff"], "flight_time": cycles.flight_times}
+    found |= {"contact_time": contact, "period": cycles.flight_times + contact}
+    if "stroke" in wanted:
+        found["stroke"] = _stroke(model, cycles)
+    heights = model.rises(cycles.p_of_halves)
+    for name in heights.keys() & set(wanted):
+        series = cycles.halves.series(heights[name])
+        rise = extremes(cycles.halves, series)[1] - series[cycles.halves.first, 0]
+        found[name] = rise.reshape(len(cycles), -1).max(axis=1)
+    for name in set(NUMBERS) & set(wanted) - found.keys():
+        found[name] = np.array([getattr(certificate, name) for certificate in certificates], dtype=float)  # None is NaN
     if units:
-        found = {name: values * units.of(DIMENSIONS[name]) for name, values in found.items()}
+        found = {name: values * units.of(DIMENSIONS.get(name, LENGTH)) for name, values in found.items()}
     return found
+
+
+def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
+    """The range (k,) of the extension over the cycles, NaN where the contact does not end."""
+    low, high = extremes(cycles.halves, cycles.halves.series(model.extension))
+    stroke, these = np.full(len(cycles), np.nan), cycles.with_contact
+    if cycles.contacts:
+        low, high = low.reshape(len(cycles), -1).min(axis=1), high.reshape(len(cycles), -1).max(axis=1)
+        least, most = extremes(cycles.contacts, cycles.contacts.series(model.extension, model.embed))
+        stroke[these] = np.maximum(high[these], most) - np.minimum(low[these], least)
+    return stroke

@@ -66,7 +66,7 @@ def _found_together(question: Question, table: Table, rows: np.ndarray, family: 
             continue
         base = _machine_at(question, table, row)
         names = set().union(*(formula.names for formula in formulas.values())) - base.values.keys()
-        if base.model in tried or not names <= {*NUMBERS}:
+        if base.model in tried or not names <= {*NUMBERS, *base.model.rises(base.values)}:
             continue
         tried.add(base.model)
         ps = np.tile(list(base.values.values()), (len(left), 1))
@@ -83,7 +83,8 @@ def _fill_in(
 ) -> None:
     """Write orbits that were found together into their rows."""
     columns, p = table.columns, orbits.cycles.p
-    numbers = numbers_of(model, orbits, model.units and model.units(p))
+    wanted = {"error"}.union(*(formula.names for formula in formulas.values()))
+    numbers = numbers_of(model, orbits, model.units and model.units(p), wanted)
     for name in ("alpha", "flight_time", "error"):
         columns[name][rows] = numbers[name]
     columns["family"][rows] = family
