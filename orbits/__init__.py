@@ -25,14 +25,18 @@ from .model.units import Units
 from .periodic.certificate import Certificate
 from .periodic.find import METHODS, find, find_all
 from .periodic.orbit import Orbit
+from .sweeps.answer import Sweep
+from .sweeps.statistics import Uncertainty, uncertainty
+from .sweeps.sweep import Progress, sweep
 
 __all__ = [
-    "METHODS", "Active", "Affine", "Arc", "Certificate", "Control", "Design", "End", "Event", "Existence", "Family",
-    "FixedPoint", "FlowError", "Front", "Guess", "Hops", "Input", "InputError", "Machine", "Model", "NoOrbit",
-    "Orbit", "OrbitsError", "Oscillator", "OutOfRange", "Phase", "Pieces", "Point", "Reduction", "ReturnMap",
-    "Simulation", "Stage", "Statement", "StepControl", "Units", "__version__", "existence", "find", "find_all",
-    "fold_statement", "follow", "follow_branch", "follow_fold", "multiplier", "optimize", "orbit_at", "pareto",
-    "quantities", "sensitivities", "simulate", "steer", "trace",
+    "Active", "Affine", "Arc", "Certificate", "Control", "Design", "End", "Event", "Existence", "Family",
+    "FixedPoint", "FlowError", "Front", "Guess", "Hops", "Input", "InputError", "METHODS", "Machine", "Model",
+    "NoOrbit", "Orbit", "OrbitsError", "Oscillator", "OutOfRange", "Phase", "Pieces", "Point", "Progress",
+    "Reduction", "ReturnMap", "Simulation", "Stage", "Statement", "StepControl", "Sweep", "Uncertainty", "Units",
+    "__version__", "existence", "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold",
+    "multiplier", "optimize", "orbit_at", "pareto", "quantities", "sensitivities", "simulate", "steer", "sweep",
+    "trace", "uncertainty",
 ]  # fmt: skip
 
 

@@ -265,7 +265,7 @@ def sweep_command(
     """Find the orbits of many machines, over ranges of their parameters."""
     from orbits.errors import InputError
     from orbits.plot import save_figure
-    from orbits.sweep.sweep import sweep
+    from orbits.sweeps.sweep import sweep
 
     axes, table = options.swept_members(over, designs)
     if table is not None and samples is not None:

@@ -121,7 +121,7 @@ def formulas(text: str | None) -> list[str]:
 def swept_members(over: Sequence[str], designs: str | None) -> tuple[dict[str, Any], dict[str, list[str]] | None]:
     """What --over asks of each parameter, or the table that --from names; raises `InputError` for neither or both."""
     from orbits.errors import InputError
-    from orbits.sweep.designs import read_designs
+    from orbits.sweeps.designs import read_designs
 
     if bool(over) == (designs is not None):
         raise InputError("a sweep is --over NAME=RANGE, repeatable, or --from FILE.csv")
@@ -164,7 +164,7 @@ def with_first_values(stated: dict[str, Any], axes: dict[str, Any], table: Any) 
     """The options that state a machine, with a value for each swept parameter that has none: a formula needs one."""
     import numpy as np
 
-    from orbits.sweep.designs import axis_of
+    from orbits.sweeps.designs import axis_of
 
     settings = list(stated.get("settings", ()))
     known = {setting.partition("=")[0].strip() for setting in settings}

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm, uniform
 
 from orbits.errors import InputError
-from orbits.sweep.designs import members_of
+from orbits.sweeps.designs import members_of
 
 NAMES = ("beta", "mass_ratio", "rest_length")
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from orbits.errors import InputError
-from orbits.sweep.designs import members_of
-from orbits.sweep.members import failed_table
-from orbits.sweep.question import Question, question_of
-from orbits.sweep.store import STORE_FORMAT, Store, question_in, read_store
+from orbits.sweeps.designs import members_of
+from orbits.sweeps.members import failed_table
+from orbits.sweeps.question import Question, question_of
+from orbits.sweeps.store import STORE_FORMAT, Store, question_in, read_store
 from problems import Hopper
 
 MACHINE = Hopper("cubic")
@@ -143,8 +143,8 @@ def test_a_full_disk_is_said_and_loses_nothing(tmp_path):
 
 WRITER = """
     import sys
-    from tests.sweep.test_store import asked, table_of
-    from orbits.sweep.store import Store
+    from tests.sweeps.test_store import asked, table_of
+    from orbits.sweeps.store import Store
     question = asked()
     store = Store(sys.argv[1], question)
     for member in range(int(store.done().sum()), 600):

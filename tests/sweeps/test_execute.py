@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from orbits.errors import InputError
-from orbits.sweep.question import CHUNK
-from orbits.sweep.sweep import sweep
+from orbits.sweeps.question import CHUNK
+from orbits.sweeps.sweep import sweep
 from problems import Hopper
 
 OVER = {"beta": (0.0, 0.5), "mass_ratio": (0.5, 2.0)}
@@ -53,15 +53,15 @@ def test_a_member_does_not_depend_on_the_others():
 
 def test_a_member_that_kills_its_workers_has_failed_and_no_other():
     table = {"beta": [*np.linspace(0.01, 0.1, 5), DEADLY, *np.linspace(0.15, 0.3, 4)]}
-    found = sweep(DeadlyHopper("cubic"), None, table, quantities=["stroke"], executor="processes", workers=2)
+    found = sweep(DeadlyHopper("cubic"), None, table, quantities=["largest_spring_force"], executor="processes", workers=2)
     assert found.statuses() == {"certified": 9, "failed": 1}
     assert found["status"][5] == "failed"
     assert found["reason"][5] == "it crashed its worker 3 times"
     assert found["beta"][5] == DEADLY
     assert np.isnan(found["alpha"][5])
     table["beta"].remove(DEADLY)
-    expected = sweep(Hopper("cubic"), None, table, quantities=["stroke"])
-    np.testing.assert_array_equal(np.delete(found["stroke"], 5), expected["stroke"])
+    expected = sweep(Hopper("cubic"), None, table, quantities=["largest_spring_force"])
+    np.testing.assert_array_equal(np.delete(found["largest_spring_force"], 5), expected["largest_spring_force"])
 
 
 def test_a_worker_that_is_killed_costs_a_retry(tmp_path):

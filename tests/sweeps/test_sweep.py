@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import norm
 
 from orbits import InputError, NoOrbit, find, quantities
-from orbits.sweep.answer import Sweep
-from orbits.sweep.sweep import sweep
+from orbits.sweeps.answer import Sweep
+from orbits.sweeps.sweep import sweep
 from problems import Hopper, Juggler, hopper_in_si
 
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
