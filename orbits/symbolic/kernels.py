@@ -23,11 +23,11 @@ SECONDS_INTERPRETED = 3e-9
 LONG = 15_000
 # A point is iterated at most so many times.
 LONGEST_RUN = 100_000
-# After so many interpreted iterations it is seen whether the user interrupts.
+# After so many iterations it may be seen whether the user interrupts.
 CHECKED = 256
-# A call of machine code, which nothing can interrupt, does at most what takes about so many seconds interpreted, and a
-# small part of that in machine code; but always `CHECKED` iterations of each point.
-LONGEST_CALL = 2.0
+# A call of machine code, which nothing can interrupt, iterates at most so many points, and for what takes about so many
+# seconds interpreted, a small part of that in machine code; but always `CHECKED` times.
+MOST_POINTS, LONGEST_CALL = 4096, 2.0
 # So many numbers are recorded at a time, at most.
 SCRATCH = 4_000_000
 # Records of a point for which there is room at first; points that need more go on where they stopped.
@@ -103,41 +103,39 @@ class Kernel:
 
     def __call__(self, *arguments: np.ndarray, most: int = 2**31) -> Iterated:
         """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most so many records of each."""
-        first, *data = self._inputs(arguments)
-        count = max(map(len, (first, *data)))
-        z, parts, owners = np.repeat(first, count // len(first), axis=0), list[list[np.ndarray]](), list[np.ndarray]()
+        inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
+        count = max(map(len, inputs))
+        allowed = [((count, size), (1, size)) for size in self.sizes_in]
+        if not count or any(array.shape not in shapes for array, shapes in zip(inputs, allowed, strict=True)):
+            # Machine code reads them without looking where they end.
+            found = ", ".join(str(array.shape) for array in inputs)
+            raise ValueError(f"arguments of shapes {found}; they are (m, size) or (1, size) of sizes {self.sizes_in}")
+        inputs[0] = inputs[0].copy() if len(inputs[0]) == count else np.tile(inputs[0], (count, 1))
         # The records of each point, whether it has ended, its iterations; and where these stop.
-        done, bounds, left = np.zeros((count, 3)), np.array([most, 1, LONGEST_RUN]), np.arange(count)
-        room = max(1, SCRATCH // (MOST_LANES * threads() * self.width))
-        capacity = min(self._capacity, most, room)
-        while len(left):
-            some, ends = len(left) < count, bounds - done[left]
-            inputs = [array[left] if some and len(array) == count else array for array in (z, *data)]
-            np.minimum(ends[:, 0], capacity, out=ends[:, 0])
-            parts += self._iterated(inputs, ends, capacity)
-            if some:
-                z[left] = inputs[0]
+        done, bounds = np.zeros((count, 3)), np.array([most, 1.0, LONGEST_RUN])
+        room = max(1, SCRATCH // (MOST_LANES * self.width))
+        capacity, left, parts, rounds = min(self._capacity, most, room), slice(None), list[list[np.ndarray]](), []
+        while True:
+            ends = bounds - done[left]
+            ends[:, 0].clip(max=capacity, out=ends[:, 0])
+            some = [array[left] if len(array) == count else array for array in inputs]
+            parts += self._iterated(some, ends, capacity)
+            inputs[0][left] = some[0]
             done[left] += ends
-            owners.append(np.repeat(left, ends[:, 0].astype(int)))
-            left = left[(done[left] < bounds).all(axis=1)]
+            rounds.append((left, ends))
+            left = (done < bounds).all(axis=1).nonzero()[0]
+            if not len(left):
+                break
             capacity = min(2 * capacity, most, room)
+        counts = done[:, 0].astype(int)
         records = parts[0] if len(parts) == 1 else [np.concatenate(pieces) for pieces in zip(*parts, strict=True)]
-        if len(owners) > 1:
+        if len(rounds) > 1:
+            owners = [np.arange(count)[points].repeat(ends[:, 0].astype(int)) for points, ends in rounds]
             order = np.argsort(np.concatenate(owners), kind="stable")
             records = [record[order] for record in records]
-        counts = done[:, 0].astype(int)
         if largest := int(counts.max()):
             self._capacity = max(FIRST_CAPACITY, largest + 2)
-        return Iterated(z, records, counts, done[:, 1] == 0)
-
-    def _inputs(self, arguments: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """The arguments in the order of memory; machine code reads them without looking where they end."""
-        inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
-        count, widths = max(map(len, inputs)), [array.shape[1:] for array in inputs]
-        if widths != [(size,) for size in self.sizes_in] or not {len(array) for array in inputs} <= {1, count} - {0}:
-            shapes = [array.shape for array in inputs]
-            raise ValueError(f"arguments of shapes {shapes}; they are (m, size) or (1, size) of sizes {self.sizes_in}")
-        return inputs
+        return Iterated(inputs[0], records, counts, done[:, 1] == 0)
 
     def _iterated(self, inputs: list[np.ndarray], ends: np.ndarray, capacity: int) -> list[list[np.ndarray]]:
         """Iterate points until they end or come to their bounds, with room for so many records of each.
@@ -175,10 +173,10 @@ class Kernel:
             most, _, longest = map(int, ends.tolist())
             records, count, tried, going = np.empty((most, len(values))), 0, 0, True
             while going and count < most and tried < longest:
-                trigger()
-                tried += 1
                 if tried % CHECKED == 0:
                     interrupts.check()
+                trigger()
+                tried += 1
                 before[:] = after
                 recorded, goes = whole[-2:].tolist()
                 going = goes != 0
@@ -195,13 +193,13 @@ class Kernel:
         # This name keeps the code in memory while it runs, even where another thread optimises it meanwhile.
         code = self._code
         assert code is not None
-        count, row, workers = len(ends), capacity * self.width, threads()
-        groups = min(SCRATCH // (workers * row * code.lanes), -(-count // (workers * code.lanes)))
-        size = max(1, groups) * code.lanes
+        count, row = len(ends), capacity * self.width
+        workers = min(threads(), max(1, SCRATCH // (row * code.lanes)))
+        points = min(MOST_POINTS, SCRATCH // (workers * row), -(-count // workers) + code.lanes - 1)
+        size = max(1, points // code.lanes) * code.lanes
         firsts = range(0, count, size)
         workers = min(workers, len(firsts))
-        longest = max(CHECKED, int(LONGEST_CALL / (size * self.seconds_per_step)))
-        np.minimum(ends[:, 2], longest, out=ends[:, 2])
+        ends[:, 2].clip(max=max(CHECKED, LONGEST_CALL // (size * self.seconds_per_step)), out=ends[:, 2])
         memory = getattr(_memory, "records", None)
         if memory is None or len(memory) < workers * size * row:
             memory = np.empty(workers * size * row)

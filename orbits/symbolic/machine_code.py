@@ -19,24 +19,10 @@ from .calls import single_assignment
 
 # Vectors of more numbers than this are not used.
 MOST_LANES = 8
-# LLVM's instructions for operations on x and y, which are of type v; those that compare make masks of lanes.
-_ARITHMETIC = {
-    ca.OP_ADD: "fadd {v} {x}, {y}",
-    ca.OP_SUB: "fsub {v} {x}, {y}",
-    ca.OP_MUL: "fmul {v} {x}, {y}",
-    ca.OP_DIV: "fdiv {v} {x}, {y}",
-    ca.OP_NEG: "fneg {v} {x}",
-    ca.OP_SQ: "fmul {v} {x}, {x}",
-    ca.OP_TWICE: "fadd {v} {x}, {x}",
-    ca.OP_INV: "fdiv {v} {one}, {x}",
-}
-_COMPARISONS = {
-    ca.OP_LT: "fcmp olt {v} {x}, {y}",
-    ca.OP_LE: "fcmp ole {v} {x}, {y}",
-    ca.OP_EQ: "fcmp oeq {v} {x}, {y}",
-    ca.OP_NE: "fcmp une {v} {x}, {y}",
-    ca.OP_NOT: "fcmp oeq {v} {x}, {zero}",
-}
+# Operations on the first and the last value, which are one where there is only one: x * x is the square of x.
+_ARITHMETIC = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
+_ARITHMETIC |= {ca.OP_SQ: "fmul", ca.OP_TWICE: "fadd"}
+_COMPARISONS = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
 _INTRINSICS = {ca.OP_FABS: "fabs", ca.OP_SQRT: "sqrt", ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil"}
 _INTRINSICS |= {ca.OP_FMIN: "minnum", ca.OP_FMAX: "maxnum", ca.OP_COPYSIGN: "copysign"}
 # Functions of the C library are called lane by lane; a Taylor step has few of them.
@@ -163,9 +149,13 @@ class _Code:
         """A mask as a vector of ones and zeros."""
         return self(f"uitofp {self.masks} {mask} to {self.vector}")
 
+    def compare(self, comparison: str, x: str, y: str) -> str:
+        """The mask of the lanes in which a comparison holds."""
+        return self(f"fcmp {comparison} {self.vector} {x}, {y}")
+
     def nonzero(self, x: str) -> str:
         """The mask of the lanes with another number than zero."""
-        return self(f"fcmp une {self.vector} {x}, {self.splat(0)}")
+        return self.compare("une", x, self.splat(0))
 
     def choose(self, mask: str, x: str, y: str) -> str:
         """`x` in the lanes of a mask and `y` elsewhere."""
@@ -174,10 +164,10 @@ class _Code:
     def operation(self, op: int, values: Sequence[str]) -> str:
         """One operation of a graph on one value or two."""
         x, y, zero, one = values[0], values[-1], self.splat(0), self.splat(1)
-        for table in (_ARITHMETIC, _COMPARISONS):
-            if op in table:
-                result = self(table[op].format(v=self.vector, x=x, y=y, zero=zero, one=one))
-                return result if table is _ARITHMETIC else self.number(result)
+        if op in _ARITHMETIC:
+            return self(f"{_ARITHMETIC[op]} {self.vector} {x}, {y}")
+        if op in _COMPARISONS:
+            return self.number(self.compare(_COMPARISONS[op], x, y))
         if op in _INTRINSICS:
             return self.intrinsic(_INTRINSICS[op], *values)
         if op in _LIBRARY:
@@ -185,14 +175,20 @@ class _Code:
         match op:
             case ca.OP_ASSIGN:
                 return x
+            case ca.OP_NEG:
+                return self(f"fneg {self.vector} {x}")
+            case ca.OP_INV:
+                return self(f"fdiv {self.vector} {one}, {x}")
+            case ca.OP_NOT:
+                return self.number(self.compare("oeq", x, zero))
             case ca.OP_AND | ca.OP_OR:
                 name = "and" if op == ca.OP_AND else "or"
                 return self.number(self(f"{name} {self.masks} {self.nonzero(x)}, {self.nonzero(y)}"))
             case ca.OP_IF_ELSE_ZERO:
                 return self.choose(self.nonzero(x), y, zero)
             case ca.OP_SIGN:
-                sign = self.choose(self(f"fcmp olt {self.vector} {x}, {zero}"), self.splat(-1), x)
-                return self.choose(self(f"fcmp ogt {self.vector} {x}, {zero}"), one, sign)
+                sign = self.choose(self.compare("olt", x, zero), self.splat(-1), x)
+                return self.choose(self.compare("ogt", x, zero), one, sign)
         raise NotImplementedError(f"operation {op}")
 
     def graph(self, function: ca.Function, arguments: Sequence[Sequence[str]]) -> list[list[str]]:
