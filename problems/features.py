@@ -19,6 +19,7 @@ from .laws import Key, from_key
 # So many slopes are looked at, up to this distance from rest in units of length, and up to twice the height. A hop of
 # the linear spring's third family stays within it.
 LAW_SAMPLES, FARTHEST = 4096, 20.0
+SAMPLED_SHARES = np.linspace(0.0, 1.0, LAW_SAMPLES)
 # Slopes below this, or above its inverse, set no unit of length.
 SOFTEST = 1e-12
 # Functions that vanish, or come to a limit, as fast as an exponential: a series far from where they vary shows nothing.
@@ -45,14 +46,14 @@ class Features(NamedTuple):
 NO_FEATURES = Features(math.inf, 0)
 
 
-def features(key: Key, spring: Key, p: Mapping[str, float]) -> Features:
-    """The features of a spring, or of the gravity that varies around a spring, as far as a hop may lead.
+def features(key: Key, unit: float, p: Mapping[str, float]) -> Features:
+    """The features of a spring, or of the gravity that varies around a spring, with this `unit_of_length`, as far as a
+    hop may lead.
 
     None are looked for in a law in pieces, whose breakpoints end the steps.
     """
     if key.pieces is not None or key.degree() < 2:
         return NO_FEATURES
-    unit = unit_of_length(spring, p)
     low, high = (-FARTHEST, FARTHEST) if key.variable == "r" else (0.0, p.get("rest_length", 0.0) / unit + 2 * FARTHEST)
     values = tuple(p[name] for name in key.names)
     return _features(key._replace(reach=math.inf), values, low * unit, high * unit, unit)
@@ -66,8 +67,9 @@ def with_reach(key: Key, spring: Key, p: Mapping[str, float]) -> Key:
     hides, hides_bumps = (not functions.isdisjoint(_operations(key)) for functions in (HIDING, HIDING_BUMPS))
     if not (hides or hides_bumps):
         return key
-    length, bends = features(key, spring, p)
-    narrow = length < NARROW_SHARE * unit_of_length(spring, p) and (hides or bends > 1)
+    unit = unit_of_length(spring, p)
+    length, bends = features(key, unit, p)
+    narrow = length < NARROW_SHARE * unit and (hides or bends > 1)
     return key._replace(reach=STEP_LENGTHS * 2.0 ** math.floor(math.log2(length))) if narrow else key
 
 
@@ -97,7 +99,7 @@ def _slopes(key: Key) -> ElementwiseFunction:
 
 @lru_cache(maxsize=256)
 def _features(key: Key, values: tuple[float, ...], low: float, high: float, unit: float) -> Features:
-    places = np.linspace(low, high, LAW_SAMPLES)
+    places = low + (high - low) * SAMPLED_SHARES
     slopes = _slopes(key)(places[:, None], np.array([values]))[0].ravel()
     rest = int(np.abs(places).argmin())
     with np.errstate(invalid="ignore"):
@@ -108,11 +110,14 @@ def _features(key: Key, values: tuple[float, ...], low: float, high: float, unit
     if len(slopes) < 5:
         return NO_FEATURES
     floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / unit)
-    change = np.diff(slopes)
-    signs = np.sign(change[np.abs(change) > floor[1:]])
-    second, fourth = np.abs(np.diff(slopes, 2))[1:-1], np.abs(np.diff(slopes, 4))
-    # Where the second difference is larger than its neighbours it does not vanish by chance.
-    peak = (second >= np.roll(second, 1)) & (second >= np.roll(second, -1)) & (fourth > floor[2:-2])
+    change = slopes[1:] - slopes[:-1]
+    rises = change[np.abs(change) > floor[1:]] > 0
+    bend = change[1:] - change[:-1]
+    second, third = np.abs(bend[1:-1]), bend[1:] - bend[:-1]
+    fourth = np.abs(third[1:] - third[:-1])
+    # Where the second difference is larger than its neighbours, in a circle, it does not vanish by chance.
+    around = np.concatenate([second[-1:], second, second[:1]])
+    peak = (second >= around[:-2]) & (second >= around[2:]) & (fourth > floor[2:-2])
     ratio = float(np.max(fourth[peak] / second[peak], initial=0.0))
     length = float(places[1] - places[0]) / math.sqrt(ratio) if ratio else math.inf
-    return Features(length, int(np.count_nonzero(signs[1:] != signs[:-1])))
+    return Features(length, int(np.count_nonzero(rises[1:] != rises[:-1])))

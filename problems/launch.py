@@ -245,10 +245,22 @@ def _sample(phase: Phase, p: dict[str, float], liftoff: float, family: int, alph
 
 def _estimated_root(sample: Callable, early: _Sample, late: _Sample) -> float:
     """The root between a sample where the turn comes too late and a faster one where it comes too early."""
-    enough = min(ACCURACY * late.half_period, DEPTH * abs(late.lateness))
-    return bracketed_root(
-        lambda alpha: sample(alpha).lateness, early.alpha, late.alpha, early.lateness, late.lateness, enough
-    )
+    enough, seen = min(ACCURACY * late.half_period, DEPTH * abs(late.lateness)), [early, late]
+
+    def lateness(alpha: float) -> float:
+        seen.append(sample(alpha))
+        return seen[-1].lateness
+
+    root = bracketed_root(lateness, early.alpha, late.alpha, early.lateness, late.lateness, enough)
+    # The parabola of the speed over the last three values is far more accurate than the secant, often so much that
+    # Newton's method takes one step. Where it leads far from the secant's root, it tells nothing.
+    values = {each.lateness: each.alpha for each in seen[-3:] if np.isfinite(each.lateness)}
+    if len(values) < 3:
+        return root
+    (fa, a), (fb, b), (fc, c) = values.items()
+    slope, other = (b - a) / (fb - fa), (c - b) / (fc - fb)
+    better = c - fc * (other - fb * (other - slope) / (fc - fa))
+    return better if abs(better - root) < abs(root - c) else root
 
 
 def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float:

@@ -4,7 +4,7 @@ import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from orbits.io import in_words
 from orbits.model.model import NOISE
 from orbits.model.units import LENGTH, Message, Quantity
 from orbits.symbolic.calls import MappedFunction
-from orbits.symbolic.exclusive import exclusive
+from orbits.symbolic.exclusive import LOCK, exclusive
 from orbits.symbolic.formula import CONSTANTS, parse, suggest
 from orbits.symbolic.kept import kept
 from orbits.symbolic.taylor_series import has_taylor_series
@@ -73,17 +73,17 @@ class Key(NamedTuple):
     pieces: tuple[int, Callable] | None
     reach: float = math.inf
 
-    @exclusive
     @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the answer
     def degree(self) -> int:
         """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
         if self.pieces is not None:
             return 2
-        x, p = _symbols(self.variable, self.names)
-        value = ca.SX(self.expression(x, p, []))
-        if not has_taylor_series(ca.Function("law", [x, *p.values()], [value])):
-            return 2  # |x| has the derivatives of a straight line
-        return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
+        with LOCK:
+            x, p = _symbols(self.variable, self.names)
+            value = ca.SX(self.expression(x, p, []))
+            if not has_taylor_series(ca.Function("law", [x, *p.values()], [value])):
+                return 2  # |x| has the derivatives of a straight line
+            return next((order - 1 for order in (1, 2) if not any(ca.which_depends(value, x, order, True))), 2)
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Law:
     def __reduce__(self) -> tuple[type, tuple]:
         return Law, (self.text, self.variable, self.expression, dict(self.parameters), self.pieces)
 
-    @property
+    @cached_property
     def key(self) -> Key:
         """The law without its parameters' values."""
         return Key(self.text, self.variable, self.expression, tuple(self.parameters), self.pieces)
@@ -119,24 +119,23 @@ class Law:
         """Values at `x` (any shape), NaN where the law has none; a table raises `OutOfRange` outside its range."""
         return self.with_slope(x)[0]
 
-    @exclusive
     def with_slope(self, x: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Values and derivatives at `x` (any shape)."""
         x = np.asarray(x, dtype=float)
         if x.size == 0:
             return x, x
-        call, table = _numeric(self.key)
-        p = np.array([list(self.parameters.values())])
-        q = np.zeros((1, 0))
-        if table is not None:
-            breaks, data = (np.array(out) for out in table(p[0]))
-            breaks = breaks.ravel()
-            if x.size and not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
-                low, high = (Quantity(float(end), LENGTH) for end in breaks[[0, -1]])
-                text = "{variable} is outside the law's range, [{low:.6g}, {high:.6g}]"
-                raise OutOfRange(Message(text, variable=self.variable, low=low, high=high))
-            q = data[np.clip(np.searchsorted(breaks, x.ravel(), "right") - 1, 0, len(breaks) - 2)]
-        value, slope = call(x.reshape(-1, 1), p, q)
+        p, q = np.array([list(self.parameters.values())]), np.zeros((1, 0))
+        with LOCK:
+            call, table = _numeric(self.key)
+            if table is not None:
+                breaks, data = (np.array(out) for out in table(p[0]))
+                breaks = breaks.ravel()
+                if not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
+                    low, high = (Quantity(float(end), LENGTH) for end in breaks[[0, -1]])
+                    text = "{variable} is outside the law's range, [{low:.6g}, {high:.6g}]"
+                    raise OutOfRange(Message(text, variable=self.variable, low=low, high=high))
+                q = data[np.clip(np.searchsorted(breaks, x.ravel(), "right") - 1, 0, len(breaks) - 2)]
+            value, slope = call(x.reshape(-1, 1), p, q)
         return value.reshape(x.shape), slope.reshape(x.shape)
 
     def range(self) -> tuple[float, float]:
@@ -156,7 +155,7 @@ class Law:
         for name in values:
             if name not in self.parameters:
                 raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, stated(self.parameters))}")
-        return replace(self, parameters={**self.parameters, **values})
+        return replace(self, parameters={**self.parameters, **values}) if values else self
 
     def scaled(self, length: float, force: float | None = None) -> "Law":
         """The law in units of `length` and `force`, which become its parameters; None keeps the values as they are."""

@@ -323,7 +323,7 @@ class TwoMassEquations:
     def search(self, p: Parameters) -> Search:
         """How to search for all orbits of a family."""
         spring, gravity, unit = self.spring, self.gravity, unit_of_length(self.spring, p)
-        in_spring, around = features(spring, spring, p), features(gravity, spring, p) if gravity else NO_FEATURES
+        in_spring, around = features(spring, unit, p), features(gravity, unit, p) if gravity else NO_FEATURES
         finest = min(in_spring.length, AT_SPEED * around.length) / unit
         wavy = in_spring.bends > MOST_BENDS or around.bends > 1
         bump = in_spring.bends > 1 and in_spring.length < UNBENT * unit

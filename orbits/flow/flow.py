@@ -185,7 +185,9 @@ class Flow:
         if self.phase.pieces:
             lengths[-1], side = piece.cut(c[0], lengths[-1])
         if stop and (halt := stop(c[: len(lengths)], lengths)):
-            return np.append(lengths[: halt[0]], halt[1]), 0, True
+            lengths = lengths[: halt[0] + 1]
+            lengths[-1] = halt[1]
+            return lengths, 0, True
         return lengths, side, False
 
     def _failure(self, what: str, t: float, x: Array) -> Message:

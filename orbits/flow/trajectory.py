@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..io import one_line
 from ..model.phase import Affine
-from ..numerics.bernstein import PiecewisePolynomials, evaluate, powers, shifted
+from ..numerics.bernstein import evaluate, powers, shifted
 from ..numerics.roots import Array
 
 
@@ -70,6 +70,10 @@ class Trajectory:
 
 def begins_of_steps(steps: Array, counts: Array) -> Array:
     """The times (N,) at which steps (N,) begin, of motions of so many steps (m,) each, one after the other."""
+    if len(counts) == 1:
+        begins = np.zeros(len(steps))
+        steps[:-1].cumsum(out=begins[1:])
+        return begins
     lengths = np.zeros((len(counts), int(counts.max(initial=0)) + 1))
     inside = np.arange(1, lengths.shape[1]) <= counts[:, None]
     lengths[:, 1:][inside] = steps
@@ -141,7 +145,7 @@ class Trajectories:
         moving = None if self.variations is None else self.variations[steps]
         if many:
             return Trajectories(starts, ends, coefficients, self.counts[i], self.names, moving)
-        return Trajectory(np.append(starts, ends), coefficients, self.names, moving)
+        return Trajectory(np.concatenate([starts, [ends]]), coefficients, self.names, moving)
 
     def with_rows(self, coefficients: Array, names: tuple[str, ...]) -> "Trajectories":
         """Motions in the same steps with other rows, given by their names, without variations."""
@@ -158,22 +162,15 @@ class Trajectories:
 
         The weights and the offset of the function are numbers, or (m,) where they differ between motions.
         """
-        weights, offset = np.array(np.broadcast_arrays(*quantity.weights)).T, np.asarray(quantity.offset)
-        weights = weights[self.owner] if weights.ndim > 1 else weights[None]
+        offset, varying = np.asarray(quantity.offset), np.ndarray in map(type, quantity.weights)
+        weights = np.array(np.broadcast_arrays(*quantity.weights) if varying else quantity.weights)
+        weights = weights.T[self.owner] if weights.ndim > 1 else weights[None]
         weights = weights if embed is None else weights @ embed
         values = np.zeros(self.coefficients.shape[::2])
         for i in np.flatnonzero(weights.any(0)):  # many times faster than products of small matrices
             values += weights[:, i, None] * self.coefficients[:, i]
         values[:, 0] += offset[self.owner] if offset.ndim else offset
         return values
-
-    def pile(self, series: np.ndarray) -> PiecewisePolynomials:
-        """The piecewise polynomials with the coefficients `series` (N, K + 1), one for each motion."""
-        return PiecewisePolynomials(series, self.steps, self.counts, self.of_steps)
-
-    def time(self, owner: np.ndarray, piece: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """The times (r,) of places in motions, given as `PiecewisePolynomials` returns them."""
-        return self.starts[self.first[owner] + piece] + t
 
     def largest(self, values: np.ndarray) -> np.ndarray:
         """The largest absolute value (m,) of any of `values` (N, ...) on each motion."""
@@ -187,11 +184,16 @@ class Trajectories:
     @cached_property
     def finals(self) -> np.ndarray:
         """The rows (m, rows) at the end of each motion."""
-        return evaluate(self.coefficients[self.last], self.steps[self.last, None])
+        return np.einsum("mrk,mk->mr", self.coefficients[self.last], self.of_steps[self.last])
 
     @cached_property
     def step_ends(self) -> np.ndarray:
         """The rows (N, rows) at the end of every step."""
-        ends = np.roll(self.coefficients[:, :, 0], -1, axis=0)
-        ends[self.last] = self.finals
+        return self.until_next(self.coefficients[:, :, 0], self.finals)
+
+    def until_next(self, values: np.ndarray, finals: np.ndarray) -> np.ndarray:
+        """What holds (N, ...) at the ends of the steps, from the `values` (N, ...) at their starts and the `finals`
+        (m, ...) at the ends of the motions."""
+        ends = np.empty_like(values)
+        ends[:-1], ends[self.last] = values[1:], finals
         return ends

@@ -44,6 +44,10 @@ def until_zero(
     search.by_taylor_steps()
     if not len(which := np.isfinite(search.times).nonzero()[0]):
         return which, None
+    if len(starts) == len(search.steps) == 1:
+        ((_, steps, coefficients),) = search.steps
+        counts = np.array([len(steps)])
+        return which, Trajectories(begins_of_steps(steps, counts), search.times, coefficients, counts, flow.names)
     owners, steps, coefficients = map(np.concatenate, zip(*search.steps, strict=True))
     reached = np.isfinite(search.times)[owners]
     order = reached.nonzero()[0][np.argsort(owners[reached], kind="stable")]
@@ -61,6 +65,7 @@ def first_zeros(
     skip: ArrayLike = 0,
     rising: bool = False,
     over: tuple[Affine, int] | None = None,
+    ahead: ArrayLike = 0.0,
 ) -> tuple[Array, Array, dict[int, FlowError]]:
     """When an affine function of the rows first changes its sign on motions from states (m, n), and where.
 
@@ -68,6 +73,7 @@ def first_zeros(
     limit : times (m,) by which that must happen
     skip : orders (m,) of the zeros at the start, which are divided out exactly
     rising : count only changes from minus to plus
+    ahead : times (m,) until which the function is known to be positive, of motions in closed form; 0 where it is not
     over : another affine function and a number: a motion on which that function has changed its sign so often never has
         the zero. It is only used for motions that take Taylor steps together.
 
@@ -77,7 +83,7 @@ def first_zeros(
     ps = np.atleast_2d(p)
     search = _ZeroSearch(flow, np.asarray(starts, dtype=float), ps, quantity, limit, skip, rising, over)
     if flow.phase.closed_form:
-        search.in_closed_form()
+        search.in_closed_form(np.broadcast_to(ahead, len(search.starts)))
     elif isinstance(flow.stepper(0), TaylorStepper):
         search.by_taylor_steps()
     else:
@@ -99,10 +105,10 @@ class _ZeroSearch:
         self.failed: dict[int, FlowError] = {}
         self.steps: list[tuple] = []  # the motion, length and coefficients of `all_steps` up to the zeros
 
-    def in_closed_form(self):
+    def in_closed_form(self, began: Array):
         """Search motions in closed form, some expansions at a time."""
         form, block = self.flow.closed_form(self.ps[0]), CLOSED_BLOCK
-        length, remaining, began = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts)), np.zeros(1)
+        length, remaining = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts))
         rises, falls = form.positive_between(self.quantity, self.starts.T)
         # The signs are those at the ends of the last block.
         signs, of_length = np.zeros(len(self.starts)), powers(length, CLOSED_ORDER + 1)
@@ -114,10 +120,9 @@ class _ZeroSearch:
             c = form.along(self.quantity.weights, self.starts[remaining].T[:, :, None], times, CLOSED_ORDER)
             c[:, 0] += self.quantity.offset
             polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block), of_length)
-            skip = 0 if began.any() else self.skip[remaining]
+            skip = np.where(began > 0, 0, self.skip[remaining])
             owner, piece, t = polynomials.first_roots(skip, self.rising, signs[remaining])
             signs[remaining] = polynomials.after
-            began = np.broadcast_to(began, remaining.shape)
             found, hits = began[owner] + length * piece + t, remaining[owner]
             self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
             self.rows[hits, : self.flow.size] = form.state(self.starts[hits].T, found).T

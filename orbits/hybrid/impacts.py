@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway, finite_number
 from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectory
-from ..flow.zero_crossing import first_zeros
+from ..flow.zero_crossing import MOST_CLOSED_STEPS, first_zeros
 from ..model.machine import ImpactingMachine, check_machine
 from ..model.phase import Affine
 from ..model.units import SPEED, Message, Quantity
@@ -48,6 +48,8 @@ MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
 CAP = 10_000  # a hop is given up after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
 TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
+# A landing in closed form is searched from so many reciprocals of the frequency before it may come.
+BEFORE_LANDING = 0.01
 # A contact whose rates are all below this is at rest. An overdamped contact gets there without turning.
 STILL_RATE = 1e-12
 
@@ -126,16 +128,27 @@ class Impacts:
         self.force_index = len(self.contact_force.weights) - 1 - self.contact.size
         self.direction, self.onto_contact = model.impact(self.values), np.linalg.pinv(model.embed)
 
+    def landings(self, x: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError]]:
+        """`first_zeros` of the gap on flights from states (m, n), where it has a zero of this order and opens."""
+        limit, ahead = self.longest_flight(x), np.zeros(len(x))
+        if self.flight.phase.closed_form:
+            # Nothing is searched until shortly before the gap may close.
+            form = self.flight.closed_form(self.p)
+            rate = np.sqrt(form.square)
+            ahead = form.positive_until(self.gap, x.T, order) - BEFORE_LANDING / rate
+            ahead = np.where((ahead > 0) & (ahead < limit) & (ahead * rate < MOST_CLOSED_STEPS), ahead, 0.0)
+        return first_zeros(self.flight, x, self.p, self.gap, limit, order, ahead=ahead)
+
     def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows, at
         once or after infinitely many bounces; the states (m, n) after the impact, which move away where the machine
         bounces; the loss of energy (m,); and the time (m,) that infinitely many bounces take."""
         e, speed = self.restitution, x @ self.gap_speed
         stuck = x - speed[:, None] * self.direction
-        force, closing = self.pressing(stuck)
-        held, wait = force >= 0, np.zeros(len(x))
+        held, wait = self.pressing(stuck) >= 0, np.zeros(len(x))
         if e > 0:
-            # All bounces to come are summed where the pressing acceleration hardly changes while they last.
+            closing = -(self.flight.field(stuck, self.p)[0] @ self.gap_speed)
+            # All bounces to come are summed where the acceleration that closes the gap hardly changes while they last.
             jerk, snap = self.gap_rates(stuck - (e * speed)[:, None] * self.direction)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 wait = 2 * e * np.abs(speed) / (1 - e) / closing if e < 1 else np.full(len(x), np.inf)
@@ -159,8 +172,9 @@ class Impacts:
         return (jerk > 0) | ((jerk == 0) & (snap > 0))
 
     def longest_flight(self, x: np.ndarray) -> np.ndarray:
-        """The time (...) after which a flight from states (..., n) is said not to end."""
-        return self.options.longest_flight * (1 + np.abs(x).max(-1))
+        """The time () or (m,) after which a flight from states (n,) or (m, n) is said not to end."""
+        # NumPy takes nine times as long along the short axis.
+        return self.options.longest_flight * (1 + np.abs(x.T.copy()).max(0))
 
     def longest_contact(self, y: np.ndarray) -> float:
         """The time after which a contact from a state (k,) is said not to end."""
@@ -229,12 +243,9 @@ class Impacts:
         speed = ca.DM(self.gap.weights).T @ graph.field(graph.x, graph.p)[0]
         return np.array(ca.evalf(ca.jacobian(speed, graph.x))).ravel()
 
-    def pressing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The contact force (m,) at flight states with closed gap and no gap speed, and the acceleration (m,) at which
-        the gap would close without it."""
-        rates, _ = self.flight.field(x, self.p)
-        _, watched = self.contact.field(x @ self.onto_contact.T, self.p)
-        return watched[:, self.force_index], -(rates @ self.gap_speed)
+    def pressing(self, x: np.ndarray) -> np.ndarray:
+        """The contact force (m,) at flight states (m, n) with closed gap and no gap speed."""
+        return self.contact.field(x @ self.onto_contact.T, self.p)[1][:, self.force_index]
 
     def gap_rates(self, x: np.ndarray) -> np.ndarray:
         """Third and fourth derivative (2, m) of the gap in time at flight states (m, n)."""
@@ -294,8 +305,7 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | No
     flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
     status[flying], status[too_fast] = "cap", "lost"
     for _ in range(cap):
-        start, limit = state[flying], impacts.longest_flight(state[flying])
-        times, rows, errors = first_zeros(impacts.flight, start, impacts.p, impacts.gap, limit, order)
+        times, rows, errors = impacts.landings(state.take(flying, 0), order)
         gone, order = np.isnan(times), impacts.bounce_order
         status[flying[gone]] = "carried_off"
         for i, error in errors.items():
@@ -303,11 +313,11 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | No
         flying = flying[~gone]
         if not len(flying):
             break
-        held, after, lost, _ = impacts.landing(rows[~gone, : impacts.flight.size])
+        held, after, lost, _ = impacts.landing(rows.compress(~gone, 0)[:, : impacts.flight.size])
         counts[flying] += 1
         loss[flying] += 2 * lost / impacts.launch_inertia
         landed = flying[held]
-        standing[landed], status[landed] = after[held] @ impacts.onto_contact.T, "lifts_off"
+        standing[landed], status[landed] = after.compress(held, 0) @ impacts.onto_contact.T, "lifts_off"
         state[flying] = after
         if watch:
             watch(state, loss)

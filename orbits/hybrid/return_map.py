@@ -135,7 +135,7 @@ class ReturnMap:
         for batch in np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else ():
             found = _hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)
             for name in ("next", "loss", "impacts", "status"):
-                getattr(hops, name).flat[batch] = getattr(found, name)
+                getattr(hops, name).reshape(-1)[batch] = getattr(found, name)
         return hops
 
     @exclusive

@@ -401,7 +401,7 @@ class _Run:
                 return status, x
             y = path.end[: self.impacts.contact.size]
             self.update_parameters()
-            if cut and self.impacts.pressing((self.impacts.model.embed @ y)[None])[0][0] <= 0:
+            if cut and self.impacts.pressing((self.impacts.model.embed @ y)[None])[0] <= 0:
                 outcome = "lifts_off"  # by rounding, or because the new inputs make the force vanish
         return self.liftoff(y, x)
 
@@ -424,7 +424,7 @@ class _Run:
 
     def order_of_liftoff(self, x) -> int:
         """The order of the gap's zero in a state of lift-off: 2 where new inputs pull at once, else `LIFTOFF_ORDER`."""
-        pulls = len(self.inputs.times) > 0 and self.impacts.pressing(x[None])[0][0] < -TOUCHING * (1 + np.abs(x).max())
+        pulls = len(self.inputs.times) > 0 and self.impacts.pressing(x[None])[0] < -TOUCHING * (1 + np.abs(x).max())
         return 2 if pulls else LIFTOFF_ORDER
 
     def update_parameters(self) -> float:

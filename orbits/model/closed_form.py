@@ -6,6 +6,11 @@ from typing import Any
 
 import numpy as np
 
+# What holds until a time is only relied on for this share of the time, far from rounding.
+CLEARLY = 0.99
+# A quantity that bends upward for so long, in radians of the oscillation, is by then far above rounding.
+SHORTEST_BEND = 0.5
+
 
 @dataclass(frozen=True)
 class Oscillator:
@@ -62,6 +67,10 @@ class Oscillator:
     def positive_between(self, quantity: Any, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Times (m,), none here, between which an affine quantity is known to be positive from `starts` (2, m)."""
         return np.full(starts.shape[1], np.inf), np.zeros(starts.shape[1])
+
+    def positive_until(self, quantity: Any, starts: np.ndarray, order: int) -> np.ndarray:
+        """Times (m,), none here, until which an affine quantity is known to be positive after a zero at the start."""
+        return np.zeros(starts.shape[1])
 
 
 @dataclass(frozen=True)
@@ -127,3 +136,22 @@ class ThrownOscillator:
             root = np.sqrt(slope**2 + 2 * at_w * base)
             known = np.isfinite(root) & (at_w > 0)
             return np.where(known, (slope - root) / at_w, np.inf), np.where(known, (slope + root) / at_w, 0.0)
+
+    def positive_until(self, quantity: Any, starts: np.ndarray, order: int) -> np.ndarray:
+        """Times (m,) until which an affine quantity is known to be positive on motions from `starts` (4, m), where it
+        has a zero of this order, at least 1, and is positive at first; 0 where nothing is known.
+
+        While the second derivative stays positive the quantity does, and `positive_between` may go on from there.
+        """
+        rises, falls = self.positive_between(quantity, starts)
+        x, v = self.apart[:2] @ starts
+        at_x, at_v, at_w, _ = np.asarray(quantity.weights) @ self.mix
+        omega, x = np.sqrt(self.square), x - self.oscillator.centre
+        # The second derivative is amplitude * cos(angle + omega t) - at_w.
+        cosine, sine = -self.square * (at_x * x + at_v * v), omega * (at_x * v - at_v * self.square * x)
+        with np.errstate(all="ignore"):
+            bends = np.arccos(at_w / np.hypot(cosine, sine)) - np.arctan2(sine, cosine)
+            positive = sine < 0 if order > 2 else cosine >= at_w
+            joined = (rises < falls) & (omega * rises < CLEARLY * bends)
+            until = np.maximum(bends / omega, np.where(joined, falls, 0.0))
+            return np.where(positive & (bends > SHORTEST_BEND), until, 0.0)

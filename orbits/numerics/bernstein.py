@@ -84,7 +84,7 @@ def _binomial(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def roots(coefficients: np.ndarray, h: float) -> list[float]:
     """All roots in (0, h], ascending; 0 counts as positive, and a double root that rounding cannot separate is none."""
-    brackets = _brackets(bernstein(coefficients, powers(h, len(coefficients)))[None], False)[1:]
+    brackets = _brackets(bernstein(coefficients, powers(h, len(coefficients)))[None])[1:]
     return [_refine(coefficients, h, *bracket) for bracket in zip(*brackets, strict=True)]
 
 
@@ -134,16 +134,18 @@ class PiecewisePolynomials:
         self.owner = np.arange(len(counts)).repeat(counts)
         self._ends = coefficients[:0, 0]
 
-    def roots(self, start: ArrayLike = 0, rising: bool = False, before: Array | None = None) -> _Places:
+    def roots(self, start: ArrayLike = 0, rising: ArrayLike = False, before: Array | None = None) -> _Places:
         """All roots, in order: the polynomial (r,), the piece of it (r,), and the time in that piece (r,).
 
         start : the order of the zero at the very beginning of each, for all or (m,), which is divided out exactly
-        rising : report only the roots where the sign goes from minus to plus
+        rising : report only the roots where the sign goes from minus to plus, for all or (m,)
         before : the sign (m,) with which each is continued from an earlier block, or 0 where it begins here
         """
-        start = np.asarray(start)
-        orders = np.broadcast_to(start, self.first.shape) if start.any() else None
-        if not len(brackets := self._bracketed(orders, rising, before)):
+        orders = np.broadcast_to(start, self.first.shape) if _any(start) else None
+        only = np.broadcast_to(rising, self.first.shape)[self.owner] if _any(rising) else None
+        values = self._control_values(orders, before)
+        self._ends = values[self.last, -1]
+        if not len(brackets := _brackets(values, only)):
             return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
         pieces = brackets[0]
         owner, series = self.owner[pieces], self.coefficients[pieces]
@@ -153,12 +155,6 @@ class PiecewisePolynomials:
         places = (series, self.steps[pieces], *brackets[1:])
         times = _refine_together(*places) if len(pieces) > FEW else np.array([*map(_refine, *places)])
         return owner, piece, times
-
-    def _bracketed(self, orders: Array | None, rising: bool, before: Array | None) -> list[Array]:
-        """The `_brackets` of all roots."""
-        values = self._control_values(orders, before)
-        self._ends = values[self.last, -1]
-        return _brackets(values, rising)
 
     @property
     def after(self) -> Array:
@@ -204,6 +200,11 @@ class PiecewisePolynomials:
         return values[best], pieces[best] - self.first, times[best]
 
 
+def _any(values: ArrayLike) -> bool:
+    """Whether a number, or one of several, is not 0; for a number this takes far less time than NumPy's."""
+    return bool(values.any() if isinstance(values, np.ndarray) else values)
+
+
 def _without_first_zero(series: np.ndarray, orders: np.ndarray) -> np.ndarray:
     """Coefficients (m, K + 1), in place, of polynomials divided by t to the power of their orders (m,)."""
     for order in range(1, orders.max(initial=0) + 1):
@@ -213,10 +214,10 @@ def _without_first_zero(series: np.ndarray, orders: np.ndarray) -> np.ndarray:
     return series
 
 
-def _brackets(values: np.ndarray, rising: bool) -> list[np.ndarray]:
+def _brackets(values: np.ndarray, rising: np.ndarray | None = None) -> list[np.ndarray]:
     """The roots of pieces with Bernstein coefficients `values` (N, K + 1), in order, in columns (r,): the piece; the
     bracket (low, high) in it, in shares of the interval; whether the root rises; and where it is about. No column is
-    returned where there is no root."""
+    returned where there is no root. On pieces that are `rising` (N,), only rising roots count."""
     which, low, share, size, found = np.arange(len(values)), np.zeros(len(values)), 1.0, values.shape[1], []
     for halvings in range(MOST_HALVINGS + 1):
         flat = values.ravel()
@@ -231,8 +232,8 @@ def _brackets(values: np.ndarray, rising: bool) -> list[np.ndarray]:
         here, several = begins[:-1] & begins[1:], rows[begins[:-1] & ~begins[1:]]
         if halvings == MOST_HALVINGS:  # rounding has made several changes of one
             here = begins[:-1] & (positive[rows * size] != positive[rows * size + size - 1])
-        if rising:
-            here &= positive[changes + 1]
+        if rising is not None:
+            here &= positive[changes + 1] | ~rising[which[rows]]
         changes, rows, j = changes[here], rows[here], j[here]
         before, after, begin = flat[changes], flat[changes + 1], low[rows]
         about = (j + before / (before - after)) / (size - 1)  # where the coefficients' polygon crosses zero
@@ -259,7 +260,7 @@ def _halve(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _refine(coefficients, h, low, high, rising, t) -> float:
     """The root (in time) in a bracket (in shares of h) by Newton's method, or bisection where that leads out of it."""
     c = coefficients.tolist()
-    low, high, t = (float(share * h) for share in (low, high, t))
+    low, high, t = float(low * h), float(high * h), float(t * h)
     sign, last = 1.0 if rising else -1.0, 0.0
     for _ in range(MOST_ITERATIONS):
         value = slope = 0.0

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -12,7 +13,7 @@ from ..flow.trajectory import Trajectories
 from ..model.model import Model
 from ..model.phase import Phase
 from ..model.units import JERK, LENGTH, TIME, Message, Quantity
-from ..numerics.bernstein import derivative, evaluate
+from ..numerics.bernstein import PiecewisePolynomials, derivative, evaluate
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import ElementwiseFunction
 from ..symbolic.kept import kept
@@ -25,11 +26,15 @@ from .local_law import by_launch_speed, launch_power, loss_coefficient
 WORST_DRIFT = 1e-8
 # A stationary point this near to the middle of the motion, as a share of its time, is the middle itself.
 MIDDLE = 1e-7
+# Rounding moves the middle by at most this share.
+LARGEST_MIDDLE = 1e-3
 # The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
 # share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
 STATIONARY = 1e-6
 # Roundings of the loss coefficient beside those that its parts share with alpha, in units of the last place.
 LOSS_ROUNDING = 16
+# Up to this many polynomials are searched together; of more, the arrays leave the processor's cache.
+MOST_TOGETHER = 500
 Violation = tuple[int, str]  # the index of the orbit, and what is wrong in words
 
 
@@ -75,9 +80,10 @@ class Certificate:
 
 def certify(model: Model, cycles: Cycles) -> list[Certificate]:
     """The certificates of solved orbits of one model; raises `NoOrbit` about the first that can have none."""
-    jerk, clearance, collisions = _gaps(model, cycles)
-    separation, meetings = _separations(model, cycles)
-    smallest_force, largest_force, pulls = _contact_forces(model, cycles)
+    curves = _curves(model, cycles)
+    jerk, clearance, collisions = _gaps(model, cycles, curves["gap"])
+    separation, meetings = _separations(model, cycles, curves)
+    smallest_force, largest_force, pulls = _contact_forces(model, cycles, curves)
     violations: list[tuple[str, ...]] = [()] * len(cycles)
     for i, reason in (*collisions, *pulls, *meetings):
         violations[i] += (reason,)
@@ -97,7 +103,7 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
         raise NoOrbit(f"the orbit cannot be certified: {reason}").about(i)
     sides = np.where(cycles.gap_slope > 0, "above", "below").astype(object)
     sides[(loss == NONE) | (loss == 0)] = None
-    families = count_families(model, cycles.halves, cycles.halves_per_flight)
+    families = _families(curves["extension"], cycles.halves_per_flight)
     figures = (cycles.residual, cycles.error, drift, clearance, separation, smallest_force, largest_force, -jerk, loss)
     unfolding = cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles)
     with np.errstate(all="ignore"):
@@ -164,27 +170,121 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
     return largest, floors, gradients(phase, gradient, names)(states[first], data[first])[0]
 
 
+class _Curve(NamedTuple):
+    """A function on m motions, as coefficients (N, K + 1), with places (r,) on them.
+
+    owner, times : the motion of each place, and the time in that motion
+    values, ends : the function at the places (r,) and at the ends of the motions (m,)
+    """
+
+    motions: Trajectories
+    series: np.ndarray
+    owner: np.ndarray
+    times: np.ndarray
+    values: np.ndarray
+    ends: np.ndarray
+
+    def lowest(self, middles: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest value (m,) on each motion, whose minima are at the places, and its time (m,); with `middles`, that
+        of its minima alone, `NONE` without one, the ends of these motions (e,) being minima and no others."""
+        each, among, starts, ends = np.arange(len(self.ends)), self.inside, np.zeros(0, int), middles
+        if ends is None:
+            among, starts, ends = np.ones(len(self.owner), bool), each, each
+        owner = np.concatenate([self.owner[among], starts, ends])
+        values = np.concatenate([self.values[among], self.series[self.motions.first[starts], 0], self.ends[ends]])
+        times = np.concatenate([self.times[among], np.zeros(len(starts)), self.motions.ends[ends]])
+        lowest, when = np.full(len(each), NONE), np.zeros(len(each))
+        order = np.argsort(-values, kind="stable")  # of several assignments to one motion the last, the lowest, counts
+        lowest[owner[order]], when[owner[order]] = values[order], times[order]
+        return lowest, when
+
+    @property
+    def inside(self) -> np.ndarray:
+        """Which places (r,) are not the end of their motion."""
+        return self.times < self.motions.ends[self.owner] * (1 - MIDDLE)
+
+    def at_ends(self, order: int) -> np.ndarray:
+        """The derivative (m,) of this order at the ends of the motions."""
+        last, c = self.motions.last, self.series
+        for _ in range(order):
+            c = derivative(c)
+        return np.einsum("mk,mk->m", c[last], self.motions.of_steps[last, : c.shape[1]])
+
+
+def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int, bool]]) -> dict[str, _Curve]:
+    """Functions on motions with their zeros or stationary points, which are all found in one search.
+
+    sought : by name the motions, the function (N, K + 1) on them, whether its rate's zeros are sought or its own, the
+        order of the zero of what is searched at the start of each motion, which is divided out exactly, and whether
+        only rising zeros count
+    """
+    if len(sought) > 1 and sum(len(series) for _, series, *_ in sought.values()) > MOST_TOGETHER:
+        return {name: _searched({name: one})[name] for name, one in sought.items()}
+    motions, series, by_rate, orders, rising = zip(*sought.values(), strict=True)
+    begins, firsts = (np.cumsum([0, *map(len, each)]) for each in (series, motions))
+    parts = zip(*((each.starts, each.steps, each.counts, each.of_steps) for each in motions), strict=True)
+    starts, *pieces = map(np.concatenate, parts)
+    functions, sizes = np.concatenate(series), np.diff(firsts)
+    rates = np.zeros_like(functions)
+    rates[:, :-1] = derivative(functions)
+    searched = np.where(np.repeat(by_rate, np.diff(begins))[:, None], rates, functions)
+    polynomials = PiecewisePolynomials(searched, *pieces)
+    owner, piece, t = polynomials.roots(np.repeat(orders, sizes), np.repeat(rising, sizes))
+    step, last = polynomials.first[owner] + piece, polynomials.last
+    values, times = evaluate(functions[step], t), starts[step] + t
+    ends = np.einsum("mk,mk->m", functions[last], polynomials.of_steps[last])
+    places, found = np.searchsorted(owner, firsts).tolist(), dict[str, _Curve]()
+    for i, name in enumerate(sought):
+        here, each = slice(places[i], places[i + 1]), slice(firsts[i], firsts[i + 1])
+        found[name] = _Curve(motions[i], series[i], owner[here] - firsts[i], times[here], values[here], ends[each])
+    return found
+
+
+def _curves(model: Model, cycles: Cycles) -> dict[str, _Curve]:
+    """The functions on the motions that a certificate looks at: gap, force, -force ("peak") and separations with their
+    minima, the extension with its stationary points, and the force with its zeros ("pull")."""
+    halves, contacts, distance = cycles.halves, cycles.contacts, model.separation(cycles.p_of_halves)
+    # Each half starts from a zero of order three of the gap, so of order two of its rate, and the contact force from a
+    # simple one.
+    gap, extension = halves.series(model.gap(cycles.p_of_halves)), halves.series(model.extension)
+    sought = {"gap": (halves, gap, True, 2, True), "extension": (halves, extension, True, 0, False)}
+    if distance:
+        sought["separation"] = (halves, halves.series(distance), True, 0, True)
+    if contacts:
+        force = contacts.coefficients[:, contacts.names.index(CONTACT_FORCE)]
+        sought["force"], sought["peak"] = (contacts, force, True, 0, True), (contacts, -force, True, 0, True)
+        sought["pull"] = (contacts, force, False, 1, False)
+        if distance:
+            apart = contacts.series(model.separation(cycles.p_of_contacts), model.embed)
+            sought["separation in contact"] = (contacts, apart, True, 0, True)
+    return _searched(sought)
+
+
 def count_families(model: Model, halves: Trajectories, per_flight: int) -> list[int]:
     """The families of flights: the stationary points of the extension after lift-off up to and with mid-flight, less
     one; `per_flight` of the halves belong to each flight."""
-    speed = derivative(halves.series(model.extension))
-    owner, piece, t = halves.pile(speed).roots()
-    last, h = speed[halves.last], halves.steps[halves.last]
-    rest, rate = np.abs(evaluate(last, h)), np.abs(evaluate(derivative(last), h))
-    # The root left out is mid-flight itself, which rounding moves where the motion nearly hangs there.
-    moved = np.divide(2 * rest, rate, out=np.zeros(len(h)), where=rate * h > 2 * rest)
-    middle = np.maximum(moved, MIDDLE * halves.ends)
-    inside = halves.time(owner, piece, t) < (halves.ends - middle)[owner]
-    turns = np.bincount(owner[inside] // per_flight, minlength=len(halves) // per_flight)
-    return (turns // per_flight).tolist()
+    found = _searched({"extension": (halves, halves.series(model.extension), True, 0, False)})
+    return _families(found["extension"], per_flight)
 
 
-def _gaps(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
+def _families(extension: _Curve, per_flight: int) -> list[int]:
+    """`count_families` from the stationary points of the extension; the one left out is mid-flight."""
+    rest, rate, ends = np.abs(extension.at_ends(1)), np.abs(extension.at_ends(2)), extension.motions.ends
+    # Rounding moves mid-flight where the motion nearly hangs there.
+    moved = np.divide(2 * rest, rate, out=np.zeros(len(ends)), where=rate > 0)
+    middle = np.clip(moved, MIDDLE * ends, LARGEST_MIDDLE * ends)
+    owner = extension.owner[extension.times < (ends - middle)[extension.owner]] // per_flight
+    return (np.bincount(owner, minlength=len(extension.motions) // per_flight) // per_flight).tolist()
+
+
+def _gaps(model: Model, cycles: Cycles, gap: _Curve) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
     """Jerks of the gap at lift-off (m,), its lowest interior minima (m,), `NONE` without one, and what they violate."""
     halves = cycles.halves
-    gaps = halves.series(model.gap(cycles.p_of_halves))
-    jerk = (6 * gaps[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
-    clearance, when = _least_of_halves(cycles, *_lowest_minima(halves, gaps))
+    jerk = (6 * gap.series[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
+    # The end of a half, mid-flight, may be a minimum too.
+    still = np.abs(gap.at_ends(1)) * halves.ends < STATIONARY * halves.largest(gap.series[:, :1])
+    middles = ((gap.at_ends(2) > 0) & still).nonzero()[0]
+    clearance, when = _least_of_halves(cycles, *gap.lowest(middles))
     violations = list[Violation]()
     for i in (jerk <= 0).nonzero()[0].tolist():
         text = "the gap opens the wrong way at landing (landing jerk {jerk:.3g}, must be negative)"
@@ -196,25 +296,6 @@ def _gaps(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Vi
     return jerk, clearance, violations
 
 
-def _lowest_minima(halves: Trajectories, gaps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The lowest minimum (h,) of the gap on each half of a flight, `NONE` without one, and its time (h,)."""
-    # Each half starts from a zero of order three of the gap: its rate from one of order two, divided out exactly.
-    owner, piece, t = halves.pile(derivative(gaps)).roots(start=2, rising=True)
-    times = halves.time(owner, piece, t)
-    inside = times < halves.ends[owner] * (1 - MIDDLE)
-    heights = evaluate(gaps[halves.first[owner] + piece], t)
-    # The end of a half, mid-flight, may be a minimum too.
-    last, h = gaps[halves.last], halves.steps[halves.last]
-    middle, rate, bend = (evaluate(c, h) for c in (last, derivative(last), derivative(derivative(last))))
-    ends = ((bend > 0) & (np.abs(rate) * halves.ends < STATIONARY * halves.largest(gaps[:, :1]))).nonzero()[0]
-    owner, times = np.append(owner[inside], ends), np.append(times[inside], halves.ends[ends])
-    heights = np.append(heights[inside], middle[ends])
-    lowest, when = np.full(len(halves), NONE), np.zeros(len(halves))
-    order = np.argsort(-heights)  # of several assignments to one half the last, the lowest, counts
-    lowest[owner[order]], when[owner[order]] = heights[order], times[order]
-    return lowest, when
-
-
 def _least_of_halves(cycles: Cycles, values: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The least (m,) of the values on the halves of each flight, and its time (m,) in the flight."""
     values, times = (array.reshape(-1, cycles.halves_per_flight) for array in (values, times))
@@ -223,29 +304,24 @@ def _least_of_halves(cycles: Cycles, values: np.ndarray, times: np.ndarray) -> t
     return values[each, half], np.where(half == 0, when, cycles.flight_times - when)
 
 
-def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
+def _contact_forces(
+    model: Model, cycles: Cycles, curves: Mapping[str, _Curve]
+) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
     """The lowest interior minima (m,) of the contact forces, and their peaks (m,), `NONE` where there are none; and the
     contacts that do not end or that have to pull."""
     (least, peaks), violations = np.full((2, len(cycles)), NONE), [*cycles.without_contact.items()]
     if not cycles.contacts:
         return least, peaks, violations
-    contacts, pulls = cycles.contacts, model.violations["pull"]
-    force = contacts.coefficients[:, contacts.names.index(CONTACT_FORCE)]
-    owner, piece, t = contacts.pile(derivative(force)).roots(rising=True)
-    inside = contacts.time(owner, piece, t) < contacts.ends[owner] * (1 - MIDDLE)
-    low = np.full(len(contacts), NONE)
-    np.minimum.at(low, owner[inside], evaluate(force[contacts.first[owner] + piece], t)[inside])
-    if model.reversor:  # mid-contact itself may be a minimum
-        last, h = force[contacts.last], contacts.steps[contacts.last]
-        rising = evaluate(derivative(derivative(last)), h) > 0
-        low = np.where(rising, np.minimum(low, evaluate(last, h)), low)
-    least[cycles.with_contact], peaks[cycles.with_contact] = low, -contacts.pile(-force).lowest()[0]
-    # The force starts from a simple zero, which is divided out exactly; a whole contact ends on another one.
-    owner, piece, t = contacts.pile(force).roots(start=1)
-    times = contacts.time(owner, piece, t)
-    inside = np.full(len(times), True) if model.reversor else times < contacts.ends[owner] * (1 - MIDDLE)
-    pulling = dict(zip(owner[inside][::-1].tolist(), times[inside][::-1].tolist(), strict=True))  # the first of each
-    at_once = force[contacts.first, 1] <= 0
+    contacts, pulls, force, pull = cycles.contacts, model.violations["pull"], curves["force"], curves["pull"]
+    # Mid-contact itself may be a minimum.
+    middles = (force.at_ends(2) > 0).nonzero()[0] if model.reversor else np.zeros(0, int)
+    low, _ = force.lowest(middles)
+    least[cycles.with_contact], peaks[cycles.with_contact] = low, -curves["peak"].lowest()[0]
+    # A whole contact ends on another zero of the force than the one that it starts from.
+    inside = np.full(len(pull.times), True) if model.reversor else pull.inside
+    owner, times = pull.owner[inside][::-1].tolist(), pull.times[inside][::-1].tolist()
+    pulling = dict(zip(owner, times, strict=True))  # the first of each
+    at_once = force.series[contacts.first, 1] <= 0
     at_once[[*pulling]] = False
     places = [(int(cycles.with_contact[i]), time) for i, time in sorted(pulling.items())]
     text = "{pulls} in contact at t = {time:.6g}"
@@ -255,22 +331,19 @@ def _contact_forces(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarra
     return least, peaks, violations
 
 
-def _separations(model: Model, cycles: Cycles) -> tuple[np.ndarray, list[Violation]]:
+def _separations(model: Model, cycles: Cycles, curves: Mapping[str, _Curve]) -> tuple[np.ndarray, list[Violation]]:
     """Least separations (m,) over the cycles, and the orbits where they are not positive; where the contact does not
     end, the flight is checked all the same."""
-    halves, contacts = cycles.halves, cycles.contacts
     found = np.full(len(cycles), NONE)
-    if (distance := model.separation(cycles.p_of_halves)) is None:
+    if "separation" not in curves:
         return found, []
-    low, piece, t = halves.pile(halves.series(distance)).lowest()
-    least, when = _least_of_halves(cycles, low, halves.time(np.arange(len(halves)), piece, t))
+    least, when = _least_of_halves(cycles, *curves["separation"].lowest())
     where = np.full(len(cycles), "flight", dtype=object)
-    if contacts:
-        low, piece, t = contacts.pile(contacts.series(model.separation(cycles.p_of_contacts), model.embed)).lowest()
+    if cycles.contacts:
+        low, times = curves["separation in contact"].lowest()
         lower = low < least[cycles.with_contact]
         these = cycles.with_contact[lower]
-        least[these], where[these] = low[lower], "contact"
-        when[these] = contacts.time(lower.nonzero()[0], piece[lower], t[lower])
+        least[these], where[these], when[these] = low[lower], "contact", times[lower]
     found[cycles.with_contact] = least[cycles.with_contact]
     violations = list[Violation]()
     for i in (~(least > 0)).nonzero()[0].tolist():

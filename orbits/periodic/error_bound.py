@@ -60,12 +60,12 @@ def error_bounds(
     inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[None, :, [index]])[:, :n, 0]
     weights = _weights_of_steps(equations, evaluation, inverse)
     # Near an unstable equilibrium a change grows and shrinks again, and derivatives lose their rank to rounding.
-    lost = np.flatnonzero(EPS * _largest_growth(equations, evaluation) ** 2 > 1.0).tolist()
+    lost = (EPS * _largest_growth(equations, evaluation) ** 2 > 1.0).nonzero()[0].tolist()
     moves, refused = np.full(len(us), np.nan), {i: NoOrbit(f"the orbit cannot be certified{NARROW}") for i in lost}
     if quickly and len(weights) == 1 and equations.smooth and weights[0] is not None:
         moves = np.einsum("mi,mi->m", inverse, evaluation.residual)
         moves -= _moves_by_defects(equations.flows[0], evaluation.trajectories[0], ps, weights[0])
-    for i in np.flatnonzero(~np.isfinite(moves)).tolist():
+    for i in (~np.isfinite(moves)).nonzero()[0].tolist():
         try:
             moves[i] = inverse[i] @ equations.residual(us[i], ps[i], evaluation[i].trajectories, _end_by_another_method)
         except NoOrbit as error:
@@ -74,7 +74,7 @@ def error_bounds(
     found, alpha = 2 * np.abs(moves), us[:, index]
     shared = np.maximum(_grown_rounding(equations, evaluation, inverse), _carried_rounding(evaluation, weights))
     floor = shared + np.spacing(alpha)
-    for i in np.flatnonzero(found > np.maximum(WORST_ERROR * alpha, DOUBTFUL_RATIO * floor)).tolist():
+    for i in (found > np.maximum(WORST_ERROR * alpha, DOUBTFUL_RATIO * floor)).nonzero()[0].tolist():
         text = "the orbit cannot be certified: launch speed {alpha:.6g} may be off by {error:.1e}{narrow}"
         numbers = {"alpha": Quantity(alpha[i], SPEED), "error": Quantity(found[i], SPEED)}
         refused.setdefault(i, NoOrbit(Message(text, **numbers, narrow=NARROW)))
@@ -123,8 +123,7 @@ def _weights_of_steps(equations: Shooting, evaluation: Evaluation, inverse: ndar
             weights.append(None)
             continue
         # Derivatives of the state at the end of every step by that at the start of its motion.
-        sensitivities = np.roll(motions.variations[:, :n, :n, 0], -1, axis=0)
-        sensitivities[motions.last] = transition[:, :, :n]
+        sensitivities = motions.until_next(motions.variations[:, :n, :n, 0], transition[:, :, :n])
         carried = np.einsum("mj,mjk->mk", at_end, transition[:, :, :n])[motions.owner, :, None]
         weights.append(solve(sensitivities.swapaxes(1, 2), carried)[..., 0])
     return weights
@@ -178,11 +177,13 @@ def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Traject
         # 8, since a feature of the law between fewer samples could be missed.
         c = np.abs(path.coefficients[:, : flow.size])
         ninth = c[:, :, 9].max(1) * path.steps**9 / np.maximum(c[:, :, 0].max(1), 1e-300)
-        counts = 8 * np.clip(np.ceil((ninth / (NINTH_TERM * EPS)) ** (1 / 8) / 8), 1, 250).astype(int)
+        counts = np.clip(np.ceil((ninth / (NINTH_TERM * EPS)) ** (1 / 8)), 8, 2000).astype(int)
         count = int(np.ceil(counts.sum() / STEPS_PER_CALL)) * STEPS_PER_CALL
         idle = count - counts.sum()  # the number of steps is rounded up by steps of length 0
-        lengths = np.append(np.repeat(path.steps / counts, counts), np.zeros(idle))
-        data = np.repeat(data, np.append(counts[:-1], counts[-1] + idle), axis=1)
+        lengths = np.zeros(count)
+        lengths[: count - idle] = (path.steps / counts).repeat(counts)
+        counts[-1] += idle
+        data = data.repeat(counts, axis=1)
         return _order_eight(flow, count)(start, lengths, data)[0][:, -1]
     from scipy.integrate import solve_ivp  # slow to import, and only laws without a Taylor series need it
 

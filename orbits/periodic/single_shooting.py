@@ -13,7 +13,7 @@ from ..errors import FlowError, NoOrbit
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories, Trajectory
 from ..model.phase import Statement
-from ..numerics.bernstein import derivative, evaluate
+from ..numerics.bernstein import derivative
 from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.ipopt import solve_equations
@@ -141,7 +141,7 @@ class Shooting:
         known = list[np.ndarray]()
         for flow, (motions, ends, transitions) in zip(self.flows, arcs, strict=True):
             c, last = motions.coefficients[:, : flow.size], motions.last
-            speeds = evaluate(derivative(c[last]), motions.steps[last, None])
+            speeds = np.einsum("mrk,mk->mr", derivative(c[last]), motions.of_steps[last, :-1])
             starts = zip(c[motions.first, :, 0], ps, strict=True)
             pieces = [flow.piece_data(x, p) for x, p in starts] if flow.phase.pieces else ()
             data, slopes = map(np.array, zip(*pieces, strict=True)) if pieces else (us[:, :0], us[:, :0, None])

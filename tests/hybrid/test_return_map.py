@@ -7,6 +7,7 @@ import pytest
 from conftest import DATA
 
 from orbits import InputError, NoOrbit, ReturnMap, find, multiplier, simulate
+from orbits.hybrid.impacts import Impacts
 from problems import HeavyHand, Hopper, Juggler
 from studies.oracle import landed
 
@@ -270,3 +271,22 @@ class TestHeavyHand:
         with pytest.raises(InputError, match="no mass ratio"):
             HeavyHand(mass_ratio=2.0)
         assert find(HeavyHand()).machine["mass_ratio"] is None
+
+
+@pytest.mark.parametrize("mass_ratio", [0.3, 1.0, 7.0])
+@pytest.mark.parametrize("restitution", [0.0, 0.4])
+def test_the_gap_is_open_while_no_landing_is_searched(mass_ratio, restitution):
+    """On a fine grid in closed form, after lift-offs and after bounces; and most flights are known to be open so."""
+    impacts = Impacts(Hopper(mass_ratio=mass_ratio, restitution=restitution))
+    states, order = impacts.launch(np.linspace(0.2, 15.0, 40)), 3
+    form = impacts.flight.closed_form(impacts.p)
+    for _ in range(3):
+        until = form.positive_until(impacts.gap, states.T, order)
+        assert order < 3 or (until > 0).mean() > 0.8
+        for start, end in zip(states, until, strict=True):
+            assert not end or impacts.gap(form.state(start, np.linspace(0.0, end, 2001)[20:-1]).T).min() > 0
+        _, rows, _ = impacts.landings(states, order)
+        held, after, _, _ = impacts.landing(rows)
+        states, order = after[~held], impacts.bounce_order
+        if not len(states):
+            break

@@ -10,7 +10,7 @@ from orbits import InputError, NoOrbit, Orbit, find, find_all
 from orbits.errors import LONGEST_MESSAGE
 from orbits.periodic.family_search import Lateness
 from problems import Chain, Hopper, Juggler
-from problems.features import features
+from problems.features import features, unit_of_length
 from studies.search import Case
 
 
@@ -44,7 +44,8 @@ def test_a_narrow_bump_of_gravity_is_seen():
 def test_the_length_over_which_a_law_varies(law, parameters, length):
     """That of sin(k r) is 1/k, that of exp(b r) is 1/b."""
     machine = Hopper(law, parameters=parameters)
-    assert features(machine.spring.key, machine.spring.key, machine.values).length == pytest.approx(length, rel=1e-2)
+    unit = unit_of_length(machine.spring.key, machine.values)
+    assert features(machine.spring.key, unit, machine.values).length == pytest.approx(length, rel=1e-2)
 
 
 def test_smooth_laws_keep_their_model():

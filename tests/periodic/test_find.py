@@ -292,7 +292,7 @@ def test_bad_methods():
 
 
 def test_a_solve_that_lands_on_another_family_has_failed(monkeypatch):
-    monkeypatch.setattr(orbits.periodic.certificate, "count_families", lambda model, flights, parts: [2])
+    monkeypatch.setattr(orbits.periodic.certificate, "_families", lambda extension, parts: [2])
     with pytest.raises(NoOrbit, match="ended on an orbit of family 2"):
         find(Hopper())
 
