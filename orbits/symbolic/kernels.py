@@ -58,6 +58,7 @@ class Kernel:
     def __init__(self, function: ca.Function):
         self.function = function.expand()  # without its calls it takes a fifth less time
         self.sizes_in = [function.nnz_in(i) for i in range(function.n_in())]
+        self.shapes = [(size,) for size in self.sizes_in]
         self.sizes_out = [function.nnz_out(i) for i in range(function.n_out())]
         self.width = max(1, sum(self.sizes_out[1:-2]))  # numbers in the records of one iteration
         length = self.function.n_instructions()
@@ -105,28 +106,25 @@ class Kernel:
         """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most so many records of each."""
         inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
         count = max(map(len, inputs))
-        allowed = [((count, size), (1, size)) for size in self.sizes_in]
-        if not count or any(array.shape not in shapes for array, shapes in zip(inputs, allowed, strict=True)):
-            # Machine code reads them without looking where they end.
+        # Machine code reads arrays without looking where they end.
+        if [array.shape[1:] for array in inputs] != self.shapes or not {*map(len, inputs)} <= {1, count} - {0}:
             found = ", ".join(str(array.shape) for array in inputs)
             raise ValueError(f"arguments of shapes {found}; they are (m, size) or (1, size) of sizes {self.sizes_in}")
         inputs[0] = inputs[0].copy() if len(inputs[0]) == count else np.tile(inputs[0], (count, 1))
-        # The records of each point, whether it has ended, its iterations; and where these stop.
+        # The records of each point, whether it has ended, its iterations; and the most of each.
         done, bounds = np.zeros((count, 3)), np.array([most, 1.0, LONGEST_RUN])
-        room = max(1, SCRATCH // (MOST_LANES * self.width))
-        capacity, left, parts, rounds = min(self._capacity, most, room), slice(None), list[list[np.ndarray]](), []
-        while True:
-            ends = bounds - done[left]
-            ends[:, 0].clip(max=capacity, out=ends[:, 0])
+        room = min(most, max(1, SCRATCH // (MOST_LANES * self.width)))
+        capacity, parts, rounds = min(self._capacity, room), list[list[np.ndarray]](), list[tuple]()
+        longest = max(CHECKED, LONGEST_CALL // (min(count, MOST_POINTS) * self.seconds_per_step))
+        left: slice | np.ndarray = slice(None)
+        while not rounds or len(left := np.logical_and.reduce(done < bounds, axis=1).nonzero()[0]):
+            ends = np.minimum(bounds - done[left], np.array([capacity, 1.0, longest]))
             some = [array[left] if len(array) == count else array for array in inputs]
             parts += self._iterated(some, ends, capacity)
             inputs[0][left] = some[0]
             done[left] += ends
             rounds.append((left, ends))
-            left = (done < bounds).all(axis=1).nonzero()[0]
-            if not len(left):
-                break
-            capacity = min(2 * capacity, most, room)
+            capacity = min(2 * capacity, room)
         counts = done[:, 0].astype(int)
         records = parts[0] if len(parts) == 1 else [np.concatenate(pieces) for pieces in zip(*parts, strict=True)]
         if len(rounds) > 1:
@@ -189,7 +187,7 @@ class Kernel:
         return [records[:count, first:last].copy() for first, last in pairwise(places)]
 
     def _in_lanes(self, inputs: list[np.ndarray], ends: np.ndarray, capacity: int) -> list[list[np.ndarray]]:
-        """`_iterated` by machine code, in parts that the threads share, for as long as one call may take."""
+        """`_iterated` by machine code, in parts that the threads share."""
         # This name keeps the code in memory while it runs, even where another thread optimises it meanwhile.
         code = self._code
         assert code is not None
@@ -199,7 +197,6 @@ class Kernel:
         size = max(1, points // code.lanes) * code.lanes
         firsts = range(0, count, size)
         workers = min(workers, len(firsts))
-        ends[:, 2].clip(max=max(CHECKED, LONGEST_CALL // (size * self.seconds_per_step)), out=ends[:, 2])
         memory = getattr(_memory, "records", None)
         if memory is None or len(memory) < workers * size * row:
             memory = np.empty(workers * size * row)
