@@ -27,8 +27,8 @@ _INTRINSICS = {ca.OP_FABS: "fabs", ca.OP_SQRT: "sqrt", ca.OP_FLOOR: "floor", ca.
 _INTRINSICS |= {ca.OP_FMIN: "minnum", ca.OP_FMAX: "maxnum", ca.OP_COPYSIGN: "copysign"}
 # Functions of the C library are called lane by lane; a Taylor step has few of them.
 _TRIGONOMETRIC = [kind + name + end for name in ("sin", "cos", "tan") for kind in ("", "a") for end in ("", "h")]
-_NAMES = [*_TRIGONOMETRIC, "exp", "log", "expm1", "log1p", "erf", "pow", "atan2", "fmod", "hypot", "remainder"]
-_LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _NAMES} | {ca.OP_CONSTPOW: "pow"}
+_CALLED = [*_TRIGONOMETRIC, "exp", "log", "expm1", "log1p", "erf", "pow", "atan2", "fmod", "hypot", "remainder"]
+_LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _CALLED} | {ca.OP_CONSTPOW: "pow"}
 # (addresses of arrays, lengths of their rows, number of points)
 Run = Callable[[Any, Any, int], None]
 
@@ -252,15 +252,14 @@ class _Iteration(_Code):
         *inputs, ends = (self.rows(i, index) for i in (*range(n_in), n_in + n_out - 3))
         records = [self.rows(n_in + i, index) for i in range(n_out - 3)]
         start, *given = [[self.load(rows, j) for j in range(function.nnz_in(i))] for i, rows in enumerate(inputs)]
-        most, longest = (self(f"fptosi {self.vector} {self.load(ends, j)} to {self.indices}") for j in (0, 2))
-        self._step(function, start, given, records, most, longest)
+        bounds = [self(f"fptosi {self.vector} {self.load(ends, j)} to {self.indices}") for j in (0, 2)]
+        self._step(function, start, given, records, bounds)
         self.do("end:")
         for j in range(len(start)):
             self.store(inputs[0], j, f"%n{j}")
-        numbers = [self(f"uitofp {self.indices} %{name}_next to {self.vector}") for name in ("taken", "tried")]
-        ended = self.choose("%went_next", self.splat(0), self.splat(1))
-        for j, number in enumerate((numbers[0], ended, numbers[1])):
-            self.store(ends, j, number)
+        for j, name in ((0, "taken"), (2, "tried")):
+            self.store(ends, j, self(f"uitofp {self.indices} %{name}_next to {self.vector}"))
+        self.store(ends, 1, self.choose("%went_next", self.splat(0), self.splat(1)))
         self.do(f"%next = add i64 %i, {self.lanes}")
         self.do(f"br i1 {self('icmp slt i64 %next, %count')}, label %block, label %leave", "leave:", "ret void")
         head = "define void @run(ptr %arrays, ptr %strides, i64 %count) {\nentry:\n"
@@ -275,10 +274,8 @@ class _Iteration(_Code):
         inside = self(f"icmp slt {self.indices} {ahead}, {final}")
         return self(f"select {self.masks} {inside}, {self.indices} {ahead}, {self.indices} {final}")
 
-    def _step(
-        self, function: ca.Function, start: list[str], given: list, records: list[str], most: str, longest: str
-    ) -> None:
-        """The loop over iterations, which ends when no lane is alive."""
+    def _step(self, function: ca.Function, start: list[str], given: list, records: list, bounds: list[str]) -> None:
+        """The loop over iterations, which ends when no lane is alive; bounded are records and iterations."""
         self.do("br label %step", "step:")
         z = [f"%z{j}" for j in range(len(start))]
         self.do(*(f"%z{j} = phi {self.vector} [{value}, %block], [%n{j}, %go]" for j, value in enumerate(start)))
@@ -300,7 +297,7 @@ class _Iteration(_Code):
             self.do(f"%n{j} = select {self.masks} %alive, {self.vector} {value}, {self.vector} %z{j}")
         self.do(f"%went_next = select {self.masks} %alive, {self.masks} {goes}, {self.masks} %went")
         alive = goes
-        for name, counted, bound in (("taken", taken, most), ("tried", "%alive", longest)):
+        for name, counted, bound in zip(("taken", "tried"), (taken, "%alive"), bounds, strict=True):
             one = self(f"zext {self.masks} {counted} to {self.indices}")
             self.do(f"%{name}_next = add {self.indices} %{name}, {one}")
             alive = self(f"and {self.masks} {alive}, {self(f'icmp slt {self.indices} %{name}_next, {bound}')}")
