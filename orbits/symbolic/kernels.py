@@ -3,8 +3,9 @@
 import ctypes
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack
+from collections.abc import Sequence
+from concurrent import futures
+from contextlib import nullcontext
 from itertools import accumulate, pairwise
 from typing import NamedTuple
 
@@ -211,17 +212,12 @@ class Kernel:
             free.append(mine)
             return records
 
-        with ExitStack() as stack:
-            shared: Callable[..., Iterable[list[np.ndarray]]] = map
-            if workers > 1:
-                from concurrent.futures import ThreadPoolExecutor  # slow to import
-
-                shared = stack.enter_context(ThreadPoolExecutor(workers)).map
-            parts = []
-            for records in shared(run, firsts):
+        parts = []
+        with futures.ThreadPoolExecutor(workers) if workers > 1 else nullcontext() as pool:
+            for records in (pool.map if pool else map)(run, firsts):
                 parts.append(records)
                 interrupts.check()
-            return parts
+        return parts
 
     def _chunk(
         self, code: MachineCode, inputs: list[np.ndarray], ends: np.ndarray, capacity: int, memory: np.ndarray
