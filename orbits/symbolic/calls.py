@@ -56,7 +56,7 @@ class BufferedFunction:
         for place, arrays in ((self._buffer.set_arg, self.arguments), (self._buffer.set_res, self.flat)):
             for i, array in enumerate(arrays):
                 place(i, array.data)
-        weigh([function], [*self.arguments, self.whole])
+        weigh([function], sum(array.nbytes for array in (*self.arguments, self.whole)))
 
     def __call__(self, *arguments: ArrayLike) -> list[np.ndarray]:
         """Results as matrices of the function's shapes; arguments of matching sizes, matrices included."""

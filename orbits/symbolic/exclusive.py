@@ -15,18 +15,31 @@ from typing import Any, ParamSpec, TypeVar
 
 import casadi as ca
 
+from ..errors import InputError
 from .heartbeat import running
 
 LOCK = threading.RLock()
+MOST_THREADS = 256
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 
+def threads() -> int:
+    """How many threads share the points of a call: the environment's ORBITS_THREADS, 1 where it says nothing."""
+    text = os.environ.get("ORBITS_THREADS") or "1"
+    count = int(text) if text.isascii() and text.isdigit() and len(text) < 9 else 0
+    if not 1 <= count <= MOST_THREADS:
+        raise InputError(f"ORBITS_THREADS = '{text}': set it to a whole number of threads, from 1 to {MOST_THREADS}")
+    return count
+
+
 def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """The same function, run by one thread at a time."""
+    """The same function, run by one thread at a time. What the environment says is looked at first, since an error of
+    it inside would pass for one of the problem."""
 
     @wraps(function)
     def alone(*arguments: _P.args, **options: _P.kwargs) -> _R:
+        threads()
         with LOCK, running(function.__qualname__):
             return function(*arguments, **options)
 

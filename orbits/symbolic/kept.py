@@ -6,7 +6,6 @@ from functools import lru_cache
 from typing import Any, TypeVar
 
 import casadi as ca
-import numpy as np
 
 # All that is kept is let go once about so many bytes have been built since the last time.
 BUDGET = 128e6
@@ -25,8 +24,8 @@ def kept(function: _F, maxsize: int = 64) -> _F:
     return _caches[-1]
 
 
-def weigh(functions: Iterable[ca.Function], arrays: Iterable[np.ndarray] = ()) -> None:
-    """Count what the functions and arrays take; when that is too much, let go of all that is kept.
+def weigh(functions: Iterable[ca.Function], size: int = 0) -> None:
+    """Count what the functions take and `size` bytes more; when that is too much, let go of all that is kept.
 
     Whoever uses it at the moment has references of his own and goes on; the next call builds it anew.
     """
@@ -39,7 +38,7 @@ def weigh(functions: Iterable[ca.Function], arrays: Iterable[np.ndarray] = ()) -
             _built += SX_BYTES * part.n_instructions()
         elif part.is_a("MXFunction"):
             _built += MX_BYTES * part.n_instructions()
-    _built += sum(array.nbytes for array in arrays)
+    _built += size
     if _built > BUDGET:
         _built = 0.0
         _seen.clear()

@@ -1,36 +1,40 @@
 """Kernels: a CasADi function iterated at many points until each is done, interpreted at first, then in machine code."""
 
 import ctypes
-import os
 import threading
 import time
-import warnings
 from collections.abc import Sequence
+from concurrent import futures
+from contextlib import nullcontext
 from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from ..errors import InputError
 from . import interrupts
 from .calls import BufferedFunction
-from .exclusive import LOCK
+from .exclusive import LOCK, threads
 from .kept import weigh
-from .machine_code import LONGEST_RUN, MachineCode, compile_seconds, target
+from .machine_code import MOST_LANES, MachineCode, compile_seconds, say_interpreted, target
 
 # About the seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
 SECONDS_INTERPRETED = 3e-9
 # From this many instructions on, optimised code takes longer to make than it repays.
 LONG = 15_000
-# Interpreted iterations after which it is seen whether the user interrupts.
+# A point is iterated at most so many times.
+LONGEST_RUN = 100_000
+# After so many iterations it may be seen whether the user interrupts.
 CHECKED = 256
+# A call of machine code, which nothing can interrupt, iterates at most so many points, and for what takes about so many
+# seconds interpreted, a small part of that in machine code; but always `CHECKED` times.
+MOST_POINTS, LONGEST_CALL = 4096, 2.0
 # So many numbers are recorded at a time, at most.
 SCRATCH = 4_000_000
 # Records of a point for which there is room at first; points that need more go on where they stopped.
 FIRST_CAPACITY = 16
 
-_memory = threading.local()  # the array that records are written to, kept by each thread because new memory is slow
+_memory = threading.local()  # the array `records` of each thread, which is kept because new memory is slow to write to
 
 
 class Iterated(NamedTuple):
@@ -41,18 +45,6 @@ class Iterated(NamedTuple):
     records: list[np.ndarray]  # (N, size), of one point after the other
     counts: np.ndarray  # (m,), how many of them belong to each point
     going: np.ndarray  # (m,), which points would go on beyond the most records
-
-
-def threads() -> int:
-    """How many threads share the points of a call: the environment's ORBITS_THREADS, 1 where it says nothing."""
-    text = os.environ.get("ORBITS_THREADS", "1")
-    try:
-        count = int(text)
-    except ValueError:
-        count = 0
-    if count < 1:
-        raise InputError(f"ORBITS_THREADS = '{text}': it is a whole number of threads, from 1 on")
-    return count
 
 
 class Kernel:
@@ -67,7 +59,9 @@ class Kernel:
     def __init__(self, function: ca.Function):
         self.function = function.expand()  # without its calls it takes a fifth less time
         self.sizes_in = [function.nnz_in(i) for i in range(function.n_in())]
+        self.shapes = [(size,) for size in self.sizes_in]
         self.sizes_out = [function.nnz_out(i) for i in range(function.n_out())]
+        self.width = max(1, sum(self.sizes_out[1:-2]))  # numbers in the records of one iteration
         length = self.function.n_instructions()
         self.seconds_per_step, self.interpretation_budget = length * SECONDS_INTERPRETED, compile_seconds(length)
         self.optimisation_budget = compile_seconds(length, optimised=True) if length < LONG else np.inf
@@ -102,67 +96,72 @@ class Kernel:
             merged = ca.Function(self.function.name(), arguments, self.function.call(arguments), {"cse": True})
             try:
                 self._code = MachineCode(merged, optimised)
-                weigh([merged], [np.empty(self._code.size, dtype=np.uint8)])
+                weigh([merged], self._code.size)
             except NotImplementedError:
                 return
-            except RuntimeError as error:
-                warnings.warn(f"LLVM fails here, and motions are interpreted ({error})", RuntimeWarning, stacklevel=2)
+            except RuntimeError:
+                if not self.compiled:
+                    say_interpreted()
 
     def __call__(self, *arguments: np.ndarray, most: int = 2**31) -> Iterated:
         """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most so many records of each."""
         inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
         count = max(map(len, inputs))
-        if len(inputs[0]) < count:
-            inputs[0] = np.tile(inputs[0], (count, 1))
-        capacity = min(self._capacity, most)
-        found = Iterated(*self._iterated(inputs, capacity))
-        if capacity < most and (found.going & (found.counts == capacity)).any():
-            found = self._continued(inputs, found, capacity, most)
-        if largest := int(found.counts.max(initial=0)):
-            most_room = SCRATCH // (8 * max(1, sum(self.sizes_out[1:-2])))
-            self._capacity = max(FIRST_CAPACITY, min(largest + 2, most_room))
-        return found
+        # Machine code reads arrays without looking where they end.
+        if [array.shape[1:] for array in inputs] != self.shapes or not {*map(len, inputs)} <= {1, count} - {0}:
+            found = ", ".join(str(array.shape) for array in inputs)
+            raise ValueError(f"arguments of shapes {found}; they are (m, size) or (1, size) of sizes {self.sizes_in}")
+        inputs[0] = inputs[0].copy() if len(inputs[0]) == count else np.tile(inputs[0], (count, 1))
+        # The records of each point, whether it has ended, its iterations; and the most of each.
+        done, bounds = np.zeros((count, 3)), np.array([most, 1.0, LONGEST_RUN])
+        room = min(most, max(1, SCRATCH // (MOST_LANES * self.width)))
+        capacity, parts, rounds = min(self._capacity, room), list[list[np.ndarray]](), list[tuple]()
+        longest = max(CHECKED, LONGEST_CALL // (min(count, MOST_POINTS) * self.seconds_per_step))
+        left: slice | np.ndarray = slice(None)
+        while not rounds or len(left := np.logical_and.reduce(done < bounds, axis=1).nonzero()[0]):
+            ends = np.minimum(bounds - done[left], np.array([capacity, 1.0, longest]))
+            some = [array[left] if len(array) == count else array for array in inputs]
+            parts += self._iterated(some, ends, capacity)
+            inputs[0][left] = some[0]
+            done[left] += ends
+            rounds.append((left, ends))
+            capacity = min(2 * capacity, room)
+        counts = done[:, 0].astype(int)
+        records = parts[0] if len(parts) == 1 else [np.concatenate(pieces) for pieces in zip(*parts, strict=True)]
+        if len(rounds) > 1:
+            owners = [np.arange(count)[points].repeat(ends[:, 0].astype(int)) for points, ends in rounds]
+            order = np.argsort(np.concatenate(owners), kind="stable")
+            records = [record[order] for record in records]
+        if largest := int(counts.max()):
+            self._capacity = max(FIRST_CAPACITY, largest + 2)
+        return Iterated(inputs[0], records, counts, done[:, 1] == 0)
 
-    def _continued(self, inputs: list[np.ndarray], found: Iterated, capacity: int, most: int) -> Iterated:
-        """Iterate those points to their ends that had room for too few records."""
-        (z, records, counts, going), owners = found, [np.repeat(np.arange(len(found.z)), found.counts)]
-        parts, full = [records], counts == capacity
-        while len(left := np.flatnonzero(going & full & (counts < most))):  # all of them have as many records
-            interrupts.check()
-            capacity = min(2 * capacity, most - int(counts[left[0]]))
-            part = [z[left], *(array[left] if len(array) == len(z) else array for array in inputs[1:])]
-            z[left], records, taken, going[left] = self._iterated(part, capacity)
-            counts[left] += taken
-            full[left] = taken == capacity
-            owners.append(np.repeat(left, taken))
-            parts.append(records)
-        order = np.argsort(np.concatenate(owners), kind="stable")
-        return Iterated(z, [np.concatenate(pieces)[order] for pieces in zip(*parts, strict=True)], counts, going)
+    def _iterated(self, inputs: list[np.ndarray], ends: np.ndarray, capacity: int) -> list[list[np.ndarray]]:
+        """Iterate points until they end or come to their bounds, with room for so many records of each.
 
-    def _iterated(self, inputs: list[np.ndarray], capacity: int) -> tuple:
-        """(last z, records, counts, going) with room for so many records of each point."""
-        count, first, cost, parts = len(inputs[0]), 0, 0.0, list[tuple]()
+        Changed are the first of the inputs, to the last z, and `ends` (m, 3), from the most records, 1 and the most
+        iterations of each point to how many records it has, whether it has ended, and how many iterations it took.
+        Returned are the records, in parts for some points after the others.
+        """
+        count, first, cost, parts = len(ends), 0, 0.0, list[list[np.ndarray]]()
         while self._code is None and first < count:
             # A call that would use up the budget on its own is compiled for at once.
             if self.interpretation_budget < cost * (count - first) and self.compile():
                 break
             before = self.interpretation_budget
-            parts.append(self._interpret([array[first if len(array) == count else 0] for array in inputs], capacity))
+            parts.append(self._interpret([array[first if len(array) == count else 0] for array in inputs], ends[first]))
             first, cost = first + 1, before - self.interpretation_budget
         if first < count:
             if self.optimisation_budget < 0:
                 self.optimise()
             began = time.perf_counter()
-            parts += self._in_lanes([array if len(array) < count else array[first:] for array in inputs], capacity)
+            rest = [array[first:] if len(array) == count else array for array in inputs]
+            parts += self._in_lanes(rest, ends[first:], capacity)
             with LOCK:
                 self.optimisation_budget -= time.perf_counter() - began
-        if len(parts) == 1:
-            return parts[0]
-        z, records, counts, going = zip(*parts, strict=True)
-        joined = [np.concatenate(pieces) for pieces in zip(*records, strict=True)]
-        return np.concatenate(z), joined, np.concatenate(counts), np.concatenate(going)
+        return parts
 
-    def _interpret(self, inputs: Sequence[np.ndarray], capacity: int) -> tuple:
+    def _interpret(self, inputs: Sequence[np.ndarray], ends: np.ndarray) -> list[np.ndarray]:
         """`_iterated` at one point, by CasADi's virtual machine."""
         with LOCK:
             call = self._interpreted = self._interpreted or BufferedFunction(self.function)
@@ -170,12 +169,13 @@ class Kernel:
                 memory[:] = array
             sizes, whole = self.sizes_out, call.whole
             after, values, before, trigger = call.flat[0], whole[sizes[0] : -2], call.arguments[0], call.trigger
-            records, count, tried, going = np.empty((capacity, len(values))), 0, 0, True
-            while going and count < capacity and tried < LONGEST_RUN:
-                trigger()
-                tried += 1
+            most, _, longest = map(int, ends.tolist())
+            records, count, tried, going = np.empty((most, len(values))), 0, 0, True
+            while going and count < most and tried < longest:
                 if tried % CHECKED == 0:
                     interrupts.check()
+                trigger()
+                tried += 1
                 before[:] = after
                 recorded, goes = whole[-2:].tolist()
                 going = goes != 0
@@ -183,60 +183,57 @@ class Kernel:
                     records[count] = values
                     count += 1
             self.interpretation_budget -= tried * self.seconds_per_step
-            z = after[None].copy()
-        ends = [*accumulate(sizes[1:-2], initial=0)]
-        packed = [records[:count, first:last].copy() for first, last in pairwise(ends)]
-        return z, packed, np.array([count]), np.array([going])
+            inputs[0][:], ends[:] = after, (count, not going, tried)
+        places = [*accumulate(sizes[1:-2], initial=0)]
+        return [records[:count, first:last].copy() for first, last in pairwise(places)]
 
-    def _in_lanes(self, inputs: list[np.ndarray], capacity: int) -> list[tuple]:
+    def _in_lanes(self, inputs: list[np.ndarray], ends: np.ndarray, capacity: int) -> list[list[np.ndarray]]:
         """`_iterated` by machine code, in parts that the threads share."""
         # This name keeps the code in memory while it runs, even where another thread optimises it meanwhile.
         code = self._code
         assert code is not None
-        count, lanes, workers = max(map(len, inputs)), code.lanes, threads()
-        row = capacity * sum(self.sizes_out[1:-2])
-        size = max(lanes, -(-min(SCRATCH // max(1, row), -(-count // workers)) // lanes) * lanes)
+        count, row = len(ends), capacity * self.width
+        workers = min(threads(), max(1, SCRATCH // (row * code.lanes)))
+        points = min(MOST_POINTS, SCRATCH // (workers * row), -(-count // workers) + code.lanes - 1)
+        size = max(1, points // code.lanes) * code.lanes
         firsts = range(0, count, size)
         workers = min(workers, len(firsts))
         memory = getattr(_memory, "records", None)
         if memory is None or len(memory) < workers * size * row:
-            memory = _memory.records = np.empty(workers * size * row)
-        parts: dict[int, tuple] = {}
+            memory = np.empty(workers * size * row)
+            if len(memory) <= SCRATCH:
+                _memory.records = memory
+        free = [memory[worker * size * row :] for worker in range(workers)]
 
-        def run(worker: int) -> None:
-            for first in firsts[worker::workers]:
-                last = min(first + size, count)
-                part = [array if len(array) == 1 < count else array[first:last] for array in inputs]
-                parts[first] = self._chunk(code, part, last - first, capacity, memory[worker * size * row :])
+        def run(first: int) -> list[np.ndarray]:
+            part, mine = slice(first, first + size), free.pop()
+            own = [array[part] if len(array) == count else array for array in inputs]
+            records = self._chunk(code, own, ends[part], capacity, mine)
+            free.append(mine)
+            return records
 
-        if workers > 1:
-            from concurrent.futures import ThreadPoolExecutor  # slow to import
+        parts = []
+        with futures.ThreadPoolExecutor(workers) if workers > 1 else nullcontext() as pool:
+            for records in (pool.map if pool else map)(run, firsts):
+                parts.append(records)
+                interrupts.check()
+        return parts
 
-            with ThreadPoolExecutor(workers) as pool:
-                list(pool.map(run, range(workers)))
-        else:
-            run(0)
-        return [parts[first] for first in firsts]
-
-    def _chunk(self, code: MachineCode, inputs: list, count: int, capacity: int, memory: np.ndarray) -> tuple:
-        """`_iterated` by one call of machine code, at so many points, with memory for the records."""
-        size, *sizes = self.sizes_out[:-2]
-        lengths, records, used = [capacity * size for size in sizes], [], 0
-        *places, place = (array.__array_interface__["data"][0] for array in (*inputs, memory))
-        after = np.empty(count * (size + 2))
-        z, ends = after[: count * size].reshape(count, size), after[count * size :].reshape(count, 2)
-        places.append(after.__array_interface__["data"][0])
+    def _chunk(
+        self, code: MachineCode, inputs: list[np.ndarray], ends: np.ndarray, capacity: int, memory: np.ndarray
+    ) -> list[np.ndarray]:
+        """`_iterated` by one call of machine code, with memory for the records."""
+        count, lengths, records, used = len(ends), [capacity * size for size in self.sizes_out[1:-2]], [], 0
+        *places, end, start = (array.__array_interface__["data"][0] for array in (*inputs, ends, memory))
         for length in lengths:
             records.append(memory[used : used + count * length].reshape(count, capacity, length // capacity))
-            places.append(place + used * memory.itemsize)
+            places.append(start + used * memory.itemsize)
             used += count * length
-        places.append(places[len(inputs)] + z.nbytes)
         strides = [size if len(array) == count else 0 for array, size in zip(inputs, self.sizes_in, strict=True)]
-        strides += [size, *lengths, 2]
-        pointers = (ctypes.c_void_p * len(places))(*places)
-        code.run(pointers, (ctypes.c_int64 * len(places))(*strides), count, capacity)
-        counts = ends[:, 0].astype(int)
+        strides += [*lengths, 3]
+        pointers = (ctypes.c_void_p * len(strides))(*places, end)
+        code.run(pointers, (ctypes.c_int64 * len(strides))(*strides), count)
         if count == 1:
-            return z, [record[0, : counts[0]].copy() for record in records], counts, ends[:, 1] != 0
+            return [record[0, : int(ends[0, 0])].copy() for record in records]
         kept = np.arange(capacity) < ends[:, :1]
-        return z, [record[kept] for record in records], counts, ends[:, 1] != 0
+        return [record[kept] for record in records]

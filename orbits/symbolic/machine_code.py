@@ -16,41 +16,42 @@ from typing import Any
 import casadi as ca
 
 from .calls import single_assignment
-from .exclusive import LOCK
 
-_BINARY = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
-_COMPARED = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
-_INTRINSIC = {ca.OP_FABS: "fabs", ca.OP_SQRT: "sqrt", ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil"}
-_INTRINSIC_OF_TWO = {ca.OP_FMIN: "minnum", ca.OP_FMAX: "maxnum", ca.OP_COPYSIGN: "copysign"}
+# Vectors of more numbers than this are not used.
+MOST_LANES = 8
+# Operations on the first and the last value, which are one where there is only one: x * x is the square of x.
+_ARITHMETIC = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
+_ARITHMETIC |= {ca.OP_SQ: "fmul", ca.OP_TWICE: "fadd"}
+_COMPARISONS = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
+_INTRINSICS = {ca.OP_FABS: "fabs", ca.OP_SQRT: "sqrt", ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil"}
+_INTRINSICS |= {ca.OP_FMIN: "minnum", ca.OP_FMAX: "maxnum", ca.OP_COPYSIGN: "copysign"}
 # Functions of the C library are called lane by lane; a Taylor step has few of them.
 _TRIGONOMETRIC = [kind + name + end for name in ("sin", "cos", "tan") for kind in ("", "a") for end in ("", "h")]
-_OF_ONE = [*_TRIGONOMETRIC, "exp", "log", "expm1", "log1p", "erf"]
-_LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _OF_ONE}
-_OF_TWO = ["pow", "atan2", "fmod", "hypot", "remainder"]
-_LIBRARY_OF_TWO = {getattr(ca, f"OP_{name.upper()}"): name for name in _OF_TWO} | {ca.OP_CONSTPOW: "pow"}
-# A point is iterated at most so many times in one call, which nothing can interrupt.
-LONGEST_RUN = 100_000
-# (arrays, lengths of their rows, number of points, most records of a point)
-Run = Callable[[Any, Any, int, int], None]
+_CALLED = [*_TRIGONOMETRIC, "exp", "log", "expm1", "log1p", "erf", "pow", "atan2", "fmod", "hypot", "remainder"]
+_LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _CALLED} | {ca.OP_CONSTPOW: "pow"}
+# (addresses of arrays, lengths of their rows, number of points)
+Run = Callable[[Any, Any, int], None]
+
+
+@cache
+def say_interpreted() -> None:
+    """Warn, once in a process, that there is no machine code."""
+    message = "no machine code can be made here: motions are interpreted, which takes many times as long; "
+    warnings.warn(message + "install llvmlite 0.45 or newer", RuntimeWarning, stacklevel=3)
 
 
 @cache
 def target() -> tuple[Any, int] | None:
-    """The module of LLVM and how many numbers a vector of this processor holds; None, said once, without either."""
+    """The module of LLVM and how many numbers a vector of this processor holds; None, which is said, without either."""
     try:
         import llvmlite.binding as llvm
 
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
         features = llvm.get_host_cpu_features()
-        return llvm, 8 if features.get("avx512f") else 4 if features.get("avx2") else 2
-    except (ImportError, OSError, RuntimeError) as error:
-        warnings.warn(
-            f"no machine code can be made here ({error}): motions are interpreted, which takes many times as long; "
-            "install llvmlite 0.45 or newer",
-            RuntimeWarning,
-            stacklevel=2,
-        )
+        return llvm, MOST_LANES if features.get("avx512f") else 4 if features.get("avx2") else 2
+    except (ImportError, OSError, RuntimeError):
+        say_interpreted()
         return None
 
 
@@ -68,7 +69,8 @@ class MachineCode:
     """An SX function iterated at several points, as in `Kernel`, in machine code; `lanes` of them go side by side, and
     the code takes `size` bytes. `optimised` code takes up to 1.6 times less time, and more than twice as long to make.
 
-    Raises `NotImplementedError` for an operation that has no machine code, and `RuntimeError` where LLVM fails.
+    Raises `NotImplementedError` for an operation that has no machine code, and `RuntimeError` where LLVM fails. It is
+    made under the `LOCK` of CasADi, whose graph it reads; LLVM too compiles one function at a time.
     """
 
     def __init__(self, function: ca.Function, optimised: bool = False):
@@ -77,16 +79,15 @@ class MachineCode:
             raise RuntimeError("LLVM is not available")
         llvm, self.lanes = found
         text = _Iteration(self.lanes).text(function)
-        with LOCK:  # LLVM compiles one function at a time
-            # The module lives in a context of its own and is dropped once it is compiled, as its graph is large.
-            module = llvm.parse_assembly(text, llvm.create_context())
-            compiled = self._processor(llvm, 2 * optimised).emit_object(module)
-            self.size = len(compiled)
-            # An engine owns its description of the processor, so that each needs one of its own.
-            self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._processor(llvm, 0))
-            self._engine.add_object_file(llvm.ObjectFileRef.from_data(compiled))
-            self._engine.finalize_object()
-        kind = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 2)  # it releases the interpreter lock
+        # The module lives in a context of its own and is dropped once it is compiled, as its graph is large.
+        module = llvm.parse_assembly(text, llvm.create_context())
+        compiled = self._processor(llvm, 2 * optimised).emit_object(module)
+        self.size = len(compiled)
+        # An engine owns its description of the processor, so that each needs one of its own.
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._processor(llvm, 0))
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(compiled))
+        self._engine.finalize_object()
+        kind = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, ctypes.c_int64)  # it releases the interpreter lock
         self.run: Run = kind(self._engine.get_function_address("run"))
 
     @staticmethod
@@ -120,14 +121,18 @@ class _Code:
         """The vector with one number in every lane."""
         return f"splat (double 0x{struct.pack('>d', float(value)).hex().upper()})"
 
-    def call(self, name: str, kind: str, values: Sequence[str]) -> str:
-        """Call a function whose result and arguments are of one kind."""
-        self.declared.add(f"declare {kind} @{name}({', '.join([kind] * len(values))})")
-        return self(f"call {kind} @{name}({', '.join(f'{kind} {value}' for value in values)})")
+    def call(self, result: str, name: str, *arguments: tuple[str, str]) -> str:
+        """Call a function with arguments (type, value); return the name of its result, if it has one."""
+        self.declared.add(f"declare {result} @{name}({', '.join(kind for kind, _ in arguments)})")
+        text = f"call {result} @{name}({', '.join(map(' '.join, arguments))})"
+        if result != "void":
+            return self(text)
+        self.do(text)
+        return ""
 
     def intrinsic(self, name: str, *values: str) -> str:
         """Call an operation of LLVM's own on vectors."""
-        return self.call(f"llvm.{name}.v{self.lanes}f64", self.vector, values)
+        return self.call(self.vector, f"llvm.{name}.v{self.lanes}f64", *((self.vector, value) for value in values))
 
     def library(self, name: str, *values: str) -> str:
         """Call a function of the C library lane by lane."""
@@ -136,7 +141,7 @@ class _Code:
         vector = "poison"
         for lane in range(self.lanes):
             numbers = [self(f"extractelement {self.vector} {value}, i32 {lane}") for value in values]
-            number = self.call(name, "double", numbers)
+            number = self.call("double", name, *(("double", number) for number in numbers))
             vector = self(f"insertelement {self.vector} {vector}, double {number}, i32 {lane}")
         return vector
 
@@ -156,33 +161,22 @@ class _Code:
         """`x` in the lanes of a mask and `y` elsewhere."""
         return self(f"select {self.masks} {mask}, {self.vector} {x}, {self.vector} {y}")
 
-    def operation(self, op: int, x: str, y: str) -> str:
-        """One operation of a graph, on its first and its last argument."""
-        if op in _BINARY:
-            return self(f"{_BINARY[op]} {self.vector} {x}, {y}")
-        if op in _COMPARED:
-            return self.number(self.compare(_COMPARED[op], x, y))
-        if op in _INTRINSIC:
-            return self.intrinsic(_INTRINSIC[op], x)
-        if op in _INTRINSIC_OF_TWO:
-            return self.intrinsic(_INTRINSIC_OF_TWO[op], x, y)
+    def operation(self, op: int, values: Sequence[str]) -> str:
+        """One operation of a graph on one value or two."""
+        x, y, zero, one = values[0], values[-1], self.splat(0), self.splat(1)
+        if op in _ARITHMETIC:
+            return self(f"{_ARITHMETIC[op]} {self.vector} {x}, {y}")
+        if op in _COMPARISONS:
+            return self.number(self.compare(_COMPARISONS[op], x, y))
+        if op in _INTRINSICS:
+            return self.intrinsic(_INTRINSICS[op], *values)
         if op in _LIBRARY:
-            return self.library(_LIBRARY[op], x)
-        if op in _LIBRARY_OF_TWO:
-            return self.library(_LIBRARY_OF_TWO[op], x, y)
-        return self._other_operation(op, x, y)
-
-    def _other_operation(self, op: int, x: str, y: str) -> str:
-        one, zero = self.splat(1), self.splat(0)
+            return self.library(_LIBRARY[op], *values)
         match op:
             case ca.OP_ASSIGN:
                 return x
             case ca.OP_NEG:
                 return self(f"fneg {self.vector} {x}")
-            case ca.OP_SQ:
-                return self(f"fmul {self.vector} {x}, {x}")
-            case ca.OP_TWICE:
-                return self(f"fadd {self.vector} {x}, {x}")
             case ca.OP_INV:
                 return self(f"fdiv {self.vector} {one}, {x}")
             case ca.OP_NOT:
@@ -210,7 +204,7 @@ class _Code:
             elif constant is not None:
                 values.append(self.splat(constant))
             else:
-                values.append(self.operation(op, values[places[0]], values[places[-1]]))
+                values.append(self.operation(op, [values[place] for place in places]))
         return results
 
     def rows(self, array: int, index: str) -> str:
@@ -230,45 +224,45 @@ class _Code:
     def load(self, rows: str, element: int) -> str:
         """The vector of one element of each lane's row."""
         places = self(f"getelementptr double, {self.pointers} {rows}, i64 {element}")
-        name = f"@llvm.masked.gather.v{self.lanes}f64.v{self.lanes}p0"
-        self.declared.add(f"declare {self.vector} {name}({self.pointers}, i32, {self.masks}, {self.vector})")
-        mask = f"{self.masks} splat (i1 1)"
-        return self(f"call {self.vector} {name}({self.pointers} {places}, i32 8, {mask}, {self.vector} poison)")
+        kinds, lanes = (self.pointers, "i32", self.masks, self.vector), f"v{self.lanes}"
+        values = places, "8", "splat (i1 1)", "poison"
+        return self.call(self.vector, f"llvm.masked.gather.{lanes}f64.{lanes}p0", *zip(kinds, values, strict=True))
 
     def store(self, rows: str, element: int, vector: str, mask: str = "splat (i1 1)") -> None:
         """Store a vector as one element of each lane's row, in the lanes of a mask."""
         places = self(f"getelementptr double, {self.pointers} {rows}, i64 {element}")
-        name = f"@llvm.masked.scatter.v{self.lanes}f64.v{self.lanes}p0"
-        self.declared.add(f"declare void {name}({self.vector}, {self.pointers}, i32, {self.masks})")
-        self.do(f"call void {name}({self.vector} {vector}, {self.pointers} {places}, i32 8, {self.masks} {mask})")
+        kinds, lanes = (self.vector, self.pointers, "i32", self.masks), f"v{self.lanes}"
+        values = vector, places, "8", mask
+        self.call("void", f"llvm.masked.scatter.{lanes}f64.{lanes}p0", *zip(kinds, values, strict=True))
 
 
 class _Iteration(_Code):
-    """The code of `run(arrays, strides, count, capacity)`, which iterates a function at so many points.
+    """The code of `run(arrays, strides, count)`, which iterates a function at so many points.
 
-    The arrays are the function's inputs, its last z, its records, and (count, flag) of each point: how many records
-    there are, and whether the point would go on.
+    The arrays are the function's inputs, its records, and three numbers of each point: the most records, 1 and the most
+    iterations. Written over are the first input, by the last z, and these numbers, by how many records there are,
+    whether the point has ended, and how many iterations it took.
     """
 
     def text(self, function: ca.Function) -> str:
         """The module of LLVM with the one function `run`."""
-        sizes, n_in = [function.nnz_out(i) for i in range(function.n_out())], function.n_in()
+        n_in, n_out = function.n_in(), function.n_out()
         self.do("br label %block", "block:", "%i = phi i64 [0, %entry], [%next, %end]")
         index = self._points()
-        inputs = [self.rows(i, index) for i in range(n_in)]
-        start = [self.load(inputs[0], j) for j in range(sizes[0])]
-        given = [[self.load(rows, j) for j in range(function.nnz_in(i))] for i, rows in enumerate(inputs) if i]
-        ends, *records, counts = (self.rows(n_in + i, index) for i in range(len(sizes) - 1))
-        most = self.spread("%capacity")
-        self._step(function, start, given, records, most)
+        *inputs, ends = (self.rows(i, index) for i in (*range(n_in), n_in + n_out - 3))
+        records = [self.rows(n_in + i, index) for i in range(n_out - 3)]
+        start, *given = [[self.load(rows, j) for j in range(function.nnz_in(i))] for i, rows in enumerate(inputs)]
+        bounds = [self(f"fptosi {self.vector} {self.load(ends, j)} to {self.indices}") for j in (0, 2)]
+        self._step(function, start, given, records, bounds)
         self.do("end:")
-        for j in range(sizes[0]):
-            self.store(ends, j, f"%n{j}")
-        self.store(counts, 0, self(f"uitofp {self.indices} %taken_next to {self.vector}"))
-        self.store(counts, 1, self.number("%went_next"))
+        for j in range(len(start)):
+            self.store(inputs[0], j, f"%n{j}")
+        for j, name in ((0, "taken"), (2, "tried")):
+            self.store(ends, j, self(f"uitofp {self.indices} %{name}_next to {self.vector}"))
+        self.store(ends, 1, self.choose("%went_next", self.splat(0), self.splat(1)))
         self.do(f"%next = add i64 %i, {self.lanes}")
         self.do(f"br i1 {self('icmp slt i64 %next, %count')}, label %block, label %leave", "leave:", "ret void")
-        head = "define void @run(ptr %arrays, ptr %strides, i64 %count, i64 %capacity) {\nentry:\n"
+        head = "define void @run(ptr %arrays, ptr %strides, i64 %count) {\nentry:\n"
         return "\n".join([*sorted(self.declared), head + "\n".join(self.lines), "}\n"])
 
     def _points(self) -> str:
@@ -280,17 +274,15 @@ class _Iteration(_Code):
         inside = self(f"icmp slt {self.indices} {ahead}, {final}")
         return self(f"select {self.masks} {inside}, {self.indices} {ahead}, {self.indices} {final}")
 
-    def _step(self, function: ca.Function, start: list[str], given: list, records: list[str], most: str) -> None:
-        """The loop over steps, which ends when no lane is alive."""
+    def _step(self, function: ca.Function, start: list[str], given: list, records: list, bounds: list[str]) -> None:
+        """The loop over iterations, which ends when no lane is alive; bounded are records and iterations."""
         self.do("br label %step", "step:")
         z = [f"%z{j}" for j in range(len(start))]
         self.do(*(f"%z{j} = phi {self.vector} [{value}, %block], [%n{j}, %go]" for j, value in enumerate(start)))
-        self.do(f"%alive = phi {self.masks} [splat (i1 1), %block], [%alive_next, %go]")
-        self.do(f"%went = phi {self.masks} [zeroinitializer, %block], [%went_next, %go]")
-        self.do(f"%taken = phi {self.indices} [zeroinitializer, %block], [%taken_next, %go]")
-        self.do(
-            "%iterations = phi i64 [1, %block], [%iterations_next, %go]", "%iterations_next = add i64 %iterations, 1"
-        )
+        kinds = {"alive": self.masks, "went": self.masks, "taken": self.indices, "tried": self.indices}
+        for name, kind in kinds.items():
+            first = "splat (i1 1)" if name == "alive" else "zeroinitializer"
+            self.do(f"%{name} = phi {kind} [{first}, %block], [%{name}_next, %go]")
         after, *values, recorded, going = self.graph(function, [z, *given])
         taken = self(f"and {self.masks} %alive, {self.nonzero(recorded[0])}")
         goes = self(f"and {self.masks} %alive, {self.nonzero(going[0])}")
@@ -303,12 +295,14 @@ class _Iteration(_Code):
         self.do("br label %go", "go:")
         for j, value in enumerate(after):
             self.do(f"%n{j} = select {self.masks} %alive, {self.vector} {value}, {self.vector} %z{j}")
-        self.do(f"%taken_next = add {self.indices} %taken, {self(f'zext {self.masks} {taken} to {self.indices}')}")
         self.do(f"%went_next = select {self.masks} %alive, {self.masks} {goes}, {self.masks} %went")
-        room = self(f"icmp slt {self.indices} %taken_next, {most}")
-        self.do(f"%alive_next = and {self.masks} {goes}, {room}")
-        allowed, alive = self(f"icmp slt i64 %iterations, {LONGEST_RUN}"), self.any("%alive_next")
-        self.do(f"br i1 {self(f'and i1 {allowed}, {alive}')}, label %step, label %end")
+        alive = goes
+        for name, counted, bound in zip(("taken", "tried"), (taken, "%alive"), bounds, strict=True):
+            one = self(f"zext {self.masks} {counted} to {self.indices}")
+            self.do(f"%{name}_next = add {self.indices} %{name}, {one}")
+            alive = self(f"and {self.masks} {alive}, {self(f'icmp slt {self.indices} %{name}_next, {bound}')}")
+        self.do(f"%alive_next = and {self.masks} {alive}, %alive")
+        self.do(f"br i1 {self.any('%alive_next')}, label %step, label %end")
 
     def any(self, mask: str) -> str:
         """Whether a mask has a lane."""

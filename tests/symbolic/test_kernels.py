@@ -1,17 +1,19 @@
 """Kernels: machine code against CasADi's virtual machine, number for number, and what does not depend on it."""
 
+import signal
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.errors import InputError
+from orbits import InputError, ReturnMap, find, follow
 from orbits.flow import taylor
 from orbits.flow.flow import flow_of
-from orbits.symbolic import kernels, machine_code
+from orbits.symbolic import interrupts, kernels, machine_code
 from orbits.symbolic.kernels import Kernel
 from problems import Hopper
 
@@ -42,16 +44,20 @@ def both(function: ca.Function, *arguments) -> tuple:
 
 
 def assert_equal(one, other):
-    """Both are the same to the last bit."""
-    assert np.array_equal(one.z, other.z, equal_nan=True)
+    """Both are the same to the last bit, and zeros have the same sign."""
     assert (one.counts == other.counts).all()
     assert (one.going == other.going).all()
-    for mine, theirs in zip(one.records, other.records, strict=True):
+    for mine, theirs in zip([one.z, *one.records], [other.z, *other.records], strict=True):
         assert np.array_equal(mine, theirs, equal_nan=True)
+        signed = ~np.isnan(mine)
+        assert (np.signbit(mine) == np.signbit(theirs))[signed].all()
 
 
-def test_every_operation():
-    """On numbers of all kinds: each operation is the virtual machine's to the last bit."""
+@pytest.mark.parametrize("lanes", [2, 4, 8])
+def test_every_operation(monkeypatch, lanes):
+    """On numbers of all kinds and vectors of all lengths: each operation is the virtual machine's to the last bit."""
+    llvm, _ = machine_code.target()
+    monkeypatch.setattr(machine_code, "target", lambda: (llvm, lanes))
     results = [ca.SX.unary(getattr(ca, f"OP_{name}"), x) for name in UNARY]
     results += [ca.SX.binary(getattr(ca, f"OP_{name}"), x, y) for name in BINARY]
     function = once([x, y], results)
@@ -120,15 +126,93 @@ def test_the_most_records():
         assert (some.going == (z[:, 1] // 2 >= most)).all()
 
 
+def endless() -> ca.Function:
+    """Counts for ever, and records the numbers below a bound."""
+    z = ca.SX.sym("z", 2)
+    return ca.Function("endless", [z], [ca.vertcat(z[0] + 1, z[1]), z[0], z[0] < z[1], 1])
+
+
 def test_what_never_ends_is_stopped():
     """After the most iterations, with what was recorded until then, and said to be going on."""
-    z = ca.SX.sym("z", 2)
-    endless = ca.Function("endless", [z], [ca.vertcat(z[0] + 1, z[1]), z[0], z[0] < z[1], 1])
     points = np.array([[0.0, 0.0], [0.0, 3.0], [0.0, 7.0]])
-    for found in both(endless, points):
+    for found in both(endless(), points):
         assert found.going.all()
-        assert (found.z[:, 0] == machine_code.LONGEST_RUN).all()
+        assert (found.z[:, 0] == kernels.LONGEST_RUN).all()
         assert found.counts.tolist() == [0, 3, 7]
+
+
+@pytest.mark.parametrize("scratch", [kernels.SCRATCH, 100])
+def test_the_most_iterations_are_those_of_a_point(monkeypatch, scratch):
+    """However many calls they are divided into, as by the room for records, which grows from call to call."""
+    monkeypatch.setattr(kernels, "LONGEST_RUN", 1000)
+    monkeypatch.setattr(kernels, "SCRATCH", scratch)
+    points = np.column_stack([np.zeros(20), np.linspace(0, 1500, 20)])
+    compiled, interpreted = Kernel(endless()), Kernel(endless())
+    compiled.compile()
+    interpreted.interpretation_budget = np.inf
+    for _ in range(2):
+        for kernel in (compiled, interpreted):
+            found = kernel(points)
+            assert (found.z[:, 0] == 1000).all()
+            assert (found.counts == np.minimum(np.ceil(points[:, 1]), 1000)).all()
+            assert found.going.all()
+            assert (np.concatenate([np.arange(count) for count in found.counts]) == found.records[0][:, 0]).all()
+
+
+def interrupted(kernel: Kernel, *arguments: np.ndarray) -> None:
+    """A call while a keyboard interrupt is noted."""
+    with interrupts.deferred():
+        signal.raise_signal(signal.SIGINT)
+        kernel(*arguments)
+
+
+@pytest.mark.parametrize("threads", ["1", "2"])
+def test_an_interrupt_ends_a_long_call(monkeypatch, threads):
+    """Within a few short calls of machine code, where one for all iterations of so many points takes seconds."""
+    monkeypatch.setenv("ORBITS_THREADS", threads)
+    kernel, calls = Kernel(endless()), []
+    kernel.compile()
+    kernel.optimise()
+    chunk = Kernel._chunk
+    monkeypatch.setattr(Kernel, "_chunk", lambda *arguments: calls.append(arguments[3]) or chunk(*arguments))
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(kernel, np.tile([0.0, 9.0], (40_000, 1)))
+    assert len(calls) <= 4
+    assert max(ends[:, 2].sum() for ends in calls) <= kernels.MOST_POINTS * kernels.LONGEST_RUN / 5
+
+
+def test_an_interrupt_ends_short_interpreted_motions():
+    kernel = Kernel(countdown())
+    kernel.interpretation_budget = np.inf
+    points = starts(50, 8)
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(kernel, points, np.ones((1, 1)))
+
+
+def test_scratch_memory_is_bounded(monkeypatch):
+    """A point with many records, and as many points as fit beside each other."""
+    monkeypatch.setattr(kernels, "SCRATCH", 3000)
+    monkeypatch.setattr(kernels, "_memory", memory := threading.local())
+    kernel = Kernel(countdown())
+    kernel.compile()
+    for count in (1, 500):
+        z = starts(count, 7)
+        z[0, 1] = 10_000
+        found = kernel(z, np.ones((1, 1)))
+        assert found.counts[0] == 5000
+        assert len(memory.records) <= 3000
+
+
+def test_arguments_of_other_shapes_are_refused():
+    """Machine code would read beyond their ends."""
+    z, step = starts(5, 1), np.ones((1, 1))
+    for compiled in (False, True):
+        kernel = Kernel(countdown())
+        if compiled:
+            kernel.compile()
+        for wrong in ((z[:, :2], step), (z, np.ones((4, 1))), (z, np.ones((5, 2))), (z[:0], step), (z,), (z[0], step)):
+            with pytest.raises(ValueError, match="arguments of shapes"):
+                kernel(*wrong)
 
 
 def test_optimised_code_gives_the_same():
@@ -148,10 +232,28 @@ def test_any_number_of_threads(monkeypatch):
     for threads in ("2", "3", "16"):
         monkeypatch.setenv("ORBITS_THREADS", threads)
         assert_equal(kernel(z, np.ones((1, 1))), one)
-    for threads in ("none", "0", "-1", "2.0"):
-        monkeypatch.setenv("ORBITS_THREADS", threads)
-        with pytest.raises(InputError, match=f"ORBITS_THREADS = '{threads}'"):
-            kernel(z, np.ones((1, 1)))
+    monkeypatch.setenv("ORBITS_THREADS", "")
+    assert_equal(kernel(z, np.ones((1, 1))), one)
+
+
+@pytest.mark.parametrize("threads", ["none", "0", "-1", "2.0", "1_0", "\u0663", "257", " 2", "9" * 5000])
+def test_a_number_of_threads_that_is_none(monkeypatch, threads):
+    """It is refused where a public function begins, and is no failure of an orbit."""
+    machine = Hopper("r + beta*r**3", parameters={"beta": 0.3})
+    step = ReturnMap(machine)
+    monkeypatch.setenv("ORBITS_THREADS", threads)
+    calls = [lambda: find(machine), lambda: follow(machine, "beta", 1.0), lambda: step([4.4])]
+    for call in calls:
+        with pytest.raises(InputError, match="whole number of threads, from 1 to 256"):
+            call()
+
+
+@pytest.mark.parametrize("line", ["find", "follow --along beta --to 1", "map --alpha 4.4"])
+def test_the_command_refuses_a_number_of_threads_that_is_none(monkeypatch, orbits, line):
+    monkeypatch.setenv("ORBITS_THREADS", "two")
+    done = orbits(f"{line} --spring 'r + beta*r**3' --set beta=0.3")
+    assert (done.code, done.out) == (2, "")
+    assert "ORBITS_THREADS = 'two': set it to a whole number" in done.err
 
 
 def test_code_runs_to_its_end_while_another_thread_replaces_it():
@@ -217,9 +319,18 @@ def test_nothing_is_compiled_for_a_few_points():
     assert_equal(kernel(z, np.ones((1, 1))), few)
 
 
-def test_without_machine_code_it_is_interpreted(monkeypatch):
-    """Where LLVM is missing, which is said once, and where an operation has no machine code."""
-    machine_code.target.cache_clear()
+@pytest.fixture
+def unsaid():
+    """Nothing has been said of machine code that cannot be made, in this test and after it."""
+    for function in (machine_code.target, machine_code.say_interpreted):
+        function.cache_clear()
+    yield
+    for function in (machine_code.target, machine_code.say_interpreted):
+        function.cache_clear()
+
+
+def test_without_machine_code_it_is_interpreted(monkeypatch, unsaid):
+    """Where LLVM is missing, which is said once."""
     monkeypatch.setitem(sys.modules, "llvmlite", None)
     monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
     kernel = Kernel(countdown())
@@ -228,12 +339,55 @@ def test_without_machine_code_it_is_interpreted(monkeypatch):
         few = kernel(starts(5, 6), np.ones((1, 1)))
     assert (few.counts == starts(5, 6)[:, 1] // 2).all()
     assert not Kernel(countdown()).compile()  # without a second warning
-    monkeypatch.undo()
-    machine_code.target.cache_clear()
+
+
+def test_an_operation_without_machine_code_is_interpreted():
     kernel = Kernel(once([x], [ca.SX.unary(ca.OP_ERFINV, x)]))
     kernel.interpretation_budget = -1.0
     assert kernel(np.full((3, 1), 0.5)).records[0] == pytest.approx(0.4769362762044699)
     assert not kernel.compiled
+
+
+def test_llvm_fails(monkeypatch, unsaid):
+    """While compiling, which is said once for all kernels, and while optimising, where the first code goes on."""
+    quick = Kernel(countdown())
+    assert quick.compile()
+    one = quick(starts(5, 6), np.ones((1, 1)))
+
+    def failing(*_):
+        raise RuntimeError("LLVM says no")
+
+    monkeypatch.setattr(machine_code.MachineCode, "_processor", staticmethod(failing))
+    quick.optimise()
+    assert quick.compiled
+    assert_equal(quick(starts(5, 6), np.ones((1, 1))), one)
+    kernel = Kernel(countdown())
+    with pytest.warns(RuntimeWarning, match="no machine code can be made here") as said:
+        assert not kernel.compile()
+    assert not Kernel(countdown()).compile()
+    assert len(said) == 1
+    assert_equal(kernel(starts(5, 6), np.ones((1, 1))), one)
+
+
+@pytest.mark.slow
+def test_find_follow_and_map_without_llvm():
+    """They print the same, and say once that nothing is compiled."""
+    code = """
+from orbits import ReturnMap, find, follow
+from problems import Hopper
+machine = Hopper("cubic", "1/(1 + z/50)**2", rest_length=8.0, parameters={"beta": 0.3})
+print(find(machine).alpha, find(machine).error)
+print([(point.value, point.alpha) for point in follow(machine, "beta", 0.6)])
+print(ReturnMap(machine)([3.5 + 0.01 * i for i in range(300)]).next.tolist())
+"""
+    missing = "import sys\nsys.modules['llvmlite'] = None\n"
+    with_code, without = (
+        subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+        for text in (code, missing + code)
+    )
+    assert without.stdout == with_code.stdout
+    assert with_code.stderr == ""
+    assert without.stderr.count("no machine code can be made here") == 1
 
 
 def test_memory_is_given_back():
@@ -241,7 +395,6 @@ def test_memory_is_given_back():
     code = """
 import resource, casadi as ca, numpy as np
 from orbits.symbolic.kernels import Kernel
-from problems import Hopper
 z = ca.SX.sym("z", 4)
 def used(count):
     for i in range(count):
