@@ -44,14 +44,14 @@ def orbits_of_many(model: Model, names: Sequence[str], ps: np.ndarray, family: i
     if not (len(which) and len(equations.flows) == 1 and equations.smooth):
         return None
     us, ps = np.column_stack([guess[name][which] for name in equations.statement.unknowns]), ps[which]
-    solved, us, evaluation = _solved(model, equations, us, ps)
+    solved, us, evaluation = _solved_together(model, equations, us, ps)
     if not len(solved):
         return None
     assert evaluation is not None
     return _certified(model, method, equations, which[solved], us, ps[solved], evaluation, family)
 
 
-def _solved(
+def _solved_together(
     model: Model, equations: Shooting, us: np.ndarray, ps: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, Evaluation | None]:
     """Which of the guesses (m, n) lead to a solution, these (k, n), and the equations there; the homotopy, if any, is
@@ -108,14 +108,14 @@ def _certified(
 
 
 # Quantities of orbits that are found together, besides the rises of the heights; they are those of `orbits.quantities`.
-NUMBERS = (
+NUMBERS_OF_MANY = (
     *("alpha", "flight_time", "contact_time", "period", "liftoff_extension", "error", "clearance", "stroke"),
     *("smallest_separation", "smallest_contact_force", "largest_contact_force", "landing_jerk", "loss_coefficient"),
 )
 
 
 def numbers_of(model: Model, orbits: Orbits, units: Units | None, wanted: Collection[str]) -> dict[str, np.ndarray]:
-    """Some of `NUMBERS` and the rises (k,) of orbits, NaN where one has none; in SI by units that are arrays (k,)."""
+    """Some of `NUMBERS_OF_MANY` and the rises (k,) of orbits, NaN for one that has none; in SI by units (k,)."""
     cycles, certificates = orbits.cycles, orbits.certificates
     contact = np.where(np.isfinite(cycles.contact_times), cycles.contact_times, np.nan)
     found = {"alpha": cycles.u["alpha"], "liftoff_extension": cycles.u["liftoff"], "flight_time": cycles.flight_times}
@@ -127,7 +127,7 @@ def numbers_of(model: Model, orbits: Orbits, units: Units | None, wanted: Collec
         series = cycles.halves.series(heights[name])
         rise = extremes(cycles.halves, series)[1] - series[cycles.halves.first, 0]
         found[name] = rise.reshape(len(cycles), -1).max(axis=1)
-    for name in set(NUMBERS) & set(wanted) - found.keys():
+    for name in set(NUMBERS_OF_MANY) & set(wanted) - found.keys():
         found[name] = np.array([getattr(certificate, name) for certificate in certificates], dtype=float)  # None is NaN
     if units:
         found = {name: values * units.of(DIMENSIONS.get(name, LENGTH)) for name, values in found.items()}

@@ -1,7 +1,8 @@
 """The answer of a sweep: its members as columns, tables, statistics, figures and orbits."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,7 @@ from ..model.machine import Machine
 from ..model.units import UNIT_TEXTS
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
-from .question import COLUMNS_OF, Question, Table
-from .store import question_in, read_store
+from .question import COLUMNS_OF, MEMBER_STATUSES, Question, Table
 
 # Endings of the files that a sweep is saved to.
 TABLES = (".csv", ".nc", ".parquet", ".json")
@@ -31,6 +31,8 @@ class Sweep:
     columns : (k,) by name: the parameters, what was asked for, the status and the reason; NaN where there is none
     about : the question in words and numbers
     machine : the machine whose parameters the members replace; None where a store is read without it
+    question, again : what was asked, and (table of parameters, quantities, **options) -> the sweep of these members;
+        None where a store is read
     """
 
     parameters: tuple[str, ...]
@@ -39,13 +41,13 @@ class Sweep:
     about: Mapping[str, Any]
     machine: Machine | None = None
     question: Question | None = None
+    again: Callable[..., "Sweep"] | None = field(default=None, repr=False)
 
     @classmethod
-    def of(cls, question: Question, table: Table) -> "Sweep":
+    def of(cls, question: Question, table: Table, again: Callable[..., "Sweep"]) -> "Sweep":
         """The answer of a question."""
-        return cls(
-            question.members.names, table.members, table.columns, question.document(), question.machine, question
-        )
+        names, about = question.members.names, question.document()
+        return cls(names, table.members, table.columns, about, question.machine, question, again)
 
     @classmethod
     def load(cls, path: str | Path, machine: Machine | None = None) -> "Sweep":
@@ -53,6 +55,8 @@ class Sweep:
 
         machine : the one that was swept, by which `orbit` finds members again; a file cannot tell it
         """
+        from .store import question_in, read_store  # imports the database
+
         about = question_in(path)
         if machine is not None and to_json(machine.describe()) != to_json(about["machine"]):
             raise InputError(f"the store {path} is of another machine: {about['machine']}")
@@ -147,7 +151,7 @@ class Sweep:
 
     def known_statuses(self) -> tuple[str, ...]:
         """The statuses that are told also where no member has them."""
-        return ("certified", "inadmissible", "no orbit", "failed") if self.about["outcome"] == "find" else ()
+        return MEMBER_STATUSES if self.about["outcome"] == "find" else ()
 
     def orbit(self, member: int) -> Orbit:
         """A member as a whole orbit, with its motion."""
@@ -238,9 +242,11 @@ class Sweep:
         Returns, by quantity and parameter, "first" and "total", each with the bounds "first_low", ... of its 95 %
         confidence interval. Raises `InputError` where members have no orbit. Source: `scipy.stats.sobol_indices`.
         """
-        from .statistics import sobol_indices
+        from .indices import sobol_indices
 
-        return sobol_indices(self, quantities, samples, seed, options)
+        if self.again is None:
+            raise InputError("Sobol's indices take a sweep with its machine: run it again, with its store")
+        return sobol_indices(self.question, quantities, samples, seed, partial(self.again, **options))
 
 
 def _blank(value: Any) -> Any:

@@ -88,7 +88,7 @@ def members_of(
     count = whole_number("samples", 1000 if samples is None else samples, "members", most=MOST_MEMBERS)
     shares = _shares(sampling, count, len(axes), whole_number("seed", seed, least=0))
     columns = [axis.at(column) for axis, column in zip(axes.values(), shares.T, strict=True)]
-    return _checked(Members(tuple(axes), np.column_stack(columns), None, tuple(axes.values())))
+    return _finite_members(Members(tuple(axes), np.column_stack(columns), None, tuple(axes.values())))
 
 
 def axis_of(name: str, stated: Any) -> Axis:
@@ -137,7 +137,7 @@ def _grid(axes: Mapping[str, Axis], samples: Any) -> Members:
     if not ranges and samples is not None and not isinstance(samples, tuple):
         raise InputError(f"samples = {samples}: the grid over lists has as many members as these have, leave it out")
     values = np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, len(columns))
-    return _checked(Members(tuple(axes), values, shape, tuple(axes.values())))
+    return _finite_members(Members(tuple(axes), values, shape, tuple(axes.values())))
 
 
 def _shares(sampling: str, count: int, dimensions: int, seed: int) -> np.ndarray:
@@ -170,7 +170,7 @@ def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[st
     if len(set(map(len, arrays))) > 1:
         lengths = ", ".join(f"{name} {len(array)}" for name, array in zip(names, arrays, strict=True))
         raise InputError(f"the columns of samples have different lengths: {lengths}")
-    return _checked(Members(names, np.column_stack(arrays)))
+    return _finite_members(Members(names, np.column_stack(arrays)))
 
 
 def read_designs(path: str | Path) -> dict[str, list[str]]:
@@ -199,14 +199,14 @@ def _numbers(name: str, column: Iterable[Any]) -> np.ndarray:
     try:
         values = np.array([np.nan if isinstance(value, bool) else float(value) for value in given])
     except (TypeError, ValueError):
-        values = np.array([_number(value) for value in given])
+        values = np.array([_as_number(value) for value in given])
     if not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values)))
         raise InputError(f"samples: row {row + 1} of column '{name}' is {given[row]!r}, which is no finite number")
     return values
 
 
-def _number(value: Any) -> float:
+def _as_number(value: Any) -> float:
     try:
         return float(value)
     except (TypeError, ValueError):
@@ -219,7 +219,7 @@ def _check_names(names: Iterable[str], allowed: Sequence[str]) -> None:
             raise InputError(f"the machine has no parameter '{name}' to sweep over; it has {', '.join(allowed)}")
 
 
-def _checked(members: Members) -> Members:
+def _finite_members(members: Members) -> Members:
     """The members; raises `InputError` where there are none, too many, or a value is not finite."""
     if not 0 < len(members) <= MOST_MEMBERS:
         raise InputError(f"a sweep has from 1 to {MOST_MEMBERS} members, not {len(members)}")

@@ -7,8 +7,6 @@ import os
 import pickle
 from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from multiprocessing import get_all_start_methods, get_context
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,6 +99,8 @@ class _Processes:
     def __init__(self, workers: int | None):
         # A server that imports the toolkit once gives processes faster than new interpreters, and, unlike a fork of
         # this process, without its threads and locks.
+        from multiprocessing import get_all_start_methods, get_context
+
         way = "forkserver" if "forkserver" in get_all_start_methods() else "spawn"
         self.context, self.workers = get_context(way), workers
         if way == "forkserver":
@@ -113,7 +113,9 @@ class _Processes:
     def __exit__(self, *error: object) -> None:
         self.pool.shutdown(wait=True, cancel_futures=True)
 
-    def _started(self) -> ProcessPoolExecutor:
+    def _started(self) -> Any:
+        from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+
         pool = ProcessPoolExecutor(self.size, mp_context=self.context)
         try:
             pool.submit(int).result()
@@ -127,7 +129,7 @@ class _Processes:
         """The number of workers."""
         return self.workers or os.cpu_count() or 1
 
-    def submit(self, *call: Any) -> Future:
+    def submit(self, *call: Any) -> Any:
         """A call in one of the processes."""
         return self.pool.submit(*call)
 
@@ -140,17 +142,17 @@ class _Processes:
 class _Given:
     """An executor of the user's, whose workers somebody else replaces."""
 
-    def __init__(self, executor: Executor, workers: int | None):
+    def __init__(self, executor: Any, workers: int | None):
         self.executor, self.size = executor, workers or int(getattr(executor, "_max_workers", 0)) or MANY_WORKERS
 
-    def submit(self, *call: Any) -> Future:
+    def submit(self, *call: Any) -> Any:
         return self.executor.submit(*call)
 
     def renew(self) -> None:
         """Do nothing where the executor still takes calls; raise `InputError` for one that is broken."""
         try:
             self.executor.submit(int).result()
-        except BrokenExecutor as error:
+        except RuntimeError as error:
             raise InputError(f"the executor is broken: {error}; what is stored stays, go on with another one") from None
 
 
@@ -160,7 +162,9 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
     Where a worker dies, the chunks that were being solved are suspects, which are tried again alone once all others are
     done. A chunk that kills its worker then is solved a member at a time, and a member that kills three has failed.
     """
-    waiting, suspects, running = deque(chunks), deque[Chunk](), dict[Future, Chunk]()
+    from concurrent.futures import FIRST_COMPLETED, wait
+
+    waiting, suspects, running = deque(chunks), deque[Chunk](), dict[Any, Chunk]()
     while waiting or running or suspects:
         interrupts.check()
         alone = not waiting and not running
@@ -197,4 +201,6 @@ def _tried_again(chunk: Chunk, alone: bool) -> list[Chunk]:
 
 def _died(error: BaseException) -> bool:
     """Whether an error says that a worker has died: that of a pool of processes, or Dask's after some attempts."""
+    from concurrent.futures import BrokenExecutor
+
     return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"

@@ -20,9 +20,9 @@ def plot_sweep(sweep: Any, quantity: str, axes: Axes | None = None) -> Axes:
     if values.dtype == object:
         raise InputError(f"'{quantity}' is no number: give one of {', '.join(sweep.numbers)}")
     if len(sweep.parameters) == 1:
-        return _line(sweep, quantity, axes or new_axes())
+        return _over_one(sweep, quantity, axes or new_axes())
     if len(sweep.parameters) == 2:
-        return _map(sweep, quantity, axes or new_axes(6.4, 4.8))
+        return _surface(sweep, quantity, axes or new_axes(6.4, 4.8))
     return _matrix(sweep, quantity)
 
 
@@ -31,7 +31,7 @@ def _motions(sweep: Any) -> np.ndarray:
     return np.isin(sweep["status"].astype(str), MOTIONS)
 
 
-def _line(sweep: Any, quantity: str, axes: Axes) -> Axes:
+def _over_one(sweep: Any, quantity: str, axes: Axes) -> Axes:
     """A quantity over the one parameter; for each family a line, dashed where it has no motions."""
     (name,), families = sweep.parameters, sweep.about["families"]
     for k, family in enumerate(families):
@@ -50,7 +50,7 @@ def _line(sweep: Any, quantity: str, axes: Axes) -> Axes:
     return _labelled(axes, sweep, name, quantity, legend=True)
 
 
-def _map(sweep: Any, quantity: str, axes: Axes) -> Axes:
+def _surface(sweep: Any, quantity: str, axes: Axes) -> Axes:
     """A quantity over two parameters as colours, hatched where there is no motion and grey where there is nothing."""
     across, up = sweep.parameters
     shape, families = sweep.about["shape"], len(sweep.about["families"])
@@ -74,7 +74,7 @@ def _map(sweep: Any, quantity: str, axes: Axes) -> Axes:
         drawn = axes.scatter(x[known], y[known], c=z[known], s=_size(len(x)), cmap=MAP)
         if (others := known & ~motion).any():
             axes.plot(x[others], y[others], "o", mfc="none", mec="0.3", ms=4, mew=0.5, label="no motion")
-    axes.figure.colorbar(drawn, ax=axes, label=_words(sweep, quantity))
+    axes.figure.colorbar(drawn, ax=axes, label=_axis_label(sweep, quantity))
     return _labelled(axes, sweep, across, up, legend=bool(axes.get_legend_handles_labels()[1]))
 
 
@@ -82,10 +82,10 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
     """Every pair of parameters, with the quantity as colour, and below the quantity over each parameter."""
     names, values = sweep.parameters, sweep[quantity]
     count, known = len(names), np.isfinite(values)
-    panels = new_row(count, 2.6, 2.3, rows=count)
+    panels: Axes = new_row(count, 2.6, 2.3, rows=count)
     size, drawn = _size(len(values)), None
     for i, j in np.ndindex(count, count):
-        axes = panels[i, j]
+        axes: Axes = panels[i, j]
         if j > i:
             axes.remove()
             continue
@@ -100,7 +100,7 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
         for name, one in ((names[j], "x"), (None if i == j else names[i], "y")):
             if name is not None:
                 _scale(axes, sweep, name, one)
-    panels[0, 0].figure.colorbar(drawn, ax=panels[:, -1].tolist()[count - 1 :], label=_words(sweep, quantity))
+    panels[0, 0].figure.colorbar(drawn, ax=panels[:, -1].tolist()[count - 1 :], label=_axis_label(sweep, quantity))
     return panels
 
 
@@ -109,7 +109,7 @@ def _size(count: int) -> float:
     return float(np.clip(6000 / count, 1.0, 24.0))
 
 
-def _words(sweep: Any, name: str) -> str:
+def _axis_label(sweep: Any, name: str) -> str:
     """A name for an axis, with its unit."""
     return sweep.heading(name).replace("_", " ") if name else ""
 
@@ -124,7 +124,7 @@ def _scale(axes: Axes, sweep: Any, name: str, which: str) -> None:
 def _labelled(axes: Axes, sweep: Any, across: str, up: str, legend: bool = False) -> Axes:
     """The axes with their names, scales and legend."""
     for name, which in ((across, "x"), (up, "y")):
-        getattr(axes, f"set_{which}label")(_words(sweep, name))
+        getattr(axes, f"set_{which}label")(_axis_label(sweep, name))
         if name:
             _scale(axes, sweep, name, which)
     if legend and len(axes.get_legend_handles_labels()[1]) > 0:

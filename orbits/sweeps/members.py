@@ -13,7 +13,7 @@ from ..model.machine import ImpactingMachine, Machine
 from ..model.model import Model
 from ..model.units import in_units
 from ..periodic.find import find
-from ..periodic.many import NUMBERS, Orbits, numbers_of, orbits_of_many
+from ..periodic.many import NUMBERS_OF_MANY, Orbits, numbers_of, orbits_of_many
 from ..symbolic import interrupts
 from ..symbolic.formula import Formula
 from .question import LAUNCH_SPEED, Question, Table, empty_table
@@ -21,19 +21,19 @@ from .question import LAUNCH_SPEED, Question, Table, empty_table
 
 def solve_chunk(question: Question, members: np.ndarray) -> Table:
     """The answers of some members (k,) of a question."""
-    table = _begun(question, members)
-    {"find": _find, "map": _map, "fixed_points": _fixed_points}[question.outcome](question, table)
+    table = _unanswered(question, members)
+    {"find": _found, "map": _launched, "fixed_points": _fixed}[question.outcome](question, table)
     return table
 
 
 def failed_table(question: Question, members: np.ndarray, reason: str) -> Table:
     """The answers of members over which the worker has died."""
-    table = _begun(question, members)
+    table = _unanswered(question, members)
     table.columns["status"][:], table.columns["reason"][:] = "failed", reason
     return table
 
 
-def _begun(question: Question, members: np.ndarray) -> Table:
+def _unanswered(question: Question, members: np.ndarray) -> Table:
     """A table of some members with nothing but their parameters."""
     table = empty_table(len(members), question.columns())
     table.members[:] = members
@@ -43,7 +43,7 @@ def _begun(question: Question, members: np.ndarray) -> Table:
     return table
 
 
-def _find(question: Question, table: Table) -> None:
+def _found(question: Question, table: Table) -> None:
     """The orbits: all that can be are solved together, then the others one by one."""
     families = np.array(question.families)[table.members % len(question.families)]
     for family in question.families:
@@ -66,7 +66,7 @@ def _found_together(question: Question, table: Table, rows: np.ndarray, family: 
             continue
         base = _machine_at(question, table, row)
         names = set().union(*(formula.names for formula in formulas.values())) - base.values.keys()
-        if base.model in tried or not names <= {*NUMBERS, *base.model.rises(base.values)}:
+        if base.model in tried or not names <= {*NUMBERS_OF_MANY, *base.model.rises(base.values)}:
             continue
         tried.add(base.model)
         ps = np.tile(list(base.values.values()), (len(left), 1))
@@ -148,7 +148,7 @@ def _return_map(question: Question, table: Table, row: int) -> ReturnMap:
     return ReturnMap(cast(ImpactingMachine, _machine_at(question, table, row)))
 
 
-def _map(question: Question, table: Table) -> None:
+def _launched(question: Question, table: Table) -> None:
     """The next launch: launches of the same machine are mapped together."""
     own = [name for name in question.members.names if name != LAUNCH_SPEED]
     values = np.column_stack([table.columns[name] for name in own]) if own else np.zeros((len(table.members), 0))
@@ -165,7 +165,7 @@ def _map(question: Question, table: Table) -> None:
             table.columns[name][rows] = getattr(hops, name)
 
 
-def _fixed_points(question: Question, table: Table) -> None:
+def _fixed(question: Question, table: Table) -> None:
     """The fixed points of the return map: their number, and the lowest stable one, or else the lowest."""
     assert question.between is not None
     for row in range(len(table.members)):

@@ -9,25 +9,26 @@ from typing import Any
 PAUSE = 0.2
 
 
-def on_screen(count: int, progress: Callable[[Any], None] | bool | None) -> Callable[[Any], None]:
+def on_screen(progress: Callable[[Any], None] | bool | None) -> Callable[[Any], None]:
     """What is called with the progress of a sweep: the user's function, a line on the screen, or nothing."""
     if callable(progress):
         return progress
     if progress is False or (progress is None and not (sys.stderr.isatty() or "ipykernel" in sys.modules)):
         return lambda state: None
-    last = [0.0, 0]
+    last, width = 0.0, 0
 
     def show(state: Any) -> None:
-        now, ended = time.monotonic(), state.done == count
-        if now - last[0] < PAUSE and not ended:
+        nonlocal last, width
+        now, ended = time.monotonic(), state.done == state.whole
+        if now - last < PAUSE and not ended:
             return
         rate = state.done / state.seconds if state.seconds else 0.0
         said = ", ".join(f"{number} {status}" for status, number in sorted(state.statuses.items()))
         left = "" if ended else f", {_duration(state.left)} left"
-        line = f"{state.done} of {count} members in {_duration(state.seconds)} ({rate:.0f}/s){left}: {said}"
-        sys.stderr.write("\r" + line.ljust(last[1]) + ("\n" if ended else ""))
+        line = f"{state.done} of {state.whole} members in {_duration(state.seconds)} ({rate:.0f}/s){left}: {said}"
+        sys.stderr.write("\r" + line.ljust(width) + ("\n" if ended else ""))
         sys.stderr.flush()
-        last[:] = now, len(line)
+        last, width = now, len(line)
 
     return show
 

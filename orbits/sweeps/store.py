@@ -39,7 +39,7 @@ class Store:
         if known:
             document = question_in(self.path)
             if document != json.loads(to_json(question.document())):
-                raise InputError(f"the store {path} answers another question: {_difference(document, question)}")
+                raise InputError(f"the store {path} answers another question: {_other_question(document, question)}")
         with self._writing():
             self.connection = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
             self.connection.execute("PRAGMA journal_mode=WAL")
@@ -104,7 +104,7 @@ def question_in(path: str | Path) -> dict[str, Any]:
     if not Path(path).is_file():
         raise InputError(f"{complaint}: there is no such file")
     try:
-        with _opened(path) as connection:
+        with _read_only(path) as connection:
             (check,) = connection.execute("PRAGMA quick_check(1)").fetchone()
             if check != "ok":
                 raise InputError(f"the store {path} is spoilt: {check}")
@@ -119,14 +119,14 @@ def question_in(path: str | Path) -> dict[str, Any]:
 def read_store(path: str | Path, columns: Mapping[str, type]) -> Table:
     """The members that are done in a store, with these columns."""
     try:
-        with _opened(path) as connection:
+        with _read_only(path) as connection:
             return _read(connection, columns)
     except sqlite3.Error as error:
         raise InputError(f"the store {path} cannot be read: {error}") from None
 
 
 @contextmanager
-def _opened(path: str | Path) -> Iterator[sqlite3.Connection]:
+def _read_only(path: str | Path) -> Iterator[sqlite3.Connection]:
     """A store to read only."""
     connection = sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=ro", timeout=PATIENCE, uri=True)
     try:
@@ -166,7 +166,7 @@ def _quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"'
 
 
-def _difference(document: Mapping[str, Any], question: Question) -> str:
+def _other_question(document: Mapping[str, Any], question: Question) -> str:
     """How the question in a store and another one differ, in words."""
     asked = json.loads(to_json(question.document()))
     for name, value in asked.items():

@@ -3,8 +3,9 @@
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,13 +17,15 @@ from .designs import Members, members_of
 from .execute import chunks_of, solved_chunks
 from .question import LAUNCH_SPEED, Question, Table, empty_table, question_of
 from .show import on_screen
-from .store import Store
+
+if TYPE_CHECKING:
+    from .store import Store
 
 # Parameters that every machine of two masses takes, also where they are 0 and none of the model's.
 DAMPING = ("damping", "drag", "rest_length")
 
 
-class Progress(NamedTuple):
+class SweepProgress(NamedTuple):
     """How far a sweep has come: members done and in all, how many of each status, seconds since it began, and an
     estimate of the seconds left."""
 
@@ -49,7 +52,7 @@ def sweep(
     client: Any = None,
     store: str | Path | None = None,
     fresh: bool = False,
-    progress: Callable[[Progress], None] | bool | None = None,
+    progress: Callable[[SweepProgress], None] | bool | None = None,
 ) -> Sweep:
     """The orbits of many machines that differ in some parameters.
 
@@ -70,7 +73,7 @@ def sweep(
         `concurrent.futures`; `client` is one of Dask
     store : an SQLite file that has every chunk of members as soon as it is done; a sweep that names it again goes on
         where it ended, unless it is to be `fresh`
-    progress : called with a `Progress` after every chunk; True shows a line, and None does so on a terminal
+    progress : called with a `SweepProgress` after every chunk; True shows a line, and None does so on a terminal
 
     A member does not depend on the others, nor on where it is computed: the answer is the same to the last bit.
     Raises `InputError` that names what cannot be meant, before anything is computed.
@@ -85,8 +88,12 @@ def sweep(
         if executor is not None:
             raise InputError("give executor or client, not both")
         executor = client.get_executor()
-    show = on_screen(len(question), progress)
-    kept = None if store is None else Store(store, question, fresh)
+    show = on_screen(progress)
+    kept = None
+    if store is not None:
+        from .store import Store  # imports the database
+
+        kept = Store(store, question, fresh)
     return _computed(question, kept, executor, workers, show)
 
 
@@ -112,7 +119,7 @@ def _check_domain(machine: Machine, members: Members) -> None:
 
 
 def _computed(
-    question: Question, store: Store | None, executor: Any, workers: int | None, show: Callable[[Progress], None]
+    question: Question, store: "Store | None", executor: Any, workers: int | None, show: Callable[[SweepProgress], None]
 ) -> Sweep:
     """The answer, with what a store has already."""
     began, count = time.perf_counter(), len(question)
@@ -129,11 +136,11 @@ def _computed(
                 done[part.members] = True
                 statuses.update(part.columns["status"])
                 now, seconds = int(done.sum()), time.perf_counter() - began
-                show(Progress(now, count, dict(statuses), seconds, (count - now) * seconds / max(now - before, 1)))
+                show(SweepProgress(now, count, dict(statuses), seconds, (count - now) * seconds / max(now - before, 1)))
         if table is None:
             assert store is not None
             table = store.read()
-        return Sweep.of(question, table)
+        return Sweep.of(question, table, partial(_again, question))
     except KeyboardInterrupt:
         if store is None:
             raise KeyboardInterrupt("nothing is kept: name a store to keep what is done") from None
@@ -142,6 +149,11 @@ def _computed(
     finally:
         if store is not None:
             store.close()
+
+
+def _again(question: Question, samples: Mapping[str, Any], quantities: Sequence[str], **options: Any) -> Sweep:
+    """The sweep of other members of the same machine and family."""
+    return sweep(question.machine, None, samples, family=question.families[0], quantities=quantities, **options)
 
 
 def _put(table: Table, part: Table) -> None:

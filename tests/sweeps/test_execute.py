@@ -53,7 +53,9 @@ def test_a_member_does_not_depend_on_the_others():
 
 def test_a_member_that_kills_its_workers_has_failed_and_no_other():
     table = {"beta": [*np.linspace(0.01, 0.1, 5), DEADLY, *np.linspace(0.15, 0.3, 4)]}
-    found = sweep(DeadlyHopper("cubic"), None, table, quantities=["largest_spring_force"], executor="processes", workers=2)
+    found = sweep(
+        DeadlyHopper("cubic"), None, table, quantities=["largest_spring_force"], executor="processes", workers=2
+    )
     assert found.statuses() == {"certified": 9, "failed": 1}
     assert found["status"][5] == "failed"
     assert found["reason"][5] == "it crashed its worker 3 times"

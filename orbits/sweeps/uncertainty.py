@@ -1,4 +1,4 @@
-"""How sure an answer is, and on which parameters it depends: Sobol's indices, and uncertainties."""
+"""How sure the quantities of an orbit are when the machine's parameters are not."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,67 +7,13 @@ from typing import Any
 import numpy as np
 
 from ..design.sensitivities import sensitivities
-from ..errors import InputError, whole_number
+from ..errors import InputError
 from ..io import fields_in_line
 from ..model.machine import Machine
 from ..periodic.find import find
 from .answer import QUANTILES, Sweep
 from .designs import members_of
 from .sweep import sweep as swept
-
-CONFIDENCE = 0.95
-
-
-def sobol_indices(
-    answer: Sweep, quantities: Sequence[str] | None, samples: int, seed: int, options: Mapping[str, Any]
-) -> dict[str, dict[str, dict[str, float]]]:
-    """As `Sweep.sensitivity`."""
-    from scipy import stats
-
-    question = answer.question
-    if question is None or not question.members.axes or question.outcome != "find" or len(question.families) > 1:
-        raise InputError("Sobol's indices are of a sweep of one family over ranges or distributions, with its machine")
-    if (samples := whole_number("samples", samples, "samples", least=2)) & (samples - 1):
-        raise InputError(f"samples = {samples}; Sobol's indices take a power of 2")
-    texts = (
-        [name for name in answer.numbers if name not in ("error", "family")] if quantities is None else [*quantities]
-    )
-    own = {"alpha", "flight_time"}
-    names, count = question.members.names, len(question.members.names)
-    shares = stats.qmc.Sobol(2 * count, seed=seed).random(samples)
-    a, b = shares[:, :count], shares[:, count:]
-    mixed = [np.where(np.arange(count) == i, b, a) for i in range(count)]
-    places = np.concatenate([a, b, *mixed])
-    table = {
-        name: axis.at(places[:, i]) for i, (name, axis) in enumerate(zip(names, question.members.axes, strict=True))
-    }
-    more = swept(
-        question.machine, None, table, family=question.families[0],
-        quantities=[text for text in texts if text not in own], **options,
-    )  # fmt: skip
-    found = {}
-    for text in texts:
-        values = more[text].reshape(count + 2, samples)
-        if missing := int(np.isnan(values).sum()):
-            raise InputError(
-                f"'{text}': {missing} of {values.size} members have none, and Sobol's indices need them all: "
-                "narrow the ranges to where the machine hops"
-            )
-        parts = {"f_A": values[:1], "f_B": values[1:2], "f_AB": values[2:, None]}
-        result = stats.sobol_indices(func=parts, n=samples)
-        bounds = result.bootstrap(confidence_level=CONFIDENCE)
-        found[text] = {name: _index(result, bounds, i) for i, name in enumerate(names)}
-    return found
-
-
-def _index(result: Any, bounds: Any, i: int) -> dict[str, float]:
-    """The indices of one parameter, with their confidence intervals."""
-    told = {}
-    for name in ("first", "total"):
-        told[name] = float(np.ravel(getattr(result, f"{name}_order"))[i])
-        interval = getattr(bounds, f"{name}_order").confidence_interval
-        told[f"{name}_low"], told[f"{name}_high"] = (float(np.ravel(end)[i]) for end in (interval.low, interval.high))
-    return told
 
 
 @dataclass(frozen=True, eq=False)
