@@ -60,6 +60,7 @@ class Design:
     starts : all that were tried
     seconds : wall time
     pair : both objectives, of a design on a Pareto front
+    share : of the designs of a global search that led to this optimum; None for any other search
     """
 
     machine: Machine
@@ -75,6 +76,7 @@ class Design:
     starts: tuple[Start, ...] = ()
     seconds: float = 0.0
     pair: tuple[float, float] | None = None
+    share: float | None = None
 
     def __repr__(self) -> str:
         return one_line(self, {**self.parameters, self.verb: self.text, "objective": self.objective, "kkt": self.kkt})

@@ -17,7 +17,10 @@ from ..symbolic.exclusive import exclusive
 from .local import Infeasible, Unbounded, local_optimum
 from .optimality import Design, Start
 from .problem import DesignProblem, design_problem
+from .seeds import seeds_of
 
+# Objectives of the same optimum, found from different starts, agree to this share.
+SAME_OPTIMUM = 1e-6
 FURTHER_STARTS = 3  # further starts that are tried when no number is asked for and the first start leads to no optimum
 
 
@@ -34,7 +37,7 @@ def optimize(
     over: Mapping[str, tuple[float, float]],
     subject_to: Sequence[str] = (),
     family: int = 1,
-    starts: int | None = None,
+    starts: int | str | None = None,
     seed: int = 0,
     progress: Progress = None,
 ) -> Design:
@@ -45,7 +48,8 @@ def optimize(
     over : bounds of the parameters to choose
     subject_to : constraints, as "stroke <= 0.25", "loss_coefficient <= 2*alpha", "0.1 <= centre_of_mass_rise <= 0.2"
     starts, seed : number of starts, those after the first from Sobol's sequence; None for one, with further ones only
-        where that leads to no optimum
+        where that leads to no optimum; "global" for the lowest places among 256 designs of that sequence, with the
+        share of them that leads to the optimum as its `share`
     progress : called with the share of the starts that are done
 
     All numbers are in the machine's units, or in SI where the machine was stated in SI; there the parameters of a
@@ -60,9 +64,18 @@ def optimize(
 
 
 def multistart(
-    machine: Machine, problem: DesignProblem, family: int, starts: int | None, seed: int, progress: Progress = None
+    machine: Machine,
+    problem: DesignProblem,
+    family: int,
+    starts: int | str | None,
+    seed: int,
+    progress: Progress = None,
 ) -> Design:
     """The best design from a number of starts; for None from the first, or from further ones where that fails."""
+    if isinstance(starts, str):
+        if starts != "global":
+            raise InputError(f"starts = {starts!r}; it is a number, or 'global'")
+        return _global_best(machine, problem, family, seed, progress)
     points = starting_points(machine, problem, 1 if starts is None else starts, seed)
     try:
         return best_design(machine, problem, family, points, progress)
@@ -76,6 +89,20 @@ def multistart(
     except NoOrbit as error:
         raise _most_telling([first, error]) from None
     return replace(best, starts=(Start(points[0], None, str(first)), *best.starts))
+
+
+def _global_best(machine: Machine, problem: DesignProblem, family: int, seed: int, progress: Progress = None) -> Design:
+    """The best design from the seeds of a sample."""
+    seeds = seeds_of(machine, problem, family, whole_number("seed", seed, least=0))
+    points = [dict(zip(problem.names, each.values.tolist(), strict=True)) for each in seeds]
+    best = best_design(machine, problem, family, points, progress)
+    same = [
+        each.share
+        for each, start in zip(seeds, best.starts, strict=True)
+        if start.objective is not None
+        and abs(start.objective - best.objective) <= SAME_OPTIMUM * max(abs(best.objective), abs(start.objective))
+    ]
+    return replace(best, share=float(sum(same)))
 
 
 def best_design(
@@ -116,12 +143,7 @@ def starting_points(machine: Machine, problem: DesignProblem, count: int, seed: 
     low, high, own = np.array(problem.low), np.array(problem.high), problem.theta(machine)
     points = [own if ((low <= own) & (own <= high)).all() else 0.5 * (low + high)]
     if count > 1:
-        from scipy.stats import qmc  # it takes longer to import than most designs to solve
-
-        drawn = qmc.Sobol(len(low), seed=seed).random(1 << (count - 2).bit_length() if count > 2 else 1)
-        positive = np.where(low > 0, low, 1.0)
-        ratio = np.where(problem.wide, high / positive, 1.0)
-        points += list(np.where(problem.wide, positive * ratio**drawn, low + drawn * (high - low))[: count - 1])
+        points += list(problem.sampled(1 << (count - 2).bit_length() if count > 2 else 1, seed)[1][: count - 1])
     return [dict(zip(problem.names, point.tolist(), strict=True)) for point in points]
 
 

@@ -65,6 +65,17 @@ class DesignProblem:
         """The values of the parameters that a machine has, for messages."""
         return ", ".join(f"{name} = {machine.values[name]:.6g}" for name in self.names)
 
+    def sampled(self, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """The first points (count, k) of Sobol's sequence in the unit cube, a power of 2, and the values (count, k)
+        there; bounds that span decades are sampled by their logarithm."""
+        from scipy.stats import qmc  # it takes longer to import than most designs to solve
+
+        low, high = np.array(self.low), np.array(self.high)
+        places = qmc.Sobol(len(low), seed=seed).random(count)
+        positive = np.where(low > 0, low, 1.0)
+        ratio = np.where(self.wide, high / positive, 1.0)
+        return places, np.where(self.wide, positive * ratio**places, low + places * (high - low))
+
     def units(self, theta: np.ndarray) -> np.ndarray:
         """What counts as one unit of each parameter at values (k,): the distance between its bounds, or its value."""
         return np.where(self.wide, np.abs(theta), np.subtract(self.high, self.low))

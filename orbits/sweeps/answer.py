@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from ..design.many import DESIGN_STATUSES
 from ..errors import InputError
 from ..io import check_ending, fields_in_line, to_json, write_table, writing
 from ..model.machine import Machine
 from ..model.units import UNIT_TEXTS
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
-from .question import COLUMNS_OF, MEMBER_STATUSES, Question, Table
+from .question import COLUMNS_OF, Question, Table
 
 # Endings of the files that a sweep is saved to.
 TABLES = (".csv", ".nc", ".parquet", ".json")
@@ -151,7 +152,7 @@ class Sweep:
 
     def known_statuses(self) -> tuple[str, ...]:
         """The statuses that are told also where no member has them."""
-        return MEMBER_STATUSES if self.about["outcome"] == "find" else ()
+        return DESIGN_STATUSES if self.about["outcome"] == "find" else ()
 
     def orbit(self, member: int) -> Orbit:
         """A member as a whole orbit, with its motion."""

@@ -1,21 +1,15 @@
 """What the members of a sweep answer: a chunk of them solved together, and by `find` those that ask for more."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
+from ..design.many import solved_designs
 from ..design.problem import formula_names, known_formula
-from ..design.sensitivities import quantities
-from ..errors import InputError, OrbitsError
+from ..errors import OrbitsError
 from ..hybrid.return_map import ReturnMap
 from ..model.machine import ImpactingMachine, Machine
-from ..model.model import Model
-from ..model.units import in_units
-from ..periodic.find import find
-from ..periodic.many import NUMBERS_OF_MANY, Orbits, numbers_of, orbits_of_many
 from ..symbolic import interrupts
-from ..symbolic.formula import Formula
 from .question import LAUNCH_SPEED, Question, Table, empty_table
 
 
@@ -44,97 +38,17 @@ def _unanswered(question: Question, members: np.ndarray) -> Table:
 
 
 def _found(question: Question, table: Table) -> None:
-    """The orbits: all that can be are solved together, then the others one by one."""
+    """The orbits of each family."""
     families = np.array(question.families)[table.members % len(question.families)]
-    for family in question.families:
-        rows = np.flatnonzero(families == family)
-        left = _found_together(question, table, rows, family)
-        for row in left.tolist():
-            interrupts.check()
-            _found_alone(question, table, row, family)
-
-
-def _found_together(question: Question, table: Table, rows: np.ndarray, family: int) -> np.ndarray:
-    """Fill in the rows whose orbits are found together, and return the others.
-
-    Machines that differ in numbers alone share a model, or few models where their laws vary so finely that integration
-    steps are bounded.
-    """
-    formulas, tried, left = _formulas(question), set[Model](), rows
-    for row in rows.tolist():
-        if row not in left:
-            continue
-        base = _machine_at(question, table, row)
-        names = set().union(*(formula.names for formula in formulas.values())) - base.values.keys()
-        if base.model in tried or not names <= {*NUMBERS_OF_MANY, *base.model.rises(base.values)}:
-            continue
-        tried.add(base.model)
-        ps = np.tile(list(base.values.values()), (len(left), 1))
-        for name in question.members.names:
-            ps[:, list(base.values).index(name)] = table.columns[name][left]
-        if orbits := orbits_of_many(base.model, tuple(base.values), ps, family):
-            _fill_in(table, left[orbits.which], base.model, orbits, family, formulas)
-            left = np.delete(left, orbits.which)
-    return left
-
-
-def _fill_in(
-    table: Table, rows: np.ndarray, model: Model, orbits: Orbits, family: int, formulas: Mapping[str, Formula]
-) -> None:
-    """Write orbits that were found together into their rows."""
-    columns, p = table.columns, orbits.cycles.p
-    wanted = {"error"}.union(*(formula.names for formula in formulas.values()))
-    numbers = numbers_of(model, orbits, model.units and model.units(p), wanted)
-    for name in ("alpha", "flight_time", "error"):
-        columns[name][rows] = numbers[name]
-    columns["family"][rows] = family
-    for text, formula in formulas.items():
-        with np.errstate(all="ignore"):
-            columns[text][rows] = _finite(formula(**{name: {**p, **numbers}[name] for name in formula.names}))
-    for i, (row, certificate) in enumerate(zip(rows.tolist(), orbits.certificates, strict=True)):
-        own = model.units and model.units({name: float(values[i]) for name, values in p.items()})
-        _judge(table, row, tuple(in_units(text, own) for text in certificate.violations))
-
-
-def _found_alone(question: Question, table: Table, row: int, family: int) -> None:
-    """Fill in one row by `find`."""
-    columns = table.columns
-    try:
-        machine = _machine_at(question, table, row)
-        orbit = find(machine, family)
-    except OrbitsError as error:
-        columns["status"][row], columns["reason"][row] = "no orbit", str(error)
-        return
-    except Exception as error:  # a defect that one member meets, which is not to cost the others their answers
-        columns["status"][row], columns["reason"][row] = "failed", f"{type(error).__name__}: {error}"
-        return
-    columns["alpha"][row], columns["flight_time"][row] = orbit.alpha, orbit.flight_time
-    columns["error"][row], columns["family"][row] = orbit.error, orbit.family
-    _judge(table, row, orbit.violations)
-    for text in question.quantities:
-        try:
-            columns[text][row] = _finite(quantities(machine, orbit, [text])[text])
-        except InputError:
-            raise
-        except OrbitsError:
-            pass  # the orbit does not have it
-
-
-def _judge(table: Table, row: int, violations: Sequence[str]) -> None:
-    """Write whether an orbit is a motion, and why not."""
-    table.columns["status"][row] = "inadmissible" if violations else "certified"
-    table.columns["reason"][row] = "; ".join(violations)
-
-
-def _finite(values: Any) -> Any:
-    """The values, NaN for those that are not finite."""
-    return np.where(np.isfinite(values), values, np.nan)
-
-
-def _formulas(question: Question) -> dict[str, Formula]:
-    """The quantities that are asked for, by their text."""
     known = formula_names(question.machine) if question.quantities else ()
-    return {text: known_formula(text, known, "the quantity") for text in question.quantities}
+    formulas = {text: known_formula(text, known, "the quantity") for text in question.quantities}
+    for family in question.families:
+        rows, names = np.flatnonzero(families == family), question.members.names
+        values = np.column_stack([table.columns[name][rows] for name in names])
+        designs = solved_designs(question.machine, names, values, family, formulas)
+        for name, numbers in designs.numbers.items():
+            table.columns[name][rows] = numbers
+        table.columns["status"][rows], table.columns["reason"][rows] = designs.statuses, designs.reasons
 
 
 def _machine_at(question: Question, table: Table, row: int) -> Machine:

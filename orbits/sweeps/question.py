@@ -15,7 +15,6 @@ from ..periodic.find import LARGEST_FAMILY
 from .designs import Members
 
 OUTCOMES = ("find", "map", "fixed_points")
-MEMBER_STATUSES = ("certified", "inadmissible", "no orbit", "failed")
 # The members of a chunk, which is solved together and stored at once. It is part of the question, since the last digit
 # of an answer might depend on it.
 CHUNK = 256

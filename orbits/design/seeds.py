@@ -1,0 +1,73 @@
+"""Where the local searches of a design begin: a sample of designs over the bounds, and the lowest places among them.
+
+Each sampled design leads to the best of its neighbours that is better than itself, and so on, down to one that is
+better than all of its neighbours: there a local search begins. Source: Torn and Viitanen, "Topographical global
+optimization", in Recent Advances in Global Optimization (1992).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import NoOrbit
+from ..model.machine import Machine
+from .many import Designs, solved_designs
+from .problem import DesignProblem
+
+# Designs of the sample, neighbours that a design is held against, and local searches at most.
+SAMPLED_DESIGNS, NEIGHBOURS, MOST_SEARCHES = 256, 8, 8
+# A violation of the constraints, in their spread over the sample, weighs so many times the objective in its spread.
+VIOLATION_WEIGHT = 10.0
+
+
+class Seed(NamedTuple):
+    """A start of a local search: values (k,) of the parameters, and the share of the sample that leads there."""
+
+    values: np.ndarray
+    share: float
+
+
+def seeds_of(machine: Machine, problem: DesignProblem, family: int, seed: int) -> list[Seed]:
+    """The starts of the local searches, the most promising first; raises `NoOrbit` where no sampled design hops."""
+    places, values = problem.sampled(SAMPLED_DESIGNS, seed)
+    formulas = {"objective": problem.formula} | {each.text: each.formula for each in problem.constraints}
+    designs = solved_designs(machine, problem.names, values, family, formulas)
+    found = np.flatnonzero(designs.statuses == "certified")
+    found = found[np.isfinite([designs.numbers[text][found] for text in formulas]).all(axis=0)]
+    if not len(found):
+        reason = next(iter(designs.reasons[designs.reasons != ""]), "its quantities are no numbers")
+        raise NoOrbit(f"none of {SAMPLED_DESIGNS} designs within the bounds has an orbit that is a motion: {reason}")
+    roots = _roots(places[found], _merit(problem, designs, found))
+    starts, counts = np.unique(roots, return_counts=True)
+    merit = _merit(problem, designs, found)[starts]
+    order = np.argsort(merit, kind="stable")[:MOST_SEARCHES]
+    return [Seed(values[found[starts[i]]], float(counts[i] / len(found))) for i in order.tolist()]
+
+
+def _merit(problem: DesignProblem, designs: Designs, which: np.ndarray) -> np.ndarray:
+    """How good (k,) designs are, lower is better: the objective, and how far the constraints are missed."""
+    merit = problem.sign * _in_spread(designs.numbers["objective"][which])
+    for constraint in problem.constraints:
+        value = designs.numbers[constraint.text][which]
+        missed = np.maximum(np.maximum(constraint.low - value, value - constraint.high), 0.0)
+        merit = merit + VIOLATION_WEIGHT * missed / (_spread(value) or 1.0)
+    return merit
+
+
+def _spread(values: np.ndarray) -> float:
+    """The range of the middle half of some values."""
+    return float(np.subtract(*np.quantile(values, [0.75, 0.25])))
+
+
+def _in_spread(values: np.ndarray) -> np.ndarray:
+    return values / (_spread(values) or 1.0)
+
+
+def _roots(places: np.ndarray, merit: np.ndarray) -> np.ndarray:
+    """For each of some places (k, d) in the unit cube the one (k,) that steps to better neighbours lead to."""
+    distances = np.linalg.norm(places[:, None] - places[None], axis=2)
+    near = np.argsort(distances, axis=1, kind="stable")[:, : NEIGHBOURS + 1]  # the place itself is the first
+    best = near[np.arange(len(near)), merit[near].argmin(axis=1)]
+    while (best[best] != best).any():
+        best = best[best]
+    return best
