@@ -83,7 +83,8 @@ class Sweep:
     def units(self) -> dict[str, str]:
         """The units of the columns by name; empty for a dimensionless machine."""
         own = self.about["machine"].get("units")
-        return {} if own is None else {**UNIT_TEXTS, "next": "m/s", "loss": "m^2/s^2", **own}
+        rises = {name: "m" for name in self.columns if name.endswith("_rise")}
+        return {} if own is None else {**UNIT_TEXTS, **rises, "next": "m/s", "loss": "m^2/s^2", **own}
 
     def heading(self, name: str) -> str:
         """A name with its unit, if it has one: "alpha (m/s)"."""

@@ -14,6 +14,8 @@ from ..io import MEGABYTE, read_file
 SAMPLINGS = ("grid", "sobol", "lhs", "random")
 # Members of a sweep at most: their columns in memory take some hundred bytes each.
 MOST_MEMBERS = 10_000_000
+# A table's column whose values have so large a ratio spans decades.
+DECADES = 100.0
 # A table of designs that is larger is refused before it is read.
 LARGEST_TABLE = 1024 * MEGABYTE
 
@@ -55,6 +57,14 @@ class Members:
 
     def __len__(self) -> int:
         return len(self.values)
+
+    @property
+    def logarithmic(self) -> list[str]:
+        """The names of the parameters that are asked for over decades, or that a table has over decades."""
+        if self.axes:
+            return [name for name, axis in zip(self.names, self.axes, strict=True) if axis.logarithmic]
+        low, high = self.values.min(axis=0), self.values.max(axis=0)
+        return [name for name, a, b in zip(self.names, low, high, strict=True) if 0 < DECADES * a <= b]
 
 
 def members_of(

@@ -9,8 +9,6 @@ from ..plot import COLOURS, Axes, new_axes, new_row
 
 MAP = "viridis"  # of colours; it is read in print and by colour-blind readers
 LEVELS = 8  # contours of a map
-# Parameters that span so large a ratio are drawn on logarithmic axes.
-DECADES = 100.0
 MOTIONS = ("certified", "lifts_off")  # statuses of members that are as one wants them
 
 
@@ -97,6 +95,8 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
         _labelled(
             axes, sweep, names[j] if below else "", (quantity if i == j else names[i]) if beside or i == j else ""
         )
+        if names[j] not in sweep.about["logarithmic"]:
+            axes.locator_params(axis="x", nbins=4)
         for name, one in ((names[j], "x"), (None if i == j else names[i], "y")):
             if name is not None:
                 _scale(axes, sweep, name, one)
@@ -115,9 +115,8 @@ def _axis_label(sweep: Any, name: str) -> str:
 
 
 def _scale(axes: Axes, sweep: Any, name: str, which: str) -> None:
-    """A logarithmic axis for a parameter that spans decades."""
-    values = sweep[name]
-    if name in sweep.parameters and values.min() > 0 and values.max() >= DECADES * values.min():
+    """A logarithmic axis for a parameter that is asked for over decades."""
+    if name in sweep.about["logarithmic"]:
         getattr(axes, f"set_{which}scale")("log")
 
 

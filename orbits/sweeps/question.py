@@ -78,6 +78,7 @@ class Question:
             "parameters": list(self.members.names),
             "members": len(self.members),
             "values": hashlib.sha256(np.ascontiguousarray(self.members.values).tobytes()).hexdigest(),
+            "logarithmic": self.members.logarithmic,
             "shape": None if self.members.shape is None else list(self.members.shape),
             "families": list(self.families),
             "quantities": list(self.quantities),
