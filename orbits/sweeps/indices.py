@@ -39,7 +39,8 @@ def sobol_indices(
             )
         parts = {"f_A": values[:1], "f_B": values[1:2], "f_AB": values[2:, None]}
         result = stats.sobol_indices(func=parts, n=samples)
-        bounds = result.bootstrap(confidence_level=CONFIDENCE)
+        with np.errstate(all="ignore"):  # a parameter that changes nothing has no confidence interval
+            bounds = result.bootstrap(confidence_level=CONFIDENCE)
         found[text] = {name: _index(result, bounds, i) for i, name in enumerate(names)}
     return found
 
@@ -50,5 +51,7 @@ def _index(result: Any, bounds: Any, i: int) -> dict[str, float]:
     for name in ("first", "total"):
         told[name] = float(np.ravel(getattr(result, f"{name}_order"))[i])
         interval = getattr(bounds, f"{name}_order").confidence_interval
-        told[f"{name}_low"], told[f"{name}_high"] = (float(np.ravel(end)[i]) for end in (interval.low, interval.high))
+        for side in ("low", "high"):
+            end = float(np.ravel(getattr(interval, side))[i])
+            told[f"{name}_{side}"] = end if np.isfinite(end) else told[name]
     return told
