@@ -1,5 +1,6 @@
 """On which parameters the quantities of a sweep depend: Sobol's indices."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -39,7 +40,8 @@ def sobol_indices(
             )
         parts = {"f_A": values[:1], "f_B": values[1:2], "f_AB": values[2:, None]}
         result = stats.sobol_indices(func=parts, n=samples)
-        with np.errstate(all="ignore"):  # a parameter that changes nothing has no confidence interval
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a parameter that changes nothing has no confidence interval
             bounds = result.bootstrap(confidence_level=CONFIDENCE)
         found[text] = {name: _index(result, bounds, i) for i, name in enumerate(names)}
     return found
