@@ -7,17 +7,18 @@ vanishes. The cells between sampled launch speeds are halved until the lateness 
 its sign once, as far as its second differences tell.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..flow.flow import flow_of
 from ..flow.zero_crossing import first_zeros
-from ..model.machine import Machine
-from ..model.model import Search
+from ..model.model import Model, Search
 from ..model.phase import Affine
 from ..numerics.roots import enclosed_sign_changes
-from .formulations import columns, equations_of, reduction_of, vector
+from .formulations import columns, equations_of, reduction_of
 
 # The slowest launch that is searched, in multiples of the scale of speed.
 SLOWEST_LAUNCH = 1e-3
@@ -35,101 +36,153 @@ MOST_SEARCHED = 20_000
 LATEST_TURN = 10.0
 
 
+class Cells(NamedTuple):
+    """Where the orbits of one machine lie: cells (k, 2) of launch speeds that hold one or may touch one, and where (k,)
+    in them it is about; the speeds that were searched, the number of launches, and whether the search was stopped with
+    cells that may hold a further orbit."""
+
+    cells: np.ndarray
+    abouts: np.ndarray
+    searched: tuple[float, float]
+    launches: int
+    stopped: bool
+
+
 class Lateness:
-    """The lateness of one family of a machine as a function of the launch speed; `launches` counts its evaluations,
-    and `stopped` says whether a search has ended with cells that may hold a further orbit."""
+    """The lateness of one family of machines (m,) of one model as a function of the launch speed.
 
-    stopped = False
+    ps : parameters (m, np), which `names` names; a piecewise field, and one in closed form, take a single machine
+    searches : how each of them is searched
+    """
 
-    def __init__(self, machine: Machine, method: str, family: int, search: Search):
-        self.machine, self.method, self.family, self.search, self.launches = machine, method, family, search, 0
-        self.p, names = vector(machine.values), tuple(machine.values)
-        self.reduction = reduction_of(machine.model, method)
-        self.statement = equations_of(machine.model, method, names).statement
+    def __init__(
+        self, model: Model, method: str, names: tuple[str, ...], ps: np.ndarray, family: int, searches: Sequence[Search]
+    ):
+        self.model, self.method, self.family, self.searches = model, method, family, searches
+        self.names, self.ps, self.scales = names, ps, np.array([search.scale for search in searches])
+        self.reduction = reduction_of(model, method)
+        self.statement = equations_of(model, method, names).statement
         self.arc = self.statement.arcs[0]
         self.flow = flow_of(self.arc.phase, names)
 
-    def __call__(self, alphas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The lateness (m,) at launch speeds (m,), and the times (m,) of the family's turn, NaN where none comes."""
-        self.launches += len(alphas)
-        u, limit = self._unknowns(alphas), LATEST_TURN * (self.search.scale + alphas)
-        states = columns(self.arc.start(u, np.zeros(0), self.machine.values))
+    def __call__(self, alphas: np.ndarray, which: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """The lateness (k,) at launch speeds (k,) of the machines `which` (k,), the first one for None, and the times
+        (k,) of the family's turn, NaN where none comes."""
+        which = np.zeros(len(alphas), int) if which is None else which
+        u, p, limit = (
+            self._unknowns(alphas, which),
+            self._parameters(which),
+            LATEST_TURN * (self.scales[which] + alphas),
+        )
+        states = columns(self.arc.start(u, np.zeros(0), p))
         times, going = np.zeros(len(alphas)), np.arange(len(alphas))
         for turn in range(2 if self.reduction else self.family + 1):
-            last = np.full(len(alphas), np.nan)
-            last[going], rows, _ = first_zeros(
-                self.flow, states[going], self.p, self._rate, limit[going], int(turn > 0)
-            )
+            if not len(going):
+                break
+            last, ps = np.full(len(alphas), np.nan), self.ps[which[going]] if len(self.ps) > 1 else self.ps[0]
+            last[going], rows, _ = first_zeros(self.flow, states[going], ps, self._rate, limit[going], int(turn > 0))
             # In reduced coordinates the extension oscillates: all half periods after the first turn are equal.
             times += last * (self.family if self.reduction and turn else 1)
             states[going] = rows[:, : states.shape[1]]
             going = np.flatnonzero(np.isfinite(times))
         if self.reduction:
-            late = times - self.arc.duration(u, self.machine.values)
+            late = times - self.arc.duration(u, p)
         else:
-            late = -np.sum(self.arc.conditions(u, list(states.T), self.machine.values), axis=0)
+            late = -np.sum(self.arc.conditions(u, list(states.T), p), axis=0)
         return np.where(np.isfinite(times), late, limit), times
 
-    def start(self, alpha: float) -> np.ndarray:
-        """The unknowns (n,) of the statement near an orbit with this launch speed."""
-        alphas = np.array([alpha])
-        u = {**self._unknowns(alphas), "duration": self(alphas)[1]}
-        return np.array([u[name][0] for name in self.statement.unknowns])
+    def start(self, alphas: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
+        """The unknowns (k, n) of the statement near orbits with launch speeds (k,) of the machines `which` (k,)."""
+        which = np.zeros(len(alphas), int) if which is None else which
+        u = {**self._unknowns(alphas, which), "duration": self(alphas, which)[1]}
+        return np.column_stack([u[name] for name in self.statement.unknowns])
 
-    def speeds(self, fastest: float | None = None) -> np.ndarray:
-        """The launch speeds at which the search begins; `fastest` is the last where that is not to be the usual one."""
-        scale, family = self.search.scale, self.family
+    def speeds(self, search: Search, fastest: float | None = None) -> np.ndarray:
+        """The launch speeds at which a search begins; `fastest` is the last where that is not to be the usual one."""
+        scale, family = search.scale, self.family
         top = UNIFORM_TO * (family + 0.5) * np.pi * scale
-        step = max(self.search.spacing * scale, top / MOST_UNIFORM)
-        last = fastest or scale * family * self.search.fastest
+        step = max(search.spacing * scale, top / MOST_UNIFORM)
+        last = fastest or scale * family * search.fastest
         far = np.zeros(0) if last <= top else np.geomspace(top, last, 2 + int(np.log(last / top) / np.log(SPEED_RATIO)))
         slow = np.geomspace(SLOWEST_LAUNCH * scale, step, SLOW_LAUNCHES)
         speeds = np.concatenate([slow[:-1], np.arange(step, min(top, last), step), far])
         return np.append(speeds[speeds < last * (1 - NARROWEST_CELL)], last)
 
     def enclosed(self, cell: np.ndarray) -> float:
-        """The launch speed in a cell (2,) at which the lateness changes its sign."""
+        """The launch speed in a cell (2,) of the first machine at which the lateness changes its sign."""
         late = self(cell)[0]
         return float(enclosed_sign_changes(lambda alphas, _: self(alphas)[0], *cell[:, None], *late[:, None])[0][0])
 
-    def cells(self, fastest: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """The cells (k, 2) of launch speeds that hold an orbit or may touch one, and where (k,) in them it is about."""
-        speeds = self.speeds(fastest)
-        late = self(speeds)[0]
-        while True:
-            changes, settled = _judged(speeds, late)
-            wide = np.diff(speeds) > NARROWEST_CELL * speeds[1:]
-            halved = np.flatnonzero(~settled & wide)
-            self.stopped = len(halved) > 0 and self.launches > MOST_SEARCHED
-            if self.stopped or not len(halved):
-                break
-            middles = 0.5 * (speeds[halved] + speeds[halved + 1])
-            speeds, late = np.insert(speeds, halved + 1, middles), np.insert(late, halved + 1, self(middles)[0])
-        self.searched = float(speeds[0]), float(speeds[-1])
-        least = np.minimum(np.abs(late[1:]), np.abs(late[:-1]))
-        i = np.flatnonzero(changes | (least < TOUCHING_ZERO * (self.search.scale + speeds[1:])))
-        a, b, fa, fb = speeds[i], speeds[i + 1], late[i], late[i + 1]
-        about = np.where(changes[i], a - fa * np.divide(b - a, fb - fa, where=fb != fa, out=0 * fa), 0.5 * (a + b))
-        return np.column_stack([a, b]), about
+    def cells(self, fastest: float | None = None) -> list[Cells]:
+        """Where the orbits of each machine lie."""
+        speeds = [self.speeds(search, fastest) for search in self.searches]
+        late, launches, stopped = self._each(speeds), list(map(len, speeds)), [False] * len(speeds)
+        active = list(range(len(speeds)))
+        while active:
+            halved = {i: each for i in active if len(each := _to_halve(speeds[i], late[i]))}
+            for i in halved:
+                stopped[i] = launches[i] > MOST_SEARCHED
+            active = [i for i in halved if not stopped[i]]
+            middles = [0.5 * (speeds[i][halved[i]] + speeds[i][halved[i] + 1]) for i in active]
+            for i, middle, value in zip(active, middles, self._each(middles, np.array(active)), strict=True):
+                place = halved[i] + 1
+                speeds[i], late[i] = np.insert(speeds[i], place, middle), np.insert(late[i], place, value)
+                launches[i] += len(middle)
+        rows = zip(speeds, late, self.scales.tolist(), launches, stopped, strict=True)
+        return [_cells_of(*row) for row in rows]
 
-    def _unknowns(self, alphas: np.ndarray) -> dict[str, np.ndarray]:
-        return {"alpha": alphas, "liftoff": np.full(len(alphas), self._liftoff)}
+    def _each(self, speeds: Sequence[np.ndarray], which: np.ndarray | None = None) -> list[np.ndarray]:
+        """The lateness at launch speeds of each machine, or of those `which`."""
+        if not len(speeds):
+            return []
+        which = np.arange(len(speeds)) if which is None else which
+        counts = list(map(len, speeds))
+        late = self(np.concatenate(speeds), np.repeat(which, counts))[0]
+        return np.split(late, np.cumsum(counts)[:-1])
+
+    def _parameters(self, which: np.ndarray) -> dict[str, Any]:
+        """The parameters (k,) of some machines by name; numbers where there is but one machine."""
+        if len(self.ps) == 1:
+            return dict(zip(self.names, self.ps[0].tolist(), strict=True))
+        return dict(zip(self.names, self.ps[which].T, strict=True))
+
+    def _unknowns(self, alphas: np.ndarray, which: np.ndarray) -> dict[str, np.ndarray]:
+        return {"alpha": alphas, "liftoff": self._liftoffs[which]}
 
     @cached_property
-    def _liftoff(self) -> float:
-        """The extension at lift-off, which without damping does not depend on the speed."""
-        return float(self.machine.model.release(np.array([self.search.scale]), self.machine.values)[0])
+    def _liftoffs(self) -> np.ndarray:
+        """The extensions (m,) at lift-off, which without damping do not depend on the speed."""
+        each = zip(self.scales, self.ps.tolist(), strict=True)
+        release = self.model.release
+        return np.array([float(release(np.array([s]), dict(zip(self.names, p, strict=True)))[0]) for s, p in each])
 
     @cached_property
     def _rate(self) -> Affine:
         """The rate of the extension, a sum of speeds, as a function of the state."""
         if self.reduction:
             return Affine(tuple(float(sign < 0) for sign in self.reduction.reversor))
-        weights = np.array(self.machine.model.extension.weights)
-        rows, scale = np.flatnonzero(weights), np.array([self.search.scale])
-        start = columns(self.arc.start(self._unknowns(scale), np.zeros(0), self.machine.values))
-        rates = self.flow.field(np.vstack([start, start + np.eye(start.shape[1])]), self.p)[0][:, rows] @ weights[rows]
+        weights, first = np.array(self.model.extension.weights), np.zeros(1, int)
+        rows = np.flatnonzero(weights)
+        start = columns(self.arc.start(self._unknowns(self.scales[:1], first), np.zeros(0), self._parameters(first)))
+        states = np.vstack([start, start + np.eye(start.shape[1])])
+        rates = self.flow.field(states, self.ps[0])[0][:, rows] @ weights[rows]
         return Affine(tuple(rates[1:] - rates[0]))
+
+
+def _to_halve(speeds: np.ndarray, late: np.ndarray) -> np.ndarray:
+    """The cells between launch speeds (k,) in which the lateness (k,) may still do anything."""
+    _, settled = _judged(speeds, late)
+    return np.flatnonzero(~settled & (np.diff(speeds) > NARROWEST_CELL * speeds[1:]))
+
+
+def _cells_of(speeds: np.ndarray, late: np.ndarray, scale: float, launches: int, stopped: bool) -> Cells:
+    """The cells of one machine whose search has ended."""
+    changes, _ = _judged(speeds, late)
+    least = np.minimum(np.abs(late[1:]), np.abs(late[:-1]))
+    i = np.flatnonzero(changes | (least < TOUCHING_ZERO * (scale + speeds[1:])))
+    a, b, fa, fb = speeds[i], speeds[i + 1], late[i], late[i + 1]
+    about = np.where(changes[i], a - fa * np.divide(b - a, fb - fa, where=fb != fa, out=0 * fa), 0.5 * (a + b))
+    return Cells(np.column_stack([a, b]), about, (float(speeds[0]), float(speeds[-1])), launches, stopped)
 
 
 def _judged(speeds: np.ndarray, late: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

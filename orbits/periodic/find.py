@@ -193,12 +193,13 @@ def _all_of_family(
             speeds = {"alpha": Quantity(only.alpha, SPEED), "fastest": Quantity(fastest, SPEED)}
             raise NoOrbit(Message(text, family=family, **speeds))
         return (replace(only, known_in_family=1),)
-    lateness = Lateness(machine, "relative" if method == "relative" else "half orbit", family, model.search(p))
+    solved_by = "relative" if method == "relative" else "half orbit"
+    lateness = Lateness(model, solved_by, tuple(p), vector(p)[None], family, [model.search(p)])
     found, refused = list[Orbit](), Message("")
-    cells, abouts = lateness.cells(fastest)
-    for i, (cell, about) in enumerate(zip(cells, abouts, strict=True)):
+    (cells,) = lateness.cells(fastest)
+    for i, (cell, about) in enumerate(zip(cells.cells, cells.abouts, strict=True)):
         if progress:
-            progress(i / len(cells))
+            progress(i / len(cells.cells))
         try:
             orbit = _orbit_in_cell(machine, lateness, cell, about)
             if orbit and not any(_same(orbit, other) for other in found):
@@ -208,8 +209,8 @@ def _all_of_family(
             refused = Message(text, about=Quantity(float(about), SPEED), error=error)
     if not found:
         text = "a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}"
-        stopped = f", stopped after {lateness.launches} launches," if lateness.stopped else ""
-        low, high = (Quantity(speed, SPEED) for speed in lateness.searched)
+        stopped = f", stopped after {cells.launches} launches," if cells.stopped else ""
+        low, high = (Quantity(speed, SPEED) for speed in cells.searched)
         raise NoOrbit(Message(text, low=low, high=high, stopped=stopped, refused=refused))
     return tuple(replace(orbit, known_in_family=len(found)) for orbit in found)
 
@@ -223,7 +224,7 @@ def _orbit_in_cell(machine: Machine, lateness: Lateness, cell: np.ndarray, about
     for alpha in (about, None):
         began = time.perf_counter()
         try:
-            start = lateness.start(lateness.enclosed(cell) if alpha is None else alpha)
+            (start,) = lateness.start(np.array([lateness.enclosed(cell) if alpha is None else alpha]))
             orbit = certified_orbit(machine, lateness.method, *equations.newton(start, p), began=began)
         except NoOrbit:
             if alpha is None:

@@ -87,8 +87,10 @@ def test_the_linear_family_has_one_orbit(machine):
 @pytest.mark.parametrize("family", [1, 2, 5])
 def test_a_cell_encloses_its_orbit_and_a_secant_comes_near_it(family):
     machine = Hopper("cubic")
-    lateness = Lateness(machine, "relative", family, machine.model.search(machine.values))
-    ((low, high),), (about,) = lateness.cells()
+    names, p = tuple(machine.values), np.array([list(machine.values.values())])
+    lateness = Lateness(machine.model, "relative", names, p, family, [machine.model.search(machine.values)])
+    (cells,) = lateness.cells()
+    ((low, high),), (about,) = cells.cells, cells.abouts
     alpha = find(machine, family).alpha
     assert low < alpha < high
     assert np.sign(lateness(np.array([low, high]))[0]).tolist() == [1.0, -1.0]
