@@ -335,16 +335,17 @@ class TwoMassEquations:
         return {"liftoff": extension, "alpha": alpha, "duration": alpha}
 
     def guesses(self, family: int, p: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """`guess` of many machines with parameters (m,) by name; NaN where there is none, where one machine has to be
-        looked at by itself, and where the family may have several orbits."""
-        count = len(next(iter(p.values())))
-        extension, alpha = np.full((2, count), np.nan)
-        if not (self.damped or self.spring.pieces):
+        """`guess` of many machines with parameters (m,) by name, as in `Model`."""
+        extension, alpha = np.full((2, len(next(iter(p.values())))), np.nan)
+        own, single = np.zeros((2, len(alpha)), bool)
+        if self.spring.pieces is None:
             extension = self.threshold.extensions(self.spring, p)
-            plain = np.isfinite(extension) & self._single(p)
-            own = {name: values[plain] for name, values in p.items()}
-            alpha[plain] = self._launch_speeds(family, own, extension[plain]) if plain.any() else np.nan
-        return {"liftoff": extension, "alpha": alpha, "duration": alpha}
+            own, single = self._own_and_single(p)
+            own &= np.isfinite(extension)
+        if own.any():
+            those = {name: values[own] for name, values in p.items()}
+            alpha[own] = self._launch_speeds(family, those, extension[own])
+        return {"liftoff": extension, "alpha": alpha, "duration": alpha, "own": own, "single": single}
 
     def _launch_speeds(self, family: int, p: Mapping[str, np.ndarray], extension: np.ndarray) -> np.ndarray:
         """The lowest launch speeds (m,) of machines with extensions (m,) at lift-off."""
@@ -354,17 +355,18 @@ class TwoMassEquations:
         scales = 1 / np.sqrt(np.where(np.isfinite(slopes), slopes, -np.inf).max(axis=1))
         return lowest_launch_speeds(relative_phase(self.spring, self.threshold.load), p, extension, family, scales)
 
-    def _single(self, p: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Which of many machines (m,) have no feature for which `search` looks for several orbits, and take integration
-        steps as far as this model lets them."""
+    def _own_and_single(self, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Which of many machines (m,) take integration steps as far as this model lets them, and which have no feature
+        for which `search` looks for several orbits."""
         units = units_of_length(self.spring, p)
         lengths, bends = features_of_many(self.spring, self.spring, p)
         single = (bends <= MOST_BENDS) & ((bends <= 1) | (lengths >= UNBENT * units))
-        single &= reaches_of_many(self.spring, lengths, bends, units) == self.spring.reach
+        own = reaches_of_many(self.spring, lengths, bends, units) == self.spring.reach
         if self.gravity:
             lengths, bends = features_of_many(self.gravity, self.spring, p)
-            single &= (bends <= 1) & (reaches_of_many(self.gravity, lengths, bends, units) == self.gravity.reach)
-        return single
+            single &= bends <= 1
+            own &= reaches_of_many(self.gravity, lengths, bends, units) == self.gravity.reach
+        return own, single
 
     def search(self, p: Parameters) -> Search:
         """How to search for all orbits of a family."""

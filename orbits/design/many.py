@@ -5,12 +5,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, OrbitsError
+from ..errors import InputError, OrbitsError, shortened
 from ..model.machine import Machine
 from ..model.model import Model
-from ..model.units import in_units
+from ..model.units import Units, in_units
 from ..periodic.find import find
-from ..periodic.many import NUMBERS_OF_MANY, Orbits, numbers_of, orbits_of_many
+from ..periodic.many import NUMBERS_OF_MANY, Orbits, lowest_orbits, numbers_of
 from ..symbolic import interrupts
 from ..symbolic.formula import Formula
 from .sensitivities import quantities
@@ -70,9 +70,13 @@ def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: 
         places = [list(base.values).index(name) for name in designs.names]
         ps = np.tile(list(base.values.values()), (len(left), 1))
         ps[:, places] = designs.values[left]
-        if orbits := orbits_of_many(base.model, tuple(base.values), ps, family):
+        parts, absent = lowest_orbits(base.model, tuple(base.values), ps, family)
+        for orbits in parts:
             _fill_in(designs, left[orbits.which], base.model, orbits, formulas)
-            left = np.delete(left, orbits.which)
+        for k, error in absent.items():
+            own = _units_at(base.model, dict(zip(base.values, ps[k].tolist(), strict=True)))
+            designs.statuses[left[k]], designs.reasons[left[k]] = "no orbit", shortened(in_units(error, own))
+        left = left[designs.statuses[left] == ""]
     return left
 
 
@@ -80,18 +84,25 @@ def _fill_in(
     designs: Designs, which: np.ndarray, model: Model, orbits: Orbits, formulas: Mapping[str, Formula]
 ) -> None:
     """Write orbits that were found together to their designs."""
-    p = orbits.cycles.p
+    p, places = orbits.cycles.p, orbits.places
     wanted = {"error"}.union(*(formula.names for formula in formulas.values()))
     known = {**p, **numbers_of(model, orbits, model.units and model.units(p), wanted)}
     for name in ("alpha", "flight_time", "error"):
-        designs.numbers[name][which] = known[name]
-    designs.numbers["family"][which] = [certificate.family for certificate in orbits.certificates]
+        designs.numbers[name][which] = known[name][places]
+    certificates = [orbits.certificates[place] for place in places.tolist()]
+    designs.numbers["family"][which] = [certificate.family for certificate in certificates]
     for text, formula in formulas.items():
         with np.errstate(all="ignore"):
-            designs.numbers[text][which] = _finite(formula(**{name: known[name] for name in formula.names}))
-    for i, (place, certificate) in enumerate(zip(which.tolist(), orbits.certificates, strict=True)):
-        own = model.units and model.units({name: float(values[i]) for name, values in p.items()})
-        _judge(designs, place, tuple(in_units(text, own) for text in certificate.violations))
+            designs.numbers[text][which] = _finite(formula(**{name: known[name][places] for name in formula.names}))
+    for i, place, certificate in zip(which.tolist(), places.tolist(), certificates, strict=True):
+        violations = certificate.violations
+        own = _units_at(model, {name: float(values[place]) for name, values in p.items()}) if violations else None
+        _judge(designs, i, tuple(in_units(text, own) for text in violations))
+
+
+def _units_at(model: Model, p: Mapping[str, float]) -> Units | None:
+    """The units of a machine with these parameters; None where it is stated without."""
+    return model.units and model.units(p)
 
 
 def _solve_alone(machine: Machine, designs: Designs, i: int, family: int, formulas: Mapping[str, Formula]) -> None:

@@ -78,8 +78,9 @@ class Model:
     impact : p -> direction (n,) in which an impact changes the flight state; along it the gap's speed changes by 1
     contact_speed : the contact coordinate that becomes the launch speed
     guess : (family, p) -> a launch and the "duration" of the half flight, in the scene with `homotopy` at 0
-    guesses : `guess` for parameters (m,) by name, as arrays (m,) by name, NaN for a machine that has none or has to be
-        looked at by itself; None where each of them has to be
+    guesses : `guess` for parameters (m,) by name, as arrays (m,) by name, NaN where there is none; with "own", which
+        machines can be looked at together by this model, and "single", whose family has one orbit as far as `search`
+        tells; None where each machine has to be looked at by itself
     conservative : whether flight and contact conserve the energy
     homotopy : name of the parameter that leads from the scene of the guess (0) to this one (1); None where they are one
     reduction : the smaller statement that this scene allows; None where there is none

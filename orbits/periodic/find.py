@@ -16,7 +16,7 @@ from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
 from .certificate import certify, count_families
 from .error_bound import error_bounds, noise_of_alpha
-from .family_search import Lateness
+from .family_search import Cells, Lateness
 from .formulations import contact_reversor, equations_of, halved, interpret, or_none, vector
 from .orbit import Orbit, Shape, orbit_of
 from .single_shooting import Evaluation, Shooting
@@ -160,9 +160,7 @@ def lowest_of_family(machine: Machine, family: int, method: str | None, progress
             orbits = _all_of_family(machine, family, method, refusal=str(in_units(error, None)))
             return replace(orbits[0], seconds=time.perf_counter() - began)
         except NoOrbit as none:
-            if in_units(none, None) in in_units(error, None):
-                raise error from None
-            raise type(error)(Message("{error}; {none}", error=error, none=none)) from None
+            raise with_search(error, none) from None
     if search is None or search.single or solved_by == "closed form":
         return orbit
     try:
@@ -208,11 +206,23 @@ def _all_of_family(
             text = "; the one near {about:.6g} is refused" + ("" if in_units(error, None) in refusal else ": {error}")
             refused = Message(text, about=Quantity(float(about), SPEED), error=error)
     if not found:
-        text = "a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}"
-        stopped = f", stopped after {cells.launches} launches," if cells.stopped else ""
-        low, high = (Quantity(speed, SPEED) for speed in cells.searched)
-        raise NoOrbit(Message(text, low=low, high=high, stopped=stopped, refused=refused))
+        raise none_found(cells, refused)
     return tuple(replace(orbit, known_in_family=len(found)) for orbit in found)
+
+
+def none_found(cells: Cells, refused: str = "") -> NoOrbit:
+    """The error of a search that finds no orbit; `refused` is what it says of those that it had to refuse."""
+    text = "a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}"
+    stopped = f", stopped after {cells.launches} launches," if cells.stopped else ""
+    low, high = (Quantity(speed, SPEED) for speed in cells.searched)
+    return NoOrbit(Message(text, low=low, high=high, stopped=stopped, refused=refused))
+
+
+def with_search(error: NoOrbit, none: NoOrbit) -> NoOrbit:
+    """The error of a family of which the guess led to no orbit, and of which a search found none either."""
+    if in_units(none, None) in in_units(error, None):
+        return error
+    return type(error)(Message("{error}; {none}", error=error, none=none))
 
 
 def _orbit_in_cell(machine: Machine, lateness: Lateness, cell: np.ndarray, about: float) -> Orbit | None:

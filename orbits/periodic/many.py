@@ -4,7 +4,7 @@ Each is found as `find` finds it, from its own guess, so that no answer depends 
 not lead to a certified orbit of the family at once, `find` is left to decide.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -14,41 +14,148 @@ from ..model.model import Model
 from ..model.units import DIMENSIONS, LENGTH, Units
 from .certificate import Certificate, certify, extremes
 from .error_bound import error_bounds
-from .find import MAX_CORRECTION
+from .family_search import Lateness
+from .find import MAX_CORRECTION, none_found, with_search
 from .formulations import Cycles, equations_of, interpret
 from .newton_kernel import NewtonKernel, Solutions, newton_kernel
 from .single_shooting import SMALLEST_UNIT, Evaluation, Shooting
 
 
 class Orbits(NamedTuple):
-    """Certified orbits of one family, without units: which of the machines (k,) have them, the orbits as arrays, and
-    their certificates."""
+    """Certified orbits of one family, without units: the machines (k,) that have them, and their places (k,) among
+    orbits (n,) as arrays and their certificates."""
 
     which: np.ndarray
+    places: np.ndarray
     cycles: Cycles
     certificates: list[Certificate]
 
+    def only(self, kept: np.ndarray) -> "Orbits":
+        """Those of a mask (k,)."""
+        return self._replace(which=self.which[kept], places=self.places[kept])
 
-def orbits_of_many(model: Model, names: Sequence[str], ps: np.ndarray, family: int) -> Orbits | None:
-    """The orbits of a family of machines with parameters (m, np); None where none is found at once.
+    @property
+    def alphas(self) -> np.ndarray:
+        """The launch speeds (k,)."""
+        return self.cycles.u["alpha"][self.places]
 
-    The machines left out have no such orbit, or one that takes more than its guess and Newton's method, and are for
-    `find` to decide.
-    """
-    if model.guesses is None:
-        return None
-    guess = model.guesses(family, dict(zip(names, ps.T, strict=True)))
-    which = np.flatnonzero(np.isfinite(guess["alpha"]))
+
+class _Family(NamedTuple):
+    """One family of machines with parameters (m, np) of one model, and the equations of its orbits."""
+
+    model: Model
+    names: tuple[str, ...]
+    ps: np.ndarray
+    family: int
+    method: str
+    equations: Shooting
+
+
+def lowest_orbits(
+    model: Model, names: tuple[str, ...], ps: np.ndarray, family: int
+) -> tuple[list[Orbits], dict[int, NoOrbit]]:
+    """The orbits of a family of least launch speed for machines with parameters (m, np), and by index of a machine why
+    it has none; machines that are in neither are for `find` to decide, by which the others are the same."""
     method = "relative" if model.reduction else "half orbit"
-    equations = equations_of(model, method, tuple(names))
-    if not (len(which) and len(equations.flows) == 1 and equations.smooth):
+    equations = equations_of(model, method, names)
+    if model.guesses is None or len(equations.flows) > 1 or not equations.smooth:
+        return [], {}
+    asked = _Family(model, names, ps, family, method, equations)
+    guess = model.guesses(family, dict(zip(names, ps.T, strict=True)))
+    guessed = _from_guesses(asked, guess)
+    single, found = guess["single"], np.full(len(ps), np.inf)
+    if guessed:
+        found[guessed.which] = guessed.alphas
+    left = np.flatnonzero(guess["own"] & ~(single & np.isfinite(found)))
+    if not len(left) or model.search is None or equations.flows[0].phase.closed_form:
+        return [guessed.only(single[guessed.which])] if guessed else [], {}
+    searched, lowest, absent = _from_search(asked, left, found)
+    settled = single & np.isfinite(found)
+    settled[[i for i, alpha in lowest.items() if alpha == found[i]]] = True
+    parts = [guessed.only(settled[guessed.which])] if guessed else []
+    if searched:
+        each = zip(searched.which.tolist(), searched.alphas.tolist(), strict=True)
+        best = np.array([lowest.get(machine) == alpha for machine, alpha in each], dtype=bool)
+        parts.append(searched.only(best & ~settled[searched.which]))
+    return parts, absent
+
+
+def _from_guesses(asked: _Family, guess: Mapping[str, np.ndarray]) -> Orbits | None:
+    """The orbits that the guesses lead to."""
+    which = np.flatnonzero(np.isfinite(guess["alpha"]) & guess["own"])
+    if not len(which):
         return None
-    us, ps = np.column_stack([guess[name][which] for name in equations.statement.unknowns]), ps[which]
-    solved, us, evaluation = _solved_together(model, equations, us, ps)
-    if not len(solved):
+    us = np.column_stack([guess[name][which] for name in asked.equations.statement.unknowns])
+    solved, us, evaluation = _solved_together(asked.model, asked.equations, us, asked.ps[which])
+    return _certified(asked, which[solved], us, evaluation)
+
+
+def _from_search(
+    asked: _Family, left: np.ndarray, found: np.ndarray
+) -> tuple[Orbits | None, dict[int, float], dict[int, NoOrbit]]:
+    """The orbits that a search of some machines (k,) finds; by machine the lowest launch speed, of these and of those
+    `found` (m,), where all below it is known; and why machines have no orbit.
+
+    A machine is left out where the search was stopped, or where a cell that may hold a lower orbit led to none.
+    """
+    assert asked.model.search is not None
+    parameters = [dict(zip(asked.names, p, strict=True)) for p in asked.ps[left].tolist()]
+    searches = [asked.model.search(p) for p in parameters]
+    lateness = Lateness(asked.model, asked.method, asked.names, asked.ps[left], asked.family, searches)
+    cells = lateness.cells()
+    owners = np.repeat(np.arange(len(left)), [len(each.cells) for each in cells])
+    bounds = np.concatenate([each.cells for each in cells])
+    orbits = _in_cells(asked, lateness, left, owners, bounds, np.concatenate([each.abouts for each in cells]))
+    resolved, lowest, absent = np.full(len(owners), np.inf), dict[int, float](), dict[int, NoOrbit]()
+    if orbits:
+        resolved[orbits.which] = orbits.alphas
+        orbits = orbits._replace(which=left[owners[orbits.which]])
+    for k, machine in enumerate(left.tolist()):
+        mine = owners == k
+        best = min(resolved[mine].min(initial=np.inf), found[machine])
+        if cells[k].stopped or (np.isinf(resolved[mine]) & (bounds[mine, 0] < best)).any():
+            continue
+        if np.isfinite(best):
+            lowest[machine] = float(best)
+        elif error := _guess_refused(asked.model, asked.family, parameters[k]):
+            absent[machine] = with_search(error, none_found(cells[k]))
+    return orbits, lowest, absent
+
+
+def _in_cells(
+    asked: _Family, lateness: Lateness, left: np.ndarray, owners: np.ndarray, bounds: np.ndarray, abouts: np.ndarray
+) -> Orbits | None:
+    """The orbits in cells (k, 2) of launch speeds, each about a speed (k,) of the machine left[owner]; their `which`
+    are the cells."""
+    if not len(abouts):
         return None
-    assert evaluation is not None
-    return _certified(model, method, equations, which[solved], us, ps[solved], evaluation, family)
+    starts, ps = lateness.start(abouts, owners), asked.ps[left[owners]]
+    known = np.flatnonzero(np.isfinite(starts).all(axis=1))
+    if not len(known):
+        return None
+    kernel, place = _kernel_of(asked.model, asked.equations)
+    solved = _at_value(kernel, starts[known], ps[known], place, record=True)
+    which, us = known[solved.which], solved.xs[:, :-1]
+    orbits = _certified(asked._replace(ps=ps), which, us, solved.evaluation)
+    if orbits is None:
+        return None
+    low, high = bounds[orbits.which].T
+    return orbits.only((low <= orbits.alphas) & (orbits.alphas <= high))
+
+
+def _guess_refused(model: Model, family: int, p: dict[str, float]) -> NoOrbit | None:
+    """Why a machine's guess fails; None where it does not."""
+    try:
+        model.guess(family, {**p, model.homotopy: 0.0} if model.homotopy else p)
+    except NoOrbit as error:
+        return error
+    return None
+
+
+def _kernel_of(model: Model, equations: Shooting) -> tuple[NewtonKernel, int]:
+    """The kernel that solves the equations, and the place of the parameter that it may vary."""
+    along = model.homotopy or equations.parameters[0]
+    return newton_kernel(equations, along), equations.parameters.index(along)
 
 
 def _solved_together(
@@ -56,8 +163,7 @@ def _solved_together(
 ) -> tuple[np.ndarray, np.ndarray, Evaluation | None]:
     """Which of the guesses (m, n) lead to a solution, these (k, n), and the equations there; the homotopy, if any, is
     taken in one step, which is the first that `find` tries."""
-    along = model.homotopy or equations.parameters[0]
-    kernel, place = newton_kernel(equations, along), equations.parameters.index(along)
+    kernel, place = _kernel_of(model, equations)
     if model.homotopy is None:
         found = _at_value(kernel, us, ps, place, record=True)
         return found.which, found.xs[:, :-1], found.evaluation
@@ -67,6 +173,8 @@ def _solved_together(
     guesses = first.xs[:, :-1] + first.directions[:, :-1]
     positive = [equations.statement.unknowns.index(name) for name in ("alpha", "duration")]
     ahead = np.flatnonzero((guesses[:, positive] > 0).all(axis=1))
+    if not len(ahead):
+        return ahead, guesses[ahead], None
     found = _at_value(kernel, guesses[ahead], ps[first.which[ahead]], place, record=True)
     which, xs = ahead[found.which], found.xs[:, :-1]
     near = (np.abs(xs - guesses[which])[:, positive] <= MAX_CORRECTION * np.abs(xs[:, positive])).all(axis=1)
@@ -82,28 +190,26 @@ def _at_value(kernel: NewtonKernel, us: np.ndarray, ps: np.ndarray, place: int, 
     return kernel(xs, rows, ps[:, place], units, ps, 1, record)
 
 
-def _certified(
-    model: Model, method: str, equations: Shooting, which: np.ndarray, us: np.ndarray, ps: np.ndarray,
-    evaluation: Evaluation, family: int,
-) -> Orbits | None:  # fmt: skip
-    """The solutions (k, n) of the family that can be certified."""
-    closing = np.tile(np.eye(us.shape[1] + 1)[-1], (len(us), 1))
-    errors, refused = error_bounds(equations, us, ps, evaluation, closing, quickly=True)
+def _certified(asked: _Family, which: np.ndarray, us: np.ndarray, evaluation: Evaluation | None) -> Orbits | None:
+    """The solutions (k, n) for machines (k,) that are of the family and can be certified."""
+    if not len(which):
+        return None
+    assert evaluation is not None
+    ps, closing = asked.ps[which], np.tile(np.eye(us.shape[1] + 1)[-1], (len(us), 1))
+    errors, refused = error_bounds(asked.equations, us, ps, evaluation, closing, quickly=True)
     kept = np.delete(np.arange(len(us)), list(refused))
     while len(kept):
         parts = us[kept], ps[kept], evaluation[kept], errors[kept]
         try:
-            cycles = interpret(model, method, equations, *parts)
-            certificates = certify(model, cycles)
+            cycles = interpret(asked.model, asked.method, asked.equations, *parts)
+            certificates = certify(asked.model, cycles)
         except NoOrbit as error:
             if error.index is None:
                 raise
             kept = np.delete(kept, error.index)
             continue
-        others = [i for i, certificate in enumerate(certificates) if certificate.family != family]
-        if not others:
-            return Orbits(which[kept], cycles, certificates)
-        kept = np.delete(kept, others)
+        of_family = np.array([certificate.family == asked.family for certificate in certificates])
+        return Orbits(which[kept], np.arange(len(kept)), cycles, certificates).only(of_family)
     return None
 
 
@@ -115,7 +221,8 @@ NUMBERS_OF_MANY = (
 
 
 def numbers_of(model: Model, orbits: Orbits, units: Units | None, wanted: Collection[str]) -> dict[str, np.ndarray]:
-    """Some of `NUMBERS_OF_MANY` and the rises (k,) of orbits, NaN for one that has none; in SI by units (k,)."""
+    """Some of `NUMBERS_OF_MANY` and the rises (n,) of the orbits as arrays, NaN for one that has none; in SI by units
+    (n,)."""
     cycles, certificates = orbits.cycles, orbits.certificates
     contact = np.where(np.isfinite(cycles.contact_times), cycles.contact_times, np.nan)
     found = {"alpha": cycles.u["alpha"], "liftoff_extension": cycles.u["liftoff"], "flight_time": cycles.flight_times}

@@ -94,7 +94,9 @@ def _unpickled(payload: bytes) -> Question:
 
 
 class _Processes:
-    """A pool of processes that is made anew where one of them has died."""
+    """A pool of processes that is made anew where one of them has died, since with one all calls fail."""
+
+    one_fate = True
 
     def __init__(self, workers: int | None):
         # A server that imports the toolkit once gives processes faster than new interpreters, and, unlike a fork of
@@ -142,6 +144,8 @@ class _Processes:
 class _Given:
     """An executor of the user's, whose workers somebody else replaces."""
 
+    one_fate = False
+
     def __init__(self, executor: Any, workers: int | None):
         self.executor, self.size = executor, workers or int(getattr(executor, "_max_workers", 0)) or MANY_WORKERS
 
@@ -169,11 +173,19 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
         interrupts.check()
         alone = not waiting and not running
         source, most = (suspects, 1) if alone else (waiting, QUEUED * pool.size)
-        while source and len(running) < most:
-            chunk = source.popleft()
-            running[pool.submit(solve_pickled, payload, chunk.members)] = chunk
-        finished, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
         crashed = False
+        while source and len(running) < most and not crashed:
+            try:
+                running[pool.submit(solve_pickled, payload, source[0].members)] = source[0]
+                source.popleft()
+            except RuntimeError as error:  # a worker has died that the futures have not told of yet
+                if not _died(error):
+                    raise
+                crashed = True
+        finished, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
+        crashed = crashed or any(_died(future.exception()) for future in finished)
+        if crashed and pool.one_fate:
+            finished, _ = wait(running)
         for future in finished:
             chunk = running.pop(future)
             error = future.exception()
@@ -182,8 +194,7 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
             elif not _died(error):
                 raise error
             else:
-                crashed, again = True, _tried_again(chunk, alone)
-                suspects.extend(again)
+                suspects.extend(again := _tried_again(chunk, alone))
                 if not again:
                     yield failed_table(question, chunk.members, f"it crashed its worker {MOST_CRASHES} times")
         if crashed:
@@ -199,7 +210,7 @@ def _tried_again(chunk: Chunk, alone: bool) -> list[Chunk]:
     return [Chunk(chunk.members, chunk.crashes + 1)] if chunk.crashes + 1 < MOST_CRASHES else []
 
 
-def _died(error: BaseException) -> bool:
+def _died(error: BaseException | None) -> bool:
     """Whether an error says that a worker has died: that of a pool of processes, or Dask's after some attempts."""
     from concurrent.futures import BrokenExecutor
 
