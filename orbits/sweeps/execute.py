@@ -188,11 +188,11 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
             finished, _ = wait(running)
         for future in finished:
             chunk = running.pop(future)
-            error = future.exception()
-            if error is None:
+            reason = future.exception()
+            if reason is None:
                 yield future.result()
-            elif not _died(error):
-                raise error
+            elif not _died(reason):
+                raise reason
             else:
                 suspects.extend(again := _tried_again(chunk, alone))
                 if not again:
