@@ -464,7 +464,7 @@ def rows_of(results: dict) -> dict[str, dict]:
     """Every row that was measured, by what it is of."""
     found = {}
     for part in ("orbits", "flows", "lanes", "maps", "families"):
-        for scene, rows in results[part].items():
+        for scene, rows in results.get(part, {}).items():  # an earlier version may not have measured it
             for row in rows:
                 found[" | ".join([part, scene, row["way"], *([str(row["setting"])] if "setting" in row else [])])] = row
     return found
@@ -510,10 +510,10 @@ def main(folder: Path, quick: bool = False, against: Path | None = None) -> dict
     results["scaling"] = scaling(seconds, quick)
     for name, found in results["scaling"].items():
         print(f"  time of an orbit goes with {name} to the power {found['exponent']:.2f}")
-    if before:
-        compare(results, before)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "benchmark.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    if before:
+        compare(results, before)
     print(f"\n  figure: {save_figure(draw(results), folder / 'benchmark.png')}")
     return results
 
