@@ -254,7 +254,7 @@ def lanes_of(seconds: float, quick: bool) -> dict[str, list[dict]]:
             continue
         stepper.kernel.optimise()
         many = np.tile(start, (count, 1)), p, half, np.eye(flow.size, columns), np.zeros((p.size, columns))
-        took, motions = timed(lambda many=many, stepper=stepper: stepper.advance_all(*many, record=None), seconds)
+        took, motions = timed(lambda many=many, stepper=stepper: stepper.advance_all(*many, count=None), seconds)
         steps = len(stepper.advance_all(*many).steps) if flow is relative else count
         row = {"way": f"lanes, {columns} columns", "seconds": took / steps, "setting": count}
         found[scene].append(row | {"error": float(np.abs(motions.ends[:, 1::2]).max())})

@@ -41,14 +41,14 @@ def correct_all(
 
 
 def _solutions(
-    curve: Curve, guesses: Array, rows: Array, levels: Array, least: int = 1, record: bool = True
+    curve: Curve, guesses: Array, rows: Array, levels: Array, least: int = 1, with_motions: bool = True
 ) -> Solutions:
-    """The curve at levels (m,) of rows (m, n + 1) near guesses (m, n + 1), by at least so many Newton steps; the
-    equations there where `record` says so."""
+    """The curve at levels (m,) of rows (m, n + 1) near guesses (m, n + 1), by at least so many Newton steps; with the
+    motions and the equations there where these are asked for."""
     # Where the level is a value of the parameter, the point has exactly that value.
     xs, at_value = guesses.copy(), (rows[:, -1] == 1.0) & ~rows[:, :-1].any(axis=1)
     xs[at_value, -1] = levels[at_value]
-    return curve.solve(xs, rows, levels, least, record) or _solve_step_by_step(curve, xs, rows, levels, least)
+    return curve.solve(xs, rows, levels, least, with_motions) or _solve_step_by_step(curve, xs, rows, levels, least)
 
 
 def _solve_step_by_step(curve: Curve, xs: Array, rows: Array, levels: Array, least: int) -> Solutions:
@@ -94,6 +94,6 @@ def predict_and_correct(
     guess += last.tangent * (target - closing @ guess) / (closing @ last.tangent)
     # The second step makes the tangent, from which the next ones are predicted, as exact as the point.
     targets = closing[None], np.array([target])
-    xs, directions, growths, _ = _solutions(curve, guess[None], *targets, least=2, record=False)
+    xs, directions, growths, _ = _solutions(curve, guess[None], *targets, least=2, with_motions=False)
     (tangent,) = _onward(curve, xs, directions, last.tangent[None])
     return StepEnd(xs[0], tangent, float(growths[0]), closing), guess, rests

@@ -46,7 +46,7 @@ class NewtonKernel:
 
     Steps of the motion are iterated; where one ends, the next Newton step begins another motion. The argument z is that
     of the motion, then what `places` says. The data are the row, the level, what is one unit of each component of X,
-    the parameters, the least number of Newton steps, and whether to record the motion of the solution.
+    the parameters, the least number of Newton steps, and whether the motion of the solution is asked for.
     """
 
     def __init__(self, equations: Shooting, along: str):
@@ -62,7 +62,7 @@ class NewtonKernel:
         self.kernel = Kernel(self._function(stepper.motion_function, parameter_seeds[used]))
 
     def __call__(
-        self, xs: Array, rows: Array, levels: Array, units: Array, ps: Array, least: int, record: bool
+        self, xs: Array, rows: Array, levels: Array, units: Array, ps: Array, least: int, with_motions: bool
     ) -> Solutions | None:
         """The solutions near points xs (m, n + 1) with parameters (m, np) where rows . X = levels, by at least so many
         Newton steps; None where one of them has to be solved for by itself."""
@@ -72,12 +72,12 @@ class NewtonKernel:
         z[:, at.point], z[:, at.last], z[:, at.duration], z[:, motion.state] = xs, np.inf, begin[:, -1], begin[:, :-1]
         z[:, motion.sensitivities], z[:, motion.left] = self.seeds.T.ravel(), begin[:, -1]
         z[:, motion.longest], z[:, at.doing] = LONGEST_STEP, SOLVING
-        data = np.hstack([rows, levels[:, None], units, ps, np.full((len(xs), 2), (least, record))])
+        data = np.hstack([rows, levels[:, None], units, ps, np.full((len(xs), 2), (least, with_motions))])
         z, (c, before, steps), counts, _ = self.kernel(z, data, most=control.max_block)
         xs, directions, growths, ends = z[:, at.point], z[:, at.direction], z[:, at.growth], z[:, motion.state]
         if (z[:, at.doing] != DONE).any() or not np.abs(ends).max() <= control.runaway:
             return None
-        if not record:
+        if not with_motions:
             return Solutions(xs, directions, growths, None)
         begins = begins_of_steps(steps[:, 0], counts)
         if (steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)).any():
@@ -122,11 +122,11 @@ class NewtonKernel:
 
     def _newton(self) -> ca.Function:
         """(X, parameters, end of the motion, its transition, row, level, unit, size of the last Newton step, number of
-        steps, the least, whether to record) -> what z holds of the next point, and what the lane does next."""
+        steps, the least, whether its motion is asked for) -> what z holds then, and what the lane does next."""
         closing = self.equations.closing((self.along,)).function
         x, row, unit = (ca.SX.sym(name, self.size) for name in ("x", "row", "unit"))
         p, end, transition, _, q, slopes = (ca.SX.sym("a", *closing.size_in(i)) for i in range(1, 7))
-        level, last, taken, least, record = ca.vertsplit(ca.SX.sym("options", 5))
+        level, last, taken, least, with_motions = ca.vertsplit(ca.SX.sym("options", 5))
         speed = self.flow.vector_field.field(end, p)[0]
         residual, jacobian, *_ = closing(x[:-1], p, end, transition, speed, q, slopes)
         sides = ca.vertcat(ca.horzcat(-residual, ca.SX(self.size - 1, 1)), ca.horzcat(level - ca.dot(row, x), 1))
@@ -135,9 +135,9 @@ class NewtonKernel:
         rounding = ca.logic_and(size < SMALL_STEP, size > STALLED_RATIO * last)
         settled = ca.logic_or(size * ca.fmax(growth, 1.0) < LAST_STEP, rounding)
         failed = ca.logic_or(ca.logic_not(size < STALLED_RATIO * last), taken >= MOST_NEWTON_STEPS)
-        does = ca.if_else(settled, ca.if_else(record, RECORDING, DONE), ca.if_else(failed, FAILED, SOLVING))
+        does = ca.if_else(settled, ca.if_else(with_motions, RECORDING, DONE), ca.if_else(failed, FAILED, SOLVING))
         known = ca.vertcat(x + found[:, 0], found[:, 1], size, growth, taken)
-        arguments = [x, p, end, transition, row, level, unit, last, taken, least, record]
+        arguments = [x, p, end, transition, row, level, unit, last, taken, least, with_motions]
         return ca.Function("newton", arguments, [known, ca.if_else(taken >= least, does, SOLVING)])
 
 

@@ -150,7 +150,7 @@ class Flow:
             x = c[count - 1, : self.size, 0] + c[count - 1, : self.size, 1:] @ power
             if dc is not None and columns:
                 slopes.append(dc[:count])
-                with np.errstate(all="ignore"):  # beyond all numbers they are not finite, which who uses them checks
+                with np.errstate(all="ignore"):  # They may overflow; who uses them checks that they are finite.
                     variations = dc[count - 1, ..., 0] + dc[count - 1, ..., 1:] @ power
             h = steps[count - 1]
             if np.abs(x).max() > self.control.runaway:

@@ -110,16 +110,16 @@ class TaylorStepper:
         return found.steps, found.coefficients, found.slopes
 
     def advance_all(
-        self, x: Array, p: Array, durations: Array, dx: Array, dp: Array, record: int | None = FLOW_CONTROL.max_steps
+        self, x: Array, p: Array, durations: Array, dx: Array, dp: Array, count: int | None = FLOW_CONTROL.max_steps
     ) -> Motions:
-        """Motions from states (m, n) with parameters (m, np) or (1, np), each for its duration (m,) or as many steps as
-        are recorded at most, None for none of any number; dx (n, columns) and dp (np, columns) are their seeds."""
+        """Motions from states (m, n) with parameters (m, np) or (1, np), each for its duration (m,) or at most `count`
+        steps; with None for their number they are not recorded. dx (n, columns) and dp (np, columns) are the seeds."""
         size, n, columns, count_p, at = len(x), self.n, self.columns, p.shape[1], self.places
-        z, data = (np.empty((count, self.kernel.sizes_in[i])) for i, count in enumerate((size, len(p))))
+        z, data = (np.empty((length, self.kernel.sizes_in[i])) for i, length in enumerate((size, len(p))))
         z[:, at.state], z[:, at.sensitivities] = x, dx.T.ravel()
         z[:, at.left], z[:, at.longest] = durations, LONGEST_STEP
-        data[:, :count_p], data[:, count_p:-1], data[:, -1] = p, dp[self.varied].T.ravel(), record is not None
-        z, (c, dc, steps), counts, _ = self.kernel(z, data, most=record or 1)
+        data[:, :count_p], data[:, count_p:-1], data[:, -1] = p, dp[self.varied].T.ravel(), count is not None
+        z, (c, dc, steps), counts, _ = self.kernel(z, data, most=count or 1)
         orders = TAYLOR_ORDER + 1
         variations, slopes = z[:, at.sensitivities].reshape(size, columns, n), dc.reshape(len(c), columns, n, orders)
         c, ends, left = c.reshape(-1, self.rows, orders), z[:, at.state], z[:, at.left]
@@ -133,7 +133,7 @@ class TaylorStepper:
         offsets: Array,
         limits: Array,
         turns: int = 0,
-        record: int | None = None,
+        most: int | None = None,
     ) -> tuple[Array, Watched, Array, Array]:
         """Motions until an affine function may change its sign, or until their times reach the `limits` (m,).
 
@@ -141,8 +141,8 @@ class TaylorStepper:
         weights, offsets : (m, q, rows) and (m, q), of the q functions
         turns : where it is given, the second function ends no motion before its sign at the ends of steps has changed
             so often
-        record : how many steps are recorded at most; None for only those in which a function may change its sign, by
-            Bernstein exclusion
+        most : all steps are recorded, and at most so many are taken; where it is None, only those are recorded in which
+            a function may change its sign, by Bernstein exclusion
 
         Returns z when each has ended; the steps that are recorded; the number (m,) of these of each motion; and whether
         it would go on (m,), after the last record or after the most steps.
@@ -151,8 +151,8 @@ class TaylorStepper:
         if (kind := (size, turns)) not in self._watching:
             self._watching[kind] = Kernel(_watch_function(self, size, turns))
         data = [np.broadcast_to(p, (count, p.shape[1])), weights.reshape(count, -1), offsets, limits[:, None]]
-        data.append(np.full((count, 1), float(record is not None)))
-        z, (c, begins, signs), counts, going = self._watching[kind](z, np.hstack(data), most=record or 1)
+        data.append(np.full((count, 1), float(most is not None)))
+        z, (c, begins, signs), counts, going = self._watching[kind](z, np.hstack(data), most=most or 1)
         lengths, times, orders, changes = begins.T
         c = c.reshape(-1, self.rows, TAYLOR_ORDER + 1)
         return z, Watched(c, lengths, times, orders, changes, signs), counts, going

@@ -327,7 +327,8 @@ def test_a_step_along_a_curve_at_once():
                 assert guess == pytest.approx(interpolated(ends[-4:], measure, np.array([level]))[0], rel=1e-13)
             one = correct(curve, guess, closing, target, last.tangent)
             assert end.x == pytest.approx(one.x, rel=1e-13)
-            assert end.tangent == pytest.approx(one.tangent, rel=1e-8)  # from before its last Newton step
+            # Both tangents, and the growth at this end, are those before the last Newton step.
+            assert end.tangent == pytest.approx(one.tangent, rel=1e-8)
             assert end.amplification == pytest.approx(one.amplification, rel=1e-8)
 
 
@@ -360,6 +361,6 @@ def test_newton_steps_in_lanes_and_one_after_the_other(monkeypatch):
         assert some(0.5 * some.times[-1])[:4] == pytest.approx(others(0.5 * some.times[-1])[:4], abs=1e-12)
     monkeypatch.setattr(Curve, "solve", solve)
     xs[3, 2] = -1.0
-    assert curve.solve(xs, rows, levels, 1, record=True) is None
+    assert curve.solve(xs, rows, levels, 1, with_motions=True) is None
     with pytest.raises(FlowError, match="cannot start"):
         correct_all(curve, xs, rows, levels, before)
