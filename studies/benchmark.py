@@ -31,6 +31,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from orbits import METHODS, InputError, ReturnMap, find, follow, orbit_at
+from orbits.continuation.corrector import newton_steps
 from orbits.continuation.curve import Curve
 from orbits.flow.flow import Flow
 from orbits.flow.runge_kutta import RungeKuttaStepper
@@ -326,7 +327,7 @@ def _followed(machine, along: str, stop: float, number: int, golden: dict[float,
     points = family.points[-40:]
     xs, rows = np.array([[*point.u, point.value] for point in points]), np.array([point.tangent for point in points])
     levels = np.einsum("mi,mi->m", rows, xs)
-    newton = lambda: curve.equations.newton_steps(curve.evaluate(xs), xs, rows, levels)  # noqa: E731
+    newton = lambda: newton_steps(curve.evaluate(xs), xs, rows, levels)  # noqa: E731
     once, _ = timed(newton, seconds)
     rows = [
         {"way": "follow, certified", "seconds": took / len(family), "error": error, "points": len(family)},

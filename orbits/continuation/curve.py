@@ -22,7 +22,6 @@ from ..periodic.formulations import equations_of, interpret, or_none
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.single_shooting import Evaluation, joined
 from .family import RESERVED_NAMES, Point, point_in_units
-from .newton_kernel import Solutions, newton_kernel
 from .predictor import around
 
 # A point is at a fold where the tangent has a smaller share than this along the parameter. The value of the parameter
@@ -133,16 +132,6 @@ class Curve:
     def evaluate(self, xs: np.ndarray) -> Evaluation:
         """The equations at points (m, n + 1)."""
         return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
-
-    def solve(
-        self, xs: np.ndarray, rows: np.ndarray, levels: np.ndarray, least: int, with_motions: bool
-    ) -> Solutions | None:
-        """The curve at levels (m,) of rows (m, n + 1) near points (m, n + 1), as `NewtonKernel` finds it; None where
-        that cannot."""
-        if len(self.equations.flows) > 1 or not self.equations.smooth:
-            return None
-        kernel = newton_kernel(self.equations, self.along)
-        return kernel(xs, rows, levels, self.size(xs), self.parameters_at(xs), least, with_motions)
 
     def certify(self, point: CurvePoint) -> CurvePoint:
         """The point, certified; raises the error when it cannot be."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..flow.taylor import LONGEST_STEP, TaylorStepper
 from ..flow.trajectory import Trajectories, begins_of_steps
+from ..flow.vector_field import rows_used
 from ..numerics.roots import Array
 from ..periodic.single_shooting import LAST_STEP, SMALL_STEP, STALLED_RATIO, Evaluation, Shooting
 from ..symbolic.kept import kept
@@ -53,13 +54,12 @@ class NewtonKernel:
         self.equations, self.along, (self.flow,) = equations, along, equations.flows
         self.size, self.place = equations.size + 1, equations.parameters.index(along)
         ((self.seeds, parameter_seeds),) = equations.seeds((along,))[3]
-        used = np.flatnonzero(parameter_seeds.any(1))
-        stepper = self.flow.stepper(self.seeds.shape[1], tuple(used.tolist()))
+        stepper = self.flow.stepper(self.seeds.shape[1], rows_used(parameter_seeds))
         assert isinstance(stepper, TaylorStepper)
         self.rows, self.motion, first = stepper.rows, stepper.places, stepper.places.time
         others = range(first + 2 * self.size, first + 2 * self.size + 5)
         self.places = NewtonPlaces(slice(first, first + self.size), slice(first + self.size, others.start), *others)
-        self.kernel = Kernel(self._function(stepper.motion_function, parameter_seeds[used]))
+        self.kernel = Kernel(self._function(stepper.motion_function, parameter_seeds[stepper.varied]))
 
     def __call__(
         self, xs: Array, rows: Array, levels: Array, units: Array, ps: Array, least: int, with_motions: bool
