@@ -88,7 +88,7 @@ class TaylorStepper:
         numbers = range(left, left + 6)
         self.places = Places(slice(self.n), slice(self.n, left), slice(numbers.stop, None), *numbers)
         self.step_function = _step_function(graph, self.places, columns, varied)
-        self.kernel = Kernel(self._recorded_motion())
+        self.kernel = Kernel(self.motion_function)
         self._watching: dict[tuple[int, int], Kernel] = {}  # of `watch`, by the functions and turns
 
     @property
@@ -110,16 +110,16 @@ class TaylorStepper:
         return found.steps, found.coefficients, found.slopes
 
     def advance_all(
-        self, x: Array, p: Array, durations: Array, dx: Array, dp: Array, count: int | None = FLOW_CONTROL.max_steps
+        self, x: Array, p: Array, durations: Array, dx: Array, dp: Array, count: int = FLOW_CONTROL.max_steps
     ) -> Motions:
         """Motions from states (m, n) with parameters (m, np) or (1, np), each for its duration (m,) or at most `count`
-        steps; with None for their number they are not recorded. dx (n, columns) and dp (np, columns) are the seeds."""
+        steps; dx (n, columns) and dp (np, columns) are the seeds."""
         size, n, columns, count_p, at = len(x), self.n, self.columns, p.shape[1], self.places
         z, data = (np.empty((length, self.kernel.sizes_in[i])) for i, length in enumerate((size, len(p))))
         z[:, at.state], z[:, at.sensitivities] = x, dx.T.ravel()
         z[:, at.left], z[:, at.longest] = durations, LONGEST_STEP
-        data[:, :count_p], data[:, count_p:-1], data[:, -1] = p, dp[self.varied].T.ravel(), count is not None
-        z, (c, dc, steps), counts, _ = self.kernel(z, data, most=count or 1)
+        data[:, :count_p], data[:, count_p:] = p, dp[self.varied].T.ravel()
+        z, (c, dc, steps), counts, _ = self.kernel(z, data, most=count)
         orders = TAYLOR_ORDER + 1
         variations, slopes = z[:, at.sensitivities].reshape(size, columns, n), dc.reshape(len(c), columns, n, orders)
         c, ends, left = c.reshape(-1, self.rows, orders), z[:, at.state], z[:, at.left]
@@ -165,17 +165,11 @@ class TaylorStepper:
         z[:, at.order], z[:, at.signs] = orders, signs
         return z
 
-    def _recorded_motion(self) -> ca.Function:
-        """The steps of a motion as a `Kernel` iterates them: recorded are coefficients, sensitivities and the length of
-        an accepted step, where the last entry of the data is 1."""
-        z, data = (ca.MX.sym(name, self.motion_function.numel_in(i) + i) for i, name in enumerate("zp"))
-        *results, taken, goes = self.motion_function(z, data[:-1])
-        return ca.Function("recorded", [z, data], [*results, ca.logic_and(taken, data[-1]), goes])
-
     @cached_property
     def motion_function(self) -> ca.Function:
-        """A step of a motion, (z, data) -> (z after it, coefficients, those of the sensitivities, the length, whether
-        it counts, whether to go on); it goes on until no time is left, the state runs away or no step is accepted."""
+        """A step of a motion as a `Kernel` iterates it, (z, data) -> (z after it, coefficients, those of the
+        sensitivities, the length, whether it counts, whether to go on); it goes on until no time is left, the state
+        runs away or no step is accepted."""
         z, data = (ca.MX.sym(name, self.step_function.numel_in(i)) for i, name in enumerate("zp"))
         (after, c, dc, made), at = self.step_function(z, data), self.places
         taken, goes = _progress(self.n, c.numel())(after[at.state], after[at.left], ca.vec(c), made)
