@@ -229,8 +229,8 @@ class Flow:
 
     @property
     def compiled(self) -> bool:
-        """Whether a step function has been compiled."""
-        return any(isinstance(stepper, TaylorStepper) and stepper.compiled for stepper in self.steppers.values())
+        """Whether motions take their steps in machine code."""
+        return any(isinstance(stepper, TaylorStepper) and stepper.kernel.compiled for stepper in self.steppers.values())
 
     def stepper(self, columns: int, varied: tuple[int, ...] = ()) -> TaylorStepper | RungeKuttaStepper:
         """The stepper for so many columns of sensitivities, built on first use; only the rows `varied` of the seeds of

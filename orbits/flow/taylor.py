@@ -60,11 +60,11 @@ class Places(NamedTuple):
 
 
 class Watched(NamedTuple):
-    """Steps (N,) of motions that are watched."""
+    """Steps (N,) of motions that are watched, with the times, orders, changes and signs of `Places` before them."""
 
     coefficients: Array  # (N, rows, K + 1)
     lengths: Array
-    times: Array  # at which they begin; so are the next three
+    times: Array
     orders: Array
     changes: Array
     signs: Array  # (N, q)
@@ -90,11 +90,6 @@ class TaylorStepper:
         self.step_function = _step_function(graph, self.places, columns, varied)
         self.kernel = Kernel(self.motion_function)
         self._watching: dict[tuple[int, int], Kernel] = {}  # of `watch`, by the functions and turns
-
-    @property
-    def compiled(self) -> bool:
-        """Whether motions take their steps in machine code."""
-        return any(kernel.compiled for kernel in (self.kernel, *self._watching.values()))
 
     def advance(self, x: Array, p: Array, dx: Array, dp: Array, count: int, left: float, hint: float | None) -> Steps:
         """At most `count` steps of one motion, which last no longer than `left`; the `hint` is not used.

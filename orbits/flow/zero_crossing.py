@@ -1,7 +1,5 @@
 """Zeros of affine functions of the state along one motion, and along many that are integrated together."""
 
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -12,7 +10,7 @@ from ..numerics.roots import Array
 from ..symbolic import interrupts
 from .breakpoints import ActivePieces
 from .flow import Flow, StopTest
-from .taylor import LONGEST_STEP, Places, TaylorStepper, Watched
+from .taylor import LONGEST_STEP, TaylorStepper, Watched
 from .trajectory import Trajectories, begins_of_steps
 
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
@@ -142,7 +140,8 @@ class _ZeroSearch:
     def by_taylor_steps(self):
         """Search motions in lanes, each to the next step in which something may happen, and one by one from a step on
         that cannot be used."""
-        flow, stepper, at = self.flow, self.flow.stepper(0), self.places
+        flow, stepper = self.flow, self.flow.stepper(0)
+        at = stepper.places
         most = flow.control.max_block if self.all_steps else None
         pieces = ActivePieces(flow, self.ps[0], self.starts)
         remaining, signs = np.arange(len(self.starts)), np.zeros((len(self.starts), self._tests(pieces)[1].shape[1]))
@@ -189,14 +188,10 @@ class _ZeroSearch:
         kept = np.repeat(found, counts)
         self.steps.append((owners[kept], steps.lengths[kept], steps.coefficients[kept]))
 
-    @cached_property
-    def places(self) -> Places:
-        """Where the argument z of `TaylorStepper.watch` holds what."""
-        return self.flow.stepper(0).places
-
     def _never(self, z: Array) -> Array:
         """Which motions have passed so many zeros of `over`."""
-        return z[:, self.places.changes] >= self.over[1] if self.over else np.zeros(len(z), bool)
+        changes = self.flow.stepper(0).places.changes
+        return z[:, changes] >= self.over[1] if self.over else np.zeros(len(z), bool)
 
     def _tests(self, pieces: ActivePieces) -> tuple[Array, Array]:
         """Weights (m, q, rows) and offsets (m, q) of what may happen: the zero, the breakpoints, and the zero of
@@ -229,7 +224,7 @@ class _ZeroSearch:
     def _search_steps(self, pieces: ActivePieces, remaining, z, steps: Watched) -> Array:
         """Search one step of each motion, at whose end z is that of `TaylorStepper.watch`; returns which motions have
         no zero there, with z where these go on."""
-        at, count, (c, lengths, times, orders, changes, signs) = self.places, len(remaining), steps
+        at, count, (c, lengths, times, orders, changes, signs) = self.flow.stepper(0).places, len(remaining), steps
         of_ends = signs[:, -2:].copy()
         lengths = pieces.cut(c, lengths, signs[:, -1] == 0, of_ends)
         polynomials = PiecewisePolynomials(self.quantity.series(c), lengths, np.ones(count, int))
