@@ -439,6 +439,7 @@ def draw(results: dict):
     ours = (*METHODS, "warm", "Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8")
     ours += ("return map, 1000 at a time", "return map, one", "follow, certified", "lanes, 4 columns")
     looks = {way: ("o", colour) for way, colour in zip(ours, cycle(COLOURS), strict=False)}
+    looks["lanes, 4 columns"] = ("*", COLOURS[0])
     looks |= {"Opti, RK4": ("^-", "0.6"), "rockit, RK4": ("v-", "0.75"), "heyoka + Newton": ("D", "0.2")}
     looks |= {"heyoka": ("D", "0.2"), "heyoka, batch": ("d", "0.2")}
     looks |= dict.fromkeys(("scipy DOP853 + root", "scipy DOP853"), ("s-", "0.35"))
