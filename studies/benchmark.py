@@ -18,6 +18,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from fractions import Fraction
 from importlib import metadata
@@ -31,11 +32,13 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from orbits import METHODS, InputError, ReturnMap, find, follow, orbit_at
+from orbits.continuation.corrector import newton_steps
 from orbits.continuation.curve import Curve
 from orbits.flow.flow import Flow
 from orbits.flow.runge_kutta import RungeKuttaStepper
 from orbits.periodic.formulations import equations_of
 from orbits.plot import COLOURS, new_row, save_figure
+from orbits.symbolic.kernels import Kernel
 from problems import Chain, Hopper
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
@@ -252,10 +255,10 @@ def lanes_of(seconds: float, quick: bool) -> dict[str, list[dict]]:
         stepper = flow.stepper(columns)
         if not _compiled(stepper, wanted=True):
             continue
-        stepper.kernel.optimise()
         many = np.tile(start, (count, 1)), p, half, np.eye(flow.size, columns), np.zeros((p.size, columns))
-        took, motions = timed(lambda many=many, stepper=stepper: stepper.advance_all(*many, record=None), seconds)
         steps = len(stepper.advance_all(*many).steps) if flow is relative else count
+        ends = _of_ends(stepper)
+        took, motions = timed(lambda many=many, ends=ends: ends.advance_all(*many, 1), seconds)
         row = {"way": f"lanes, {columns} columns", "seconds": took / steps, "setting": count}
         found[scene].append(row | {"error": float(np.abs(motions.ends[:, 1::2]).max())})
     with contextlib.suppress(ImportError):
@@ -264,6 +267,16 @@ def lanes_of(seconds: float, quick: bool) -> dict[str, list[dict]]:
         row = {"way": "heyoka, batch", "seconds": took / count, "setting": count}
         found["half a flight and its slopes"].append(row | {"error": float(np.abs(ends[:, 1::2]).max())})
     return found | {"return map in threads": _threads_of(machine, 1000 if quick else 100_000)}
+
+
+def _of_ends(stepper):
+    """A stepper in optimised machine code whose motions keep none of their steps, only their ends."""
+    stepper, motion = copy(stepper), stepper.motion_function
+    z, data = motion.mx_in()
+    *results, _, goes = motion(z, data)
+    stepper.kernel = Kernel(ca.Function("ends", [z, data], [*results, 0, goes]))
+    stepper.kernel.optimise()
+    return stepper
 
 
 def _threads_of(machine, count: int) -> list[dict]:
@@ -326,7 +339,7 @@ def _followed(machine, along: str, stop: float, number: int, golden: dict[float,
     points = family.points[-40:]
     xs, rows = np.array([[*point.u, point.value] for point in points]), np.array([point.tangent for point in points])
     levels = np.einsum("mi,mi->m", rows, xs)
-    newton = lambda: curve.equations.newton_steps(curve.evaluate(xs), xs, rows, levels)  # noqa: E731
+    newton = lambda: newton_steps(curve.evaluate(xs), xs, rows, levels)  # noqa: E731
     once, _ = timed(newton, seconds)
     rows = [
         {"way": "follow, certified", "seconds": took / len(family), "error": error, "points": len(family)},
@@ -426,6 +439,7 @@ def draw(results: dict):
     ours = (*METHODS, "warm", "Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8")
     ours += ("return map, 1000 at a time", "return map, one", "follow, certified", "lanes, 4 columns")
     looks = {way: ("o", colour) for way, colour in zip(ours, cycle(COLOURS), strict=False)}
+    looks["lanes, 4 columns"] = ("*", COLOURS[0])
     looks |= {"Opti, RK4": ("^-", "0.6"), "rockit, RK4": ("v-", "0.75"), "heyoka + Newton": ("D", "0.2")}
     looks |= {"heyoka": ("D", "0.2"), "heyoka, batch": ("d", "0.2")}
     looks |= dict.fromkeys(("scipy DOP853 + root", "scipy DOP853"), ("s-", "0.35"))
@@ -464,7 +478,7 @@ def rows_of(results: dict) -> dict[str, dict]:
     """Every row that was measured, by what it is of."""
     found = {}
     for part in ("orbits", "flows", "lanes", "maps", "families"):
-        for scene, rows in results[part].items():
+        for scene, rows in results.get(part, {}).items():  # an earlier version may not have measured it
             for row in rows:
                 found[" | ".join([part, scene, row["way"], *([str(row["setting"])] if "setting" in row else [])])] = row
     return found
@@ -510,10 +524,10 @@ def main(folder: Path, quick: bool = False, against: Path | None = None) -> dict
     results["scaling"] = scaling(seconds, quick)
     for name, found in results["scaling"].items():
         print(f"  time of an orbit goes with {name} to the power {found['exponent']:.2f}")
-    if before:
-        compare(results, before)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "benchmark.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    if before:
+        compare(results, before)
     print(f"\n  figure: {save_figure(draw(results), folder / 'benchmark.png')}")
     return results
 

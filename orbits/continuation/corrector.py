@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import NoOrbit
-from ..numerics.roots import Array
-from ..periodic.newton_kernel import MOST_NEWTON_STEPS, Solutions
-from ..periodic.single_shooting import STALLED_RATIO, settles
+from ..numerics.roots import Array, solve
+from ..periodic.newton_kernel import MOST_NEWTON_STEPS, Solutions, newton_kernel
+from ..periodic.single_shooting import STALLED_RATIO, Evaluation, settles
 from .curve import Curve, CurvePoint, StepEnd
 from .predictor import around
 
@@ -41,14 +41,20 @@ def correct_all(
 
 
 def _solutions(
-    curve: Curve, guesses: Array, rows: Array, levels: Array, least: int = 1, record: bool = True
+    curve: Curve, guesses: Array, rows: Array, levels: Array, least: int = 1, with_motions: bool = True
 ) -> Solutions:
-    """The curve at levels (m,) of rows (m, n + 1) near guesses (m, n + 1), by at least so many Newton steps; the
-    equations there where `record` says so."""
+    """The curve at levels (m,) of rows (m, n + 1) near guesses (m, n + 1), by at least so many Newton steps; with the
+    motions and the equations there where these are asked for."""
     # Where the level is a value of the parameter, the point has exactly that value.
     xs, at_value = guesses.copy(), (rows[:, -1] == 1.0) & ~rows[:, :-1].any(axis=1)
     xs[at_value, -1] = levels[at_value]
-    return curve.solve(xs, rows, levels, least, record) or _solve_step_by_step(curve, xs, rows, levels, least)
+    equations = curve.equations
+    if len(equations.flows) == 1 and equations.smooth:
+        kernel = newton_kernel(equations, curve.along)
+        found = kernel(xs, rows, levels, curve.size(xs), curve.parameters_at(xs), least, with_motions)
+        if len(found.which) == len(xs):
+            return found
+    return _solve_step_by_step(curve, xs, rows, levels, least)
 
 
 def _solve_step_by_step(curve: Curve, xs: Array, rows: Array, levels: Array, least: int) -> Solutions:
@@ -56,7 +62,7 @@ def _solve_step_by_step(curve: Curve, xs: Array, rows: Array, levels: Array, lea
     sizes, last = curve.size(xs), np.inf
     for taken in range(1, MOST_NEWTON_STEPS + 1):
         evaluation = curve.evaluate(xs)
-        steps, directions = curve.equations.newton_steps(evaluation, xs, rows, levels)
+        steps, directions = newton_steps(evaluation, xs, rows, levels)
         xs, moved = xs + steps, (np.abs(steps) / sizes).max(1)
         settled, shrinks = settles(moved, last, evaluation.amplification), moved < STALLED_RATIO * last
         if taken >= least and settled.all():
@@ -66,6 +72,16 @@ def _solve_step_by_step(curve: Curve, xs: Array, rows: Array, levels: Array, lea
             raise NoOrbit("the corrector does not converge")
         last = moved
     raise NoOrbit("the corrector converges too slowly")
+
+
+def newton_steps(evaluation: Evaluation, xs: Array, rows: Array, levels: Array) -> tuple[Array, Array]:
+    """Newton steps (m, n + 1) from points (m, n + 1), where the equations are the `evaluation`, to levels (m,) of rows
+    (m, n + 1), and the directions (m, n + 1) of the curve."""
+    right = np.zeros((*xs.shape, 2))
+    right[:, :-1, 0], right[:, -1, 0] = -evaluation.residual, levels - np.einsum("mi,mi->m", xs, rows)
+    right[:, -1, 1] = 1.0
+    found = solve(np.concatenate([evaluation.jacobian, rows[:, None]], axis=1), right)
+    return found[:, :, 0], found[:, :, 1]
 
 
 def _onward(curve: Curve, xs: Array, directions: Array, before: Array) -> Array:
@@ -94,6 +110,6 @@ def predict_and_correct(
     guess += last.tangent * (target - closing @ guess) / (closing @ last.tangent)
     # The second step makes the tangent, from which the next ones are predicted, as exact as the point.
     targets = closing[None], np.array([target])
-    _, xs, directions, growths, _ = _solutions(curve, guess[None], *targets, least=2, record=False)
+    _, xs, directions, growths, _ = _solutions(curve, guess[None], *targets, least=2, with_motions=False)
     (tangent,) = _onward(curve, xs, directions, last.tangent[None])
     return StepEnd(xs[0], tangent, float(growths[0]), closing), guess, rests

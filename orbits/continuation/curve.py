@@ -19,7 +19,6 @@ from ..periodic.certificate import certify
 from ..periodic.error_bound import error_bounds
 from ..periodic.find import certified_orbit
 from ..periodic.formulations import equations_of, interpret, or_none
-from ..periodic.newton_kernel import Solutions, newton_kernel
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.single_shooting import Evaluation, joined
 from .family import RESERVED_NAMES, Point, point_in_units
@@ -50,7 +49,7 @@ class CurvePoint(NamedTuple):
     x : (n + 1,), the unknowns and the parameter's value
     tangent : (n + 1,), of length 1 in units of the curve's size
     branch_test : determinant of the Jacobian bordered by the tangent, which changes its sign at a branch point
-    evaluation, place : the equations at several points, to first order from the last Newton step, and this one's place
+    evaluation, place : the equations at several solved points, and which of them this one is
     length : length of the curve from the point before
     parts : number of points that the step ending here is divided into; 0 at a point that does not end a step
     certified : the orbit without its motion, None before it is certified
@@ -133,15 +132,6 @@ class Curve:
     def evaluate(self, xs: np.ndarray) -> Evaluation:
         """The equations at points (m, n + 1)."""
         return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
-
-    def solve(self, xs: np.ndarray, rows: np.ndarray, levels: np.ndarray, least: int, record: bool) -> Solutions | None:
-        """The curve at levels (m,) of rows (m, n + 1) near points (m, n + 1), as `NewtonKernel` finds it; None where
-        that cannot."""
-        if len(self.equations.flows) > 1 or not self.equations.smooth:
-            return None
-        kernel = newton_kernel(self.equations, self.along)
-        found = kernel(xs, rows, levels, self.size(xs), self.parameters_at(xs), least, record)
-        return found if len(found.which) == len(xs) else None
 
     def certify(self, point: CurvePoint) -> CurvePoint:
         """The point, certified; raises the error when it cannot be."""

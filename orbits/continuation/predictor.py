@@ -16,7 +16,7 @@ BEND = 0.3
 
 
 @lru_cache(maxsize=32)
-def hermite(size: int, behind: int, ahead: int) -> ca.Function:
+def hermite(size: int, behind: int, ahead: int) -> MappedFunction:
     """(points (size, behind + ahead) along a curve, tangents there, which of them to use, row (size,), level) -> the
     point at that level, in Lagrange's form, and the number of points used: as many on either side of the place between
     `behind` and `ahead` as the curve passes without turning round."""
@@ -41,10 +41,7 @@ def hermite(size: int, behind: int, ahead: int) -> ca.Function:
         away = level - places[i]
         value = (1 - 2 * away * inverses) * (xs[:, i] - xs[:, 0]) + away / rates[i] * tangents[:, i]
         point += ca.if_else(used[i], weight * value, 0.0)
-    return ca.Function("hermite", [xs, tangents, use, row, level], [point, sum(used)])
-
-
-_mapped = lru_cache(maxsize=32)(lambda *sizes: MappedFunction(hermite(*sizes)))
+    return MappedFunction(ca.Function("hermite", [xs, tangents, use, row, level], [point, sum(used)]))
 
 
 def around(
@@ -58,5 +55,5 @@ def around(
     inside = (indices >= 0) & (indices < len(xs))
     within = np.minimum(np.maximum(indices, 0), len(xs) - 1)
     neighbours = (part[within].reshape(len(i), -1) for part in (xs, tangents))
-    points, rests = _mapped(xs.shape[1], behind, ahead)(*neighbours, inside, rows, levels[:, None])
+    points, rests = hermite(xs.shape[1], behind, ahead)(*neighbours, inside, rows, levels[:, None])
     return points[:, :, 0], rests[:, 0, 0]

@@ -4,6 +4,7 @@ import numpy as np
 
 from ..numerics.bernstein import PiecewisePolynomials, roots
 from ..numerics.roots import Array
+from .vector_field import rows_used
 
 # How far from a breakpoint the limits of the field on its two sides are evaluated, relative to the breakpoint. They are
 # extrapolated to it from this distance and its double, so that an error of second order, 1e-12, remains.
@@ -28,7 +29,7 @@ class ActivePiece:
 
     def varied(self) -> tuple[int, ...]:
         """Rows of the seeds that are not zero on some piece."""
-        rows = np.flatnonzero(self.parameter_seeds.any(1)).tolist() if self.parameter_seeds.size else []
+        rows = rows_used(self.parameter_seeds)
         return (*rows, *(range(len(self.parameter_seeds), len(self.seeds)) if rows else ()))
 
     def cut(self, c: Array, h: float) -> tuple[float, int]:

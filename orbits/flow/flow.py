@@ -23,7 +23,7 @@ from .breakpoints import ActivePiece
 from .runge_kutta import RungeKuttaStepper
 from .taylor import TaylorStepper
 from .trajectory import Trajectories, Trajectory, begins_of_steps
-from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField
+from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used
 
 # Shares of a duration that are rounding: what is no step of its own in closed form, and no difference of two times.
 STEP_ROUNDING, SAME_TIME = 1e-12, 1e-15
@@ -90,7 +90,7 @@ class Flow:
         """
         if not self.smooth or (self.phase.closed_form and not parameter_seeds.any()):
             return self._run_each(starts, ps, durations, seeds, parameter_seeds)
-        stepper = self.stepper(seeds.shape[1], _rows_used(parameter_seeds))
+        stepper = self.stepper(seeds.shape[1], rows_used(parameter_seeds))
         assert isinstance(stepper, TaylorStepper)
         found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.max_block)
         begins = begins_of_steps(found.steps, found.counts)
@@ -150,7 +150,7 @@ class Flow:
             x = c[count - 1, : self.size, 0] + c[count - 1, : self.size, 1:] @ power
             if dc is not None and columns:
                 slopes.append(dc[:count])
-                with np.errstate(all="ignore"):  # beyond all numbers they are not finite, which who uses them checks
+                with np.errstate(all="ignore"):  # They may overflow; who uses them checks that they are finite.
                     variations = dc[count - 1, ..., 0] + dc[count - 1, ..., 1:] @ power
             h = steps[count - 1]
             if np.abs(x).max() > self.control.runaway:
@@ -229,8 +229,8 @@ class Flow:
 
     @property
     def compiled(self) -> bool:
-        """Whether a step function has been compiled."""
-        return any(isinstance(stepper, TaylorStepper) and stepper.compiled for stepper in self.steppers.values())
+        """Whether motions take their steps in machine code."""
+        return any(isinstance(stepper, TaylorStepper) and stepper.kernel.compiled for stepper in self.steppers.values())
 
     def stepper(self, columns: int, varied: tuple[int, ...] = ()) -> TaylorStepper | RungeKuttaStepper:
         """The stepper for so many columns of sensitivities, built on first use; only the rows `varied` of the seeds of
@@ -273,17 +273,11 @@ class Flow:
         index = self.piece(x, breaks)
         return table[index], slopes[index]
 
-    def mesh_data(self, path: Trajectory, p: Array) -> Array:
-        """Parameters with the data of the piece that each step of a motion lies in, (np + nq, N)."""
-        if self.phase.pieces is None:
-            return np.tile(np.asarray(p, dtype=float)[:, None], len(path.steps))
-        return self.data(self._middles(path), p).T
-
-    def data_of(self, motions: Trajectories, ps: Array) -> Array:
-        """`mesh_data` of several motions with parameters (m, np), transposed: (N, np + nq)."""
+    def mesh_data(self, motions: Trajectories, ps: Array) -> Array:
+        """Parameters (m, np) with the data of the piece that each step of motions lies in, (N, np + nq)."""
         if self.phase.pieces is None:
             return ps[motions.owner]
-        return np.concatenate([self.mesh_data(path, p).T for path, p in zip(motions, ps, strict=True)])
+        return np.concatenate([self.data(self._middles(path), p) for path, p in zip(motions, ps, strict=True)])
 
     def mesh_pieces(self, path: Trajectory, breaks: Array) -> Array:
         """Index (N,) of the piece that each step of a motion lies in."""
@@ -341,8 +335,3 @@ class Flow:
         text = "the {label} leaves the law's range, [{low:.6g}, {high:.6g}], at {place:.6g}"
         low, high, place = (Quantity(float(number), LENGTH) for number in (breaks[0], breaks[-1], self.coordinate @ x))
         return OutOfRange(Message(text, label=pieces.label, low=low, high=high, place=place))
-
-
-def _rows_used(seeds: Array) -> tuple[int, ...]:
-    """The rows of parameter seeds (np, columns) that are not zero."""
-    return tuple(np.flatnonzero(seeds.any(1)).tolist()) if seeds.size else ()

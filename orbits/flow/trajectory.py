@@ -90,10 +90,10 @@ class Trajectories:
 
     starts: Array  # (N,), times at which the steps begin
     ends: Array  # (m,), times at which the motions end
-    coefficients: Array  # (N, ...), as in `Trajectory`, as are the variations
+    coefficients: Array  # (N, rows, K + 1), as in `Trajectory`
     counts: Array  # (m,), number of steps of each motion
     names: tuple[str, ...]
-    variations: Array | None = None
+    variations: Array | None = None  # (N, n, columns, orders), the series of `Trajectory` or their first terms alone
 
     def __post_init__(self) -> None:
         self.last = self.counts.cumsum() - 1

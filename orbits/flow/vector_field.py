@@ -36,6 +36,11 @@ class FlowControl:
 FLOW_CONTROL = FlowControl()
 
 
+def rows_used(seeds: Array) -> tuple[int, ...]:
+    """The rows of parameter seeds (np, columns) that are not zero."""
+    return tuple(np.flatnonzero(seeds.any(1)).tolist())
+
+
 @dataclass(frozen=True, eq=False)
 class VectorField:
     """A vector field as an SX function (x, p) -> (x', watched quantities), the two symbols x and p, and the `reaches`

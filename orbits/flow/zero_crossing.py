@@ -10,7 +10,7 @@ from ..numerics.roots import Array
 from ..symbolic import interrupts
 from .breakpoints import ActivePieces
 from .flow import Flow, StopTest
-from .taylor import LONGEST_STEP, TaylorStepper
+from .taylor import LONGEST_STEP, TaylorStepper, Watched
 from .trajectory import Trajectories, begins_of_steps
 
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
@@ -140,7 +140,8 @@ class _ZeroSearch:
     def by_taylor_steps(self):
         """Search motions in lanes, each to the next step in which something may happen, and one by one from a step on
         that cannot be used."""
-        flow, stepper, n = self.flow, self.flow.stepper(0), self.flow.size
+        flow, stepper = self.flow, self.flow.stepper(0)
+        at = stepper.places
         most = flow.control.max_block if self.all_steps else None
         pieces = ActivePieces(flow, self.ps[0], self.starts)
         remaining, signs = np.arange(len(self.starts)), np.zeros((len(self.starts), self._tests(pieces)[1].shape[1]))
@@ -148,7 +149,7 @@ class _ZeroSearch:
         for _ in range(flow.control.max_calls):
             inside = pieces.inside
             for i in (~inside).nonzero()[0]:
-                self.failed[int(remaining[i])] = flow.out_of_range(self.ps[0], z[i, :n])
+                self.failed[int(remaining[i])] = flow.out_of_range(self.ps[0], z[i, at.state])
             remaining, z = remaining[inside], z[inside]
             pieces.keep(inside)
             if not len(remaining):
@@ -157,21 +158,21 @@ class _ZeroSearch:
             p = pieces.data if flow.phase.pieces else self.ps[remaining] if len(self.ps) > 1 else self.ps
             turns = self.over[1] if self.over else 0
             limits, tests = self.limit[remaining], self._tests(pieces)
-            z, c, before, counts, going = stepper.watch(z, p, *tests, limits, turns, most)
-            found = z[:, n + 4] > 0
+            z, steps, counts, going = stepper.watch(z, p, *tests, limits, turns, most)
+            found = z[:, at.found] > 0
             never = ~found & self._never(z)
             self.times[remaining[never]] = np.inf
-            broken = ~(found | never | going | (z[:, n + 2] >= self.limit[remaining]))
+            broken = ~(found | never | going | (z[:, at.time] >= limits))
             if not self.all_steps:
                 self._give_up(remaining[going & ~found & ~never])
-                self.one_by_one(remaining[broken], z[broken, :n], z[broken, n + 2], z[broken, n + 3])
+                self.one_by_one(remaining[broken], *(z[broken, place] for place in (at.state, at.time, at.order)))
             else:
-                self._keep(remaining, c, before, counts, found)
+                self._keep(remaining, steps, counts, found)
                 last = np.cumsum(counts)[found] - 1
-                c, before = c[last], before[last]
+                steps = Watched(*(values[last] for values in steps))
             remaining, z = remaining[found], z[found]
             pieces.keep(found)
-            left = self._search_steps(pieces, remaining, z, c, before)
+            left = self._search_steps(pieces, remaining, z, steps)
             remaining, z = remaining[left], z[left]
             pieces.enter(left)
         self._give_up(remaining)
@@ -181,15 +182,16 @@ class _ZeroSearch:
         for i in remaining.tolist():
             self.failed[i] = FlowError(f"the {self.flow.phase.name} takes too many steps")
 
-    def _keep(self, remaining, c, before, counts, found):
+    def _keep(self, remaining, steps: Watched, counts, found):
         """Keep the steps of the motions that have `found` one that may hold a zero."""
         owners = np.repeat(remaining, counts)
         kept = np.repeat(found, counts)
-        self.steps.append((owners[kept], before[kept, 0], c[kept]))
+        self.steps.append((owners[kept], steps.lengths[kept], steps.coefficients[kept]))
 
     def _never(self, z: Array) -> Array:
         """Which motions have passed so many zeros of `over`."""
-        return np.abs(z[:, self.flow.size + 6]) > self.over[1] if self.over else np.zeros(len(z), bool)
+        changes = self.flow.stepper(0).places.changes
+        return z[:, changes] >= self.over[1] if self.over else np.zeros(len(z), bool)
 
     def _tests(self, pieces: ActivePieces) -> tuple[Array, Array]:
         """Weights (m, q, rows) and offsets (m, q) of what may happen: the zero, the breakpoints, and the zero of
@@ -219,32 +221,31 @@ class _ZeroSearch:
             if path.times[-1] < left:
                 self.times[index], self.rows[index] = before + path.times[-1], path.end
 
-    def _search_steps(self, pieces: ActivePieces, remaining, z, c, before) -> Array:
-        """Search one step of each motion, whose z before and after it are those of `TaylorStepper.watch`; returns which
-        motions have no zero there, with z where these go on."""
-        n, count = self.flow.size, len(remaining)
-        of_ends = before[:, -2:].copy()
-        steps = pieces.cut(c, before[:, 0], before[:, -1] == 0, of_ends)
-        times, orders, signs = before[:, 2], before[:, 3].astype(int), before[:, 5:]
-        each = np.ones(count, int)
-        polynomials = PiecewisePolynomials(self.quantity.series(c), steps, each)
-        owner, _, t = polynomials.first_roots(orders, self.rising, signs[:, 0])
+    def _search_steps(self, pieces: ActivePieces, remaining, z, steps: Watched) -> Array:
+        """Search one step of each motion, at whose end z is that of `TaylorStepper.watch`; returns which motions have
+        no zero there, with z where these go on."""
+        at, count, (c, lengths, times, orders, changes, signs) = self.flow.stepper(0).places, len(remaining), steps
+        of_ends = signs[:, -2:].copy()
+        lengths = pieces.cut(c, lengths, signs[:, -1] == 0, of_ends)
+        polynomials = PiecewisePolynomials(self.quantity.series(c), lengths, np.ones(count, int))
+        owner, _, t = polynomials.first_roots(orders.astype(int), self.rising, signs[:, 0])
         hits, found = remaining[owner], times[owner] + t
         self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
         self.rows[hits] = evaluate(c[owner], t[:, None])
         left = np.ones(count, bool)
         left[owner] = False
-        z[:, n + 3 : n + 5], z[:, n + 5] = 0.0, polynomials.after
+        z[:, at.order], z[:, at.found], after = 0.0, 0.0, z[:, at.signs]  # a view
+        after[:, 0] = polynomials.after
         if self.flow.phase.pieces:
-            z[:, -2:] = of_ends
+            after[:, -2:] = of_ends
         if len(cut := pieces.crossed.nonzero()[0]):
-            z[cut, :n] = evaluate(c[cut, :n], steps[cut, None])
-            z[cut, n + 1], z[cut, n + 2], z[cut, n + 6 + bool(self.over) :] = LONGEST_STEP, times[cut] + steps[cut], 0.0
+            z[cut, at.state] = evaluate(c[cut, at.state], lengths[cut, None])
+            z[cut, at.longest], z[cut, at.time], after[cut, -2:] = LONGEST_STEP, times[cut] + lengths[cut], 0.0
             if self.over:  # the sign at the end of the whole step is not that where it is cut
-                value, was = self.over[0](z[cut, :n]), signs[cut, 1]
-                turned = (value >= 0) != (np.where(was == 0, self.over[0](c[cut, :n, 0]), was) >= 0)
-                z[cut, n + 6] = np.where(value >= 0, 1.0, -1.0) * (np.maximum(np.abs(was), 1.0) + turned)
+                value, was = self.over[0](z[cut, at.state]), signs[cut, 1]
+                turned = (value >= 0) != (np.where(was == 0, self.over[0](c[cut, at.state, 0]), was) >= 0)
+                after[cut, 1], z[cut, at.changes] = np.where(value >= 0, 1.0, -1.0), changes[cut] + turned
         never = left & self._never(z)
         self.times[remaining[never]] = np.inf
         left &= ~never
-        return left & (z[:, n + 2] < self.limit[remaining])
+        return left & (z[:, at.time] < self.limit[remaining])

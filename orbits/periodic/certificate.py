@@ -161,7 +161,7 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
     """The largest work (m,) of the gradient along each motion, on the straight lines between the ends of its steps; how
     much of that is rounding (m,); and the gradient at its start (m, n)."""
     flow, names, first = flow_of(phase, tuple(p)), tuple(p), motions.first
-    data, states = flow.data_of(motions, columns(p.values())), motions.coefficients[:, : flow.size, 0]
+    data, states = flow.mesh_data(motions, columns(p.values())), motions.coefficients[:, : flow.size, 0]
     works, rates = _works(phase, gradient, names)(states, motions.step_ends[:, : flow.size], data)
     changes = np.cumsum(works)
     before = np.where(first > 0, changes[first - 1], 0.0)

@@ -171,7 +171,7 @@ def _mean_rates(flow: Flow) -> ElementwiseFunction:
 
 def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Trajectory) -> ndarray:
     """The end of a motion by order-8 Runge-Kutta steps where Taylor steps found it, else by scipy's DOP853."""
-    data = flow.mesh_data(path, p)
+    data = flow.mesh_data(Trajectories.of([path]), p[None]).T
     if flow.method != "Runge-Kutta":
         # So many that the error, for k of them k**-8 times the ninth Taylor term, is below rounding; at least
         # 8, since a feature of the law between fewer samples could be missed.

@@ -241,7 +241,7 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
     found: dict[int, Any] = {i: contact for i, contact in ended if contact.times[-1] < limits[i]}
     rest = np.array(sorted({*range(len(starts))} - found.keys()), int)
     if len(rest) and model.one_speed and flow.smooth and not flow.phase.closed_form:
-        # The steps of a motion that falls and falls are not kept, thousands of them.
+        # A contact that never ends takes thousands of steps, so that it is told without keeping them.
         times, *_ = first_zeros(flow, starts[rest], ps[rest], end[0], limits[rest], end[1])
         found |= dict.fromkeys(rest[~np.isfinite(times)].tolist(), model.violations["end"])
     for i in {*range(len(starts))} - found.keys():

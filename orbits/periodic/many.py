@@ -134,7 +134,7 @@ def _in_cells(
     if not len(known):
         return None
     kernel, place = _kernel_of(asked.model, asked.equations)
-    solved = _at_value(kernel, starts[known], ps[known], place, record=True)
+    solved = _at_value(kernel, starts[known], ps[known], place, with_motions=True)
     which, us = known[solved.which], solved.xs[:, :-1]
     orbits = _certified(asked._replace(ps=ps), which, us, solved.evaluation)
     if orbits is None:
@@ -165,29 +165,29 @@ def _solved_together(
     taken in one step, which is the first that `find` tries."""
     kernel, place = _kernel_of(model, equations)
     if model.homotopy is None:
-        found = _at_value(kernel, us, ps, place, record=True)
+        found = _at_value(kernel, us, ps, place, with_motions=True)
         return found.which, found.xs[:, :-1], found.evaluation
     before = ps.copy()
     before[:, place] = 0.0
-    first = _at_value(kernel, us, before, place, record=False)
+    first = _at_value(kernel, us, before, place, with_motions=False)
     guesses = first.xs[:, :-1] + first.directions[:, :-1]
     positive = [equations.statement.unknowns.index(name) for name in ("alpha", "duration")]
     ahead = np.flatnonzero((guesses[:, positive] > 0).all(axis=1))
     if not len(ahead):
         return ahead, guesses[ahead], None
-    found = _at_value(kernel, guesses[ahead], ps[first.which[ahead]], place, record=True)
+    found = _at_value(kernel, guesses[ahead], ps[first.which[ahead]], place, with_motions=True)
     which, xs = ahead[found.which], found.xs[:, :-1]
     near = (np.abs(xs - guesses[which])[:, positive] <= MAX_CORRECTION * np.abs(xs[:, positive])).all(axis=1)
     evaluation = found.evaluation and found.evaluation[np.flatnonzero(near)]
     return first.which[which[near]], xs[near], evaluation
 
 
-def _at_value(kernel: NewtonKernel, us: np.ndarray, ps: np.ndarray, place: int, record: bool) -> Solutions:
+def _at_value(kernel: NewtonKernel, us: np.ndarray, ps: np.ndarray, place: int, with_motions: bool) -> Solutions:
     """The solutions that Newton's method comes to from guesses (m, n), all parameters (m, np) held."""
     xs = np.column_stack([us, ps[:, place]])
     rows, units = np.zeros(xs.shape), np.maximum(np.abs(xs), SMALLEST_UNIT)
     rows[:, -1] = 1.0
-    return kernel(xs, rows, ps[:, place], units, ps, 1, record)
+    return kernel(xs, rows, ps[:, place], units, ps, 1, with_motions)
 
 
 def _certified(asked: _Family, which: np.ndarray, us: np.ndarray, evaluation: Evaluation | None) -> Orbits | None:

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ..flow.flow import Flow, flow_of
-from ..flow.trajectory import Trajectory
+from ..flow.trajectory import Trajectories, Trajectory
 from ..model.phase import Statement
 
 # A duration stays above this share of its guess: a solver that shrinks it to zero collapses the phase.
@@ -99,7 +99,8 @@ class MultipleShooting:
             leg_times = self._add_unknowns("t", times, 0.0, 1.0)
             self._equations.append((ca.sum1(leg_times) - duration) / times.sum())
         steps = ca.vertcat(*[leg_times[int(i)] * (h / times[i]) for i, h in zip(leg, path.steps, strict=True)]).T
-        self._equations.append(defects(flow, start, nodes, steps, ca.DM(flow.mesh_data(path, p)), sizes))
+        data = ca.DM(flow.mesh_data(Trajectories.of([path]), p[None])).T
+        self._equations.append(defects(flow, start, nodes, steps, data, sizes))
         for i, level in enumerate(levels):
             last = int(np.flatnonzero(leg == i)[-1])
             self._equations.append((ca.DM(coordinate).T @ nodes[:, last] - level) / max(abs(level), 1.0))

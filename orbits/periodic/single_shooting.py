@@ -185,21 +185,6 @@ class Shooting:
         whole = [ca.vertcat(*residuals), ca.vertcat(*jacobians), *results]
         return MappedFunction(dense("closing", arguments, whole))
 
-    @staticmethod
-    def newton_steps(
-        evaluation: Evaluation, xs: np.ndarray, rows: np.ndarray, targets: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Newton steps from points X (m, n + 1), unknowns and a varied parameter, towards F = 0 and rows . X = targets.
-
-        `evaluation` holds the equations at the points; rows are (m, n + 1), targets (m,). Returns the steps (m, n + 1)
-        and the directions of the curve (m, n + 1).
-        """
-        right = np.zeros((*xs.shape, 2))
-        right[:, :-1, 0], right[:, -1, 0] = -evaluation.residual, targets - np.einsum("mi,mi->m", xs, rows)
-        right[:, -1, 1] = 1.0
-        found = solve(np.concatenate([evaluation.jacobian, rows[:, None]], axis=1), right)
-        return found[:, :, 0], found[:, :, 1]
-
     def residual(self, u: np.ndarray, p: np.ndarray, paths: tuple[Trajectory, ...], end_of: Callable) -> np.ndarray:
         """The residual (n,) where every arc ends at end_of(flow, start, p, path), one of `paths` for each."""
         before, residuals = np.zeros(0), []
