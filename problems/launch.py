@@ -193,6 +193,10 @@ def _level_crossings(force_and_slope: Callable, level: np.ndarray, low: np.ndarr
     return np.clip(new, low, high)
 
 
+# Stands for the reason of a launch without a return, which is found out when it is told.
+UNKNOWN = "its reason is not known yet"
+
+
 class _Sample(NamedTuple):
     """The equation at a launch speed: the time by which the family's turn comes after mid-flight (infinite when it
     never comes, with the reason), and half the period of the extension."""
@@ -221,26 +225,34 @@ def lowest_launch_speed(
 
 
 def lowest_launch_speeds(
-    phase: Phase, p: Mapping[str, np.ndarray], liftoffs: np.ndarray, family: int, scales: np.ndarray
-) -> np.ndarray:
+    phase: Phase, p: Mapping[str, np.ndarray], liftoffs: np.ndarray, family: int, scales: np.ndarray, what: str
+) -> tuple[np.ndarray, dict[int, NoOrbit]]:
     """`lowest_launch_speed` for many springs with parameters (m,) by name, extensions (m,) at lift-off and scales (m,):
-    the speeds (m,), NaN where there is none. Each search asks for the same launches as by itself."""
+    the speeds (m,), NaN where there is none, and by index why not. Each search asks for the same launches as alone."""
     flow, ps, found = flow_of(phase, tuple(p)), np.column_stack(list(p.values())), np.full(len(scales), np.nan)
-    searches = {i: _search(family, scale, "") for i, scale in enumerate(scales.tolist())}
-    asked = {i: next(search) for i, search in searches.items()}
+    searches = {i: _search(family, scale, what) for i, scale in enumerate(scales.tolist())}
+    asked, lost, refused = {i: next(search) for i, search in searches.items()}, dict[int, float](), dict[int, NoOrbit]()
     while asked:
         which, alphas = np.array(list(asked)), np.array(list(asked.values()))
         firsts, halves = _half_oscillations(flow, ps[which], np.column_stack([liftoffs[which], alphas]))
         lateness = np.where(np.isfinite(halves), firsts + family * halves - alphas, np.inf)
-        samples, asked = map(_Sample, alphas.tolist(), lateness.tolist(), halves.tolist()), {}
-        for i, sample in zip(which.tolist(), samples, strict=True):
+        rows, asked = zip(which.tolist(), alphas.tolist(), lateness.tolist(), halves.tolist(), strict=True), {}
+        for i, alpha, late, half in rows:
+            if late == np.inf:
+                lost[i] = alpha
             try:
-                asked[i] = searches[i].send(sample)
+                asked[i] = searches[i].send(_Sample(alpha, late, half, UNKNOWN if late == np.inf else ""))
             except StopIteration as end:
                 found[i] = end.value
-            except NoOrbit:
-                pass
-    return found
+            except NoOrbit as error:
+                refused[i] = error
+    for i in refused:
+        (message,) = refused[i].args
+        if message.parts["reason"] == UNKNOWN:  # the last launch without a return tells it, followed by itself
+            own = {name: float(values[i]) for name, values in p.items()}
+            reason = _sample(phase, own, float(liftoffs[i]), family, lost[i]).reason
+            refused[i] = NoOrbit(Message(message.pattern, **{**message.parts, "reason": reason}))
+    return found, refused
 
 
 def _half_oscillations(flow: Flow, ps: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from orbits.errors import InputError, NoOrbit
 from orbits.io import one_line
 from orbits.model.closed_form import Oscillator, ThrownOscillator
-from orbits.model.model import Model, Reduction, Search
+from orbits.model.model import Guesses, Model, Reduction, Search
 from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
 from orbits.symbolic.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
@@ -334,7 +334,7 @@ class TwoMassEquations:
         alpha = lowest_launch_speed(phase, p, extension, family, scale, what)
         return {"liftoff": extension, "alpha": alpha, "duration": alpha}
 
-    def guesses(self, family: int, p: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def guesses(self, family: int, p: Mapping[str, np.ndarray]) -> Guesses:
         """`guess` of many machines with parameters (m,) by name, as in `Model`."""
         extension, alpha = np.full((2, len(next(iter(p.values())))), np.nan)
         own, single = np.zeros((2, len(alpha)), bool)
@@ -342,18 +342,24 @@ class TwoMassEquations:
             extension = self.threshold.extensions(self.spring, p)
             own, single = self._own_and_single(p)
             own &= np.isfinite(extension)
-        if own.any():
-            those = {name: values[own] for name, values in p.items()}
-            alpha[own] = self._launch_speeds(family, those, extension[own])
-        return {"liftoff": extension, "alpha": alpha, "duration": alpha, "own": own, "single": single}
+        refused = dict[int, NoOrbit]()
+        if len(rows := np.flatnonzero(own)):
+            those = {name: values[rows] for name, values in p.items()}
+            alpha[rows], errors = self._launch_speeds(family, those, extension[rows])
+            refused = {int(rows[i]): error for i, error in errors.items()}
+        found = {"liftoff": extension, "alpha": alpha, "duration": alpha}
+        return Guesses(found, own, single, refused)
 
-    def _launch_speeds(self, family: int, p: Mapping[str, np.ndarray], extension: np.ndarray) -> np.ndarray:
-        """The lowest launch speeds (m,) of machines with extensions (m,) at lift-off."""
+    def _launch_speeds(
+        self, family: int, p: Mapping[str, np.ndarray], extension: np.ndarray
+    ) -> tuple[np.ndarray, dict[int, NoOrbit]]:
+        """The lowest launch speeds (m,) of machines with extensions (m,) at lift-off, and by index why one has none."""
         _, slopes = values_and_slopes(self.spring, p, np.column_stack([extension, np.zeros(len(extension))]))
         if self.spring.degree() == 1:
-            return half_angle(family) / np.sqrt(slopes[:, 0])
+            return half_angle(family) / np.sqrt(slopes[:, 0]), {}
         scales = 1 / np.sqrt(np.where(np.isfinite(slopes), slopes, -np.inf).max(axis=1))
-        return lowest_launch_speeds(relative_phase(self.spring, self.threshold.load), p, extension, family, scales)
+        phase, what = relative_phase(self.spring, self.threshold.load), f"spring '{self.spring.text}'"
+        return lowest_launch_speeds(phase, p, extension, family, scales, what)
 
     def _own_and_single(self, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Which of many machines (m,) take integration steps as far as this model lets them, and which have no feature

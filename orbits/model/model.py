@@ -6,12 +6,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..errors import NoOrbit
 from ..io import fields_in_line
 from .phase import Affine, Arc, Phase, Statement
 
 # Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
 # deviation of what noise does to it, independently of the others.
 NOISE = "_noise"
+
+
+class Guesses(NamedTuple):
+    """The guesses of many machines with parameters (m,).
+
+    unknowns : by name (m,), NaN where there is none
+    own : which of them (m,) can be looked at together, by the model that was asked
+    single : whose family (m,) has one orbit as far as `Model.search` tells
+    refused : by index why a machine has no guess
+    """
+
+    unknowns: Mapping[str, Any]
+    own: Any
+    single: Any
+    refused: Mapping[int, NoOrbit]
 
 
 class Search(NamedTuple):
@@ -78,9 +94,7 @@ class Model:
     impact : p -> direction (n,) in which an impact changes the flight state; along it the gap's speed changes by 1
     contact_speed : the contact coordinate that becomes the launch speed
     guess : (family, p) -> a launch and the "duration" of the half flight, in the scene with `homotopy` at 0
-    guesses : `guess` for parameters (m,) by name, as arrays (m,) by name, NaN where there is none; with "own", which
-        machines can be looked at together by this model, and "single", whose family has one orbit as far as `search`
-        tells; None where each machine has to be looked at by itself
+    guesses : (family, parameters (m,) by name) -> `Guesses`; None where each machine has to be looked at by itself
     conservative : whether flight and contact conserve the energy
     homotopy : name of the parameter that leads from the scene of the guess (0) to this one (1); None where they are one
     reduction : the smaller statement that this scene allows; None where there is none

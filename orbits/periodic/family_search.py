@@ -68,19 +68,22 @@ class Lateness:
     def __call__(self, alphas: np.ndarray, which: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """The lateness (k,) at launch speeds (k,) of the machines `which` (k,), the first one for None, and the times
         (k,) of the family's turn, NaN where none comes."""
-        which = np.zeros(len(alphas), int) if which is None else which
-        u, p, limit = (
-            self._unknowns(alphas, which),
-            self._parameters(which),
-            LATEST_TURN * (self.scales[which] + alphas),
-        )
+        return self._followed(alphas, np.zeros(len(alphas), int) if which is None else which)[:2]
+
+    def _followed(self, alphas: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Lateness and times (k,), and which motions (k,) break off, as they run away or come to a singularity."""
+        u, p = self._unknowns(alphas, which), self._parameters(which)
+        limit = LATEST_TURN * (self.scales[which] + alphas)
         states = columns(self.arc.start(u, np.zeros(0), p))
-        times, going = np.zeros(len(alphas)), np.arange(len(alphas))
+        times, going, broken = np.zeros(len(alphas)), np.arange(len(alphas)), np.zeros(len(alphas), bool)
         for turn in range(2 if self.reduction else self.family + 1):
             if not len(going):
                 break
             last, ps = np.full(len(alphas), np.nan), self.ps[which[going]] if len(self.ps) > 1 else self.ps[0]
-            last[going], rows, _ = first_zeros(self.flow, states[going], ps, self._rate, limit[going], int(turn > 0))
+            last[going], rows, failed = first_zeros(
+                self.flow, states[going], ps, self._rate, limit[going], int(turn > 0)
+            )
+            broken[going[[*failed]]] = True
             # In reduced coordinates the extension oscillates: all half periods after the first turn are equal.
             times += last * (self.family if self.reduction and turn else 1)
             states[going] = rows[:, : states.shape[1]]
@@ -89,7 +92,7 @@ class Lateness:
             late = times - self.arc.duration(u, p)
         else:
             late = -np.sum(self.arc.conditions(u, list(states.T), p), axis=0)
-        return np.where(np.isfinite(times), late, limit), times
+        return np.where(np.isfinite(times), late, limit), times, broken
 
     def start(self, alphas: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
         """The unknowns (k, n) of the statement near orbits with launch speeds (k,) of the machines `which` (k,)."""
@@ -116,7 +119,7 @@ class Lateness:
     def cells(self, fastest: float | None = None) -> list[Cells]:
         """Where the orbits of each machine lie."""
         speeds = [self.speeds(search, fastest) for search in self.searches]
-        late, launches, stopped = self._each(speeds), list(map(len, speeds)), [False] * len(speeds)
+        late, launches, stopped = self._first_values(speeds), list(map(len, speeds)), [False] * len(speeds)
         active = list(range(len(speeds)))
         while active:
             halved = {i: each for i in active if len(each := _to_halve(speeds[i], late[i]))}
@@ -130,6 +133,24 @@ class Lateness:
                 launches[i] += len(middle)
         rows = zip(speeds, late, self.scales.tolist(), launches, stopped, strict=True)
         return [_cells_of(*row) for row in rows]
+
+    def _first_values(self, speeds: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """The lateness at the first launch speeds of each machine.
+
+        In reduced coordinates the energy grows with the speed, so that an extension which escapes at one speed does so
+        at every faster one: where that begins is found by halving.
+        """
+        if not self.reduction or len(speeds) == 1:
+            return self._each(speeds)
+        low, high = np.full(len(speeds), -1), np.array(list(map(len, speeds)))  # it does not escape, and it does
+        while len(open_ones := np.flatnonzero(high - low > 1)):
+            middle = (low + high) // 2
+            alphas = np.array([speeds[i][middle[i]] for i in open_ones.tolist()])
+            escapes = self._followed(alphas, open_ones)[2]
+            low[open_ones[~escapes]], high[open_ones[escapes]] = middle[open_ones[~escapes]], middle[open_ones[escapes]]
+        late = self._each([each[:count] for each, count in zip(speeds, high.tolist(), strict=True)])
+        limits = [LATEST_TURN * (scale + each) for scale, each in zip(self.scales.tolist(), speeds, strict=True)]
+        return [np.append(known, limit[len(known) :]) for known, limit in zip(late, limits, strict=True)]
 
     def _each(self, speeds: Sequence[np.ndarray], which: np.ndarray | None = None) -> list[np.ndarray]:
         """The lateness at launch speeds of each machine, or of those `which`."""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import NoOrbit
-from ..model.model import Model
+from ..model.model import Guesses, Model
 from ..model.units import DIMENSIONS, LENGTH, Units
 from .certificate import Certificate, certify, extremes
 from .error_bound import error_bounds
@@ -63,13 +63,13 @@ def lowest_orbits(
     asked = _Family(model, names, ps, family, method, equations)
     guess = model.guesses(family, dict(zip(names, ps.T, strict=True)))
     guessed = _from_guesses(asked, guess)
-    single, found = guess["single"], np.full(len(ps), np.inf)
+    single, found = guess.single, np.full(len(ps), np.inf)
     if guessed:
         found[guessed.which] = guessed.alphas
-    left = np.flatnonzero(guess["own"] & ~(single & np.isfinite(found)))
+    left = np.flatnonzero(guess.own & ~(single & np.isfinite(found)))
     if not len(left) or model.search is None or equations.flows[0].phase.closed_form:
         return [guessed.only(single[guessed.which])] if guessed else [], {}
-    searched, lowest, absent = _from_search(asked, left, found)
+    searched, lowest, absent = _from_search(asked, left, found, guess.refused)
     settled = single & np.isfinite(found)
     settled[[i for i, alpha in lowest.items() if alpha == found[i]]] = True
     parts = [guessed.only(settled[guessed.which])] if guessed else []
@@ -80,27 +80,26 @@ def lowest_orbits(
     return parts, absent
 
 
-def _from_guesses(asked: _Family, guess: Mapping[str, np.ndarray]) -> Orbits | None:
+def _from_guesses(asked: _Family, guess: Guesses) -> Orbits | None:
     """The orbits that the guesses lead to."""
-    which = np.flatnonzero(np.isfinite(guess["alpha"]) & guess["own"])
+    which = np.flatnonzero(np.isfinite(guess.unknowns["alpha"]) & guess.own)
     if not len(which):
         return None
-    us = np.column_stack([guess[name][which] for name in asked.equations.statement.unknowns])
+    us = np.column_stack([guess.unknowns[name][which] for name in asked.equations.statement.unknowns])
     solved, us, evaluation = _solved_together(asked.model, asked.equations, us, asked.ps[which])
     return _certified(asked, which[solved], us, evaluation)
 
 
 def _from_search(
-    asked: _Family, left: np.ndarray, found: np.ndarray
+    asked: _Family, left: np.ndarray, found: np.ndarray, unguessed: Mapping[int, NoOrbit]
 ) -> tuple[Orbits | None, dict[int, float], dict[int, NoOrbit]]:
     """The orbits that a search of some machines (k,) finds; by machine the lowest launch speed, of these and of those
-    `found` (m,), where all below it is known; and why machines have no orbit.
+    `found` (m,), where all below it is known; and why machines have no orbit, of those `unguessed` with a reason.
 
     A machine is left out where the search was stopped, or where a cell that may hold a lower orbit led to none.
     """
     assert asked.model.search is not None
-    parameters = [dict(zip(asked.names, p, strict=True)) for p in asked.ps[left].tolist()]
-    searches = [asked.model.search(p) for p in parameters]
+    searches = [asked.model.search(dict(zip(asked.names, p, strict=True))) for p in asked.ps[left].tolist()]
     lateness = Lateness(asked.model, asked.method, asked.names, asked.ps[left], asked.family, searches)
     cells = lateness.cells()
     owners = np.repeat(np.arange(len(left)), [len(each.cells) for each in cells])
@@ -117,8 +116,8 @@ def _from_search(
             continue
         if np.isfinite(best):
             lowest[machine] = float(best)
-        elif error := _guess_refused(asked.model, asked.family, parameters[k]):
-            absent[machine] = with_search(error, none_found(cells[k]))
+        elif machine in unguessed:
+            absent[machine] = with_search(unguessed[machine], none_found(cells[k]))
     return orbits, lowest, absent
 
 
@@ -141,15 +140,6 @@ def _in_cells(
         return None
     low, high = bounds[orbits.which].T
     return orbits.only((low <= orbits.alphas) & (orbits.alphas <= high))
-
-
-def _guess_refused(model: Model, family: int, p: dict[str, float]) -> NoOrbit | None:
-    """Why a machine's guess fails; None where it does not."""
-    try:
-        model.guess(family, {**p, model.homotopy: 0.0} if model.homotopy else p)
-    except NoOrbit as error:
-        return error
-    return None
 
 
 def _kernel_of(model: Model, equations: Shooting) -> tuple[NewtonKernel, int]:

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from orbits.continuation.newton_kernel import NewtonKernel
 
 from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
 from orbits.continuation.corrector import correct, correct_all, predict_and_correct
@@ -19,6 +18,7 @@ from orbits.continuation.predictor import around
 from orbits.flow.vector_field import FlowControl
 from orbits.periodic.certificate import certify
 from orbits.periodic.find import solve_family
+from orbits.periodic.newton_kernel import NewtonKernel
 from orbits.periodic.single_shooting import Shooting
 from orbits.plot import spread, thumbnails
 from problems import Hopper, Juggler, hopper_in_si, springs

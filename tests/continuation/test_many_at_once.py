@@ -7,7 +7,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
-from orbits.continuation.newton_kernel import NewtonKernel
 from scipy.integrate import solve_ivp
 
 from orbits import FlowError, OutOfRange, ReturnMap, find, simulate
@@ -19,6 +18,7 @@ from orbits.flow.zero_crossing import first_zero, first_zeros, until_zero
 from orbits.hybrid.impacts import Impacts
 from orbits.model.phase import Affine
 from orbits.periodic.formulations import equations_of
+from orbits.periodic.newton_kernel import NewtonKernel
 from orbits.periodic.single_shooting import Shooting, joined
 from orbits.symbolic.calls import BufferedFunction, ElementwiseFunction
 from orbits.symbolic.taylor_series import variations
