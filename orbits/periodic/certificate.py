@@ -26,8 +26,8 @@ from .local_law import by_launch_speed, launch_power, loss_coefficient
 WORST_DRIFT = 1e-8
 # A stationary point this near to the middle of the motion, as a share of its time, is the middle itself.
 MIDDLE = 1e-7
-# Rounding moves the middle by at most this share.
-LARGEST_MIDDLE = 1e-3
+# Rounding moves the middle by at most this share, where small changes grow ten million times on the way there.
+LARGEST_MIDDLE = 0.1
 # The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
 # share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
 STATIONARY = 1e-6
