@@ -15,9 +15,9 @@ from ..periodic.find import LARGEST_FAMILY
 from .designs import Members
 
 OUTCOMES = ("find", "map", "fixed_points")
-# The members of a chunk, which is solved together and stored at once. It is part of the question, since the last digit
-# of an answer might depend on it.
-CHUNK = 256
+# The members of a chunk, which is solved together and stored at once: enough that calls of machine code are full, few
+# enough that a crash costs seconds. It is part of the question, since the last digit of an answer might depend on it.
+CHUNK = 1024
 LAUNCH_SPEED = "alpha"  # the name by which a sweep of the return map asks for a launch speed
 # Columns of every answer, by outcome, with their types; an integer that is missing is NaN.
 COLUMNS_OF: dict[str, dict[str, type]] = {

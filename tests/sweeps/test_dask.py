@@ -29,8 +29,8 @@ def test_a_cluster_gives_the_same_answer_while_a_worker_is_killed(cluster):
             killed.append(pids[0])
             os.kill(pids[0], signal.SIGKILL)
 
-    found = sweep(Hopper("cubic"), OVER, 12 * CHUNK, client=cluster, progress=kill_once)
-    expected = sweep(Hopper("cubic"), OVER, 12 * CHUNK)
+    found = sweep(Hopper("cubic"), OVER, 5 * CHUNK, client=cluster, progress=kill_once)
+    expected = sweep(Hopper("cubic"), OVER, 5 * CHUNK)
     assert killed
     for name, column in expected.columns.items():
         assert (found.columns[name] == column).all(), name

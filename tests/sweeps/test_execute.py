@@ -76,9 +76,9 @@ def test_a_worker_that_is_killed_costs_a_retry(tmp_path):
             os.kill(victim.pid, signal.SIGKILL)
 
     options = {"executor": "processes", "workers": 2, "store": tmp_path / "study.db", "progress": kill_once}
-    found = sweep(Hopper("cubic"), OVER, 6 * CHUNK, **options)
+    found = sweep(Hopper("cubic"), OVER, 4 * CHUNK, **options)
     assert killed
-    assert_same(found, sweep(Hopper("cubic"), OVER, 6 * CHUNK))
+    assert_same(found, sweep(Hopper("cubic"), OVER, 4 * CHUNK))
 
 
 def test_what_cannot_be_sent_is_refused():

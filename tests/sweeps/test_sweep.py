@@ -8,6 +8,7 @@ from scipy.stats import norm
 
 from orbits import InputError, NoOrbit, find, quantities
 from orbits.sweeps.answer import Sweep
+from orbits.sweeps.question import CHUNK
 from orbits.sweeps.sweep import sweep
 from problems import Hopper, Juggler, hopper_in_si
 
@@ -116,13 +117,14 @@ def test_a_store_is_gone_on_with_and_read(tmp_path):
         if len(states) == 2:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt, match=r"512 of 700 members are in .*study\.db"):
-        sweep(machine, over, 700, store=path, progress=stop)
-    assert len(Sweep.load(path)) == 512
+    count = 2 * CHUNK + 100
+    with pytest.raises(KeyboardInterrupt, match=rf"{2 * CHUNK} of {count} members are in .*study\.db"):
+        sweep(machine, over, count, store=path, progress=stop)
+    assert len(Sweep.load(path)) == 2 * CHUNK
     later = []
-    found = sweep(machine, over, 700, store=path, progress=later.append)
-    assert [state.done for state in later] == [700]
-    expected = sweep(machine, over, 700)
+    found = sweep(machine, over, count, store=path, progress=later.append)
+    assert [state.done for state in later] == [count]
+    expected = sweep(machine, over, count)
     for name, column in expected.columns.items():
         np.testing.assert_array_equal(found.columns[name], column, err_msg=name)
     loaded = Sweep.load(path, machine)
