@@ -234,11 +234,9 @@ def tables(row: Row, full: bool, seed: int):
                 machine = Hopper(springs.table(pairs))
                 alphas = ordered.setdefault((count, noise), [])
 
-                def check(orbit, machine=machine, alphas=alphas, twice=name == "repeated"):
+                def check(orbit, machine=machine, alphas=alphas):
                     alphas.append(orbit.alpha)
-                    # A row that is there twice weighs more in the mean: far less than the noise moves alpha.
-                    moved = 0.01 * (orbit.certificate.alpha_noise or 0.0) if twice else 0.0
-                    if not np.ptp(alphas) <= moved + 1e-12 * orbit.alpha:
+                    if not np.ptp(alphas) <= 1e-12 * orbit.alpha:
                         return f"the order of rows matters: {alphas}"
                     return by_another_integrator(machine, 1)(orbit)
 
