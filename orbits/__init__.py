@@ -1,6 +1,5 @@
 """Lossless periodic orbits of machines with plastic contact: found, certified, followed, controlled and designed."""
 
-from .continuation.existence import Existence, existence
 from .continuation.family import End, Event, Family, Point
 from .continuation.folds import fold_statement, follow_fold
 from .continuation.follow import follow, follow_branch, orbit_at, trace
@@ -26,6 +25,7 @@ from .periodic.certificate import Certificate
 from .periodic.find import METHODS, find, find_all
 from .periodic.orbit import Orbit
 from .sweeps.answer import Sweep
+from .sweeps.existence import Existence, existence
 from .sweeps.sweep import SweepProgress, sweep
 from .sweeps.uncertainty import Uncertainty, uncertainty
 

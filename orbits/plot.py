@@ -167,28 +167,6 @@ def thumbnails(axes: Axes, family: Any, orbits: Iterable[tuple[Any, Any]], quant
     return axes
 
 
-def plot_existence(diagram: Any, axes: Axes | None = None) -> Axes:
-    """Plot where a family has orbits in two parameters (light) and where they are motions (dark); return the axes."""
-    axes = axes or new_axes(6.0, 4.5)
-    values = np.array(diagram.values)
-    edges = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]])
-    for row, (low, high) in enumerate(pairwise(edges)):
-        for admissible, colour in ((False, PALE), (True, COLOURS[0])):
-            bars = [(a, b - a) for a, b, motion in diagram.stretches(row) if motion == admissible]
-            axes.broken_barh(bars, (low, high - low), fc=colour, lw=0, zorder=1 + admissible)
-        if diagram.unknown(row):
-            axes.axhspan(low, high, fc="none", ec="0.8", hatch="///", lw=0, zorder=0)
-    rows = zip(values, diagram.rows, strict=True)
-    events = [(value, event) for value, row in rows for family in row for event in family.events]
-    if folds := [(event.point.value, value) for value, event in events if event.kind == "fold"]:
-        axes.plot(*zip(*folds, strict=True), "o", color="0.15", mfc="white", ms=3.5, label="fold", zorder=4)
-    for label, colour in (("motions", COLOURS[0]), ("no motions", PALE)):
-        axes.fill_between([], [], color=colour, label=label)
-    if any(map(diagram.unknown, range(len(values)))):
-        axes.fill_between([], [], fc="none", ec="0.8", hatch="///", lw=0, label="not known")
-    return _finished(axes, BELOW, xlabel=diagram.heading(diagram.along), ylabel=diagram.heading(diagram.across))
-
-
 def plot_front(front: Any, axes: Axes | None = None) -> Axes:
     """Plot a Pareto front of two objectives; an objective "-alpha" is shown by the value of alpha. Return the axes."""
     axes = axes or new_axes(5.4, 4.2)

@@ -24,6 +24,7 @@ Examples:
   orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact on the way
   orbits optimize leg.toml --plot best.png             the best design, as [design] in the file asks
   orbits sweep --spring cubic --over beta=0:1 --over mass_ratio=0.1:10:log --samples 1000 --output hops.csv
+  orbits existence --spring cubic --along beta=-0.02:0.1 --across rest_length=6:20 --colour alpha --plot where.png
 
 \b
 Completion of commands and options by the shell, from a line in its start file:
@@ -277,13 +278,53 @@ def sweep_command(
         machine, axes if table is None else None, samples if table is None else table, sampling=sampling, seed=seed,
         family=options.numbers("--family", families, int), quantities=options.formulas(quantities), outcome=outcome,
         between=None if between is None else tuple(options.numbers("--between", between, float, ":")),
-        executor=None if workers in (None, 1) else "processes", workers=None if workers == 1 else workers,
         store=store, fresh=store is not None and not resume,
+        **options.computed_by(workers),
     )  # fmt: skip
     if plot is not None:
         save_figure(answer.plot(), plot)
     options.write(answer, as_json, save=output)
     if not answer.found:
+        raise click.exceptions.Exit(1)
+
+
+@orbits.command(
+    "existence",
+    epilog="\b\nExit code: 0 done; 1 where no member has an orbit, 2 bad input.",
+)
+@options.machine_options
+@click.option("--along", required=True, metavar="NAME=LOW:HIGH[:log]", help="The parameter of the rows.")
+@click.option("--across", required=True, metavar="NAME=RANGE", help="That from row to row: as --along, or V1,V2,...")
+@options.family_option("As in find.")
+@click.option("--samples", default="100", show_default=True, metavar="N[,M]", help="Values along and across.")
+@click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
+@click.option("--colour", metavar="QUANTITY", help="Colour the figure by a quantity.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute.")
+@options.json_option
+@options.file_option("--output", "diagram", "Write the diagram: .json or .nc; its rows: .csv.")
+@options.plot_option
+def existence_command(
+    along: str, across: str, family: int, samples: str, quantities: str | None, colour: str | None,
+    workers: int | None, as_json: bool, output: str | None, plot: str | None, **stated: Any,
+) -> None:  # fmt: skip
+    """Find where orbits exist in two parameters, and where they are motions."""
+    from orbits.plot import save_figure
+    from orbits.sweeps.existence import existence
+
+    (row, between), (column, values) = (
+        options.swept_axis(*each) for each in (("--along", along), ("--across", across))
+    )
+    machine = options.machine_of(**options.with_first_values(stated, {row: between, column: values}, None))
+    asked, counts = options.formulas(quantities), options.numbers("--samples", samples, int)
+    diagram = existence(
+        machine, row, between, column, values, family, samples=counts[0] if len(counts) == 1 else tuple(counts),
+        quantities=asked if colour in (None, "alpha", "flight_time", "error", *asked) else [*asked, colour],
+        **options.computed_by(workers),
+    )  # fmt: skip
+    if plot is not None:
+        save_figure(diagram.plot(colour), plot)
+    options.write(diagram, as_json, save=output)
+    if not diagram.grid.found:
         raise click.exceptions.Exit(1)
 
 

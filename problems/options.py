@@ -68,7 +68,7 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
             if kind == "animation":
                 return str(check_animation(path))
             endings = {"document": DOCUMENTS, "front": (*DOCUMENTS, ".csv"), "figure": FIGURES, "family": ENDINGS}
-            endings["sweep"] = (".csv", ".nc", ".parquet", ".json")
+            endings |= {"sweep": (".csv", ".nc", ".parquet", ".json"), "diagram": (".json", ".csv", ".nc")}
             check_path(path, endings.get(kind, ENDINGS[:2]))
         return path
 
@@ -127,37 +127,42 @@ def swept_members(over: Sequence[str], designs: str | None) -> tuple[dict[str, A
         raise InputError("a sweep is --over NAME=RANGE, repeatable, or --from FILE.csv")
     axes: dict[str, Any] = {}
     for text in over:
-        name, equals, stated = text.partition("=")
-        name = name.strip()
-        if not equals or not name.isidentifier():
-            raise InputError(f"--over {text!r} is not of the form NAME=LOW:HIGH")
+        name, axis = swept_axis("--over", text)
         if name in axes:
             raise InputError(f"--over gives {name!r} twice")
-        axes[name] = _swept_axis(text, stated.strip())
+        axes[name] = axis
     return axes, None if designs is None else read_designs(designs)
 
 
-def _swept_axis(option: str, text: str) -> Any:
-    """The range, the values or the distribution that a text states."""
-    if found := re.fullmatch(r"norm\(([^,()]+),([^,()]+)\)", text):
+def swept_axis(option: str, text: str) -> tuple[str, Any]:
+    """The parameter's name in NAME=RANGE, and the range, the values or the distribution that is stated for it; raises
+    `InputError` for anything else."""
+    from orbits.errors import InputError
+
+    name, equals, stated = (part.strip() for part in text.partition("="))
+    wrong = InputError(f"{option} {text!r} is not of the form NAME=LOW:HIGH or NAME=LOW:HIGH:log")
+    if not equals or not name.isidentifier():
+        raise wrong
+    if found := re.fullmatch(r"norm\(([^,()]+),([^,()]+)\)", stated):
         from scipy.stats import norm
 
-        from orbits.errors import InputError
-
-        mean, deviation = numbers("--over", ",".join(found.groups()), float)
+        mean, deviation = numbers(option, ",".join(found.groups()), float)
         if not deviation > 0:
-            raise InputError(f"--over {option!r}: a standard deviation is above 0")
-        return norm(mean, deviation)
-    if ":" not in text:
-        return numbers("--over", text, float)
-    ends, _, last = text.rpartition(":")
+            raise InputError(f"{option} {text!r}: a standard deviation is above 0")
+        return name, norm(mean, deviation)
+    if ":" not in stated:
+        return name, numbers(option, stated, float)
+    ends, _, last = stated.rpartition(":")
     logarithmic = last == "log"
-    low, *high = numbers("--over", ends if logarithmic else text, float, ":")
+    low, *high = numbers(option, ends if logarithmic else stated, float, ":")
     if len(high) != 1:
-        from orbits.errors import InputError
+        raise wrong
+    return name, (low, high[0], "log") if logarithmic else (low, high[0])
 
-        raise InputError(f"--over {option!r} is not of the form NAME=LOW:HIGH or NAME=LOW:HIGH:log")
-    return (low, high[0], "log") if logarithmic else (low, high[0])
+
+def computed_by(workers: int | None) -> dict[str, Any]:
+    """What a sweep is told of --workers."""
+    return {"executor": "processes", "workers": workers} if workers and workers > 1 else {}
 
 
 def with_first_values(stated: dict[str, Any], axes: dict[str, Any], table: Any) -> dict[str, Any]:

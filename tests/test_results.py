@@ -11,6 +11,7 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from orbits import (
     Guess,
@@ -26,6 +27,8 @@ from orbits import (
     pareto,
     simulate,
     steer,
+    sweep,
+    uncertainty,
 )
 from orbits.continuation import checkpoint
 from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, gravity, hopper_in_si, juggler_in_si, springs
@@ -136,7 +139,7 @@ def made(kind: str):
         "Event": lambda: family().events[0],
         "End": lambda: family().end,
         "Orbit of a family": lambda: orbit_at(cubic, "beta", family()[-1], "relative"),
-        "Existence": lambda: existence(cubic, "beta", (0.28, 0.32), "mass_ratio", [0.5, 0.6]),
+        "Existence": lambda: existence(cubic, "beta", (0.28, 0.32), "mass_ratio", [0.5, 0.6], samples=3),
         "Hops": lambda: ReturnMap(cubic)([[2.0, 4.0], [4.5, 7.0]]),
         "ReturnMap": lambda: ReturnMap(cubic, inject=0.03),
         "FixedPoint": lambda: ReturnMap(Hopper(), inject=0.03).fixed_points(4, 5)[0],
@@ -145,12 +148,15 @@ def made(kind: str):
         "Control": lambda: steer([stage()], guess=[Guess(1.0, lambda t: [t, 1.0])]),
         "Design": lambda: optimize(leg, minimise="loss_coefficient", **over),
         "Front": lambda: pareto(leg, minimise=("-centre_of_mass_rise", "largest_contact_force"), points=2, **over),
+        "Sweep": lambda: sweep(leg, {"k": [3e3, 5e3], "body_mass": [55.0, 60.0]}, quantities=["stroke"]),
+        "Uncertainty": lambda: uncertainty(leg, {"k": norm(5e3, 100.0)}, samples=16),
     }[kind]()
 
 
 RESULTS = (
     *("Orbit", "Orbit in SI", "Certificate", "Trajectory", "Family", "Point", "Event", "End"),
     *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Design", "Front"),
+    *("Sweep", "Uncertainty"),
 )
 
 
@@ -164,6 +170,8 @@ def same(a, b) -> bool:
         return a.keys() == b.keys() and all(same(a[name], b[name]) for name in a)
     if isinstance(a, tuple | list):
         return len(a) == len(b) and all(map(same, a, b))
+    if hasattr(a, "ppf"):
+        return (a.dist.name, a.args, a.kwds) == (b.dist.name, b.args, b.kwds)
     if isinstance(a, ReturnMap):
         return (a.machine, a.inject, a.cap) == (b.machine, b.inject, b.cap)
     if is_dataclass(a) and not hasattr(a, "model"):

@@ -38,7 +38,7 @@ class Axis:
             return np.array(self.values)[np.minimum((shares * len(self.values)).astype(int), len(self.values) - 1)]
         if self.logarithmic:
             return np.clip(self.low * (self.high / self.low) ** shares, self.low, self.high)
-        return self.low + shares * (self.high - self.low)
+        return (1 - shares) * self.low + shares * self.high
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,27 @@
-"""Figures of sweeps: a line, a map, or a matrix of scatter plots, by the number of parameters."""
+"""Figures of sweeps: a line, a map, or a matrix of scatter plots, by the number of parameters; and diagrams."""
 
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
-from ..plot import COLOURS, Axes, new_axes, new_row
+from ..plot import COLOURS, PALE, Axes, new_axes, new_row
 
 MAP = "viridis"  # of colours; it is read in print and by colour-blind readers
 LEVELS = 8  # contours of a map
+# How parts of a diagram look, by the status of the members there, and the edges between them.
+LOOKS: dict[str, dict[str, Any]] = {
+    "certified": {"fc": COLOURS[0], "ec": COLOURS[0], "lw": 0.2, "label": "motions"},
+    "inadmissible": {"fc": PALE, "ec": PALE, "lw": 0.2, "label": "no motions"},
+    "no orbit": {"fc": "white", "ec": "white", "lw": 0.2, "zorder": 1.5},
+    "failed": {"fc": "white", "ec": "0.8", "hatch": "///", "lw": 0, "label": "not known", "zorder": 1.6},
+}
+EDGES: dict[str, dict[str, Any]] = {
+    "edge of the orbits": {"color": "0.1", "lw": 1.4, "zorder": 3},
+    "edge of the motions": {"color": COLOURS[1], "lw": 1.4, "zorder": 3},
+}
 MOTIONS = ("certified", "lifts_off")  # statuses of members that are as one wants them
 
 
@@ -74,6 +87,75 @@ def _surface(sweep: Any, quantity: str, axes: Axes) -> Axes:
             axes.plot(x[others], y[others], "o", mfc="none", mec="0.3", ms=4, mew=0.5, label="no motion")
     axes.figure.colorbar(drawn, ax=axes, label=_axis_label(sweep, quantity))
     return _labelled(axes, sweep, across, up, legend=bool(axes.get_legend_handles_labels()[1]))
+
+
+def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None = None) -> Axes:
+    """Plot where a family has orbits in two parameters (light) and where they are motions (dark), or a quantity of the
+    orbits in colours, and the edges of both; return the axes."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    axes, sweep = axes or new_axes(6.4, 4.8), diagram.grid
+    cells = list(_cells(diagram))
+    looks = LOOKS if quantity is None else {status: LOOKS[status] for status in ("no orbit", "failed")}
+    if quantity is not None:
+        x, y, z = (sweep[name].reshape(sweep.about["shape"]) for name in (*sweep.parameters, quantity))
+        drawn = axes.pcolormesh(x, y, _beyond_edges(z), cmap=MAP, shading="nearest", rasterized=True)
+        axes.figure.colorbar(drawn, ax=axes, label=_axis_label(sweep, quantity))
+    for status, look in looks.items():
+        if shown := [polygon for polygons, _ in cells for own, polygon in polygons if own == status]:
+            axes.add_collection(PolyCollection(shown, **look))
+    for kind, style in EDGES.items():
+        if pieces := [piece for _, lines in cells for own, piece in lines if own == kind]:
+            axes.add_collection(LineCollection(pieces, label=kind, **style))
+    axes.set(xlim=diagram.between, ylim=(diagram.values[0], diagram.values[-1]))
+    axes.locator_params(axis="x", nbins=6)
+    return _labelled(axes, sweep, *sweep.parameters, legend=True)
+
+
+def _beyond_edges(z: np.ndarray) -> np.ndarray:
+    """The values (m, n) on a grid, where there are none the mean of the neighbours', so that colours reach to edges
+    between the nodes."""
+    padded = np.pad(z, 1, constant_values=np.nan)
+    around = np.ma.masked_invalid(np.lib.stride_tricks.sliding_window_view(padded, (3, 3)))
+    return np.ma.where(np.isfinite(z), z, around.mean(axis=(2, 3)))
+
+
+def _cells(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
+    """For each cell of a diagram's grid its polygons, each with the status in it, and its pieces of edges, each with
+    what it is the edge of.
+
+    The boundaries on the sides of a cell are joined, two by a line and more by lines to their middle.
+    """
+    found, statuses = diagram.boundaries, diagram.statuses.T
+    x, y = diagram.grid[diagram.along].reshape(statuses.shape)[:, 0], np.array(diagram.values)
+    sides: dict[tuple[int, int, bool], list[Any]] = {}
+    for (i, j), along, point, pair in zip(*(part.tolist() for part in found), strict=True):
+        sides.setdefault((i, j, along), []).append((point, tuple(pair)))
+    for side in sides.values():
+        side.sort()
+    for i, j in np.ndindex(len(x) - 1, len(y) - 1):
+        ways = ((i, j, True), 1), ((i + 1, j, False), 1), ((i, j + 1, True), -1), ((i, j, False), -1)
+        corners = [(x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1])]
+        round_it: list[Any] = []  # corners, without a status, and boundaries, with those before and behind
+        for corner, (side, way) in zip(corners, ways, strict=True):
+            round_it.append((corner, None))
+            round_it.extend((point, pair[::way]) for point, pair in sides.get(side, [])[::way])
+        cuts = [k for k, (_, pair) in enumerate(round_it) if pair]
+        if not cuts:
+            yield [(statuses[i, j], corners)], []
+            continue
+        middle = np.mean([round_it[k][0] for k in cuts], axis=0)
+        inner = [middle] if len(cuts) > 2 else []
+        polygons = []
+        for start, end in pairwise([*cuts, cuts[0] + len(round_it)]):
+            arc = [round_it[k % len(round_it)][0] for k in range(start, end + 1)]
+            polygons.append((round_it[start][1][1], arc + inner))
+        yield polygons, [(_edge_of(round_it[k][1]), [round_it[k][0], middle]) for k in cuts]
+
+
+def _edge_of(pair: tuple[str, str]) -> str:
+    """What a boundary between two statuses is the edge of."""
+    return "edge of the motions" if "no orbit" not in pair else "edge of the orbits"
 
 
 def _matrix(sweep: Any, quantity: str) -> Axes:

@@ -5,7 +5,7 @@ from dataclasses import FrozenInstanceError, fields
 import numpy as np
 import pytest
 
-from orbits import InputError, NoOrbit, StepControl, existence, follow, follow_fold, trace
+from orbits import InputError, NoOrbit, StepControl, follow, follow_fold, trace
 from orbits.continuation.corrector import predict_and_correct
 from problems import Hopper
 
@@ -106,7 +106,5 @@ def test_every_way_along_a_curve_takes_them():
         _, orbit, *_ = trace(machine, "beta", 1.0, **options)
         yield orbit.machine["parameters"]["beta"]
         yield follow_fold(machine, fold, "beta", "delta", 3e-5, **options)[1].value
-        diagram = existence(machine, "beta", (-0.001, 0.001), "delta", [0.0, 1e-6], **options)
-        yield diagram.rows[0][0][1].value
 
     assert list(second_values(1e-2)) == pytest.approx([10 * value for value in second_values(1e-3)], rel=0.1)

@@ -1,0 +1,269 @@
+"""Where the orbits of a family exist in two parameters, and where they are motions.
+
+The orbits of a grid of machines say it roughly. Wherever two neighbours on the grid differ, the boundary between them
+is then located by bisection, for all pairs of neighbours together.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..design.many import DESIGN_STATUSES, solved_designs
+from ..errors import InputError, whole_number
+from ..io import check_ending, fields_in_line, to_json, write_table, writing
+from ..model.machine import Machine
+from ..periodic.find import LARGEST_FAMILY
+from ..symbolic import interrupts
+from .answer import Sweep
+from .designs import Axis, axis_of
+from .show import on_screen
+from .sweep import SweepProgress, sweep
+
+# Boundaries are located to this share of the range of a parameter.
+ACCURACY = 1e-6
+# Statuses of members that have an orbit, the first of them a motion.
+WITH_ORBIT = ("certified", "inadmissible")
+# Endings of the files that a diagram is saved to.
+DIAGRAMS = (".json", ".csv", ".nc")
+
+
+class Boundaries(NamedTuple):
+    """Where neighbours on the grid differ: the nodes (k, 2) before each boundary by their places along and across,
+    whether it lies along the row (k,), the points (k, 2), and the statuses (k, 2) before and behind."""
+
+    nodes: np.ndarray
+    in_row: np.ndarray
+    points: np.ndarray
+    statuses: np.ndarray
+
+
+class Stretch(NamedTuple):
+    """Part of a row: from one value to another, with the status of its orbits."""
+
+    low: float
+    high: float
+    status: str
+
+
+@dataclass(frozen=True, eq=False)
+class Existence:
+    """An existence and admissibility diagram: the orbits of least launch speed on a grid of two parameters.
+
+    along, across : names of the two parameters
+    values : of `across`, one for each row, ascending
+    grid : the members on the grid, `along` first
+    boundaries : the points between neighbours that differ, each located to `ACCURACY` of its parameter's range
+    """
+
+    along: str
+    across: str
+    values: tuple[float, ...]
+    grid: Sweep
+    boundaries: Boundaries
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "along", "across", "values")
+
+    def __str__(self) -> str:
+        lines = [str(self.grid), f"  motions for {self.along} by {self.heading(self.across)}:"]
+        for row, value in enumerate(self.values):
+            told = ", ".join(f"{low:.8g} to {high:.8g}" for low, high in self.motions(row)) or "none"
+            lines.append(f"  {value:<12.6g}{told}{', in part not known' if self.unknown(row) else ''}")
+        return "\n".join(lines)
+
+    @property
+    def between(self) -> tuple[float, float]:
+        """The ends of the rows."""
+        places = self.grid[self.along]
+        return float(places.min()), float(places.max())
+
+    def row(self, row: int) -> list[Stretch]:
+        """A row in stretches of one status each, ascending; neighbours on the grid that agree count as one."""
+        found, (low, high) = self.boundaries, self.between
+        these = np.flatnonzero(found.in_row & (found.nodes[:, 1] == row))
+        these = these[np.argsort(found.points[these, 0], kind="stable")]
+        ends = pairwise([low, *found.points[these, 0].tolist(), high])
+        statuses = [str(self.statuses[row, 0]), *found.statuses[these, 1].tolist()]
+        return [Stretch(*pair, status) for pair, status in zip(ends, statuses, strict=True)]
+
+    @property
+    def statuses(self) -> np.ndarray:
+        """The statuses on the grid (rows, places along)."""
+        shape = self.grid.about["shape"]
+        return self.grid["status"].reshape(shape).T
+
+    def stretches(self, row: int) -> list[tuple[float, float, bool]]:
+        """Where a row has orbits: (from, to, whether they are motions)."""
+        return [(low, high, status == WITH_ORBIT[0]) for low, high, status in self.row(row) if status in WITH_ORBIT]
+
+    def motions(self, row: int) -> list[tuple[float, float]]:
+        """The intervals on which a row has an orbit that is a motion, ascending and apart."""
+        return [(low, high) for low, high, motion in self.stretches(row) if motion]
+
+    def unknown(self, row: int) -> bool:
+        """Whether a row may be incomplete, since a member of it has failed."""
+        return any(status == "failed" for _, _, status in self.row(row))
+
+    def heading(self, name: str) -> str:
+        """The name of a parameter or quantity with its unit, if it has one."""
+        return self.grid.heading(name)
+
+    def edges(self, of_motions: bool) -> np.ndarray:
+        """The points (k, 2) at which motions begin or end, or else orbits."""
+        inside = np.isin(self.boundaries.statuses, WITH_ORBIT[: 1 if of_motions else 2])
+        return self.boundaries.points[inside[:, 0] != inside[:, 1]]
+
+    def plot(self, quantity: str | None = None, axes: Any = None) -> Any:
+        """Plot the diagram, coloured by a quantity if one is named; returns the axes."""
+        from .figures import plot_existence
+
+        if quantity is not None and quantity not in self.grid.numbers:
+            raise InputError(f"the diagram has no quantity '{quantity}'; it has {', '.join(self.grid.numbers)}")
+        return plot_existence(self, quantity, axes)
+
+    def document(self) -> dict[str, Any]:
+        """The diagram as JSON-ready data: the rows in stretches, the boundaries, and the members on the grid."""
+        swept, found = self.grid.document(), self.boundaries
+        rows = [
+            {"value": value, "stretches": [part._asdict() for part in self.row(row)]}
+            for row, value in enumerate(self.values)
+        ]
+        parts = zip(found.points.tolist(), found.statuses.tolist(), found.in_row.tolist(), strict=True)
+        told = [{"point": point, "statuses": statuses, "in_row": along} for point, statuses, along in parts]
+        own = {"along": self.along, "across": self.across, "between": list(self.between), "accuracy": ACCURACY}
+        return own | {"rows": rows, "boundaries": told} | swept
+
+    @property
+    def dataset(self) -> Any:
+        """The diagram as an `xarray.Dataset`: the grid's, and the boundaries along "boundary"."""
+        found = self.boundaries
+        columns = {"boundary_" + name: found.points[:, k] for k, name in enumerate((self.along, self.across))}
+        columns |= {"boundary_" + name: found.statuses[:, k].astype(str) for k, name in enumerate(("before", "behind"))}
+        return self.grid.dataset.assign({name: ("boundary", values) for name, values in columns.items()})
+
+    def save(self, path: str | Path) -> Path:
+        """Write the whole diagram to .json or, with the extra `data`, to .nc (NetCDF); or to .csv the stretches of its
+        rows."""
+        path = check_ending(path, DIAGRAMS)
+        ending = path.suffix.lower()
+        if ending == ".csv":
+            names = [self.heading(self.across), *(f"{side} {self.heading(self.along)}" for side in ("from", "to"))]
+            stretches = ([value, *part] for row, value in enumerate(self.values) for part in self.row(row))
+            return write_table([*names, "status"], stretches, path, "diagram")
+        with writing("diagram", path):
+            if ending == ".nc":
+                self.dataset.to_netcdf(path)
+            else:
+                path.write_text(to_json(self.document()) + "\n", encoding="utf-8")
+        return path
+
+
+def existence(
+    machine: Machine,
+    along: str,
+    between: tuple[Any, ...],
+    across: str,
+    values: Sequence[float] | tuple[Any, ...],
+    family: int = 1,
+    *,
+    samples: int | tuple[int, int] = 100,
+    quantities: Sequence[str] = (),
+    progress: Callable[[SweepProgress], None] | bool | None = None,
+    **options: Any,
+) -> Existence:
+    """Where the orbits of a family exist in two parameters, and where they are motions.
+
+    machine : as in `find`, with `with_values`; of its own values only the others count
+    along, between : the parameter of the rows, and their ends, (low, high) or (low, high, "log")
+    across, values : the parameter that differs from row to row, and a list of its values, or a range as `between`
+    samples : the number of values of a range, or a pair of them, along and across
+    quantities : as in `sweep`
+    progress : called with a `SweepProgress`; True shows a line, and None does so on a terminal
+    options : `executor`, `workers`, `client`, `store` and `fresh` of `sweep`, for the grid
+
+    A machine has the orbit of least launch speed or none. The boundaries are located to 1e-6 of a parameter's range
+    wherever neighbours on the grid differ; what lies between two neighbours that agree is not seen.
+    """
+    whole_number("family", family, most=LARGEST_FAMILY)
+    if along == across:
+        raise InputError(f"a diagram in '{along}' needs another parameter besides")
+    row, column = axis_of(along, between), axis_of(across, values)
+    if row.values or row.distribution is not None or column.distribution is not None:
+        raise InputError(f"between = {between!r} is a range, (low, high); values = {values!r} a list or a range")
+    if column.values:
+        listed = sorted(set(column.values))
+        column = replace(column, values=tuple(listed), low=listed[0], high=listed[-1])
+    counts = samples if isinstance(samples, tuple) else (samples, samples)
+    if len(counts) != 2 or counts[0] == 1:
+        raise InputError(f"samples = {samples!r}: a diagram has at least two values along its rows, or a pair, (N, M)")
+    over = {along: between, across: list(column.values) or values}
+    grid = sweep(
+        machine, over, (counts[0], len(column.values) or counts[1]), sampling="grid", family=family,
+        quantities=quantities, progress=progress, **options,
+    )  # fmt: skip
+    scales = row, replace(column, values=())
+
+    def statuses_at(shares: np.ndarray) -> np.ndarray:
+        points = np.column_stack([axis.at(share) for axis, share in zip(scales, shares.T, strict=True)])
+        return solved_designs(machine, (along, across), points, family, {}).statuses
+
+    rows = tuple(grid[across].reshape(grid.about["shape"])[0].tolist())
+    shares = np.linspace(0, 1, grid.about["shape"][0]), _shares(column, rows)
+    statuses = grid["status"].reshape(grid.about["shape"])
+    boundaries = _located(statuses, shares, statuses_at, on_screen(progress))
+    points = np.column_stack([axis.at(share) for axis, share in zip(scales, boundaries.points.T, strict=True)])
+    return Existence(along, across, rows, grid, boundaries._replace(points=points))
+
+
+def _shares(axis: Axis, values: Sequence[float]) -> np.ndarray:
+    """The shares (m,) of the range of an axis at which its values lie."""
+    if not axis.values:
+        return np.linspace(0, 1, len(values))
+    return (np.array(values) - axis.low) / ((axis.high - axis.low) or 1.0)
+
+
+def _located(
+    statuses: np.ndarray,
+    shares: tuple[np.ndarray, np.ndarray],
+    statuses_at: Callable[[np.ndarray], np.ndarray],
+    show: Callable[[SweepProgress], None],
+) -> Boundaries:
+    """The boundaries of a grid with statuses (m, n) at shares of the ranges along (m,) and across (n,), their points in
+    shares too. Where a third status is met between two neighbours, there are two boundaries."""
+    nodes = np.concatenate(differing := [np.argwhere(np.diff(codes_of(statuses), axis=axis)) for axis in (0, 1)])
+    in_row = np.repeat([True, False], list(map(len, differing)))
+    steps = np.where(in_row[:, None], [1, 0], [0, 1])
+    low, high = (np.column_stack([share[k] for share, k in zip(shares, at.T, strict=True)])
+                 for at in (nodes, nodes + steps))  # fmt: skip
+    parts = np.column_stack([statuses[tuple(at.T)] for at in (nodes, nodes + steps)])
+    began, done, told = perf_counter(), 0, Counter[str]()
+    while len(wide := np.flatnonzero((high - low).max(axis=1, initial=0) > ACCURACY)):
+        interrupts.check()
+        middle = 0.5 * (low[wide] + high[wide])
+        found = statuses_at(middle)
+        before, behind = (found == parts[wide, side] for side in (0, 1))
+        other = ~(before | behind)
+        # A third status parts the pair in two: the one from it on is new.
+        nodes, in_row = (np.concatenate([each, each[wide[other]]]) for each in (nodes, in_row))
+        added = np.column_stack([found[other], parts[wide[other], 1]])
+        tops = high[wide[other]]
+        low[wide[before]], high[wide[~before]] = middle[before], middle[~before]
+        parts[wide[other], 1] = found[other]
+        low, high = np.concatenate([low, middle[other]]), np.concatenate([high, tops])
+        parts = np.concatenate([parts, added])
+        done, told = done + len(wide), told + Counter(found.tolist())
+        rounds = np.log2(np.maximum((high - low).max(axis=1) / ACCURACY, 1.0))
+        left, seconds = int(np.ceil(rounds).sum()), perf_counter() - began
+        show(SweepProgress(done, done + left, dict(told), seconds, left * seconds / done))
+    return Boundaries(nodes, in_row, 0.5 * (low + high), parts)
+
+
+def codes_of(statuses: np.ndarray) -> np.ndarray:
+    """Statuses as whole numbers of the same shape."""
+    return np.searchsorted(np.sort(DESIGN_STATUSES), statuses.astype(str))

@@ -1,0 +1,152 @@
+"""Diagrams in two parameters, against the folds and events of single families."""
+
+import json
+
+import numpy as np
+import pytest
+
+from orbits import InputError, existence, find, follow, follow_fold, quantities
+from problems import Hopper, Juggler
+
+MACHINE = Hopper("r + beta*r**3 + delta*r**5", rest_length=30.0, parameters={"beta": 0.0, "delta": 0.0})
+BETWEEN, DELTAS = (-0.02, 0.01), [-4e-5, 0.0, 3e-5]
+TO_ACCURACY = 1e-6 * (BETWEEN[1] - BETWEEN[0])
+
+
+@pytest.fixture(scope="module")
+def diagram():
+    return existence(MACHINE, "beta", BETWEEN, "delta", DELTAS, samples=13, quantities=["stroke"])
+
+
+def event_of(machine, kind: str, along: str = "beta", stop: float = -0.02) -> float:
+    """Where an event of a family is, to rounding."""
+    return next(event.point.value for event in follow(machine, along, stop).events if event.kind == kind)
+
+
+def test_the_edges_are_folds_and_the_collapse(diagram):
+    """Without the fifth power: orbits from the fold on, motions from where the contact no longer collapses."""
+    fold, collapse = event_of(MACHINE, "fold"), event_of(MACHINE, "collapse")
+    (low, middle, motion), (begin, high, other) = diagram.stretches(1)
+    assert (motion, other) == (False, True)
+    assert low == pytest.approx(fold, abs=TO_ACCURACY)
+    assert begin == middle == pytest.approx(collapse, abs=TO_ACCURACY)
+    assert high == 0.01
+    assert diagram.motions(1) == [(begin, 0.01)]
+    assert [stretch.status for stretch in diagram.row(1)] == ["no orbit", "inadmissible", "certified"]
+
+
+def test_the_edge_moves_as_the_fold_does(diagram):
+    (fold,) = [event.point for event in follow(MACHINE, "beta", -0.02).events if event.kind == "fold"]
+    curve = follow_fold(MACHINE, fold, "beta", "delta", -4e-5)
+    assert diagram.stretches(0)[0][0] == pytest.approx(curve[-1].also["beta"], abs=TO_ACCURACY)
+
+
+def test_boundaries_between_rows_are_located_too():
+    """The flight under constant gravity does not depend on the mass ratio, and so the fold runs along the rows."""
+    diagram = existence(MACHINE, "mass_ratio", (0.5, 2.0), "beta", (-0.02, 0.0), samples=(4, 4))
+    edges = diagram.edges(of_motions=False)
+    assert edges[:, 1] == pytest.approx([event_of(MACHINE, "fold")] * 4, abs=0.02e-6)
+
+
+def test_boundaries_of_a_juggler():
+    """A softening spring of a juggler ends at a fold of its own."""
+    juggler = Juggler("r + beta*r**3", parameters={"beta": 0.0})
+    diagram = existence(juggler, "beta", (-0.012, 0.0), "mass_ratio", [0.5, 1.0], samples=7)
+    fold = event_of(juggler, "fold", stop=-0.012)
+    assert [diagram.stretches(row)[0][0] for row in (0, 1)] == pytest.approx([fold, fold], abs=0.012e-6)
+
+
+def test_three_statuses_between_two_neighbours():
+    """On a grid of two values the fold and the collapse lie between the same neighbours, and both are located."""
+    diagram = existence(MACHINE, "beta", BETWEEN, "delta", [0.0], samples=2)
+    found = [(stretch.low, stretch.status) for stretch in diagram.row(0)]
+    assert [status for _, status in found] == ["no orbit", "inadmissible", "certified"]
+    assert found[1][0] == pytest.approx(event_of(MACHINE, "fold"), abs=TO_ACCURACY)
+
+
+def test_the_grid_has_the_quantities(diagram):
+    machine = MACHINE.with_values(beta=BETWEEN[1], delta=0.0)
+    orbit = find(machine)
+    last = 12 * len(DELTAS) + 1
+    assert diagram.grid["alpha"][last] == pytest.approx(orbit.alpha, abs=1e-12)
+    assert diagram.grid["stroke"][last] == pytest.approx(quantities(machine, orbit)["stroke"], abs=1e-12)
+    assert diagram.between == BETWEEN
+    assert "motions for beta by delta" in str(diagram)
+    assert not any(map(diagram.unknown, range(3)))
+
+
+def test_logarithmic_rows():
+    diagram = existence(Hopper("cubic"), "beta", (1e-3, 10.0, "log"), "mass_ratio", (0.1, 10.0, "log"), samples=3)
+    assert diagram.grid["beta"].reshape(3, 3)[:, 0] == pytest.approx([1e-3, 0.1, 10.0])
+    assert diagram.values == pytest.approx((0.1, 1.0, 10.0))
+    assert (diagram.plot().get_xscale(), diagram.plot().get_yscale()) == ("log", "log")
+
+
+def test_plot(diagram):
+    axes = diagram.plot()
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("beta", "delta")
+    shown = {"motions", "no motions", "edge of the motions", "edge of the orbits"}
+    assert {text.get_text() for text in axes.get_legend().get_texts()} == shown
+    coloured = diagram.plot("stroke")
+    assert coloured.figure.axes[1].get_ylabel() == "stroke"
+    with pytest.raises(InputError, match="no quantity 'clearance'; it has alpha"):
+        diagram.plot("clearance")
+
+
+def test_polygons_cover_the_diagram_once(diagram):
+    """The parts of the figure, by the formula of the polygon's area, add up to the whole."""
+    area = 0.0
+    for collection in diagram.plot().collections:
+        for path in collection.get_paths():
+            if path.codes is None or len(path.vertices) < 4:
+                continue
+            x, y = path.vertices.T
+            area += abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
+    assert area == pytest.approx((BETWEEN[1] - BETWEEN[0]) * (DELTAS[-1] - DELTAS[0]), rel=1e-12)
+
+
+def test_files(diagram, tmp_path):
+    document = json.loads(diagram.save(tmp_path / "a.json").read_text(encoding="utf-8"))
+    assert (document["along"], document["across"], document["count"]) == ("beta", "delta", 39)
+    assert [part["status"] for part in document["rows"][1]["stretches"]] == ["no orbit", "inadmissible", "certified"]
+    lines = diagram.save(tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[0] == "delta,from beta,to beta,status"
+    assert len(lines) == 1 + sum(len(diagram.row(row)) for row in range(3))
+    with pytest.raises(InputError, match="ending"):
+        diagram.save(tmp_path / "a.txt")
+    xarray = pytest.importorskip("xarray")
+    with xarray.open_dataset(diagram.save(tmp_path / "a.nc")) as dataset:
+        assert dataset["alpha"].dims == ("beta", "delta")
+        assert dataset["boundary_beta"].values == pytest.approx(diagram.boundaries.points[:, 0], abs=0)
+
+
+def test_rows_without_orbits_are_empty():
+    """Beyond its limit the saturating spring has no orbit."""
+    machine = Hopper("tanh(b*r)/b + c*r", parameters={"b": 0.2, "c": 0.0})
+    diagram = existence(machine, "c", (-0.01, 0.0), "b", np.array([0.25, 0.4]), samples=2)
+    assert diagram.stretches(1) == []
+    assert diagram.motions(1) == []
+    diagram.plot()
+
+
+def test_progress_is_told():
+    told = []
+    existence(MACHINE, "beta", BETWEEN, "delta", [0.0, 1e-5], samples=3, progress=told.append)
+    assert told[0].whole == 6
+    assert told[-1].done == told[-1].whole > 6
+
+
+def test_questions_that_cannot_be_meant():
+    for text, question in {
+        "another parameter": ("beta", (-1, 1), "beta", [1.0]),
+        "no parameter 'gamma'": ("beta", (-1, 1), "gamma", [0.0]),
+        "a range goes up": ("beta", (1, -1), "delta", [0.0]),
+        "is a range": ("beta", [1.0, 2.0], "delta", [0.0]),
+        "has no values": ("beta", (-1, 1), "delta", []),
+    }.items():
+        with pytest.raises(InputError, match=text):
+            existence(MACHINE, *question)
+    with pytest.raises(InputError, match="samples = 1"):
+        existence(MACHINE, "beta", (-1, 1), "delta", [0.0], samples=1)
+    with pytest.raises(InputError, match="family"):
+        existence(MACHINE, "beta", (-1, 1), "delta", [0.0], [1, 2])
