@@ -4,7 +4,7 @@ Results draw themselves by these functions, so this module stands below them and
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from itertools import cycle, pairwise
+from itertools import cycle
 from pathlib import Path
 from subprocess import CalledProcessError
 from typing import Any, TypeAlias

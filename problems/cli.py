@@ -316,10 +316,11 @@ def existence_command(
     )
     machine = options.machine_of(**options.with_first_values(stated, {row: between, column: values}, None))
     asked, counts = options.formulas(quantities), options.numbers("--samples", samples, int)
+    if colour is not None and colour not in ("alpha", "flight_time", "error", *asked):
+        asked.append(colour)
     diagram = existence(
         machine, row, between, column, values, family, samples=counts[0] if len(counts) == 1 else tuple(counts),
-        quantities=asked if colour in (None, "alpha", "flight_time", "error", *asked) else [*asked, colour],
-        **options.computed_by(workers),
+        quantities=asked, **options.computed_by(workers),
     )  # fmt: skip
     if plot is not None:
         save_figure(diagram.plot(colour), plot)

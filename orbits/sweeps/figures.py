@@ -109,7 +109,7 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
             axes.add_collection(LineCollection(pieces, label=kind, **style))
     axes.set(xlim=diagram.between, ylim=(diagram.values[0], diagram.values[-1]))
     axes.locator_params(axis="x", nbins=6)
-    return _labelled(axes, sweep, *sweep.parameters, legend=True)
+    return _labelled(axes, sweep, diagram.along, diagram.across, legend=True)
 
 
 def _beyond_edges(z: np.ndarray) -> np.ndarray:
@@ -137,9 +137,9 @@ def _cells(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
         ways = ((i, j, True), 1), ((i + 1, j, False), 1), ((i, j + 1, True), -1), ((i, j, False), -1)
         corners = [(x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1])]
         round_it: list[Any] = []  # corners, without a status, and boundaries, with those before and behind
-        for corner, (side, way) in zip(corners, ways, strict=True):
+        for corner, (place, way) in zip(corners, ways, strict=True):
             round_it.append((corner, None))
-            round_it.extend((point, pair[::way]) for point, pair in sides.get(side, [])[::way])
+            round_it.extend((point, pair[::way]) for point, pair in sides.get(place, [])[::way])
         cuts = [k for k, (_, pair) in enumerate(round_it) if pair]
         if not cuts:
             yield [(statuses[i, j], corners)], []

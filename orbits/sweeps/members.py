@@ -10,9 +10,11 @@ from ..errors import OrbitsError
 from ..hybrid.return_map import ReturnMap
 from ..model.machine import ImpactingMachine, Machine
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .question import LAUNCH_SPEED, Question, Table, empty_table
 
 
+@exclusive
 def solve_chunk(question: Question, members: np.ndarray) -> Table:
     """The answers of some members (k,) of a question."""
     table = _unanswered(question, members)

@@ -12,6 +12,7 @@ from ..design.problem import formula_names, known_formula
 from ..errors import InputError, whole_number
 from ..model.machine import Machine, check_machine
 from ..periodic.find import LARGEST_FAMILY
+from ..symbolic.exclusive import exclusive
 from .designs import Members
 
 OUTCOMES = ("find", "map", "fixed_points")
@@ -89,6 +90,7 @@ class Question:
         }
 
 
+@exclusive
 def question_of(
     machine: Machine, members: Members, family: Any, quantities: Sequence[str], outcome: str, between: Any
 ) -> Question:

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import InputError, OrbitsError
 from ..model.machine import Machine, check_machine, free_parameters
 from ..symbolic import interrupts
+from ..symbolic.exclusive import exclusive
 from .answer import Sweep
 from .designs import Members, members_of
 from .execute import chunks_of, solved_chunks
@@ -97,6 +98,7 @@ def sweep(
     return _computed(question, kept, executor, workers, show)
 
 
+@exclusive
 def _check_domain(machine: Machine, members: Members) -> None:
     """Raise `InputError` for a member whose parameters the machine cannot have."""
     names = [name for name in members.names if name != LAUNCH_SPEED]
