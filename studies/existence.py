@@ -1,64 +1,78 @@
-"""Where lossless hops exist in two parameters, and where they are motions.
+"""Where lossless hops exist in two parameters, and where they are motions: a hopper and a juggler, 200 by 200 machines.
 
 On the left the first family of the spring r + beta r^3 + delta r^5: a softening spring ends it at a fold, beyond which
 there is no hop; with delta > 0 the spring hardens again, a second fold appears, and the two meet in a cusp, beyond
-which the family goes on. On the right the saturating spring tanh(b r)/b with a second spring c r beside it. The exact
-fold curve is drawn over the rows of the diagram.
+which the family goes on. On the right the saturating spring tanh(b r)/b with a second spring c r beside it. Above is
+the hopper, whose foot also has to stay below its body, below the juggler. Colours are launch speeds. The exact curve of
+folds, which `follow_fold` follows, lies on the edge that bisection finds.
 Run: python studies/existence.py [--output FOLDER] [--quick]
 """
 
 import argparse
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 
 from orbits import Existence, existence, follow, follow_fold
-from orbits.plot import new_row, plot_existence, save_figure
-from problems import Hopper
+from orbits.plot import new_row, save_figure
+from problems import Hopper, Juggler
 
 REST_LENGTH = 30.0
-QUINTIC = Hopper("r + beta*r**3 + delta*r**5", rest_length=REST_LENGTH, parameters={"beta": 0.0, "delta": 0.0})
-SATURATING = Hopper("tanh(b*r)/b + c*r", rest_length=REST_LENGTH, parameters={"b": 0.2, "c": 0.02})
+QUINTIC = "r + beta*r**3 + delta*r**5", {"beta": 0.0, "delta": 0.0}
+SATURATING = "tanh(b*r)/b + c*r", {"b": 0.2, "c": 0.02}
+MACHINES = {
+    "hopper": lambda spring, values: Hopper(spring, rest_length=REST_LENGTH, parameters=values),
+    "juggler": lambda spring, values: Juggler(spring, parameters=values),
+}
+RANGES = {
+    QUINTIC[0]: ("beta", (-0.03, 0.01), "delta", (-1e-4, 1.5e-4)),
+    SATURATING[0]: ("c", (-0.1, 0.1), "b", (0.05, 0.6)),
+}
+TITLES = {QUINTIC[0]: "$r + \\beta r^3 + \\delta r^5$", SATURATING[0]: "$\\tanh(b r)/b + c r$"}
 
 
 def cusp() -> tuple[np.ndarray, tuple[float, float]]:
-    """The fold curve (m, 2) of the quintic spring both ways from delta = 0, and its cusp."""
-    (fold,) = [event.point for event in follow(QUINTIC, "beta", -0.02).events if event.kind == "fold"]
-    ways = [follow_fold(QUINTIC, fold, "beta", "delta", stop) for stop in (-1e-4, 1e-4)]
+    """The fold curve (m, 2) of the hopper's quintic spring both ways from delta = 0, and its cusp."""
+    machine = MACHINES["hopper"](*QUINTIC)
+    (fold,) = [event.point for event in follow(machine, "beta", -0.02).events if event.kind == "fold"]
+    ways = [follow_fold(machine, fold, "beta", "delta", stop) for stop in (-1e-4, 1e-4)]
     below, above = (np.column_stack([way.column("beta"), way.column("delta")]) for way in ways)
     (point,) = [event.point for event in ways[1].events if event.kind == "fold"]
     return np.vstack([below[::-1], above]), (point.also["beta"], point.value)
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, object]:
-    rows = 6 if quick else 33
-    panels = new_row(2, 5.4, 4.4)
-    quintic = existence(QUINTIC, "beta", (-0.03, 0.01), "delta", np.linspace(-1e-4, 1.5e-4, rows), longest=0.05)
-    saturating = existence(SATURATING, "c", (-0.1, 0.1), "b", np.linspace(0.05, 0.6, rows), longest=0.05)
-    curve, place = cusp()
-    for axes, diagram in zip(panels, (quintic, saturating), strict=True):
-        plot_existence(diagram, axes)
-    panels[0].plot(*curve.T, color="0.15", lw=1, zorder=3)
-    panels[0].set_title("$r + \\beta r^3 + \\delta r^5$")
-    panels[1].set_title("$\\tanh(b r)/b + c r$")
-    print(f"\n  cusp at beta = {place[0]:.8g}, delta = {place[1]:.8g}")
-    for diagram in (quintic, saturating):
-        _report(diagram)
+    samples = 8 if quick else 200
+    found: dict[str, object] = {}
+    curve, found["cusp"] = cusp()
+    panels = new_row(2, 5.4, 4.4, rows=2)
+    print(f"\n  cusp at beta = {found['cusp'][0]:.8g}, delta = {found['cusp'][1]:.8g}\n")
+    for row, (kind, machine) in zip(panels, MACHINES.items(), strict=True):
+        for axes, (spring, values) in zip(row, (QUINTIC, SATURATING), strict=True):
+            began = perf_counter()
+            diagram = existence(machine(spring, values), *RANGES[spring], samples=samples)
+            seconds = perf_counter() - began
+            _report(kind, diagram, seconds)
+            diagram.plot("alpha", axes)
+            axes.set_title(f"{kind}, {TITLES[spring]}")
+            found[f"{kind}, {spring}"] = diagram
+    panels[0, 0].plot(*curve.T, color="white", lw=1, ls=(0, (4, 3)), zorder=4)
     folder.mkdir(parents=True, exist_ok=True)
-    print(f"\n  figure: {save_figure(panels[0], folder / 'existence.png')}")
-    return {"cusp": place, "quintic": quintic, "saturating": saturating}
+    print(f"\n  figure: {save_figure(panels[0, 0], folder / 'existence.png')}")
+    return found
 
 
-def _report(diagram: Existence):
-    """Where every row has motions, in words."""
-    print(f"\n  {diagram.across:>10}   motions for {diagram.along} in")
-    for row, value in enumerate(diagram.values):
-        print(f"  {value:10.3g}   " + (", ".join(f"({a:.4g}, {b:.4g})" for a, b in diagram.motions(row)) or "none"))
+def _report(kind: str, diagram: Existence, seconds: float):
+    """How many machines have an orbit, and what it took."""
+    counts = ", ".join(f"{number} {status}" for status, number in diagram.grid.statuses().items())
+    edges = f"{len(diagram.edges(False))} points on the edge of the orbits, {len(diagram.edges(True))} on the motions'"
+    print(f"  {kind:8} over {diagram.along}, {diagram.across}: {counts}; {edges}; {seconds:.1f} s")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
-    parser.add_argument("--quick", action="store_true", help="fewer rows")
+    parser.add_argument("--quick", action="store_true", help="fewer machines")
     arguments = parser.parse_args()
     main(arguments.output, arguments.quick)

@@ -109,6 +109,8 @@ class Design:
         successes = sum(start.objective is not None for start in self.starts)
         lines.append(f"  {'optimality':<24}{self.kkt:.1e}")
         lines.append(f"  {'starts':<24}{successes} of {len(self.starts)} led to an optimum, {self.seconds:.2f} s")
+        if self.share is not None:
+            lines.append(f"  {'share of the sample':<24}{self.share:.0%} of its designs with an orbit lead here")
         lines += [f"  {'a start led to none':<24}{s.reason}" for s in self.starts if s.objective is None]
         return "\n".join([*lines, "", str(self.orbit)])
 

@@ -92,7 +92,7 @@ def test_existence(tmp_path):
     """The saturating spring alone: the first family exists up to b = 1/3 (the limit of the tanh families)."""
     found = existence.main(tmp_path, quick=True)
     assert found["cusp"] == pytest.approx((-0.013710955, 7.1324381e-05), rel=1e-7)
-    diagram = found["saturating"]
+    diagram = found["hopper, tanh(b*r)/b + c*r"]
     for row, b in enumerate(diagram.values):
         alone = any(low <= 1e-6 <= high for low, high, _ in diagram.stretches(row))
         assert alone == (b < 1 / 3)
