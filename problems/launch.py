@@ -38,6 +38,8 @@ ACCURACY = 1e-3
 DEPTH = 0.01
 # Shortest step of the search, as a share of the speed.
 SHORTEST_STEP = 0.02
+# Between samples the lateness may bend this many times as much as their second differences say.
+BEND_SAFETY = 4.0
 # Time followed in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
 LONGEST_FLIGHT = 1e3
 SPEED_OF_EXTENSION = Affine((0.0, 1.0))  # of the relative motion
@@ -263,7 +265,7 @@ def _half_oscillations(flow: Flow, ps: np.ndarray, starts: np.ndarray) -> tuple[
     for turn in range(2):
         if not len(going):
             break
-        found, rows, _ = first_zeros(flow, starts, ps[going], SPEED_OF_EXTENSION, longest[going], turn)
+        found, rows, _ = first_zeros(flow, starts, ps[going], SPEED_OF_EXTENSION, longest[going], turn, told=False)
         back = np.isfinite(found)
         going, starts = going[back], rows[back, :2]
         times[turn, going] = found[back]
@@ -291,8 +293,9 @@ def _search(family: int, scale: float, what: str) -> Generator[float, _Sample, f
         else:
             break
         # Near a fold, a pair of roots lies between samples; the start at speed 0 does not count.
-        if len(samples) > 3 and samples[-3].lateness > samples[-2].lateness <= samples[-1].lateness:
-            lowest = yield from _golden_section(samples[-3].alpha, samples[-1].alpha)
+        folds = len(samples) > 3 and samples[-3].lateness > samples[-2].lateness <= samples[-1].lateness
+        if folds and new is samples[-1]:
+            lowest = yield from _golden_section(samples[-3], samples[-1])
             if lowest.lateness <= 0:
                 return (yield from _estimated_root(samples[-3], lowest))
         alpha = _next_speed(samples, scale, no_return)
@@ -368,17 +371,28 @@ def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float
     return alpha if alpha < no_return else 0.5 * (last.alpha + no_return)
 
 
-def _golden_section(a: float, b: float) -> Generator[float, _Sample, _Sample]:
-    """A minimum between speeds a and b, to half the digits (no more are determined), or a sample not above zero; yields
-    launch speeds and is sent samples there."""
+def _golden_section(a: _Sample, b: _Sample) -> Generator[float, _Sample, _Sample]:
+    """The least sample that is known when it is not above zero, when the minimum between two samples cannot come to
+    zero, as far as second differences tell, or when half the digits of its speed are known, as no more are determined;
+    yields launch speeds and is sent samples there."""
     ratio = (np.sqrt(5) - 1) / 2
-    left = yield b - ratio * (b - a)
-    right = yield a + ratio * (b - a)
-    while abs(b - a) > 1e-8 * (abs(a) + abs(b)) and min(left.lateness, right.lateness) > 0:
+    left = yield b.alpha - ratio * (b.alpha - a.alpha)
+    right = yield a.alpha + ratio * (b.alpha - a.alpha)
+    while b.alpha - a.alpha > 1e-8 * (a.alpha + b.alpha) and _may_come_to_zero(a, left, right, b):
         if left.lateness < right.lateness:
-            b, right = right.alpha, left
-            left = yield b - ratio * (b - a)
+            b, right = right, left
+            left = yield b.alpha - ratio * (b.alpha - a.alpha)
         else:
-            a, left = left.alpha, right
-            right = yield a + ratio * (b - a)
+            a, left = left, right
+            right = yield a.alpha + ratio * (b.alpha - a.alpha)
     return left if left.lateness < right.lateness else right
+
+
+def _may_come_to_zero(*samples: _Sample) -> bool:
+    """Whether lateness that is above zero at samples may vanish between them, where it bends at most `BEND_SAFETY`
+    times as much as their second differences say."""
+    alphas, lateness = np.array([[each.alpha, each.lateness] for each in samples]).T
+    widths, least = np.diff(alphas), lateness.min()
+    with np.errstate(invalid="ignore"):  # some lateness may be infinite
+        bends = np.abs(np.diff(np.diff(lateness) / widths)) / (0.5 * (widths[1:] + widths[:-1]))
+    return least > 0 and not least > BEND_SAFETY * bends.max() * widths.max() ** 2 / 8
