@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import FlowError
+from ..errors import BreaksDown, FlowError, RunsAway
 from ..model.phase import Affine
 from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate, powers
 from ..numerics.roots import Array
@@ -79,7 +79,7 @@ def first_zeros(
     ahead : times (m,) until which the function is known to be positive, of motions in closed form; 0 where it is not
     over : another affine function and a number: a motion on which that function has changed its sign so often never has
         the zero. It is only used for motions that take Taylor steps together.
-    told : whether each `FlowError` is to tell its reason, for which a motion is followed by itself
+    told : whether each `FlowError` is to tell its reason
 
     Returns times (m,), NaN where it does not happen in time and infinity where it never will; the rows (m, rows) at
     these times; and by index the `FlowError` of each motion that breaks off before.
@@ -214,34 +214,42 @@ class _ZeroSearch:
 
     def _beyond(self, indices, x, began, orders):
         """Search the motions `indices` from a step on that cannot be used, with the arguments of `one_by_one`. Most of
-        them break off; where the reason is not to be told, these are followed together."""
-        if len(indices) and not self.told and self.flow.smooth:
+        them break off soon, which is found out together."""
+        if len(indices) and self.flow.smooth:
             ps = self.ps[indices] if len(self.ps) > 1 else self.ps
-            off = self._break_off(x, ps, self.limit[indices] - began, orders.astype(int))
-            self.failed |= dict.fromkeys(indices[off].tolist(), BREAKS_OFF)
-            indices, x, began, orders = indices[~off], x[~off], began[~off], orders[~off]
+            errors = self._breaking_off(x, ps, began, self.limit[indices] - began, orders.astype(int))
+            self.failed |= {int(indices[i]): error for i, error in errors.items()}
+            left = np.delete(np.arange(len(indices)), list(errors))
+            indices, x, began, orders = indices[left], x[left], began[left], orders[left]
         self.one_by_one(indices, x, began, orders)
 
-    def _break_off(self, x, ps, durations, orders) -> Array:
-        """Which motions (k,) break off without the zero in the first steps that `Flow.run` takes, as it decides that:
-        no step can be used, or all can and the state runs away."""
-        control, seeds = self.flow.control, np.zeros((self.flow.size, 0))
-        found = self.flow.stepper(0).advance_all(
-            x, ps, durations, seeds, np.zeros((ps.shape[1], 0)), control.look_ahead
-        )
-        c, counts = found.coefficients, found.counts
-        vanishing = found.steps <= control.shortest_step * np.maximum(begins_of_steps(found.steps, counts), 1.0)
-        usable, owner = ~vanishing & np.isfinite(c).all((1, 2)), np.repeat(np.arange(len(x)), counts)
-        begun = counts > 0
-        first, none = (np.cumsum(counts) - counts)[begun], ~begun
-        none[begun] = ~usable[first]
+    def _breaking_off(self, x, ps, began, durations, orders) -> dict[int, FlowError]:
+        """The errors of motions that break off without the zero within the steps of one call of `Flow.run`, which
+        decides it in the same way: no step can be used, or all can and the state runs away."""
+        flow, control, seeds = self.flow, self.flow.control, np.zeros((self.flow.size, 0))
+        found = flow.stepper(0).advance_all(x, ps, durations, seeds, np.zeros((ps.shape[1], 0)), control.look_ahead)
+        c, steps, counts = found.coefficients, found.steps, found.counts
+        owner, ends, begun = np.repeat(np.arange(len(x)), counts), np.cumsum(counts), counts > 0
+        times = began[owner] + begins_of_steps(steps, counts)
+        usable = (steps > control.shortest_step * np.maximum(times, 1.0)) & np.isfinite(c).all((1, 2))
+        none = ~begun
+        none[begun] = ~usable[(ends - counts)[begun]]
         away = (np.bincount(owner, ~usable, len(x)) == 0) & ~none & (found.left != 0)
         away &= np.abs(found.ends).max(1) > control.runaway
         if away.any():
             kept = away[owner]
-            polynomials = PiecewisePolynomials(self.quantity.series(c[kept]), found.steps[kept], counts[away])
+            polynomials = PiecewisePolynomials(self.quantity.series(c[kept]), steps[kept], counts[away])
             away[away.nonzero()[0][polynomials.first_roots(orders[away], self.rising)[0]]] = False
-        return none | away
+        if not self.told:
+            return dict.fromkeys((none | away).nonzero()[0].tolist(), BREAKS_OFF)
+        errors = dict[int, FlowError]()
+        for i in none.nonzero()[0].tolist():
+            errors[i] = BreaksDown(flow.failure("breaks down", began[i], x[i]))
+        for i in away.nonzero()[0].tolist():
+            time, step = times[ends[i] - 1], steps[ends[i] - 1]
+            kind = RunsAway if step > control.singular_step else BreaksDown
+            errors[i] = kind(flow.failure("runs away", time + step, found.ends[i]))
+        return errors
 
     def one_by_one(self, indices, x, began, orders):
         """Search the motions `indices` one after the other, from the states `x` at the times `began`, with zeros of
