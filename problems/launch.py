@@ -3,7 +3,6 @@ speed of a family under constant gravity, from which the search of an orbit star
 
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +37,8 @@ ACCURACY = 1e-3
 DEPTH = 0.01
 # Shortest step of the search, as a share of the speed.
 SHORTEST_STEP = 0.02
+# Between samples the lateness may bend this many times as much as their second differences say.
+BEND_SAFETY = 4.0
 # Time followed in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
 LONGEST_FLIGHT = 1e3
 SPEED_OF_EXTENSION = Affine((0.0, 1.0))  # of the relative motion
@@ -193,18 +194,21 @@ def _level_crossings(force_and_slope: Callable, level: np.ndarray, low: np.ndarr
     return np.clip(new, low, high)
 
 
-# Stands for the reason of a launch without a return, which is found out when it is told.
-UNKNOWN = "its reason is not known yet"
-
-
 class _Sample(NamedTuple):
-    """The equation at a launch speed: the time by which the family's turn comes after mid-flight (infinite when it
-    never comes, with the reason), and half the period of the extension."""
+    """The equation at a launch speed: the time by which the family's turn comes after mid-flight, infinite when it
+    never comes, and half the period of the extension."""
 
     alpha: float
     lateness: float
     half_period: float = np.inf
-    reason: str = ""
+
+
+class _End(NamedTuple):
+    """What a search ends with: the launch speed, NaN where there is none; and the last one that was too fast for the
+    extension to come back, NaN where it always did."""
+
+    alpha: float
+    lost: float = np.nan
 
 
 def lowest_launch_speed(
@@ -221,7 +225,19 @@ def lowest_launch_speed(
 
     Raises `NoOrbit` when there is no such speed.
     """
-    return answered(_search(family, scale, what), partial(_sample, phase, p, liftoff, family))
+
+    def sample(alpha: float) -> _Sample:
+        try:
+            first, half_period = half_oscillations(phase, p, liftoff, alpha)
+        except FlowError:
+            return _Sample(alpha, np.inf)
+        return _Sample(alpha, first + family * half_period - alpha if np.isfinite(first) else np.inf, half_period)
+
+    end = answered(_search(family, scale), sample)
+    if np.isnan(end.alpha):
+        flow, ps = flow_of(phase, tuple(p)), np.array([list(p.values())])
+        raise _refusals(flow, ps, family, np.array([liftoff]), [end], np.array([scale]), what)[0]
+    return end.alpha
 
 
 def lowest_launch_speeds(
@@ -229,61 +245,79 @@ def lowest_launch_speeds(
 ) -> tuple[np.ndarray, dict[int, NoOrbit]]:
     """`lowest_launch_speed` for many springs with parameters (m,) by name, extensions (m,) at lift-off and scales (m,):
     the speeds (m,), NaN where there is none, and by index why not. Each search asks for the same launches as alone."""
-    flow, ps, found = flow_of(phase, tuple(p)), np.column_stack(list(p.values())), np.full(len(scales), np.nan)
-    searches = {i: _search(family, scale, what) for i, scale in enumerate(scales.tolist())}
-    asked, lost, refused = {i: next(search) for i, search in searches.items()}, dict[int, float](), dict[int, NoOrbit]()
+    flow, ps = flow_of(phase, tuple(p)), np.column_stack(list(p.values()))
+    searches, ends = [_search(family, scale) for scale in scales.tolist()], dict[int, _End]()
+    asked = {i: next(search) for i, search in enumerate(searches)}
     while asked:
         which, alphas = np.array(list(asked)), np.array(list(asked.values()))
-        firsts, halves = _half_oscillations(flow, ps[which], np.column_stack([liftoffs[which], alphas]))
+        firsts, halves = _half_oscillations(flow, ps[which], liftoffs[which], alphas)
         lateness = np.where(np.isfinite(halves), firsts + family * halves - alphas, np.inf)
         rows, asked = zip(which.tolist(), alphas.tolist(), lateness.tolist(), halves.tolist(), strict=True), {}
-        for i, alpha, late, half in rows:
-            if late == np.inf:
-                lost[i] = alpha
+        for i, *values in rows:
             try:
-                asked[i] = searches[i].send(_Sample(alpha, late, half, UNKNOWN if late == np.inf else ""))
+                asked[i] = searches[i].send(_Sample(*values))
             except StopIteration as end:
-                found[i] = end.value
-            except NoOrbit as error:
-                refused[i] = error
-    for i in refused:
-        (message,) = refused[i].args
-        if message.parts["reason"] == UNKNOWN:  # the last launch without a return tells it, followed by itself
-            own = {name: float(values[i]) for name, values in p.items()}
-            reason = _sample(phase, own, float(liftoffs[i]), family, lost[i]).reason
-            refused[i] = NoOrbit(Message(message.pattern, **{**message.parts, "reason": reason}))
-    return found, refused
+                ends[i] = end.value
+    found = np.array([ends[i].alpha for i in range(len(scales))])
+    none = np.flatnonzero(np.isnan(found))
+    refused = _refusals(flow, ps[none], family, liftoffs[none], [ends[i] for i in none.tolist()], scales[none], what)
+    return found, dict(zip(none.tolist(), refused, strict=True))
 
 
-def _half_oscillations(flow: Flow, ps: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`half_oscillations` of many springs from states (m, 2) with parameters (m, np); infinite too where the motion
-    ends before."""
-    longest, times = LONGEST_FLIGHT * (1 + starts[:, 1]), np.full((2, len(starts)), np.inf)
-    going = np.arange(len(starts))
+def _half_oscillations(
+    flow: Flow, ps: np.ndarray, liftoffs: np.ndarray, alphas: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """`half_oscillations` of many springs with parameters (m, np); infinite too where the motion ends before."""
+    longest, times = LONGEST_FLIGHT * (1 + alphas), np.full((2, len(alphas)), np.inf)
+    going, starts = np.arange(len(alphas)), np.column_stack([liftoffs, alphas])
     for turn in range(2):
         if not len(going):
             break
-        found, rows, _ = first_zeros(flow, starts, ps[going], SPEED_OF_EXTENSION, longest[going], turn)
+        found, rows, _ = first_zeros(flow, starts, ps[going], SPEED_OF_EXTENSION, longest[going], turn, told=False)
         back = np.isfinite(found)
         going, starts = going[back], rows[back, :2]
         times[turn, going] = found[back]
     return times[0], times[1]
 
 
-def _search(family: int, scale: float, what: str) -> Generator[float, _Sample, float]:
+def _refusals(
+    flow: Flow, ps: np.ndarray, family: int, liftoffs: np.ndarray, ends: list[_End], scales: np.ndarray, what: str
+) -> list[NoOrbit]:
+    """Why springs (m,) have no orbit, whose searches end so."""
+    lost, errors = np.array([end.lost for end in ends]), dict[int, FlowError]()
+    if len(known := np.flatnonzero(np.isfinite(lost))):
+        starts, longest = np.column_stack([liftoffs, lost])[known], LONGEST_FLIGHT * (1 + lost[known])
+        *_, failed = first_zeros(flow, starts, ps[known], SPEED_OF_EXTENSION, longest, rising=True)
+        errors = {int(known[i]): error for i, error in failed.items()}
+    refused = list[NoOrbit]()
+    for i, (alpha, scale) in enumerate(zip(lost.tolist(), scales.tolist(), strict=True)):
+        parts = {"alpha": Quantity(alpha, SPEED), "fastest": Quantity(FASTEST * family * scale, SPEED)}
+        if np.isnan(alpha):
+            text = "none up to launch speed {fastest:g}"
+        elif isinstance(error := errors.get(i), OutOfRange):
+            text = "beyond launch speed {alpha:.4g} {error}"
+        else:
+            text = "at launch speed {alpha:.4g} the extension does not come back" + (": {error}" if error else "")
+        reason = Message(text, error=errors.get(i, ""), **parts)
+        text = "{what} has no lossless orbit of family {family} under constant gravity: {reason}"
+        refused.append(NoOrbit(Message(text, what=what, family=family, reason=reason)))
+    return refused
+
+
+def _search(family: int, scale: float) -> Generator[float, _Sample, _End]:
     """The search of `lowest_launch_speed`, which yields launch speeds and is sent samples there."""
     samples = [_Sample(0.0, 1.0)]
     fastest, slowest = FASTEST * family * scale, SLOWEST * scale
     no_return = np.inf  # the lowest speed from which the extension does not come back
-    alpha, reason = 2 * family * scale, ""  # rather low for most springs; where it is too fast, from the slowest
+    alpha, lost = 2 * family * scale, np.nan  # rather low for most springs; where it is too fast, from the slowest
     while alpha < fastest and samples[-1].alpha < (1 - 1e-4) * no_return:
         new = yield alpha
-        reason = new.reason or reason
+        lost = lost if np.isfinite(new.lateness) else alpha
         if len(samples) == 1 and alpha > slowest and not 0 < new.lateness < np.inf:
-            alpha, reason = slowest, ""
+            alpha, lost = slowest, np.nan
             continue
         if new.lateness <= 0:
-            return (yield from _estimated_root(samples[-1], new))
+            return _End((yield from _estimated_root(samples[-1], new)))
         if np.isfinite(new.lateness):
             samples.append(new)
         elif alpha > slowest:
@@ -291,14 +325,13 @@ def _search(family: int, scale: float, what: str) -> Generator[float, _Sample, f
         else:
             break
         # Near a fold, a pair of roots lies between samples; the start at speed 0 does not count.
-        if len(samples) > 3 and samples[-3].lateness > samples[-2].lateness <= samples[-1].lateness:
-            lowest = yield from _golden_section(samples[-3].alpha, samples[-1].alpha)
+        folds = len(samples) > 3 and samples[-3].lateness > samples[-2].lateness <= samples[-1].lateness
+        if folds and new is samples[-1]:
+            lowest = yield from _golden_section(samples[-3], samples[-1])
             if lowest.lateness <= 0:
-                return (yield from _estimated_root(samples[-3], lowest))
+                return _End((yield from _estimated_root(samples[-3], lowest)))
         alpha = _next_speed(samples, scale, no_return)
-    reason = reason or Message("none up to launch speed {fastest:g}", fastest=Quantity(fastest, SPEED))
-    text = "{what} has no lossless orbit of family {family} under constant gravity: {reason}"
-    raise NoOrbit(Message(text, what=what, family=family, reason=reason))
+    return _End(np.nan, lost)
 
 
 def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
@@ -319,21 +352,6 @@ def half_oscillations(phase: Phase, p: dict[str, float], liftoff: float, alpha: 
     longest = LONGEST_FLIGHT * (1 + alpha)
     flow_of(phase, tuple(p)).run([liftoff, alpha], list(p.values()), longest, stop=second_turn)
     return (turns[0], turns[1] - turns[0]) if len(turns) == 2 else (np.inf, np.inf)
-
-
-def _sample(phase: Phase, p: dict[str, float], liftoff: float, family: int, alpha: float) -> _Sample:
-    lost = "at launch speed {alpha:.4g} the extension does not come back"
-    too_fast = "beyond launch speed {alpha:.4g} {error}"
-    speed = Quantity(alpha, SPEED)
-    try:
-        first, half_period = half_oscillations(phase, p, liftoff, alpha)
-    except OutOfRange as error:
-        return _Sample(alpha, np.inf, reason=Message(too_fast, alpha=speed, error=error))
-    except FlowError as error:
-        return _Sample(alpha, np.inf, reason=Message(lost + ": {error}", alpha=speed, error=error))
-    if np.isfinite(first):
-        return _Sample(alpha, first + family * half_period - alpha, half_period)
-    return _Sample(alpha, np.inf, reason=Message(lost, alpha=speed))
 
 
 def _estimated_root(early: _Sample, late: _Sample) -> Generator[float, _Sample, float]:
@@ -368,17 +386,28 @@ def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float
     return alpha if alpha < no_return else 0.5 * (last.alpha + no_return)
 
 
-def _golden_section(a: float, b: float) -> Generator[float, _Sample, _Sample]:
-    """A minimum between speeds a and b, to half the digits (no more are determined), or a sample not above zero; yields
-    launch speeds and is sent samples there."""
+def _golden_section(a: _Sample, b: _Sample) -> Generator[float, _Sample, _Sample]:
+    """The least sample that is known when it is not above zero, when the minimum between two samples cannot come to
+    zero, as far as second differences tell, or when half the digits of its speed are known, as no more are determined;
+    yields launch speeds and is sent samples there."""
     ratio = (np.sqrt(5) - 1) / 2
-    left = yield b - ratio * (b - a)
-    right = yield a + ratio * (b - a)
-    while abs(b - a) > 1e-8 * (abs(a) + abs(b)) and min(left.lateness, right.lateness) > 0:
+    left = yield b.alpha - ratio * (b.alpha - a.alpha)
+    right = yield a.alpha + ratio * (b.alpha - a.alpha)
+    while b.alpha - a.alpha > 1e-8 * (a.alpha + b.alpha) and _may_come_to_zero(a, left, right, b):
         if left.lateness < right.lateness:
-            b, right = right.alpha, left
-            left = yield b - ratio * (b - a)
+            b, right = right, left
+            left = yield b.alpha - ratio * (b.alpha - a.alpha)
         else:
-            a, left = left.alpha, right
-            right = yield a + ratio * (b - a)
+            a, left = left, right
+            right = yield a.alpha + ratio * (b.alpha - a.alpha)
     return left if left.lateness < right.lateness else right
+
+
+def _may_come_to_zero(*samples: _Sample) -> bool:
+    """Whether lateness that is above zero at samples may vanish between them, where it bends at most `BEND_SAFETY`
+    times as much as their second differences say."""
+    alphas, lateness = np.array([[each.alpha, each.lateness] for each in samples]).T
+    widths, least = np.diff(alphas), lateness.min()
+    with np.errstate(invalid="ignore"):  # some lateness may be infinite
+        bends = np.abs(np.diff(np.diff(lateness) / widths)) / (0.5 * (widths[1:] + widths[:-1]))
+    return least > 0 and not least > BEND_SAFETY * bends.max() * widths.max() ** 2 / 8

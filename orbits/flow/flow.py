@@ -155,7 +155,7 @@ class Flow:
             h = steps[count - 1]
             if np.abs(x).max() > self.control.runaway:
                 kind = RunsAway if h > self.control.singular_step else BreaksDown
-                raise kind(self._failure("runs away", times[-1], x))
+                raise kind(self.failure("runs away", times[-1], x))
             if stopped:
                 break
             if duration - times[-1] < SAME_TIME * duration:
@@ -170,7 +170,7 @@ class Flow:
         accepted = (steps > self.control.shortest_step * max(t, 1.0)) & np.isfinite(c).all((1, 2))
         if not accepted[0] or taken > self.control.max_steps:
             reason, kind = ("takes too many steps", FlowError) if accepted[0] else ("breaks down", BreaksDown)
-            raise kind(self._failure(reason, t, c[0, :, 0]))
+            raise kind(self.failure(reason, t, c[0, :, 0]))
         count = len(steps) if accepted.all() else int(np.argmin(accepted))
         return steps[:count], c[:count]
 
@@ -190,7 +190,7 @@ class Flow:
             return lengths, 0, True
         return lengths, side, False
 
-    def _failure(self, what: str, t: float, x: Array) -> Message:
+    def failure(self, what: str, t: float, x: Array) -> Message:
         """What happens to a motion in a state at a time, in words."""
         text, time = "the {name} {what} at time {time:.6g}, at {place}", Quantity(t, TIME)
         return Message(text, name=self.phase.name, what=what, time=time, place=described(self.phase.states, x))

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import FlowError
+from ..errors import BreaksDown, FlowError, RunsAway
 from ..model.phase import Affine
 from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate, powers
 from ..numerics.roots import Array
@@ -20,6 +20,8 @@ CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 2
 MOST_CLOSED_STEPS = 1e12
 # The search goes on so many expansions before the end of what needs none, which is known to rounding.
 EARLY = 0.01
+# The error of all motions that break off for reasons that are not to be told.
+BREAKS_OFF = FlowError("the motion breaks off")
 
 
 def first_zero(quantity: Affine, skip_start: int = 0, rising: bool = False) -> StopTest:
@@ -66,6 +68,7 @@ def first_zeros(
     rising: bool = False,
     over: tuple[Affine, int] | None = None,
     ahead: ArrayLike = 0.0,
+    told: bool = True,
 ) -> tuple[Array, Array, dict[int, FlowError]]:
     """When an affine function of the rows first changes its sign on motions from states (m, n), and where.
 
@@ -76,12 +79,13 @@ def first_zeros(
     ahead : times (m,) until which the function is known to be positive, of motions in closed form; 0 where it is not
     over : another affine function and a number: a motion on which that function has changed its sign so often never has
         the zero. It is only used for motions that take Taylor steps together.
+    told : whether each `FlowError` is to tell its reason
 
     Returns times (m,), NaN where it does not happen in time and infinity where it never will; the rows (m, rows) at
     these times; and by index the `FlowError` of each motion that breaks off before.
     """
     ps = np.atleast_2d(p)
-    search = _ZeroSearch(flow, np.asarray(starts, dtype=float), ps, quantity, limit, skip, rising, over)
+    search = _ZeroSearch(flow, np.asarray(starts, dtype=float), ps, quantity, limit, skip, rising, over, told=told)
     if flow.phase.closed_form:
         search.in_closed_form(np.broadcast_to(ahead, len(search.starts)))
     elif isinstance(flow.stepper(0), TaylorStepper):
@@ -96,10 +100,10 @@ class _ZeroSearch:
     """The search of `first_zeros`, with its arguments and its results `times`, `rows` and `failed`; the parameters are
     (m, np), or (1, np) for all."""
 
-    def __init__(self, flow, starts, ps, quantity, limit, skip=0, rising=False, over=None, all_steps=False):
+    def __init__(self, flow, starts, ps, quantity, limit, skip=0, rising=False, over=None, all_steps=False, told=True):
         count = len(starts)
         self.flow, self.starts, self.ps, self.over = flow, starts, ps, over
-        self.quantity, self.rising, self.all_steps = quantity, rising, all_steps
+        self.quantity, self.rising, self.all_steps, self.told = quantity, rising, all_steps, told
         self.limit, self.skip = np.broadcast_to(limit, count), np.broadcast_to(skip, count)
         self.times, self.rows = np.full(count, np.nan), np.full((count, len(flow.names)), np.nan)
         self.failed: dict[int, FlowError] = {}
@@ -165,7 +169,7 @@ class _ZeroSearch:
             broken = ~(found | never | going | (z[:, at.time] >= limits))
             if not self.all_steps:
                 self._give_up(remaining[going & ~found & ~never])
-                self.one_by_one(remaining[broken], *(z[broken, place] for place in (at.state, at.time, at.order)))
+                self._beyond(remaining[broken], *(z[broken, place] for place in (at.state, at.time, at.order)))
             else:
                 self._keep(remaining, steps, counts, found)
                 last = np.cumsum(counts)[found] - 1
@@ -207,6 +211,45 @@ class _ZeroSearch:
         coordinate[:, :, : self.flow.size] = np.isfinite(ends)[:, :, None] * self.flow.coordinate
         levels = np.where(np.isfinite(ends), -ends, 1.0)
         return np.concatenate([weights, coordinate], axis=1), np.concatenate([offsets, levels], axis=1)
+
+    def _beyond(self, indices, x, began, orders):
+        """Search the motions `indices` from a step on that cannot be used, with the arguments of `one_by_one`. Most of
+        them break off soon, which is found out together."""
+        if len(indices) and self.flow.smooth:
+            ps = self.ps[indices] if len(self.ps) > 1 else self.ps
+            errors = self._breaking_off(x, ps, began, self.limit[indices] - began, orders.astype(int))
+            self.failed |= {int(indices[i]): error for i, error in errors.items()}
+            left = np.delete(np.arange(len(indices)), list(errors))
+            indices, x, began, orders = indices[left], x[left], began[left], orders[left]
+        self.one_by_one(indices, x, began, orders)
+
+    def _breaking_off(self, x, ps, began, durations, orders) -> dict[int, FlowError]:
+        """The errors of motions that break off without the zero within the steps of one call of `Flow.run`, which
+        decides it in the same way: no step can be used, or all can and the state runs away."""
+        flow, control, seeds = self.flow, self.flow.control, np.zeros((self.flow.size, 0))
+        found = flow.stepper(0).advance_all(x, ps, durations, seeds, np.zeros((ps.shape[1], 0)), control.look_ahead)
+        c, steps, counts = found.coefficients, found.steps, found.counts
+        owner, ends, begun = np.repeat(np.arange(len(x)), counts), np.cumsum(counts), counts > 0
+        times = began[owner] + begins_of_steps(steps, counts)
+        usable = (steps > control.shortest_step * np.maximum(times, 1.0)) & np.isfinite(c).all((1, 2))
+        none = ~begun
+        none[begun] = ~usable[(ends - counts)[begun]]
+        away = (np.bincount(owner, ~usable, len(x)) == 0) & ~none & (found.left != 0)
+        away &= np.abs(found.ends).max(1) > control.runaway
+        if away.any():
+            kept = away[owner]
+            polynomials = PiecewisePolynomials(self.quantity.series(c[kept]), steps[kept], counts[away])
+            away[away.nonzero()[0][polynomials.first_roots(orders[away], self.rising)[0]]] = False
+        if not self.told:
+            return dict.fromkeys((none | away).nonzero()[0].tolist(), BREAKS_OFF)
+        errors = dict[int, FlowError]()
+        for i in none.nonzero()[0].tolist():
+            errors[i] = BreaksDown(flow.failure("breaks down", began[i], x[i]))
+        for i in away.nonzero()[0].tolist():
+            time, step = times[ends[i] - 1], steps[ends[i] - 1]
+            kind = RunsAway if step > control.singular_step else BreaksDown
+            errors[i] = kind(flow.failure("runs away", time + step, found.ends[i]))
+        return errors
 
     def one_by_one(self, indices, x, began, orders):
         """Search the motions `indices` one after the other, from the states `x` at the times `began`, with zeros of

@@ -53,17 +53,20 @@ class Lateness:
 
     ps : parameters (m, np), which `names` names; a piecewise field, and one in closed form, take a single machine
     searches : how each of them is searched
+    liftoffs : the extensions (m,) at lift-off, where they are known; without damping they do not depend on the speed
     """
 
     def __init__(
-        self, model: Model, method: str, names: tuple[str, ...], ps: np.ndarray, family: int, searches: Sequence[Search]
-    ):
+        self, model: Model, method: str, names: tuple[str, ...], ps: np.ndarray, family: int,
+        searches: Sequence[Search], liftoffs: np.ndarray | None = None,
+    ):  # fmt: skip
         self.model, self.method, self.family, self.searches = model, method, family, searches
         self.names, self.ps, self.scales = names, ps, np.array([search.scale for search in searches])
         self.reduction = reduction_of(model, method)
         self.statement = equations_of(model, method, names).statement
         self.arc = self.statement.arcs[0]
         self.flow = flow_of(self.arc.phase, names)
+        self.liftoffs = self._liftoffs() if liftoffs is None else liftoffs
 
     def __call__(self, alphas: np.ndarray, which: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """The lateness (k,) at launch speeds (k,) of the machines `which` (k,), the first one for None, and the times
@@ -81,7 +84,7 @@ class Lateness:
                 break
             last, ps = np.full(len(alphas), np.nan), self.ps[which[going]] if len(self.ps) > 1 else self.ps[0]
             last[going], rows, failed = first_zeros(
-                self.flow, states[going], ps, self._rate, limit[going], int(turn > 0)
+                self.flow, states[going], ps, self._rate, limit[going], int(turn > 0), told=False
             )
             broken[going[[*failed]]] = True
             # In reduced coordinates the extension oscillates: all half periods after the first turn are equal.
@@ -168,11 +171,10 @@ class Lateness:
         return dict(zip(self.names, self.ps[which].T, strict=True))
 
     def _unknowns(self, alphas: np.ndarray, which: np.ndarray) -> dict[str, np.ndarray]:
-        return {"alpha": alphas, "liftoff": self._liftoffs[which]}
+        return {"alpha": alphas, "liftoff": self.liftoffs[which]}
 
-    @cached_property
     def _liftoffs(self) -> np.ndarray:
-        """The extensions (m,) at lift-off, which without damping do not depend on the speed."""
+        """The extensions (m,) at lift-off."""
         each = zip(self.scales, self.ps.tolist(), strict=True)
         release = self.model.release
         return np.array([float(release(np.array([s]), dict(zip(self.names, p, strict=True)))[0]) for s, p in each])

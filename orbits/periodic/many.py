@@ -4,7 +4,7 @@ Each is found as `find` finds it, from its own guess, so that no answer depends 
 not lead to a certified orbit of the family at once, `find` is left to decide.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -69,7 +69,7 @@ def lowest_orbits(
     left = np.flatnonzero(guess.own & ~(single & np.isfinite(found)))
     if not len(left) or model.search is None or equations.flows[0].phase.closed_form:
         return [guessed.only(single[guessed.which])] if guessed else [], {}
-    searched, lowest, absent = _from_search(asked, left, found, guess.refused)
+    searched, lowest, absent = _from_search(asked, left, found, guess)
     settled = single & np.isfinite(found)
     settled[[i for i, alpha in lowest.items() if alpha == found[i]]] = True
     parts = [guessed.only(settled[guessed.which])] if guessed else []
@@ -91,16 +91,17 @@ def _from_guesses(asked: _Family, guess: Guesses) -> Orbits | None:
 
 
 def _from_search(
-    asked: _Family, left: np.ndarray, found: np.ndarray, unguessed: Mapping[int, NoOrbit]
+    asked: _Family, left: np.ndarray, found: np.ndarray, guess: Guesses
 ) -> tuple[Orbits | None, dict[int, float], dict[int, NoOrbit]]:
     """The orbits that a search of some machines (k,) finds; by machine the lowest launch speed, of these and of those
-    `found` (m,), where all below it is known; and why machines have no orbit, of those `unguessed` with a reason.
+    `found` (m,), where all below it is known; and why machines have no orbit, of those whose guess was refused.
 
     A machine is left out where the search was stopped, or where a cell that may hold a lower orbit led to none.
     """
     assert asked.model.search is not None
     searches = [asked.model.search(dict(zip(asked.names, p, strict=True))) for p in asked.ps[left].tolist()]
-    lateness = Lateness(asked.model, asked.method, asked.names, asked.ps[left], asked.family, searches)
+    liftoffs = guess.unknowns["liftoff"][left]
+    lateness = Lateness(asked.model, asked.method, asked.names, asked.ps[left], asked.family, searches, liftoffs)
     cells = lateness.cells()
     owners = np.repeat(np.arange(len(left)), [len(each.cells) for each in cells])
     bounds = np.concatenate([each.cells for each in cells])
@@ -116,8 +117,8 @@ def _from_search(
             continue
         if np.isfinite(best):
             lowest[machine] = float(best)
-        elif machine in unguessed:
-            absent[machine] = with_search(unguessed[machine], none_found(cells[k]))
+        elif machine in guess.refused:
+            absent[machine] = with_search(guess.refused[machine], none_found(cells[k]))
     return orbits, lowest, absent
 
 
