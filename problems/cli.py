@@ -298,14 +298,15 @@ def sweep_command(
 @options.family_option("As in find.")
 @click.option("--samples", default="100", show_default=True, metavar="N[,M]", help="Values along and across.")
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
+@click.option("--both-ways", is_flag=True, help="Locate boundaries between the rows too.")
 @click.option("--colour", metavar="QUANTITY", help="Colour the figure by a quantity.")
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute.")
 @options.json_option
 @options.file_option("--output", "diagram", "Write the diagram: .json or .nc; its rows: .csv.")
 @options.plot_option
 def existence_command(
-    along: str, across: str, family: int, samples: str, quantities: str | None, colour: str | None,
-    workers: int | None, as_json: bool, output: str | None, plot: str | None, **stated: Any,
+    along: str, across: str, family: int, samples: str, quantities: str | None, both_ways: bool,
+    colour: str | None, workers: int | None, as_json: bool, output: str | None, plot: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find where orbits exist in two parameters, and where they are motions."""
     from orbits.plot import save_figure
@@ -320,7 +321,7 @@ def existence_command(
         asked.append(colour)
     diagram = existence(
         machine, row, between, column, values, family, samples=counts[0] if len(counts) == 1 else tuple(counts),
-        quantities=asked, **options.computed_by(workers),
+        both_ways=both_ways, quantities=asked, **options.computed_by(workers),
     )  # fmt: skip
     if plot is not None:
         save_figure(diagram.plot(colour), plot)

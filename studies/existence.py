@@ -51,7 +51,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     for row, (kind, machine) in zip(panels, MACHINES.items(), strict=True):
         for axes, (spring, values) in zip(row, (QUINTIC, SATURATING), strict=True):
             began = perf_counter()
-            diagram = existence(machine(spring, values), *RANGES[spring], samples=samples)
+            diagram = existence(machine(spring, values), *RANGES[spring], samples=samples, both_ways=True)
             seconds = perf_counter() - began
             _report(kind, diagram, seconds)
             diagram.plot("alpha", axes)

@@ -1,7 +1,8 @@
 """Where the orbits of a family exist in two parameters, and where they are motions.
 
-The orbits of a grid of machines say it roughly. Wherever two neighbours on the grid differ, the boundary between them
-is then located by bisection, for all pairs of neighbours together.
+The orbits of a grid of machines say it roughly. Wherever two neighbours in a row of the grid differ, the boundary
+between them is then located by bisection, for all pairs of neighbours together; where that is asked for, also between
+the rows.
 """
 
 from collections import Counter
@@ -35,12 +36,14 @@ DIAGRAMS = (".json", ".csv", ".nc")
 
 class Boundaries(NamedTuple):
     """Where neighbours on the grid differ: the nodes (k, 2) before each boundary by their places along and across,
-    whether it lies along the row (k,), the points (k, 2), and the statuses (k, 2) before and behind."""
+    whether it lies in a row (k,), else between two, the points (k, 2), the statuses (k, 2) before and behind, and
+    whether the point is located (k,), else it is the middle of the neighbours."""
 
     nodes: np.ndarray
     in_row: np.ndarray
     points: np.ndarray
     statuses: np.ndarray
+    located: np.ndarray
 
 
 class Stretch(NamedTuple):
@@ -58,7 +61,7 @@ class Existence:
     along, across : names of the two parameters
     values : of `across`, one for each row, ascending
     grid : the members on the grid, `along` first
-    boundaries : the points between neighbours that differ, each located to `ACCURACY` of its parameter's range
+    boundaries : the points between neighbours that differ
     """
 
     along: str
@@ -115,9 +118,9 @@ class Existence:
         return self.grid.heading(name)
 
     def edges(self, of_motions: bool) -> np.ndarray:
-        """The points (k, 2) at which motions begin or end, or else orbits."""
+        """The points (k, 2) at which motions begin or end, or else orbits, as far as they are located."""
         inside = np.isin(self.boundaries.statuses, WITH_ORBIT[: 1 if of_motions else 2])
-        return self.boundaries.points[inside[:, 0] != inside[:, 1]]
+        return self.boundaries.points[(inside[:, 0] != inside[:, 1]) & self.boundaries.located]
 
     def plot(self, quantity: str | None = None, axes: Any = None) -> Any:
         """Plot the diagram, coloured by a quantity if one is named; returns the axes."""
@@ -134,8 +137,9 @@ class Existence:
             {"value": value, "stretches": [part._asdict() for part in self.row(row)]}
             for row, value in enumerate(self.values)
         ]
-        parts = zip(found.points.tolist(), found.statuses.tolist(), found.in_row.tolist(), strict=True)
-        told = [{"point": point, "statuses": statuses, "in_row": along} for point, statuses, along in parts]
+        names = "point", "statuses", "located"
+        parts = zip(found.points.tolist(), found.statuses.tolist(), found.located.tolist(), strict=True)
+        told = [dict(zip(names, part, strict=True)) for part in parts]
         own = {"along": self.along, "across": self.across, "between": list(self.between), "accuracy": ACCURACY}
         return own | {"rows": rows, "boundaries": told} | swept
 
@@ -173,6 +177,7 @@ def existence(
     family: int = 1,
     *,
     samples: int | tuple[int, int] = 100,
+    both_ways: bool = False,
     quantities: Sequence[str] = (),
     progress: Callable[[SweepProgress], None] | bool | None = None,
     **options: Any,
@@ -183,12 +188,14 @@ def existence(
     along, between : the parameter of the rows, and their ends, (low, high) or (low, high, "log")
     across, values : the parameter that differs from row to row, and a list of its values, or a range as `between`
     samples : the number of values of a range, or a pair of them, along and across
+    both_ways : locate also the boundaries between the rows, for edges that run along them
     quantities : as in `sweep`
     progress : called with a `SweepProgress`; True shows a line, and None does so on a terminal
     options : `executor`, `workers`, `client`, `store` and `fresh` of `sweep`, for the grid
 
     A machine has the orbit of least launch speed or none. The boundaries are located to 1e-6 of a parameter's range
-    wherever neighbours on the grid differ; what lies between two neighbours that agree is not seen.
+    wherever neighbours on the grid differ; what lies between two neighbours that agree is not seen. An edge from where
+    on motions are too sensitive for an orbit to be certified is the edge of what `find` finds.
     """
     whole_number("family", family, most=LARGEST_FAMILY)
     if along == across:
@@ -216,7 +223,7 @@ def existence(
     rows = tuple(grid[across].reshape(grid.about["shape"])[0].tolist())
     shares = np.linspace(0, 1, grid.about["shape"][0]), _shares(column, rows)
     statuses = grid["status"].reshape(grid.about["shape"])
-    boundaries = _located(statuses, shares, statuses_at, on_screen(progress))
+    boundaries = _located(statuses, shares, both_ways, statuses_at, on_screen(progress))
     points = np.column_stack([axis.at(share) for axis, share in zip(scales, boundaries.points.T, strict=True)])
     return Existence(along, across, rows, grid, boundaries._replace(points=points))
 
@@ -231,6 +238,7 @@ def _shares(axis: Axis, values: Sequence[float]) -> np.ndarray:
 def _located(
     statuses: np.ndarray,
     shares: tuple[np.ndarray, np.ndarray],
+    both_ways: bool,
     statuses_at: Callable[[np.ndarray], np.ndarray],
     show: Callable[[SweepProgress], None],
 ) -> Boundaries:
@@ -243,7 +251,7 @@ def _located(
                  for at in (nodes, nodes + steps))  # fmt: skip
     parts = np.column_stack([statuses[tuple(at.T)] for at in (nodes, nodes + steps)])
     began, done, told = perf_counter(), 0, Counter[str]()
-    while len(wide := np.flatnonzero((high - low).max(axis=1, initial=0) > ACCURACY)):
+    while len(wide := np.flatnonzero(((high - low).max(axis=1, initial=0) > ACCURACY) & (in_row | both_ways))):
         interrupts.check()
         middle = 0.5 * (low[wide] + high[wide])
         found = statuses_at(middle)
@@ -258,10 +266,10 @@ def _located(
         low, high = np.concatenate([low, middle[other]]), np.concatenate([high, tops])
         parts = np.concatenate([parts, added])
         done, told = done + len(wide), told + Counter(found.tolist())
-        rounds = np.log2(np.maximum((high - low).max(axis=1) / ACCURACY, 1.0))
+        rounds = np.log2(np.maximum((high - low)[in_row | both_ways].max(axis=1) / ACCURACY, 1.0))
         left, seconds = int(np.ceil(rounds).sum()), perf_counter() - began
         show(SweepProgress(done, done + left, dict(told), seconds, left * seconds / done))
-    return Boundaries(nodes, in_row, 0.5 * (low + high), parts)
+    return Boundaries(nodes, in_row, 0.5 * (low + high), parts, in_row | both_ways)
 
 
 def codes_of(statuses: np.ndarray) -> np.ndarray:

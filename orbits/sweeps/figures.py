@@ -129,7 +129,7 @@ def _cells(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
     found, statuses = diagram.boundaries, diagram.statuses.T
     x, y = diagram.grid[diagram.along].reshape(statuses.shape)[:, 0], np.array(diagram.values)
     sides: dict[tuple[int, int, bool], list[Any]] = {}
-    for (i, j), along, point, pair in zip(*(part.tolist() for part in found), strict=True):
+    for (i, j), along, point, pair, _ in zip(*(part.tolist() for part in found), strict=True):
         sides.setdefault((i, j, along), []).append((point, tuple(pair)))
     for side in sides.values():
         side.sort()
