@@ -11,9 +11,7 @@ import argparse
 from collections.abc import Mapping
 from time import perf_counter
 
-import numpy as np
-
-from orbits import NoOrbit, Sweep, existence, find, sweep
+from orbits import NoOrbit, Sweep, existence, sweep
 from problems import Hopper
 
 MACHINES = {
@@ -24,7 +22,7 @@ MACHINES = {
 OVER = {
     "cubic": {"beta": (0.0, 1.0), "mass_ratio": (0.2, 5.0, "log"), "rest_length": (6.0, 20.0)},
     "varying gravity": {"beta": (0.0, 1.0), "mass_ratio": (0.5, 2.0), "R": (50.0, 500.0)},
-    "tanh and sinh": {"b": (0.05, 0.3), "c": (1e-8, 1e-3, "log")},
+    "tanh and sinh": {"b": (0.05, 0.3), "c": (1e-8, 3e-3, "log")},
 }
 DIAGRAM = Hopper("r + beta*r**3 + delta*r**5", rest_length=30.0, parameters={"beta": 0.0, "delta": 0.0})
 
@@ -88,7 +86,7 @@ def differing(answer: Sweep) -> list[int]:
 def check(members: int) -> int:
     """How many of so many members of all machines, and of the diagram's, `find` answers otherwise."""
     wrong, each = 0, members // (len(MACHINES) + 1)
-    questions = {**{name: (machine, OVER[name]) for name, machine in MACHINES.items()}}
+    questions = {name: (machine, OVER[name]) for name, machine in MACHINES.items()}
     questions["two powers"] = DIAGRAM, {"beta": (-0.03, 0.01), "delta": (-1e-4, 1.5e-4)}
     for name, (machine, over) in questions.items():
         answer = sweep(machine, over, each, seed=2, progress=False)

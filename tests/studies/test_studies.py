@@ -29,6 +29,7 @@ from studies import (
     spring_families,
     start_up,
     stress,
+    sweeps,
     tolerances,
 )
 from studies.oracle import by_another_integrator
@@ -304,6 +305,12 @@ def test_chain(tmp_path):
     for name in ("y1", "y1'"):
         assert numbers[f"exponent {name}"] == pytest.approx(4 / 3, abs=5e-3)
     assert (tmp_path / "chain.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_sweeps():
+    """Every member of four sweeps is what `find` says of it."""
+    assert sweeps.main(members=64, checked=200, samples=6)["wrong"] == 0
 
 
 @pytest.mark.slow
