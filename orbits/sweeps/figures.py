@@ -15,7 +15,7 @@ LEVELS = 8  # contours of a map
 LOOKS: dict[str, dict[str, Any]] = {
     "certified": {"fc": COLOURS[0], "ec": COLOURS[0], "lw": 0.2, "label": "motions"},
     "inadmissible": {"fc": PALE, "ec": PALE, "lw": 0.2, "label": "no motions"},
-    "no orbit": {"fc": "white", "ec": "white", "lw": 0.2, "zorder": 1.5},
+    "no orbit": {"fc": "white", "ec": "white", "lw": 0.5, "zorder": 1.5},
     "failed": {"fc": "white", "ec": "0.8", "hatch": "///", "lw": 0, "label": "not known", "zorder": 1.6},
 }
 EDGES: dict[str, dict[str, Any]] = {
