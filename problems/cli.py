@@ -281,9 +281,9 @@ def sweep_command(
         store=store, fresh=store is not None and not resume,
         **options.computed_by(workers),
     )  # fmt: skip
+    options.write(answer, as_json, save=output)
     if plot is not None:
         save_figure(answer.plot(), plot)
-    options.write(answer, as_json, save=output)
     if not answer.found:
         raise click.exceptions.Exit(1)
 
@@ -309,12 +309,14 @@ def existence_command(
     colour: str | None, workers: int | None, as_json: bool, output: str | None, plot: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find where orbits exist in two parameters, and where they are motions."""
+    from orbits.errors import InputError
     from orbits.plot import save_figure
     from orbits.sweeps.existence import existence
 
-    (row, between), (column, values) = (
-        options.swept_axis(*each) for each in (("--along", along), ("--across", across))
-    )
+    row, between = options.swept_axis("--along", along)
+    column, values = options.swept_axis("--across", across)
+    if not isinstance(between, tuple) or not isinstance(values, tuple | list):
+        raise InputError(f"--along {along!r} is NAME=LOW:HIGH, and --across {across!r} that or NAME=V1,V2,...")
     machine = options.machine_of(**options.with_first_values(stated, {row: between, column: values}, None))
     asked, counts = options.formulas(quantities), options.numbers("--samples", samples, int)
     if colour is not None and colour not in ("alpha", "flight_time", "error", *asked):
@@ -323,9 +325,9 @@ def existence_command(
         machine, row, between, column, values, family, samples=counts[0] if len(counts) == 1 else tuple(counts),
         both_ways=both_ways, quantities=asked, **options.computed_by(workers),
     )  # fmt: skip
+    options.write(diagram, as_json, save=output)
     if plot is not None:
         save_figure(diagram.plot(colour), plot)
-    options.write(diagram, as_json, save=output)
     if not diagram.grid.found:
         raise click.exceptions.Exit(1)
 

@@ -14,7 +14,7 @@ and what to design of it, in the machine's units or in SI:
 minimise = "loss_coefficient"   # or maximise; minimise = ["a", "b"] is a front of `points` designs
 subject_to = ["stroke <= 0.25", "centre_of_mass_rise == 0.2"]
 family = 2
-starts = 4                      # and seed = 0
+starts = 4                      # or 'global'; and seed = 0
 [design.over]
 k = [1e3, 1e5]
 """
@@ -53,7 +53,7 @@ class DesignTable(TypedDict, total=False):
     over: Any
     subject_to: list[str]
     family: int
-    starts: int
+    starts: int | str
     seed: int
     points: int
 

@@ -66,7 +66,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
 def _report(kind: str, diagram: Existence, seconds: float):
     """How many machines have an orbit, and what it took."""
     counts = ", ".join(f"{number} {status}" for status, number in diagram.grid.statuses().items())
-    edges = f"{len(diagram.edges(False))} points on the edge of the orbits, {len(diagram.edges(True))} on the motions'"
+    edges = f"{len(diagram.orbit_edges)} points on the edge of the orbits, {len(diagram.motion_edges)} on the motions'"
     print(f"  {kind:8} over {diagram.along}, {diagram.across}: {counts}; {edges}; {seconds:.1f} s")
 
 

@@ -48,7 +48,7 @@ def of_diagram(samples: int) -> float:
     began = perf_counter()
     diagram = existence(DIAGRAM, "beta", (-0.03, 0.01), "delta", (-1e-4, 1.5e-4), samples=samples, progress=False)
     seconds = perf_counter() - began
-    edges = len(diagram.edges(False)), len(diagram.edges(True))
+    edges = len(diagram.orbit_edges), len(diagram.motion_edges)
     print(f"  existence, {samples} x {samples}: {seconds:.2f} s; {edges[0]} points on the edge of the orbits, "
           f"{edges[1]} on that of the motions")  # fmt: skip
     return seconds

@@ -37,11 +37,13 @@ class Active:
 
 @dataclass(frozen=True)
 class Start:
-    """A start: its parameters, and the objective that it led to, or None and the reason why it led to no optimum."""
+    """A start: its parameters, and the objective and the optimum's parameters that it led to, or None and the reason
+    why it led to no optimum."""
 
     parameters: Mapping[str, float]
     objective: float | None
     reason: str = ""
+    optimum: Mapping[str, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,8 @@ from .optimality import Design, Start
 from .problem import DesignProblem, design_problem
 from .seeds import seeds_of
 
-# Objectives of the same optimum, found from different starts, agree to this share.
-SAME_OPTIMUM = 1e-6
+# Parameters of the same optimum, found from different starts, agree to this share of their units.
+SAME_DESIGN = 1e-3
 FURTHER_STARTS = 3  # further starts that are tried when no number is asked for and the first start leads to no optimum
 
 
@@ -96,13 +96,16 @@ def _global_best(machine: Machine, problem: DesignProblem, family: int, seed: in
     seeds = seeds_of(machine, problem, family, whole_number("seed", seed, least=0))
     points = [dict(zip(problem.names, each.values.tolist(), strict=True)) for each in seeds]
     best = best_design(machine, problem, family, points, progress)
-    same = [
-        each.share
-        for each, start in zip(seeds, best.starts, strict=True)
-        if start.objective is not None
-        and abs(start.objective - best.objective) <= SAME_OPTIMUM * max(abs(best.objective), abs(start.objective))
-    ]
-    return replace(best, share=float(sum(same)))
+    pairs = zip(seeds, best.starts, strict=True)
+    share = sum(seed.share for seed, start in pairs if start.optimum and _same_design(problem, best, start.optimum))
+    return replace(best, share=float(share))
+
+
+def _same_design(problem: DesignProblem, best: Design, other: Mapping[str, float]) -> bool:
+    """Whether a start led to the best design, whatever the parameters without effect are."""
+    a, b = (np.array([parameters[name] for name in problem.names]) for parameters in (best.parameters, other))
+    idle = np.isin(problem.names, best.idle)
+    return bool((idle | (np.abs(a - b) <= SAME_DESIGN * problem.units(a))).all())
 
 
 def best_design(
@@ -120,7 +123,7 @@ def best_design(
         try:
             varied = machine.with_values(**values)
             optima.append(local_optimum(varied, (point.get("orbit") or find(varied, family)).dimensionless(), problem))
-            tried.append(Start(values, optima[-1].objective))
+            tried.append(Start(values, optima[-1].objective, optimum=optima[-1].parameters))
         except InputError:
             raise
         except OrbitsError as error:

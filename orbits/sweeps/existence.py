@@ -117,9 +117,18 @@ class Existence:
         """The name of a parameter or quantity with its unit, if it has one."""
         return self.grid.heading(name)
 
-    def edges(self, of_motions: bool) -> np.ndarray:
-        """The points (k, 2) at which motions begin or end, or else orbits, as far as they are located."""
-        inside = np.isin(self.boundaries.statuses, WITH_ORBIT[: 1 if of_motions else 2])
+    @property
+    def orbit_edges(self) -> np.ndarray:
+        """The located points (k, 2) at which orbits begin or end."""
+        return self._edges(WITH_ORBIT)
+
+    @property
+    def motion_edges(self) -> np.ndarray:
+        """The located points (k, 2) at which motions begin or end."""
+        return self._edges(WITH_ORBIT[:1])
+
+    def _edges(self, statuses: tuple[str, ...]) -> np.ndarray:
+        inside = np.isin(self.boundaries.statuses.astype(str), statuses)
         return self.boundaries.points[(inside[:, 0] != inside[:, 1]) & self.boundaries.located]
 
     def plot(self, quantity: str | None = None, axes: Any = None) -> Any:
@@ -179,8 +188,11 @@ def existence(
     samples: int | tuple[int, int] = 100,
     both_ways: bool = False,
     quantities: Sequence[str] = (),
+    executor: Any = None,
+    workers: int | None = None,
+    client: Any = None,
+    store: str | Path | None = None,
     progress: Callable[[SweepProgress], None] | bool | None = None,
-    **options: Any,
 ) -> Existence:
     """Where the orbits of a family exist in two parameters, and where they are motions.
 
@@ -190,8 +202,8 @@ def existence(
     samples : the number of values of a range, or a pair of them, along and across
     both_ways : locate also the boundaries between the rows, for edges that run along them
     quantities : as in `sweep`
+    executor, workers, client, store : as in `sweep`, for the grid
     progress : called with a `SweepProgress`; True shows a line, and None does so on a terminal
-    options : `executor`, `workers`, `client`, `store` and `fresh` of `sweep`, for the grid
 
     A machine has the orbit of least launch speed or none. The boundaries are located to 1e-6 of a parameter's range
     wherever neighbours on the grid differ; what lies between two neighbours that agree is not seen. An edge from where
@@ -207,12 +219,14 @@ def existence(
         listed = sorted(set(column.values))
         column = replace(column, values=tuple(listed), low=listed[0], high=listed[-1])
     counts = samples if isinstance(samples, tuple) else (samples, samples)
-    if len(counts) != 2 or counts[0] == 1:
-        raise InputError(f"samples = {samples!r}: a diagram has at least two values along its rows, or a pair, (N, M)")
+    if len(counts) != 2 or counts[0] == 1 or (counts[1] == 1 and not column.values):
+        raise InputError(
+            f"samples = {samples!r}: a range has at least two values; for one row give a list of one value"
+        )
     over = {along: between, across: list(column.values) or values}
     grid = sweep(
         machine, over, (counts[0], len(column.values) or counts[1]), sampling="grid", family=family,
-        quantities=quantities, progress=progress, **options,
+        quantities=quantities, executor=executor, workers=workers, client=client, store=store, progress=progress,
     )  # fmt: skip
     scales = row, replace(column, values=())
 

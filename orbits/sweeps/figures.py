@@ -105,8 +105,9 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
         if shown := [polygon for polygons, _ in cells for own, polygon in polygons if own == status]:
             axes.add_collection(PolyCollection(shown, **look))
     for kind, style in EDGES.items():
-        if pieces := [piece for _, lines in cells for own, piece in lines if own == kind]:
-            axes.add_collection(LineCollection(pieces, label=kind, **style))
+        for located, form in ((True, {"label": kind}), (False, {"ls": ":"})):
+            if pieces := [piece for _, lines in cells for own, piece in lines if own == (kind, located)]:
+                axes.add_collection(LineCollection(pieces, **style, **form))
     axes.set(xlim=diagram.between, ylim=(diagram.values[0], diagram.values[-1]))
     axes.locator_params(axis="x", nbins=6)
     return _labelled(axes, sweep, diagram.along, diagram.across, legend=True)
@@ -122,15 +123,15 @@ def _beyond_edges(z: np.ndarray) -> np.ndarray:
 
 def _cells(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
     """For each cell of a diagram's grid its polygons, each with the status in it, and its pieces of edges, each with
-    what it is the edge of.
+    what it is the edge of and whether its end is located.
 
     The boundaries on the sides of a cell are joined, two by a line and more by lines to their middle.
     """
     found, statuses = diagram.boundaries, diagram.statuses.T
     x, y = diagram.grid[diagram.along].reshape(statuses.shape)[:, 0], np.array(diagram.values)
     sides: dict[tuple[int, int, bool], list[Any]] = {}
-    for (i, j), along, point, pair, _ in zip(*(part.tolist() for part in found), strict=True):
-        sides.setdefault((i, j, along), []).append((point, tuple(pair)))
+    for (i, j), along, point, pair, located in zip(*(part.tolist() for part in found), strict=True):
+        sides.setdefault((i, j, along), []).append((point, tuple(pair), located))
     for side in sides.values():
         side.sort()
     for i, j in np.ndindex(len(x) - 1, len(y) - 1):
@@ -138,9 +139,9 @@ def _cells(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
         corners = [(x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1])]
         round_it: list[Any] = []  # corners, without a status, and boundaries, with those before and behind
         for corner, (place, way) in zip(corners, ways, strict=True):
-            round_it.append((corner, None))
-            round_it.extend((point, pair[::way]) for point, pair in sides.get(place, [])[::way])
-        cuts = [k for k, (_, pair) in enumerate(round_it) if pair]
+            round_it.append((corner, None, False))
+            round_it.extend((point, pair[::way], located) for point, pair, located in sides.get(place, [])[::way])
+        cuts = [k for k, (_, pair, _) in enumerate(round_it) if pair]
         if not cuts:
             yield [(statuses[i, j], corners)], []
             continue
@@ -150,7 +151,8 @@ def _cells(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
         for start, end in pairwise([*cuts, cuts[0] + len(round_it)]):
             arc = [round_it[k % len(round_it)][0] for k in range(start, end + 1)]
             polygons.append((round_it[start][1][1], arc + inner))
-        yield polygons, [(_edge_of(round_it[k][1]), [round_it[k][0], middle]) for k in cuts]
+        ends = [round_it[k] for k in cuts]
+        yield polygons, [((_edge_of(pair), located), [point, middle]) for point, pair, located in ends]
 
 
 def _edge_of(pair: tuple[str, str]) -> str:

@@ -44,10 +44,10 @@ def test_the_edge_moves_as_the_fold_does(diagram):
 def test_boundaries_between_rows_are_located_too():
     """The flight under constant gravity does not depend on the mass ratio, and so the fold runs along the rows."""
     diagram = existence(MACHINE, "mass_ratio", (0.5, 2.0), "beta", (-0.02, 0.0), samples=(4, 4), both_ways=True)
-    edges = diagram.edges(of_motions=False)
+    edges = diagram.orbit_edges
     assert edges[:, 1] == pytest.approx([event_of(MACHINE, "fold")] * 4, abs=0.02e-6)
     rows = existence(MACHINE, "mass_ratio", (0.5, 2.0), "beta", (-0.02, 0.0), samples=(2, 4))
-    assert len(rows.edges(of_motions=False)) == 0
+    assert len(rows.orbit_edges) == 0
     assert len(rows.boundaries.points) == 4  # which a figure shows half way between the rows
 
 

@@ -1,0 +1,81 @@
+"""`orbits existence`: what it prints and writes, and what it refuses."""
+
+import numpy as np
+import pytest
+
+from orbits import follow
+from problems import Hopper
+
+CUBIC = "existence --spring 'r + beta*r**3'"
+FOLD = "--along beta=-0.02:0.02 --across mass_ratio=0.5,2"
+
+
+def test_the_diagram_ends_at_the_fold(orbits):
+    done = orbits(f"{CUBIC} {FOLD} --samples 5 --json")
+    assert done.code == 0
+    document = done.document
+    family = follow(Hopper("r + beta*r**3", parameters={"beta": 0.0}), "beta", -0.02)
+    fold = next(event.point.value for event in family.events if event.kind == "fold")
+    assert (document["along"], document["across"], document["count"]) == ("beta", "mass_ratio", 10)
+    for row in document["rows"]:
+        assert row["stretches"][0]["status"] == "no orbit"
+        assert row["stretches"][0]["high"] == pytest.approx(fold, abs=0.04e-6)
+    assert len(document["members"]) == 10
+
+
+def test_files_are_written_and_two_processes_write_the_same(orbits, tmp_path):
+    for workers in (1, 2):
+        rows, figure = tmp_path / f"rows{workers}.csv", tmp_path / "diagram.png"
+        done = orbits(f"{CUBIC} {FOLD} --samples 4 --colour stroke --workers {workers} --output {rows} --plot {figure}")
+        assert done.code == 0
+        assert "motions for beta by mass_ratio" in done.out
+        assert figure.stat().st_size > 5000
+    first, second = ((tmp_path / f"rows{workers}.csv").read_bytes() for workers in (1, 2))
+    assert first == second
+    assert first.startswith(b"mass_ratio,from beta,to beta,status")
+
+
+def test_ranges_and_both_ways(orbits):
+    text = f"{CUBIC} --along mass_ratio=0.5:2:log --across beta=-0.02:0.0 --samples 2,3 --both-ways --json"
+    document = orbits(text).document
+    assert [row["value"] for row in document["rows"]] == pytest.approx([-0.02, -0.01, 0.0])
+    assert sum(boundary["located"] for boundary in document["boundaries"]) == len(document["boundaries"]) >= 2
+
+
+def test_exit_code_1_where_nothing_hops(orbits):
+    assert orbits(f"{CUBIC} --along beta=-0.9:-0.8 --across mass_ratio=0.5,2 --samples 2").code == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--along beta=0.2:0.1 --across mass_ratio=1,2", "a range goes up"),
+        ("--along beta --across mass_ratio=1,2", "--along 'beta' is not of the form NAME=LOW:HIGH"),
+        ("--along beta=0.1,0.2 --across mass_ratio=1,2", "--along 'beta=0.1,0.2' is NAME=LOW:HIGH"),
+        ("--along 'beta=norm(0.1,0.2)' --across mass_ratio=1,2", "is NAME=LOW:HIGH"),
+        ("--along beta=0:1 --across beta=0:1", "another parameter"),
+        ("--along beta=0:1 --across gamma=0:1", "no parameter 'gamma'"),
+        ("--along beta=0:1 --across rest_length=6:9 --samples 1", "samples = 1"),
+        ("--along beta=0:1 --across rest_length=6:9 --samples 5,1", "samples = (5, 1)"),
+        ("--along beta=0:1 --across rest_length=6:9 --samples a", "--samples 'a' is not a list of numbers"),
+        ("--along beta=0:1 --across rest_length=6:9 --colour hue", "unknown quantity 'hue'"),
+        ("--along beta=0:1 --across rest_length=6:9 --colour beta", "'beta'"),
+        ("--along beta=0:1 --across rest_length=6:9 --output a.txt", "ending"),
+        ("--along beta=0:1 --across rest_length=6:9 --plot no/such/folder/a.png", "no/such"),
+        ("--along beta=0:1 --across rest_length=6:9 --family 0", "family"),
+        ("--along beta=0:1", "--across"),
+    ],
+)
+def test_bad_input_is_one_line(orbits, options, message):
+    done = orbits(f"{CUBIC} {options}")
+    assert done.code == 2
+    assert message in done.err
+    assert len(done.err.strip().splitlines()) == 1
+    assert not done.out
+
+
+def test_a_row_of_the_figure_is_that_of_the_sweep(orbits):
+    """The grid is what `orbits sweep` says of the same machines."""
+    diagram = orbits(f"{CUBIC} --along beta=0:0.2 --across mass_ratio=0.5,2 --samples 3 --json").document["members"]
+    swept = orbits(f"{CUBIC} --over beta=0,0.1,0.2 --over mass_ratio=0.5,2 --json").document["members"]
+    assert np.array([m["alpha"] for m in diagram]) == pytest.approx([m["alpha"] for m in swept], abs=0)
