@@ -1,5 +1,6 @@
 """The answer of a sweep: its members as columns, tables, statistics, figures and orbits."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -19,6 +20,8 @@ from .question import COLUMNS_OF, Question, Table
 
 # Endings of the files that a sweep is saved to.
 TABLES = (".csv", ".nc", ".parquet", ".json")
+# Members that are written at a time.
+AT_ONCE = 10_000
 # Shares of the members below the quantiles that a summary tells.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
@@ -97,8 +100,7 @@ class Sweep:
 
     def statuses(self) -> dict[str, int]:
         """The number of members of each status."""
-        names, counts = np.unique(self.columns["status"].astype(str), return_counts=True)
-        return dict(zip(names.tolist(), counts.tolist(), strict=True))
+        return dict(sorted(Counter(self.columns["status"].tolist()).items()))
 
     def summary(self) -> dict[str, Any]:
         """How many members have each status, and the quantiles of the numbers of those that have any, by name."""
@@ -137,6 +139,12 @@ class Sweep:
                     value = None if np.isnan(value) else int(value) if name in whole else float(value)
                 row[name] = value
             yield row
+
+    def _values(self) -> Iterator[tuple]:
+        """The values of each member in the order of the columns, few of them at a time as objects of Python."""
+        columns = (self.index, *self.columns.values())
+        for first in range(0, len(self), AT_ONCE):
+            yield from zip(*(column[first : first + AT_ONCE].tolist() for column in columns), strict=True)
 
     def document(self) -> dict[str, Any]:
         """The sweep as the JSON document of the command line."""
@@ -211,9 +219,7 @@ class Sweep:
         with writing("sweep", path):
             if ending == ".csv":
                 names = ["member", *map(self.heading, self.columns)]
-                columns = [column.tolist() for column in self.columns.values()]
-                rows = zip(self.index.tolist(), *columns, strict=True)
-                write_table(names, ([_blank(value) for value in row] for row in rows), path, "sweep")
+                write_table(names, ([_blank(value) for value in row] for row in self._values()), path, "sweep")
             elif ending == ".json":
                 path.write_text(to_json(self.document()) + "\n", encoding="utf-8")
             elif ending == ".nc":

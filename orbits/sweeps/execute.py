@@ -3,15 +3,20 @@
 A chunk is a pure function of data that can be pickled, so that any executor can solve it, in any order, and again.
 """
 
+import ctypes
 import os
 import pickle
+import signal
+import threading
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError, whole_number
+from ..io import MEGABYTE
 from ..symbolic import interrupts
 from .members import failed_table, solve_chunk
 from .question import CHUNK, Question, Table
@@ -24,6 +29,8 @@ QUEUED = 2
 MANY_WORKERS = 16
 # Seconds between looks for an interrupt while workers compute.
 LOOK = 0.5
+# Options of the C library's `mallopt` and the bytes that a worker keeps at hand; see `_keep_memory`.
+KEPT = {-1: 16 * MEGABYTE, -3: 4 * MEGABYTE}  # M_TRIM_THRESHOLD, M_MMAP_THRESHOLD
 
 
 class Chunk(NamedTuple):
@@ -51,9 +58,11 @@ def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, worker
             raise InputError(f"workers = {workers}: they are processes, with executor='processes'")
         for chunk in chunks:
             interrupts.check()
-            yield solve_chunk(question, chunk.members)
+            yield solve_chunk(question, chunk.members, question.values_of(chunk.members))
         return
-    payload = _pickled(question, executor)
+    # Every call has the parameters of its own members; with those of all, a million of them would be sent every time.
+    members = replace(question.members, values=question.members.values[:0], axes=())
+    payload = _pickled(replace(question, members=members), executor)
     if executor == "processes":
         count = None if workers is None else whole_number("workers", workers, most=1000)
         with _Processes(count) as pool:
@@ -77,9 +86,9 @@ def _pickled(question: Question, executor: Any) -> bytes:
         raise InputError(f"this machine cannot be sent to other processes ({error}): {way}") from None
 
 
-def solve_pickled(payload: bytes, members: np.ndarray) -> Table:
+def solve_pickled(payload: bytes, members: np.ndarray, values: np.ndarray) -> Table:
     """`solve_chunk` in a worker."""
-    return solve_chunk(_unpickled(payload), members)
+    return solve_chunk(_unpickled(payload), members, values)
 
 
 _last: tuple[bytes, Question] | None = None
@@ -89,8 +98,32 @@ def _unpickled(payload: bytes) -> Question:
     """The question of a payload, kept for the next chunk, since all of them have the same."""
     global _last
     if _last is None or _last[0] != payload:
+        _keep_memory()
         _last = payload, pickle.loads(payload)
     return _last[1]
+
+
+def _keep_memory() -> None:
+    """Let the C library keep some freed memory for the next arrays. Dask tells it in its workers to give everything
+    back at once, and to ask for it again took a quarter of their time."""
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError, TypeError):
+        return  # another C library
+    for option, size in KEPT.items():
+        mallopt(option, size)
+
+
+def _begin_worker(alive: Any) -> None:
+    """What a process of the pool does first: leave interrupts to the process that sweeps, and end as soon as that one
+    closes its end of the pipe `alive`, also by its death, which would leave the worker waiting for ever."""
+
+    def watch() -> None:
+        alive.poll(None)
+        os._exit(1)
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=watch, daemon=True).start()
 
 
 class _Processes:
@@ -112,13 +145,17 @@ class _Processes:
         self.pool = self._started()
         return self
 
-    def __exit__(self, *error: object) -> None:
+    def __exit__(self, kind: type | None, *error: object) -> None:
+        if kind is not None:
+            self.alive.close()  # nobody waits for what the workers still compute
         self.pool.shutdown(wait=True, cancel_futures=True)
+        self.alive.close()
 
     def _started(self) -> Any:
         from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 
-        pool = ProcessPoolExecutor(self.size, mp_context=self.context)
+        theirs, self.alive = self.context.Pipe(duplex=False)
+        pool = ProcessPoolExecutor(self.size, self.context, _begin_worker, (theirs,))
         try:
             pool.submit(int).result()
         except BrokenExecutor:
@@ -161,14 +198,26 @@ class _Given:
 
 
 def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk]) -> Iterator[Table]:
-    """The answers of the chunks by a pool's workers.
+    """The answers of the chunks by a pool's workers; what still runs when nobody wants more of them is cancelled."""
+    running: dict[Any, Chunk] = {}
+    try:
+        yield from _rounds(pool, payload, question, deque(chunks), running)
+    finally:
+        for future in running:
+            future.cancel()
+
+
+def _rounds(
+    pool: Any, payload: bytes, question: Question, waiting: deque[Chunk], running: dict[Any, Chunk]
+) -> Iterator[Table]:
+    """The answers of the chunks that wait, as they come; those that run are kept by their futures.
 
     Where a worker dies, the chunks that were being solved are suspects, which are tried again alone once all others are
     done. A chunk that kills its worker then is solved a member at a time, and a member that kills three has failed.
     """
     from concurrent.futures import FIRST_COMPLETED, wait
 
-    waiting, suspects, running = deque(chunks), deque[Chunk](), dict[Any, Chunk]()
+    suspects = deque[Chunk]()
     while waiting or running or suspects:
         interrupts.check()
         alone = not waiting and not running
@@ -176,7 +225,8 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
         crashed = False
         while source and len(running) < most and not crashed:
             try:
-                running[pool.submit(solve_pickled, payload, source[0].members)] = source[0]
+                members = source[0].members
+                running[pool.submit(solve_pickled, payload, members, question.values_of(members))] = source[0]
                 source.popleft()
             except RuntimeError as error:  # a worker has died that the futures have not told of yet
                 if not _died(error):

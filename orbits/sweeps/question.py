@@ -65,6 +65,10 @@ class Question:
     def __len__(self) -> int:
         return len(self.members) * len(self.families)
 
+    def values_of(self, members: np.ndarray) -> np.ndarray:
+        """The parameters (k, n) of some members (k,)."""
+        return self.members.values[members // len(self.families)]
+
     def columns(self) -> dict[str, type]:
         """The columns of the answer, with their types."""
         parameters = dict.fromkeys(self.members.names, float)

@@ -31,7 +31,7 @@ class Store:
         """Open the store of a question; `fresh` refuses a file that is there. Raises `InputError` for a file that is no
         store, that is spoilt, or that holds the answers to another question."""
         self.path, self.question = Path(path), question
-        known = self.path.exists() and self.path.stat().st_size > 0
+        known = self.path.exists() and not _is_empty(self.path)
         if known and fresh:
             raise InputError(f"the store {path} exists: go on with it by resuming, or name another file")
         if not known and not self.path.parent.is_dir():
@@ -98,13 +98,27 @@ class Store:
             raise InputError(f"the store {self.path} cannot be written: {error}; {safe}") from None
 
 
+def _is_empty(path: Path) -> bool:
+    """Whether a file is empty, or a database without a table: that of a process that was killed as it made a store."""
+    if not path.is_file() or path.stat().st_size == 0:
+        return path.is_file()
+    # A journal is left where the process was killed as it set the mode of a new file; SQLite takes such a change back,
+    # and no store has a journal later.
+    mode = "rw" if Path(f"{path}-journal").exists() else "ro"
+    try:
+        with _opened(path, mode) as connection:
+            return connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone() == (0,)
+    except sqlite3.Error:
+        return False
+
+
 def question_in(path: str | Path) -> dict[str, Any]:
     """The question's document in a store; raises `InputError` for a file that is no store, or is spoilt."""
     complaint = f"{path} is no store of a sweep"
     if not Path(path).is_file():
         raise InputError(f"{complaint}: there is no such file")
     try:
-        with _read_only(path) as connection:
+        with _opened(path) as connection:
             (check,) = connection.execute("PRAGMA quick_check(1)").fetchone()
             if check != "ok":
                 raise InputError(f"the store {path} is spoilt: {check}")
@@ -119,16 +133,16 @@ def question_in(path: str | Path) -> dict[str, Any]:
 def read_store(path: str | Path, columns: Mapping[str, type]) -> Table:
     """The members that are done in a store, with these columns."""
     try:
-        with _read_only(path) as connection:
+        with _opened(path) as connection:
             return _read(connection, columns)
     except sqlite3.Error as error:
         raise InputError(f"the store {path} cannot be read: {error}") from None
 
 
 @contextmanager
-def _read_only(path: str | Path) -> Iterator[sqlite3.Connection]:
-    """A store to read only."""
-    connection = sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=ro", timeout=PATIENCE, uri=True)
+def _opened(path: str | Path, mode: str = "ro") -> Iterator[sqlite3.Connection]:
+    """A database that is there already, to read only."""
+    connection = sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode={mode}", timeout=PATIENCE, uri=True)
     try:
         yield connection
     finally:
@@ -146,7 +160,8 @@ def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
         table.members[first:last] = members
         for (name, column), given in zip(table.columns.items(), values, strict=True):
             if columns[name] is str:
-                column[first:last] = given
+                shared = {text: text for text in given}  # a million members have few different texts
+                column[first:last] = [shared[text] for text in given]
             else:
                 column[first:last] = np.array(given, dtype=float)  # None is NaN
         first = last
