@@ -11,15 +11,17 @@ import numpy as np
 
 from ..design.many import DESIGN_STATUSES
 from ..errors import InputError
-from ..io import check_ending, fields_in_line, to_json, write_table, writing
+from ..io import check_path, fields_in_line, to_json, write_table, writing
 from ..model.machine import Machine
 from ..model.units import UNIT_TEXTS
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from .question import COLUMNS_OF, Question, Table
 
-# Endings of the files that a sweep is saved to.
-TABLES = (".csv", ".nc", ".parquet", ".json")
+# Endings of the files that a sweep is saved to, with the packages of the extra `data` that write them.
+TABLES: dict[str, tuple[str, ...]] = {
+    ".csv": (), ".nc": ("xarray", "netCDF4"), ".parquet": ("pandas", "pyarrow"), ".json": (),
+}  # fmt: skip
 # Members that are written at a time.
 AT_ONCE = 10_000
 # Shares of the members below the quantiles that a summary tells.
@@ -179,7 +181,7 @@ class Sweep:
     @property
     def dataset(self) -> Any:
         """The sweep as an `xarray.Dataset`: with the parameters as coordinates for a grid, else along "member"."""
-        xarray = _needed("xarray", "a dataset")
+        xarray = _needed("xarray", "for a dataset")
         shape, families = self.about["shape"], self.about["families"]
         complete = len(self) == self.count
         dims: tuple[str, ...] = ("member",)
@@ -209,12 +211,12 @@ class Sweep:
 
     def dataframe(self) -> Any:
         """The sweep as a `pandas.DataFrame`, a row for each member."""
-        pandas = _needed("pandas", "a data frame")
+        pandas = _needed("pandas", "for a data frame")
         return pandas.DataFrame(dict(self.columns), index=pandas.Index(self.index, name="member"))
 
     def save(self, path: str | Path) -> Path:
         """Write the sweep to .csv or .json, or, with the extra `data`, to .nc (NetCDF) or .parquet."""
-        path = check_ending(path, TABLES)
+        path = check_table(path)
         ending = path.suffix.lower()
         with writing("sweep", path):
             if ending == ".csv":
@@ -225,7 +227,6 @@ class Sweep:
             elif ending == ".nc":
                 self.dataset.to_netcdf(path)
             else:
-                _needed("pyarrow", "Parquet")
                 self.dataframe().to_parquet(path)
         return path
 
@@ -257,6 +258,15 @@ class Sweep:
         return sobol_indices(self.question, quantities, samples, seed, partial(self.again, **options))
 
 
+def check_table(path: str | Path) -> Path:
+    """The path of a file that a sweep is to be saved to; raises `InputError` where it cannot be, or where a package is
+    missing that writes it."""
+    path = check_path(path, tuple(TABLES))
+    for package in TABLES[path.suffix.lower()]:
+        _needed(package, f"to write {path}")
+    return path
+
+
 def _blank(value: Any) -> Any:
     """A value of a CSV file; nothing for what a member does not have."""
     return "" if isinstance(value, float) and np.isnan(value) else value
@@ -269,4 +279,4 @@ def _needed(package: str, what: str) -> Any:
     try:
         return import_module(package)
     except ImportError:
-        raise InputError(f"{what} needs {package}: install persistent-orbits[data]") from None
+        raise InputError(f"{what}, {package} is needed: pip install 'persistent-orbits[data]'") from None

@@ -154,14 +154,16 @@ class _Processes:
     def _started(self) -> Any:
         from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 
-        theirs, self.alive = self.context.Pipe(duplex=False)
-        pool = ProcessPoolExecutor(self.size, self.context, _begin_worker, (theirs,))
-        try:
-            pool.submit(int).result()
-        except BrokenExecutor:
-            guard = "in a script, call sweep under  if __name__ == '__main__':"
-            raise InputError(f"worker processes cannot start: {guard}") from None
-        return pool
+        for _ in range(MOST_CRASHES):  # a worker may be killed as it starts, too
+            theirs, self.alive = self.context.Pipe(duplex=False)
+            pool = ProcessPoolExecutor(self.size, self.context, _begin_worker, (theirs,))
+            try:
+                pool.submit(int).result()
+            except BrokenExecutor:
+                pool.shutdown(wait=True)
+            else:
+                return pool
+        raise InputError("worker processes cannot start: in a script, call sweep under  if __name__ == '__main__':")
 
     @property
     def size(self) -> int:
