@@ -109,17 +109,15 @@ def kill_workers(kills: int, whole: Sweep, pause: float, generator: np.random.Ge
             count.kills += 1
 
     while count.kills < kills:
-        timers = []
+        timers = [Timer(0, kill)]
 
-        def sometimes(state, timers=timers) -> None:
-            if generator.random() < 0.3:
-                timers.append(Timer(generator.uniform(0, pause), kill))
+        def again(state, timers=timers) -> None:
+            if not timers[-1].is_alive():
+                timers.append(Timer(5 * pause + generator.uniform(0, 20 * pause), kill))
                 timers[-1].start()
 
-        count.compare(sweep(HOPPER, OVER, MEMBERS, executor="processes", workers=2, progress=sometimes), whole)
-        for timer in timers:
-            timer.cancel()
-            timer.join()
+        count.compare(sweep(HOPPER, OVER, MEMBERS, executor="processes", workers=2, progress=again), whole)
+        timers[-1].cancel()
         count.ended += 1
     return count
 

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
+from weakref import WeakSet
 
 import numpy as np
 
@@ -65,10 +66,11 @@ def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, worker
     payload = _pickled(replace(question, members=members), executor)
     if executor == "processes":
         count = None if workers is None else whole_number("workers", workers, most=1000)
-        with _Processes(count) as pool:
-            yield from _solved_by(pool, payload, question, chunks)
+        with _Processes(count) as processes:
+            yield from _solved_by(processes, payload, question, chunks)
     elif hasattr(executor, "submit"):
-        yield from _solved_by(_Given(executor, workers), payload, question, chunks)
+        with _Given(executor, workers) as pool:
+            yield from _solved_by(pool, payload, question, chunks)
     else:
         raise InputError(f"executor = {executor!r}; it is None, 'processes' or an executor of concurrent.futures")
 
@@ -147,7 +149,7 @@ class _Processes:
 
     def __exit__(self, kind: type | None, *error: object) -> None:
         if kind is not None:
-            self.alive.close()  # nobody waits for what the workers still compute
+            self._end()  # nobody waits for what the workers still compute
         self.pool.shutdown(wait=True, cancel_futures=True)
         self.alive.close()
 
@@ -174,6 +176,21 @@ class _Processes:
         """A call in one of the processes."""
         return self.pool.submit(*call)
 
+    def look_after(self) -> None:
+        """End the pool where a process has died that it does not tell of: it waits for the rest of a result for ever
+        when the process has died in the middle of sending it."""
+        if not all(process.is_alive() for process in self._workers()):
+            self._end()
+
+    def _workers(self) -> list[Any]:
+        return list((self.pool._processes or {}).values())
+
+    def _end(self) -> None:
+        """Kill the processes, and take the pool's own end of the pipe of results from it, so that it sees their end."""
+        for process in self._workers():
+            process.kill()
+        self.pool._result_queue._writer.close()
+
     def renew(self) -> None:
         """Replace the pool, in which a process has died."""
         self.pool.shutdown(wait=True, cancel_futures=True)
@@ -187,9 +204,23 @@ class _Given:
 
     def __init__(self, executor: Any, workers: int | None):
         self.executor, self.size = executor, workers or int(getattr(executor, "_max_workers", 0)) or MANY_WORKERS
+        self.futures = WeakSet[Any]()
+
+    def __enter__(self) -> "_Given":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for future in self.futures:
+            future.cancel()  # after an interrupt nobody waits for it
 
     def submit(self, *call: Any) -> Any:
-        return self.executor.submit(*call)
+        """A call by one of the workers."""
+        future = self.executor.submit(*call)
+        self.futures.add(future)
+        return future
+
+    def look_after(self) -> None:
+        """Do nothing: that is the executor's."""
 
     def renew(self) -> None:
         """Do nothing where the executor still takes calls; raise `InputError` for one that is broken."""
@@ -200,26 +231,14 @@ class _Given:
 
 
 def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk]) -> Iterator[Table]:
-    """The answers of the chunks by a pool's workers; what still runs when nobody wants more of them is cancelled."""
-    running: dict[Any, Chunk] = {}
-    try:
-        yield from _rounds(pool, payload, question, deque(chunks), running)
-    finally:
-        for future in running:
-            future.cancel()
-
-
-def _rounds(
-    pool: Any, payload: bytes, question: Question, waiting: deque[Chunk], running: dict[Any, Chunk]
-) -> Iterator[Table]:
-    """The answers of the chunks that wait, as they come; those that run are kept by their futures.
+    """The answers of the chunks by a pool's workers.
 
     Where a worker dies, the chunks that were being solved are suspects, which are tried again alone once all others are
     done. A chunk that kills its worker then is solved a member at a time, and a member that kills three has failed.
     """
     from concurrent.futures import FIRST_COMPLETED, wait
 
-    suspects = deque[Chunk]()
+    waiting, suspects, running = deque(chunks), deque[Chunk](), dict[Any, Chunk]()
     while waiting or running or suspects:
         interrupts.check()
         alone = not waiting and not running
@@ -235,6 +254,8 @@ def _rounds(
                     raise
                 crashed = True
         finished, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
+        if not finished:
+            pool.look_after()
         crashed = crashed or any(_died(future.exception()) for future in finished)
         if crashed and pool.one_fate:
             finished, _ = wait(running)

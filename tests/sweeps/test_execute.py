@@ -3,12 +3,14 @@
 import multiprocessing
 import os
 import signal
+import struct
 import subprocess
 import sys
 import textwrap
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Self
 
@@ -16,6 +18,7 @@ import numpy as np
 import pytest
 
 from orbits.errors import InputError
+from orbits.sweeps.execute import _Processes
 from orbits.sweeps.question import CHUNK
 from orbits.sweeps.sweep import sweep
 from problems import Hopper
@@ -129,6 +132,28 @@ def is_alive(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+def die_as_it_answers() -> None:
+    """Let this worker send the first bytes of its answer and no more."""
+
+    def send(connection, content) -> None:
+        os.write(connection.fileno(), struct.pack("!i", len(content)) + bytes(content[:5]))
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    Connection._send_bytes = send
+
+
+def test_a_worker_that_dies_as_it_sends_its_answer_is_noticed():
+    with _Processes(2) as pool:
+        future = pool.submit(die_as_it_answers)
+        deadline = time.monotonic() + 20
+        while not future.done() and time.monotonic() < deadline:
+            time.sleep(0.5)
+            pool.look_after()
+        assert isinstance(future.exception(0), BrokenExecutor)
+        pool.renew()
+        assert pool.submit(abs, -3).result(20) == 3
 
 
 def test_what_cannot_be_sent_is_refused():
