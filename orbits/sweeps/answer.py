@@ -200,8 +200,7 @@ class Sweep:
         data: dict[str, Any] = {}
         for name, column in self.columns.items():
             if name not in coordinates:
-                values = column.astype(str) if column.dtype == object else column
-                data[name] = dims, values.reshape(sizes), self._attributes(name)
+                data[name] = dims, column.reshape(sizes), self._attributes(name)
         return xarray.Dataset(data, coordinates, {"sweep": to_json(self.about)})
 
     def _attributes(self, name: str) -> dict[str, str]:
