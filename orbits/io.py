@@ -110,11 +110,15 @@ def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:
 
 
 def check_path(path: str | Path, endings: tuple[str, ...]) -> Path:
-    """The path of a file to write, with one of the endings if any are given; raises `InputError` where its ending or
-    its folder rules that out."""
+    """The path of a file to write, with one of the endings if any are given; raises `InputError` where its ending, its
+    folder or its permissions rule that out."""
     path = check_ending(path, endings)
     if not path.parent.is_dir():
         raise InputError(f"'{path}' cannot be written: there is no folder '{path.parent}'")
+    if path.is_dir():
+        raise InputError(f"'{path}' cannot be written: it is a folder")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise InputError(f"'{path}' cannot be written: permission denied")
     return path
 
 

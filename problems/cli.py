@@ -342,7 +342,8 @@ def main() -> None:
     except click.ClickException as error:
         code = _failed(error.format_message(), error.exit_code)
     except (click.Abort, KeyboardInterrupt) as error:
-        code = _failed(": ".join(filter(None, ("interrupted", str(error)))), 130)
+        said = str(error.__cause__ or error)  # click makes its own of an interrupt
+        code = _failed(": ".join(filter(None, ("interrupted", said))), 130)
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has closed it
         code = 0

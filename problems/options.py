@@ -1,6 +1,7 @@
 """What the commands share: the options that describe a machine, its losses and the files to write."""
 
 import logging
+import math
 import re
 import sys
 import threading
@@ -67,8 +68,12 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
 
             if kind == "animation":
                 return str(check_animation(path))
+            if kind == "sweep":
+                from orbits.sweeps.answer import check_table
+
+                return str(check_table(path))
             endings = {"document": DOCUMENTS, "front": (*DOCUMENTS, ".csv"), "figure": FIGURES, "family": ENDINGS}
-            endings |= {"sweep": (".csv", ".nc", ".parquet", ".json"), "diagram": (".json", ".csv", ".nc")}
+            endings["diagram"] = (".json", ".csv", ".nc")
             check_path(path, endings.get(kind, ENDINGS[:2]))
         return path
 
@@ -118,10 +123,10 @@ def formulas(text: str | None) -> list[str]:
     return [part.strip() for part in parts if part.strip()]
 
 
-def swept_members(over: Sequence[str], designs: str | None) -> tuple[dict[str, Any], dict[str, list[str]] | None]:
+def swept_members(over: Sequence[str], designs: str | None) -> tuple[dict[str, Any], dict[str, "np.ndarray"] | None]:
     """What --over asks of each parameter, or the table that --from names; raises `InputError` for neither or both."""
     from orbits.errors import InputError
-    from orbits.sweeps.designs import read_designs
+    from orbits.sweeps.designs import as_numbers, read_designs
 
     if bool(over) == (designs is not None):
         raise InputError("a sweep is --over NAME=RANGE, repeatable, or --from FILE.csv")
@@ -131,7 +136,9 @@ def swept_members(over: Sequence[str], designs: str | None) -> tuple[dict[str, A
         if name in axes:
             raise InputError(f"--over gives {name!r} twice")
         axes[name] = axis
-    return axes, None if designs is None else read_designs(designs)
+    if designs is None:
+        return axes, None
+    return axes, {name: as_numbers(name, column, designs) for name, column in read_designs(designs).items()}
 
 
 def swept_axis(option: str, text: str) -> tuple[str, Any]:
@@ -147,8 +154,8 @@ def swept_axis(option: str, text: str) -> tuple[str, Any]:
         from scipy.stats import norm
 
         mean, deviation = numbers(option, ",".join(found.groups()), float)
-        if not deviation > 0:
-            raise InputError(f"{option} {text!r}: a standard deviation is above 0")
+        if not (math.isfinite(mean) and 0 < deviation < math.inf):
+            raise InputError(f"{option} {text!r}: a mean is finite, and a standard deviation above 0 and finite")
         return name, norm(mean, deviation)
     if ":" not in stated:
         return name, numbers(option, stated, float)
@@ -174,7 +181,7 @@ def with_first_values(stated: dict[str, Any], axes: dict[str, Any], table: Any) 
     settings = list(stated.get("settings", ()))
     known = {setting.partition("=")[0].strip() for setting in settings}
     middle = {name: float(axis_of(name, axis).at(np.array([0.5]))[0]) for name, axis in axes.items()}
-    middle |= {name: values[0] for name, values in (table or {}).items() if values}
+    middle |= {name: float(values[0]) for name, values in (table or {}).items()}
     own = ("mass_ratio", "rest_length", "alpha", "damping", "drag")
     settings += [f"{name}={value}" for name, value in middle.items() if name not in known and name not in own]
     return {**stated, "settings": tuple(settings)}

@@ -1,5 +1,6 @@
 """The answer of a sweep: its members as columns, tables, statistics, figures and orbits."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -10,15 +11,19 @@ import numpy as np
 
 from ..design.many import DESIGN_STATUSES
 from ..errors import InputError
-from ..io import check_ending, fields_in_line, to_json, write_table, writing
+from ..io import check_path, fields_in_line, to_json, write_table, writing
 from ..model.machine import Machine
 from ..model.units import UNIT_TEXTS
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from .question import COLUMNS_OF, Question, Table
 
-# Endings of the files that a sweep is saved to.
-TABLES = (".csv", ".nc", ".parquet", ".json")
+# Endings of the files that a sweep is saved to, with the packages of the extra `data` that write them.
+TABLES: dict[str, tuple[str, ...]] = {
+    ".csv": (), ".nc": ("xarray", "netCDF4"), ".parquet": ("pandas", "pyarrow"), ".json": (),
+}  # fmt: skip
+# Members that are written at a time.
+AT_ONCE = 10_000
 # Shares of the members below the quantiles that a summary tells.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
@@ -97,8 +102,7 @@ class Sweep:
 
     def statuses(self) -> dict[str, int]:
         """The number of members of each status."""
-        names, counts = np.unique(self.columns["status"].astype(str), return_counts=True)
-        return dict(zip(names.tolist(), counts.tolist(), strict=True))
+        return dict(sorted(Counter(self.columns["status"].tolist()).items()))
 
     def summary(self) -> dict[str, Any]:
         """How many members have each status, and the quantiles of the numbers of those that have any, by name."""
@@ -138,6 +142,12 @@ class Sweep:
                 row[name] = value
             yield row
 
+    def _values(self) -> Iterator[tuple]:
+        """The values of each member in the order of the columns, few of them at a time as objects of Python."""
+        columns = (self.index, *self.columns.values())
+        for first in range(0, len(self), AT_ONCE):
+            yield from zip(*(column[first : first + AT_ONCE].tolist() for column in columns), strict=True)
+
     def document(self) -> dict[str, Any]:
         """The sweep as the JSON document of the command line."""
         status = dict.fromkeys(self.known_statuses(), 0) | self.statuses()
@@ -171,7 +181,7 @@ class Sweep:
     @property
     def dataset(self) -> Any:
         """The sweep as an `xarray.Dataset`: with the parameters as coordinates for a grid, else along "member"."""
-        xarray = _needed("xarray", "a dataset")
+        xarray = _needed("xarray", "for a dataset")
         shape, families = self.about["shape"], self.about["families"]
         complete = len(self) == self.count
         dims: tuple[str, ...] = ("member",)
@@ -190,8 +200,7 @@ class Sweep:
         data: dict[str, Any] = {}
         for name, column in self.columns.items():
             if name not in coordinates:
-                values = column.astype(str) if column.dtype == object else column
-                data[name] = dims, values.reshape(sizes), self._attributes(name)
+                data[name] = dims, column.reshape(sizes), self._attributes(name)
         return xarray.Dataset(data, coordinates, {"sweep": to_json(self.about)})
 
     def _attributes(self, name: str) -> dict[str, str]:
@@ -201,25 +210,22 @@ class Sweep:
 
     def dataframe(self) -> Any:
         """The sweep as a `pandas.DataFrame`, a row for each member."""
-        pandas = _needed("pandas", "a data frame")
+        pandas = _needed("pandas", "for a data frame")
         return pandas.DataFrame(dict(self.columns), index=pandas.Index(self.index, name="member"))
 
     def save(self, path: str | Path) -> Path:
         """Write the sweep to .csv or .json, or, with the extra `data`, to .nc (NetCDF) or .parquet."""
-        path = check_ending(path, TABLES)
+        path = check_table(path)
         ending = path.suffix.lower()
         with writing("sweep", path):
             if ending == ".csv":
                 names = ["member", *map(self.heading, self.columns)]
-                columns = [column.tolist() for column in self.columns.values()]
-                rows = zip(self.index.tolist(), *columns, strict=True)
-                write_table(names, ([_blank(value) for value in row] for row in rows), path, "sweep")
+                write_table(names, ([_blank(value) for value in row] for row in self._values()), path, "sweep")
             elif ending == ".json":
                 path.write_text(to_json(self.document()) + "\n", encoding="utf-8")
             elif ending == ".nc":
                 self.dataset.to_netcdf(path)
             else:
-                _needed("pyarrow", "Parquet")
                 self.dataframe().to_parquet(path)
         return path
 
@@ -251,6 +257,15 @@ class Sweep:
         return sobol_indices(self.question, quantities, samples, seed, partial(self.again, **options))
 
 
+def check_table(path: str | Path) -> Path:
+    """The path of a file that a sweep is to be saved to; raises `InputError` where it cannot be, or where a package is
+    missing that writes it."""
+    path = check_path(path, tuple(TABLES))
+    for package in TABLES[path.suffix.lower()]:
+        _needed(package, f"to write {path}")
+    return path
+
+
 def _blank(value: Any) -> Any:
     """A value of a CSV file; nothing for what a member does not have."""
     return "" if isinstance(value, float) and np.isnan(value) else value
@@ -263,4 +278,4 @@ def _needed(package: str, what: str) -> Any:
     try:
         return import_module(package)
     except ImportError:
-        raise InputError(f"{what} needs {package}: install persistent-orbits[data]") from None
+        raise InputError(f"{what}, {package} is needed: pip install 'persistent-orbits[data]'") from None

@@ -1,7 +1,7 @@
 """Designs of experiments: the values of the parameters at which a sweep asks for orbits."""
 
 import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -164,8 +164,9 @@ def _shares(sampling: str, count: int, dimensions: int, seed: int) -> np.ndarray
 
 def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[str]) -> Members:
     """The members that a DataFrame, a mapping of arrays or a CSV file states; all columns where none are `wanted`."""
+    name = "samples"
     if isinstance(table, str | Path):
-        columns = read_designs(table)
+        name, columns = str(table), read_designs(table)
     elif isinstance(table, Mapping) or hasattr(table, "columns"):
         columns = {str(name): table[name] for name in table}
     else:
@@ -176,7 +177,7 @@ def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[st
         raise InputError(f"the table of samples has no column '{missing[0]}'; it has {', '.join(columns)}")
     names = tuple(columns if wanted is None else wanted)
     _check_names(names, allowed)
-    arrays = [_numbers(name, columns[name]) for name in names]
+    arrays = [as_numbers(each, columns[each], name) for each in names]
     if len(set(map(len, arrays))) > 1:
         lengths = ", ".join(f"{name} {len(array)}" for name, array in zip(names, arrays, strict=True))
         raise InputError(f"the columns of samples have different lengths: {lengths}")
@@ -190,7 +191,13 @@ def read_designs(path: str | Path) -> dict[str, list[str]]:
 
 def _csv_columns(file: BinaryIO) -> dict[str, list[str]]:
     """The columns of a CSV file by the names in its first line."""
-    rows = csv.reader(line.decode("utf-8-sig" if i == 0 else "utf-8") for i, line in enumerate(file))
+    try:
+        return _columns_of(csv.reader(_lines(file)))
+    except csv.Error as error:
+        raise ValueError(error) from None
+
+
+def _columns_of(rows: Any) -> dict[str, list[str]]:
     names = [name.strip() for name in next(rows, [])]
     if not names or not all(names) or len(set(names)) < len(names):
         raise ValueError(f"its first line, {names}, does not name the columns, each once")
@@ -200,19 +207,30 @@ def _csv_columns(file: BinaryIO) -> dict[str, list[str]]:
             raise ValueError(f"line {rows.line_num} has {len(row)} values for {len(names)} columns")
         for name, value in zip(names, row, strict=False):
             columns[name].append(value)
+    if not columns[names[0]]:
+        raise ValueError("it has no rows below the names of its columns")
     return columns
 
 
-def _numbers(name: str, column: Iterable[Any]) -> np.ndarray:
-    """A column as numbers (m,); raises `InputError` with the first that is none."""
-    given = list(column)
+def _lines(file: BinaryIO) -> Iterator[str]:
+    """The lines of a file; raises `ValueError` for one that is no text."""
+    for i, line in enumerate(file):
+        try:
+            yield line.decode("utf-8-sig" if i == 0 else "utf-8")
+        except UnicodeDecodeError:
+            raise ValueError(f"line {i + 1} is no text in UTF-8: save it as such") from None
+
+
+def as_numbers(name: str, column: Iterable[Any], table: str = "samples") -> np.ndarray:
+    """A column of a table as numbers (m,); raises `InputError` with the first that is none."""
+    given = column if isinstance(column, np.ndarray) and column.dtype.kind == "f" else list(column)
     try:
         values = np.array([np.nan if isinstance(value, bool) else float(value) for value in given])
     except (TypeError, ValueError):
         values = np.array([_as_number(value) for value in given])
     if not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values)))
-        raise InputError(f"samples: row {row + 1} of column '{name}' is {given[row]!r}, which is no finite number")
+        raise InputError(f"{table}: row {row + 1} of column '{name}' is {given[row]!r}, which is no finite number")
     return values
 
 

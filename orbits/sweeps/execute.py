@@ -3,15 +3,21 @@
 A chunk is a pure function of data that can be pickled, so that any executor can solve it, in any order, and again.
 """
 
+import ctypes
 import os
 import pickle
+import signal
+import threading
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple
+from weakref import WeakSet
 
 import numpy as np
 
 from ..errors import InputError, whole_number
+from ..io import MEGABYTE
 from ..symbolic import interrupts
 from .members import failed_table, solve_chunk
 from .question import CHUNK, Question, Table
@@ -24,6 +30,8 @@ QUEUED = 2
 MANY_WORKERS = 16
 # Seconds between looks for an interrupt while workers compute.
 LOOK = 0.5
+# Options of the C library's `mallopt` and the bytes that a worker keeps at hand; see `_keep_memory`.
+KEPT = {-1: 16 * MEGABYTE, -3: 4 * MEGABYTE}  # M_TRIM_THRESHOLD, M_MMAP_THRESHOLD
 
 
 class Chunk(NamedTuple):
@@ -51,15 +59,18 @@ def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, worker
             raise InputError(f"workers = {workers}: they are processes, with executor='processes'")
         for chunk in chunks:
             interrupts.check()
-            yield solve_chunk(question, chunk.members)
+            yield solve_chunk(question, chunk.members, question.values_of(chunk.members))
         return
-    payload = _pickled(question, executor)
+    # Every call has the parameters of its own members; with those of all, a million of them would be sent every time.
+    members = replace(question.members, values=question.members.values[:0], axes=())
+    payload = _pickled(replace(question, members=members), executor)
     if executor == "processes":
         count = None if workers is None else whole_number("workers", workers, most=1000)
-        with _Processes(count) as pool:
-            yield from _solved_by(pool, payload, question, chunks)
+        with _Processes(count) as processes:
+            yield from _solved_by(processes, payload, question, chunks)
     elif hasattr(executor, "submit"):
-        yield from _solved_by(_Given(executor, workers), payload, question, chunks)
+        with _Given(executor, workers) as pool:
+            yield from _solved_by(pool, payload, question, chunks)
     else:
         raise InputError(f"executor = {executor!r}; it is None, 'processes' or an executor of concurrent.futures")
 
@@ -77,9 +88,9 @@ def _pickled(question: Question, executor: Any) -> bytes:
         raise InputError(f"this machine cannot be sent to other processes ({error}): {way}") from None
 
 
-def solve_pickled(payload: bytes, members: np.ndarray) -> Table:
+def solve_pickled(payload: bytes, members: np.ndarray, values: np.ndarray) -> Table:
     """`solve_chunk` in a worker."""
-    return solve_chunk(_unpickled(payload), members)
+    return solve_chunk(_unpickled(payload), members, values)
 
 
 _last: tuple[bytes, Question] | None = None
@@ -89,8 +100,32 @@ def _unpickled(payload: bytes) -> Question:
     """The question of a payload, kept for the next chunk, since all of them have the same."""
     global _last
     if _last is None or _last[0] != payload:
+        _keep_memory()
         _last = payload, pickle.loads(payload)
     return _last[1]
+
+
+def _keep_memory() -> None:
+    """Let the C library keep some freed memory for the next arrays. Dask tells it in its workers to give everything
+    back at once, and to ask for it again took a quarter of their time."""
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError, TypeError):
+        return  # another C library
+    for option, size in KEPT.items():
+        mallopt(option, size)
+
+
+def _begin_worker(alive: Any) -> None:
+    """What a process of the pool does first: leave interrupts to the process that sweeps, and end as soon as that one
+    closes its end of the pipe `alive`, also by its death, which would leave the worker waiting for ever."""
+
+    def watch() -> None:
+        alive.poll(None)
+        os._exit(1)
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=watch, daemon=True).start()
 
 
 class _Processes:
@@ -112,19 +147,25 @@ class _Processes:
         self.pool = self._started()
         return self
 
-    def __exit__(self, *error: object) -> None:
+    def __exit__(self, kind: type | None, *error: object) -> None:
+        if kind is not None:
+            self._end()  # nobody waits for what the workers still compute
         self.pool.shutdown(wait=True, cancel_futures=True)
+        self.alive.close()
 
     def _started(self) -> Any:
         from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 
-        pool = ProcessPoolExecutor(self.size, mp_context=self.context)
-        try:
-            pool.submit(int).result()
-        except BrokenExecutor:
-            guard = "in a script, call sweep under  if __name__ == '__main__':"
-            raise InputError(f"worker processes cannot start: {guard}") from None
-        return pool
+        for _ in range(MOST_CRASHES):  # a worker may be killed as it starts, too
+            theirs, self.alive = self.context.Pipe(duplex=False)
+            pool = ProcessPoolExecutor(self.size, self.context, _begin_worker, (theirs,))
+            try:
+                pool.submit(int).result()
+            except BrokenExecutor:
+                pool.shutdown(wait=True)
+            else:
+                return pool
+        raise InputError("worker processes cannot start: in a script, call sweep under  if __name__ == '__main__':")
 
     @property
     def size(self) -> int:
@@ -134,6 +175,21 @@ class _Processes:
     def submit(self, *call: Any) -> Any:
         """A call in one of the processes."""
         return self.pool.submit(*call)
+
+    def look_after(self) -> None:
+        """End the pool where a process has died that it does not tell of: it waits for the rest of a result for ever
+        when the process has died in the middle of sending it."""
+        if not all(process.is_alive() for process in self._workers()):
+            self._end()
+
+    def _workers(self) -> list[Any]:
+        return list((self.pool._processes or {}).values())
+
+    def _end(self) -> None:
+        """Kill the processes, and take the pool's own end of the pipe of results from it, so that it sees their end."""
+        for process in self._workers():
+            process.kill()
+        self.pool._result_queue._writer.close()
 
     def renew(self) -> None:
         """Replace the pool, in which a process has died."""
@@ -148,9 +204,23 @@ class _Given:
 
     def __init__(self, executor: Any, workers: int | None):
         self.executor, self.size = executor, workers or int(getattr(executor, "_max_workers", 0)) or MANY_WORKERS
+        self.futures = WeakSet[Any]()
+
+    def __enter__(self) -> "_Given":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for future in self.futures:
+            future.cancel()  # after an interrupt nobody waits for it
 
     def submit(self, *call: Any) -> Any:
-        return self.executor.submit(*call)
+        """A call by one of the workers."""
+        future = self.executor.submit(*call)
+        self.futures.add(future)
+        return future
+
+    def look_after(self) -> None:
+        """Do nothing: that is the executor's."""
 
     def renew(self) -> None:
         """Do nothing where the executor still takes calls; raise `InputError` for one that is broken."""
@@ -176,13 +246,16 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
         crashed = False
         while source and len(running) < most and not crashed:
             try:
-                running[pool.submit(solve_pickled, payload, source[0].members)] = source[0]
+                members = source[0].members
+                running[pool.submit(solve_pickled, payload, members, question.values_of(members))] = source[0]
                 source.popleft()
             except RuntimeError as error:  # a worker has died that the futures have not told of yet
                 if not _died(error):
                     raise
                 crashed = True
         finished, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
+        if not finished:
+            pool.look_after()
         crashed = crashed or any(_died(future.exception()) for future in finished)
         if crashed and pool.one_fate:
             finished, _ = wait(running)

@@ -15,25 +15,24 @@ from .question import LAUNCH_SPEED, Question, Table, empty_table
 
 
 @exclusive
-def solve_chunk(question: Question, members: np.ndarray) -> Table:
-    """The answers of some members (k,) of a question."""
-    table = _unanswered(question, members)
+def solve_chunk(question: Question, members: np.ndarray, values: np.ndarray) -> Table:
+    """The answers of some members (k,) of a question, with their parameters (k, n); its own are not looked at."""
+    table = _unanswered(question, members, values)
     {"find": _found, "map": _launched, "fixed_points": _fixed}[question.outcome](question, table)
     return table
 
 
 def failed_table(question: Question, members: np.ndarray, reason: str) -> Table:
     """The answers of members over which the worker has died."""
-    table = _unanswered(question, members)
+    table = _unanswered(question, members, question.values_of(members))
     table.columns["status"][:], table.columns["reason"][:] = "failed", reason
     return table
 
 
-def _unanswered(question: Question, members: np.ndarray) -> Table:
+def _unanswered(question: Question, members: np.ndarray, values: np.ndarray) -> Table:
     """A table of some members with nothing but their parameters."""
     table = empty_table(len(members), question.columns())
     table.members[:] = members
-    values = question.members.values[members // len(question.families)]
     for name, column in zip(question.members.names, values.T, strict=True):
         table.columns[name][:] = column
     return table

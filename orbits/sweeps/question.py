@@ -9,7 +9,7 @@ import numpy as np
 
 from ..continuation.checkpoint import versions
 from ..design.problem import formula_names, known_formula
-from ..errors import InputError, whole_number
+from ..errors import InputError, finite_number, whole_number
 from ..model.machine import Machine, check_machine
 from ..periodic.find import LARGEST_FAMILY
 from ..symbolic.exclusive import exclusive
@@ -66,6 +66,10 @@ class Question:
     def __len__(self) -> int:
         return len(self.members) * len(self.families)
 
+    def values_of(self, members: np.ndarray) -> np.ndarray:
+        """The parameters (k, n) of some members (k,)."""
+        return self.members.values[members // len(self.families)]
+
     def columns(self) -> dict[str, type]:
         """The columns of the answer, with their types."""
         parameters = dict.fromkeys(self.members.names, float)
@@ -110,15 +114,32 @@ def question_of(
         raise InputError(f"'{LAUNCH_SPEED}', a launch speed, is swept over with outcome = 'map', and only then")
     if (outcome == "fixed_points") != (between is not None):
         raise InputError("between = (low, high), two launch speeds, belongs to outcome = 'fixed_points'")
-    if quantities:
-        known = formula_names(machine)
-        for text in quantities:
+    _check_quantities(machine, quantities)
+    names, own = (*members.names, *quantities), (*COLUMNS_OF[outcome], "status", "reason", "index", "member")
+    for i, name in enumerate(names):
+        if name in own:
+            raise InputError(f"'{name}' is a column of every answer: leave it out of the quantities and parameters")
+        if name in names[:i]:
+            raise InputError(f"'{name}' is asked for twice: leave one of them out of the quantities")
+    return Question(machine, members, families, tuple(quantities), outcome, between and _speeds(between))
+
+
+def _check_quantities(machine: Machine, quantities: Sequence[str]) -> None:
+    """Raise `InputError`, in one line, for a quantity that is none."""
+    known = formula_names(machine) if quantities else ()
+    for text in quantities:
+        try:
             known_formula(text, known, "the quantity")
-    question = Question(machine, members, families, tuple(quantities), outcome, between and tuple(map(float, between)))
-    taken = [
-        name for name in (*members.names, *quantities) if name in (*COLUMNS_OF[outcome], "status", "reason", "index")
-    ]
-    if taken or len(question.columns()) < len(members.names) + len(quantities):
-        name = taken[0] if taken else "one of the quantities"
-        raise InputError(f"'{name}' is a column of every answer: leave it out of the quantities and parameters")
-    return question
+        except InputError as error:
+            what, *shown = str(error).split("\n")
+            raise InputError(f"the quantity '{text}': {what}" if shown else what) from None
+
+
+def _speeds(between: Any) -> tuple[float, float]:
+    """Two launch speeds that go up."""
+    if not isinstance(between, tuple | list | np.ndarray) or len(between) != 2:
+        raise InputError(f"between = {between!r}; it is (low, high), two launch speeds")
+    low, high = (finite_number("between", speed) for speed in between)
+    if not low < high:
+        raise InputError(f"between = ({low:g}, {high:g}): launch speeds go up, low < high")
+    return low, high

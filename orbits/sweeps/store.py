@@ -31,7 +31,7 @@ class Store:
         """Open the store of a question; `fresh` refuses a file that is there. Raises `InputError` for a file that is no
         store, that is spoilt, or that holds the answers to another question."""
         self.path, self.question = Path(path), question
-        known = self.path.exists() and self.path.stat().st_size > 0
+        known = self.path.exists() and not _is_empty(self.path)
         if known and fresh:
             raise InputError(f"the store {path} exists: go on with it by resuming, or name another file")
         if not known and not self.path.parent.is_dir():
@@ -40,7 +40,7 @@ class Store:
             document = question_in(self.path)
             if document != json.loads(to_json(question.document())):
                 raise InputError(f"the store {path} answers another question: {_other_question(document, question)}")
-        with self._writing():
+        with self._using("written"):
             self.connection = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
             self.connection.execute("PRAGMA journal_mode=WAL")
             self.connection.execute("PRAGMA synchronous=FULL")
@@ -50,7 +50,7 @@ class Store:
     def done(self) -> np.ndarray:
         """Whether each member is done (m,)."""
         done = np.zeros(len(self.question), dtype=bool)
-        with self._writing():
+        with self._using("read"):
             for (member,) in self.connection.execute("SELECT member FROM members"):
                 done[member] = True
         return done
@@ -60,7 +60,7 @@ class Store:
         names = ["member", *table.columns]
         marks = ", ".join("?" * len(names))
         rows = zip(table.members.tolist(), *(_storable(column) for column in table.columns.values()), strict=True)
-        with self._writing():
+        with self._using("written"):
             self.connection.execute("BEGIN IMMEDIATE")
             try:
                 self.connection.executemany(f"INSERT OR REPLACE INTO members VALUES ({marks})", rows)
@@ -72,7 +72,7 @@ class Store:
 
     def read(self) -> Table:
         """All members that are done, in order."""
-        with self._writing():
+        with self._using("read"):
             return _read(self.connection, self.question.columns())
 
     def close(self) -> None:
@@ -89,47 +89,64 @@ class Store:
         self.connection.execute("COMMIT")
 
     @contextmanager
-    def _writing(self) -> Iterator[None]:
-        """Where the file is used: what SQLite says is an `InputError` that names the file and what is safe."""
+    def _using(self, what: str) -> Iterator[None]:
+        """Where the file is read or written: what SQLite says is an `InputError` that names the file and what is
+        safe."""
         try:
             yield
         except sqlite3.Error as error:
             safe = "all members that it had stay in it; go on with it once that is mended"
-            raise InputError(f"the store {self.path} cannot be written: {error}; {safe}") from None
+            raise InputError(f"the store {self.path} cannot be {what}: {error}; {safe}") from None
+
+
+def _is_empty(path: Path) -> bool:
+    """Whether a file is empty, or a database without a table: that of a process that was killed as it made a store."""
+    if not path.is_file() or path.stat().st_size == 0:
+        return path.is_file()
+    try:
+        with _opened(path) as connection:
+            return connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone() == (0,)
+    except sqlite3.Error:
+        return False
 
 
 def question_in(path: str | Path) -> dict[str, Any]:
     """The question's document in a store; raises `InputError` for a file that is no store, or is spoilt."""
     complaint = f"{path} is no store of a sweep"
     if not Path(path).is_file():
-        raise InputError(f"{complaint}: there is no such file")
+        raise InputError(f"{complaint}: " + ("it is a folder" if Path(path).is_dir() else "there is no such file"))
     try:
-        with _read_only(path) as connection:
+        with _opened(path) as connection:
             (check,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-            if check != "ok":
-                raise InputError(f"the store {path} is spoilt: {check}")
-            kind, document = connection.execute("SELECT format, document FROM question").fetchone()
+            if check == "ok":
+                kind, text = connection.execute("SELECT format, document FROM question").fetchone()
+                document = json.loads(text)
     except (sqlite3.Error, TypeError, ValueError) as error:
         raise InputError(f"{complaint}: {error}") from None
+    if check != "ok":
+        found = check.splitlines()[-1]
+        raise InputError(f"the store {path} is spoilt ({found}): go on with a copy from before, or begin another one")
     if kind != STORE_FORMAT:
         raise InputError(f"the store {path} has the format {kind!r}; this version reads {STORE_FORMAT!r}")
-    return json.loads(document)
+    return document
 
 
 def read_store(path: str | Path, columns: Mapping[str, type]) -> Table:
     """The members that are done in a store, with these columns."""
     try:
-        with _read_only(path) as connection:
+        with _opened(path) as connection:
             return _read(connection, columns)
     except sqlite3.Error as error:
         raise InputError(f"the store {path} cannot be read: {error}") from None
 
 
 @contextmanager
-def _read_only(path: str | Path) -> Iterator[sqlite3.Connection]:
-    """A store to read only."""
-    connection = sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=ro", timeout=PATIENCE, uri=True)
+def _opened(path: str | Path) -> Iterator[sqlite3.Connection]:
+    """A database that is there already, to read only. It is not opened as one that cannot be written: SQLite would
+    then neither take back what a killed process has half done nor remove the files that it makes beside it."""
+    connection = sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=rw", timeout=PATIENCE, uri=True)
     try:
+        connection.execute("PRAGMA query_only=ON")
         yield connection
     finally:
         connection.close()
@@ -146,7 +163,8 @@ def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
         table.members[first:last] = members
         for (name, column), given in zip(table.columns.items(), values, strict=True):
             if columns[name] is str:
-                column[first:last] = given
+                shared = {text: text for text in given}  # a million members have few different texts
+                column[first:last] = [shared[text] for text in given]
             else:
                 column[first:last] = np.array(given, dtype=float)  # None is NaN
         first = last
@@ -168,11 +186,14 @@ def _quoted(name: str) -> str:
 
 def _other_question(document: Mapping[str, Any], question: Question) -> str:
     """How the question in a store and another one differ, in words."""
-    asked = json.loads(to_json(question.document()))
-    for name, value in asked.items():
-        if document.get(name) != value:
-            return f"its {name} is {_short(document.get(name))}, and {_short(value)} is asked"
-    return "it has further parts"
+    had: Any = document
+    asked, place = json.loads(to_json(question.document())), "its"
+    while isinstance(had, Mapping) and isinstance(asked, Mapping):
+        name = next((name for name in {**asked, **had} if had.get(name) != asked.get(name)), None)
+        if name is None:
+            return "it has further parts"
+        had, asked, place = had.get(name), asked.get(name), f"{place} {name}"
+    return f"{place} is {_short(had)}, and {_short(asked)} is asked"
 
 
 def _short(value: Any) -> str:

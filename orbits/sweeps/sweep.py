@@ -146,8 +146,8 @@ def _computed(
     except KeyboardInterrupt:
         if store is None:
             raise KeyboardInterrupt("nothing is kept: name a store to keep what is done") from None
-        kept = f"{int(done.sum())} of {count} members are in {store.path}"
-        raise KeyboardInterrupt(f"{kept}: the same sweep with this store goes on from there") from None
+        kept, way = f"{int(done.sum())} of {count} members are in {store.path}", "in the command with --resume"
+        raise KeyboardInterrupt(f"{kept}: the same sweep with this store goes on from there, {way}") from None
     finally:
         if store is not None:
             store.close()

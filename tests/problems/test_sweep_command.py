@@ -7,11 +7,14 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import textwrap
+import time
 
 import numpy as np
 import pytest
 
 from orbits import Sweep, find
+from orbits.sweeps.question import CHUNK
 from problems import Hopper
 
 CUBIC = "sweep --spring 'r + beta*r**3'"
@@ -102,13 +105,163 @@ def test_a_store_is_refused_without_resume_and_gone_on_with(orbits, tmp_path):
         ("--over 'mass_ratio=norm(1,1)' --set beta=0.1", "mass_ratio"),
         ("--over beta=0:1 --output members.xyz", "needs an ending"),
         ("--over beta=0:1 --store /nowhere/study.db --resume", "no folder"),
+        ("--over beta=", "is not a list of numbers"),
+        ("--over beta=1:1", "low < high"),
+        ("--over beta=-1:1:log", "above 0"),
+        ("--over beta=nan:1", "beta"),
+        ("--over 'beta=norm(0,inf)'", "finite"),
+        ("--over 'beta=norm(nan,1)'", "finite"),
+        ("--over 'beta=cauchy(0,1)'", "cauchy(0,1)"),
+        ("--over beta=0:1 --output /nowhere/members.csv", "no folder '/nowhere'"),
+        ("--over beta=0:1 --output /tmp/.csv/members.csv", "no folder"),
+        ("--over beta=0:1 --plot members.xyz", "needs an ending"),
+        ("--over beta=0:1 --plot /nowhere/members.png", "no folder '/nowhere'"),
+        ("--over beta=0:1 --quantities 'stroke*'", "the quantity 'stroke*': formula, character 8"),
+        ("--over beta=0:1 --quantities stroke,stroke", "'stroke' is asked for twice"),
+        ("--over beta=0:1 --workers 0", "--workers"),
+        ("--over beta=0:1 --seed -1", "seed = -1"),
+        ("--over beta=0:1 --outcome fixed_points --between 5:4", "low < high"),
+        ("--over beta=0:1 --outcome fixed_points --between 4", "two launch speeds"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(orbits, options, said):
-    done = orbits(f"{CUBIC} {options}")
+    refused(orbits(f"{CUBIC} {options}"), said)
+
+
+def refused(done, said: str) -> None:
+    """Bad input was refused in one line."""
     assert (done.code, done.out) == (2, "")
     assert said in done.err
     assert len(done.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "first line"),
+        (b"beta,mass_ratio\n", "no rows"),
+        (b"mass_ratio\n1\n", "'beta' without a value"),
+        (b"beta,gamma\n0.1,1\n", "gamma"),
+        (b"beta,mass_ratio\n0.1,1\nnan,2\n", "row 2 of column 'beta' is 'nan'"),
+        (b"beta,mass_ratio\n0.1,1\n0.2,heavy\n", "row 2 of column 'mass_ratio' is 'heavy'"),
+        (b"beta,mass_ratio\n0.1,\n", "row 1 of column 'mass_ratio' is ''"),
+        (b"beta\n0.1\x00\n", "row 1 of column 'beta'"),
+        (b"beta\n1e999\n", "row 1 of column 'beta'"),
+        (b"beta,mass_ratio\n0.1,1\n0.2\n", "line 3 has 1 values for 2 columns"),
+        (b"beta,mass_ratio\n0.1,1\n\xe4,2\n", "line 3 is no text in UTF-8"),
+        (bytes(range(256)), "is no text in UTF-8"),
+        (b"beta\n" + b"1" * 200_000, "field larger"),
+        (b"beta,mass_ratio\n0.1,-1\n", "mass_ratio = -1"),
+    ],
+)
+def test_a_table_that_is_none_is_refused(orbits, tmp_path, content, said):
+    table = tmp_path / "designs.csv"
+    table.write_bytes(content)
+    refused(orbits(f"{CUBIC} --from {table}"), said)
+    assert table.read_bytes() == content
+
+
+@pytest.mark.parametrize("spoilt", ["text", "folder", "middle", "cut", "head", "of other machines", "question"])
+def test_a_file_that_is_no_store_is_refused_untouched(orbits, tmp_path, spoilt):
+    store = tmp_path / "study.db"
+    command = f"{CUBIC} --over beta=0:1 --samples 1000 --store {store} --resume"
+    if spoilt == "folder":
+        store.mkdir()
+        refused(orbits(command), "study.db is no store of a sweep: it is a folder")
+        return
+    assert orbits(command).code == 0
+    content = bytearray(store.read_bytes())
+    middle, question = len(content) // 2, content.index(b'{"machine"')
+    if spoilt == "text":
+        content = bytearray(b"no store at all")
+    elif spoilt == "middle":
+        content[middle : middle + 8192] = np.random.default_rng(0).bytes(8192)
+    elif spoilt == "cut":
+        del content[middle:]
+    elif spoilt == "head":
+        content[:16] = bytes(16)
+    elif spoilt == "question":
+        content[question : question + 3] = b"{{{"
+    store.write_bytes(content)
+    if spoilt == "of other machines":
+        refused(orbits(f"{command} --mass-ratio 2"), "its machine mass_ratio is 1.0, and 2.0 is asked")
+    else:
+        refused(orbits(command), "study.db is")
+    assert store.read_bytes() == content
+    assert [file.name for file in tmp_path.iterdir()] == ["study.db"]
+
+
+def test_a_file_that_cannot_be_written_is_refused_before_the_sweep(orbits, tmp_path, monkeypatch):
+    from orbits.sweeps import sweep
+
+    monkeypatch.setattr(sweep, "_computed", lambda *_: pytest.fail("the sweep was computed"))
+    for name in ("members.csv", "members.png"):
+        (tmp_path / name).mkdir()
+    refused(orbits(f"{CUBIC} --over beta=0:1 --output {tmp_path / 'members.csv'}"), "it is a folder")
+    refused(orbits(f"{CUBIC} --over beta=0:1 --plot {tmp_path / 'members.png'}"), "it is a folder")
+    for package, ending in (("xarray", "nc"), ("netCDF4", "nc"), ("pandas", "parquet"), ("pyarrow", "parquet")):
+        for other in ("xarray", "netCDF4", "pandas", "pyarrow"):
+            monkeypatch.setitem(sys.modules, other, None if other == package else sys)
+        command = f"{CUBIC} --over beta=0:1 --output {tmp_path / 'members'}.{ending}"
+        refused(orbits(command), f"{package} is needed: pip install 'persistent-orbits[data]'")
+
+
+FULL = """
+    import resource, runpy, sys
+    resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))  # of each file, as on a disk that is full
+    runpy.run_module("orbits", run_name="__main__")
+"""
+
+
+def test_a_full_disk_is_one_line_and_keeps_what_was_acknowledged(tmp_path):
+    store = tmp_path / "study.db"
+    options = ["--over", "beta=0:1", "--samples", "5000", "--store", str(store), "--resume", "--json"]
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(FULL), *shlex.split(CUBIC), *options], capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert f"the store {store} cannot be written" in done.stderr
+    kept = Sweep.load(store)
+    assert 0 < len(kept) < 5000
+    assert len(kept) % CHUNK == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("stored", [True, False])
+def test_an_interrupt_says_what_is_kept(tmp_path, workers, stored):
+    """Ctrl-C reaches all processes of the terminal's group; only the command answers, and none is left."""
+    options = ["--over", "beta=0:1", "--samples", "1000000", "--workers", str(workers)]
+    options += ["--store", str(tmp_path / "study.db")] if stored else []
+    command = [sys.executable, "-m", "orbits", *shlex.split(CUBIC), *options]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, process_group=0, **pipes) as running:
+        time.sleep(10)
+        os.killpg(running.pid, signal.SIGINT)
+        out, err = running.communicate(timeout=20)  # ends when no process has the pipes any more
+    assert (running.returncode, out) == (130, "")
+    assert len(err.strip().splitlines()) == 1, err
+    assert err.strip().startswith("orbits: interrupted: ")
+    if stored:
+        kept = len(Sweep.load(tmp_path / "study.db"))
+        assert f"{kept} of 1000000 members are in" in err
+        assert "--resume" in err
+    else:
+        assert "nothing is kept: name a store" in err
+
+
+def test_workers_write_the_same_store_and_the_same_file(orbits, tmp_path):
+    written = []
+    for workers in (1, 4):
+        store, table = tmp_path / f"{workers}.db", tmp_path / f"{workers}.csv"
+        command = f"{CUBIC} --over beta=-0.02:1 --over rest_length=4:12 --samples 3000 --store {store} --output {table}"
+        assert orbits(f"{command} --workers {workers}").code == 0
+        connection = sqlite3.connect(store)
+        rows = [connection.execute(f"SELECT * FROM {name}").fetchall() for name in ("question", "members")]
+        connection.close()
+        written.append((rows, table.read_bytes()))
+    assert written[0] == written[1]
 
 
 @pytest.mark.slow

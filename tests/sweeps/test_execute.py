@@ -3,14 +3,22 @@
 import multiprocessing
 import os
 import signal
-from concurrent.futures import ThreadPoolExecutor
+import struct
+import subprocess
+import sys
+import textwrap
+import time
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Self
 
 import numpy as np
 import pytest
 
 from orbits.errors import InputError
+from orbits.sweeps.execute import _Processes
 from orbits.sweeps.question import CHUNK
 from orbits.sweeps.sweep import sweep
 from problems import Hopper
@@ -79,6 +87,73 @@ def test_a_worker_that_is_killed_costs_a_retry(tmp_path):
     found = sweep(Hopper("cubic"), OVER, 4 * CHUNK, **options)
     assert killed
     assert_same(found, sweep(Hopper("cubic"), OVER, 4 * CHUNK))
+
+
+SWEEPER = """
+    import multiprocessing, sys
+    from orbits import sweep
+    from problems import Hopper
+
+    def tell(state):
+        print(*(worker.pid for worker in multiprocessing.active_children()), flush=True)
+
+    if __name__ == "__main__":
+        over = {"beta": (0.0, 0.5)}
+        sweep(Hopper("cubic"), over, 200_000, executor="processes", workers=2, store=sys.argv[1], progress=tell)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM", "SIGINT"])
+def test_no_worker_outlives_its_sweep(tmp_path, name):
+    script = tmp_path / "sweeper.py"
+    script.write_text(textwrap.dedent(SWEEPER), encoding="utf-8")
+    command = [sys.executable, str(script), str(tmp_path / "study.db")]
+    where = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
+    with subprocess.Popen(command, env=where, **options) as process:
+        workers = [int(pid) for pid in [process.stdout.readline() for _ in range(4)][-1].split()]
+        assert len(workers) == 2
+        os.killpg(process.pid, signal.SIGINT) if name == "SIGINT" else process.send_signal(getattr(signal, name))
+        process.wait(20)
+        deadline = time.monotonic() + 20
+        while time.monotonic() < deadline and any(map(is_alive, workers)):
+            time.sleep(0.05)
+        assert not any(map(is_alive, workers))
+        _, said = process.communicate()
+    if name == "SIGINT":
+        assert said.splitlines()[-1].startswith("KeyboardInterrupt: ")
+        assert said.count("Traceback") == 1  # that of the sweep, none of a worker
+
+
+def is_alive(pid: int) -> bool:
+    """Whether a process is there, and not only waits to be looked after."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def die_as_it_answers() -> None:
+    """Let this worker send the first bytes of its answer and no more."""
+
+    def send(connection, content) -> None:
+        os.write(connection.fileno(), struct.pack("!i", len(content)) + bytes(content[:5]))
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    Connection._send_bytes = send
+
+
+def test_a_worker_that_dies_as_it_sends_its_answer_is_noticed():
+    with _Processes(2) as pool:
+        future = pool.submit(die_as_it_answers)
+        deadline = time.monotonic() + 20
+        while not future.done() and time.monotonic() < deadline:
+            time.sleep(0.5)
+            pool.look_after()
+        assert isinstance(future.exception(0), BrokenExecutor)
+        pool.renew()
+        assert pool.submit(abs, -3).result(20) == 3
 
 
 def test_what_cannot_be_sent_is_refused():

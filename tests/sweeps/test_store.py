@@ -141,6 +141,50 @@ def test_a_full_disk_is_said_and_loses_nothing(tmp_path):
     assert read_store(path, question.columns()).members.tolist() == list(range(100))
 
 
+@pytest.mark.parametrize("mode", ["delete", "wal"])
+def test_a_store_whose_making_was_broken_off_is_made(tmp_path, mode):
+    path = tmp_path / "study.db"
+    connection = sqlite3.connect(path, isolation_level=None)
+    connection.execute(f"PRAGMA journal_mode={mode}")
+    connection.execute("CREATE TABLE question (format TEXT)")
+    connection.execute("DROP TABLE question")
+    connection.close()
+    assert path.stat().st_size > 0
+    Store(path, asked(), fresh=True).close()
+    assert question_in(path)["members"] == 600
+
+
+@pytest.mark.slow
+def test_a_kill_at_any_moment_of_its_making_leaves_a_store_that_can_be_made(tmp_path):
+    """A child process is forked by one that has a single thread, and killed while it makes its store."""
+    command = [sys.executable, "-c", textwrap.dedent(MAKER), str(tmp_path)]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "300 made\n"
+
+
+MAKER = """
+    import os, signal, sys, time
+    from pathlib import Path
+    import numpy as np
+    from tests.sweeps.test_store import asked
+    from orbits.sweeps.store import Store
+    question, generator, folder = asked(), np.random.default_rng(0), Path(sys.argv[1])
+    for number in range(300):
+        path = folder / f"{number}.db"
+        reader, writer = os.pipe()
+        child = os.fork()
+        if not child:
+            os.write(writer, b"x")
+            Store(path, question)
+            signal.pause()
+        os.read(reader, 1)
+        time.sleep(generator.uniform(0, 0.006))
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        os.close(reader), os.close(writer)
+        Store(path, question).close()
+    print(number + 1, "made")
+"""
+
 WRITER = """
     import sys
     from tests.sweeps.test_store import asked, table_of
