@@ -38,7 +38,7 @@ DEPTH = 0.01
 # Shortest step of the search, as a share of the speed.
 SHORTEST_STEP = 0.02
 # Between samples the lateness may bend this many times as much as their second differences say.
-BEND_SAFETY = 4.0
+FOLD_SAFETY = 4.0
 # Time followed in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
 LONGEST_FLIGHT = 1e3
 SPEED_OF_EXTENSION = Affine((0.0, 1.0))  # of the relative motion
@@ -404,10 +404,10 @@ def _golden_section(a: _Sample, b: _Sample) -> Generator[float, _Sample, _Sample
 
 
 def _may_come_to_zero(*samples: _Sample) -> bool:
-    """Whether lateness that is above zero at samples may vanish between them, where it bends at most `BEND_SAFETY`
+    """Whether lateness that is above zero at samples may vanish between them, where it bends at most `FOLD_SAFETY`
     times as much as their second differences say."""
     alphas, lateness = np.array([[each.alpha, each.lateness] for each in samples]).T
     widths, least = np.diff(alphas), lateness.min()
     with np.errstate(invalid="ignore"):  # some lateness may be infinite
         bends = np.abs(np.diff(np.diff(lateness) / widths)) / (0.5 * (widths[1:] + widths[:-1]))
-    return least > 0 and not least > BEND_SAFETY * bends.max() * widths.max() ** 2 / 8
+    return least > 0 and not least > FOLD_SAFETY * bends.max() * widths.max() ** 2 / 8

@@ -30,6 +30,8 @@ BEND_SAFETY = 4.0
 # A cell that is narrower than this share of its speed is not halved: there the lateness jumps, or it touches zero, and
 # then it is below this share of scale and speed.
 NARROWEST_CELL, TOUCHING_ZERO = 1e-6, 1e-9
+# The cell in which the extension begins to escape is narrower than this share of its speed before it is judged.
+NARROW_ESCAPE = 1e-3
 # After so many launches no cell is halved any more.
 MOST_SEARCHED = 20_000
 # A turn that does not come within this time, in multiples of the scale and the launch speed together, is that late.
@@ -121,48 +123,45 @@ class Lateness:
 
     def cells(self, fastest: float | None = None) -> list[Cells]:
         """Where the orbits of each machine lie."""
-        speeds = [self.speeds(search, fastest) for search in self.searches]
-        late, launches, stopped = self._first_values(speeds), list(map(len, speeds)), [False] * len(speeds)
-        active = list(range(len(speeds)))
-        while active:
-            halved = {i: each for i in active if len(each := _to_halve(speeds[i], late[i]))}
-            for i in halved:
-                stopped[i] = launches[i] > MOST_SEARCHED
-            active = [i for i in halved if not stopped[i]]
-            middles = [0.5 * (speeds[i][halved[i]] + speeds[i][halved[i] + 1]) for i in active]
-            for i, middle, value in zip(active, middles, self._each(middles, np.array(active)), strict=True):
-                place = halved[i] + 1
-                speeds[i], late[i] = np.insert(speeds[i], place, middle), np.insert(late[i], place, value)
-                launches[i] += len(middle)
-        rows = zip(speeds, late, self.scales.tolist(), launches, stopped, strict=True)
-        return [_cells_of(*row) for row in rows]
+        count = len(self.searches)
+        owners, speeds, late = self._first_values([self.speeds(search, fastest) for search in self.searches])
+        launches, stopped = np.bincount(owners, minlength=count), np.zeros(count, bool)
+        while len(cells := _open_cells(owners, speeds, late)):
+            stopped[owners[cells]] |= launches[owners[cells]] > MOST_SEARCHED
+            cells = cells[~stopped[owners[cells]]]
+            if not len(cells):
+                break
+            which, middles = owners[cells], 0.5 * (speeds[cells] + speeds[cells + 1])
+            new = which, middles, self._values(middles, which)
+            owners, speeds, late = map(np.insert, (owners, speeds, late), [cells + 1] * 3, new)
+            launches += np.bincount(which, minlength=count)
+        return _cells_of(owners, speeds, late, self.scales, launches, stopped)
 
-    def _first_values(self, speeds: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """The lateness at the first launch speeds of each machine.
+    def _first_values(self, each: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The machines (N,), launch speeds and lateness of the first launches, whose speeds are those of `each` machine
+        one after the other.
 
         In reduced coordinates the energy grows with the speed, so that an extension which escapes at one speed does so
         at every faster one: where that begins is found by halving.
         """
-        if not self.reduction or len(speeds) == 1:
-            return self._each(speeds)
-        low, high = np.full(len(speeds), -1), np.array(list(map(len, speeds)))  # it does not escape, and it does
-        while len(open_ones := np.flatnonzero(high - low > 1)):
-            middle = (low + high) // 2
-            alphas = np.array([speeds[i][middle[i]] for i in open_ones.tolist()])
-            escapes = self._followed(alphas, open_ones)[2]
-            low[open_ones[~escapes]], high[open_ones[escapes]] = middle[open_ones[~escapes]], middle[open_ones[escapes]]
-        late = self._each([each[:count] for each, count in zip(speeds, high.tolist(), strict=True)])
-        limits = [LATEST_TURN * (scale + each) for scale, each in zip(self.scales.tolist(), speeds, strict=True)]
-        return [np.append(known, limit[len(known) :]) for known, limit in zip(late, limits, strict=True)]
+        counts, speeds = np.array(list(map(len, each))), np.concatenate(each)
+        owners, first = np.repeat(np.arange(len(each)), counts), np.cumsum(counts) - counts
+        late, asked = np.full(len(speeds), np.inf), np.ones(len(speeds), bool)
+        if self.reduction and len(each) > 1:
+            low, high = first - 1, first + counts  # it does not escape, and it does
+            while len(i := np.flatnonzero(high - low > 1)):
+                middle = (low[i] + high[i]) // 2
+                escapes = self._followed(speeds[middle], i)[2]
+                low[i[~escapes]], high[i[escapes]] = middle[~escapes], middle[escapes]
+            asked = np.arange(len(speeds)) < high[owners]
+        late[asked] = self._values(speeds[asked], owners[asked])
+        return owners, speeds, late
 
-    def _each(self, speeds: Sequence[np.ndarray], which: np.ndarray | None = None) -> list[np.ndarray]:
-        """The lateness at launch speeds of each machine, or of those `which`."""
-        if not len(speeds):
-            return []
-        which = np.arange(len(speeds)) if which is None else which
-        counts = list(map(len, speeds))
-        late = self(np.concatenate(speeds), np.repeat(which, counts))[0]
-        return np.split(late, np.cumsum(counts)[:-1])
+    def _values(self, alphas: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """The lateness (k,) at launch speeds (k,) of the machines `which` (k,), infinite where the extension escapes in
+        reduced coordinates."""
+        late, _, escapes = self._followed(alphas, which)
+        return np.where(escapes, np.inf, late) if self.reduction else late
 
     def _parameters(self, which: np.ndarray) -> dict[str, Any]:
         """The parameters (k,) of some machines by name; numbers where there is but one machine."""
@@ -192,27 +191,55 @@ class Lateness:
         return Affine(tuple(rates[1:] - rates[0]))
 
 
-def _to_halve(speeds: np.ndarray, late: np.ndarray) -> np.ndarray:
-    """The cells between launch speeds (k,) in which the lateness (k,) may still do anything."""
-    _, settled = _judged(speeds, late)
+def _open_cells(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray) -> np.ndarray:
+    """The cells between launches (N,) in which the lateness may still do anything."""
+    _, settled = _judged(owners, speeds, late)
     return np.flatnonzero(~settled & (np.diff(speeds) > NARROWEST_CELL * speeds[1:]))
 
 
-def _cells_of(speeds: np.ndarray, late: np.ndarray, scale: float, launches: int, stopped: bool) -> Cells:
-    """The cells of one machine whose search has ended."""
-    changes, _ = _judged(speeds, late)
+def _cells_of(
+    owners: np.ndarray, speeds: np.ndarray, late: np.ndarray,
+    scales: np.ndarray, launches: np.ndarray, stopped: np.ndarray,
+) -> list[Cells]:  # fmt: skip
+    """The cells of machines (m,) whose searches have ended, with launches (N,)."""
+    changes, _ = _judged(owners, speeds, late)
     least = np.minimum(np.abs(late[1:]), np.abs(late[:-1]))
-    i = np.flatnonzero(changes | (least < TOUCHING_ZERO * (scale + speeds[1:])))
+    touches = (least < TOUCHING_ZERO * (scales[owners[1:]] + speeds[1:])) & (owners[1:] == owners[:-1])
+    i = np.flatnonzero(changes | touches)
     a, b, fa, fb = speeds[i], speeds[i + 1], late[i], late[i + 1]
-    about = np.where(changes[i], a - fa * np.divide(b - a, fb - fa, where=fb != fa, out=0 * fa), 0.5 * (a + b))
-    return Cells(np.column_stack([a, b]), about, (float(speeds[0]), float(speeds[-1])), launches, stopped)
+    secant = changes[i] & np.isfinite(fa) & np.isfinite(fb)
+    about = 0.5 * (a + b)
+    about[secant] -= ((0.5 * (fa + fb)) * (b - a))[secant] / (fb - fa)[secant]
+    cells, found = np.column_stack([a, b]), []
+    for machine, (count, stop) in enumerate(zip(launches.tolist(), stopped.tolist(), strict=True)):
+        mine = slice(*np.searchsorted(owners[i], [machine, machine + 1]))
+        ends = speeds[np.searchsorted(owners, [machine, machine + 1]) - [0, 1]]
+        found.append(Cells(cells[mine], about[mine], (float(ends[0]), float(ends[1])), count, stop))
+    return found
 
 
-def _judged(speeds: np.ndarray, late: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether the lateness changes its sign in each cell (k,), and whether it then does so once, else not at all."""
-    widths, changes = np.diff(speeds), (late[1:] >= 0) != (late[:-1] >= 0)
-    bends = np.abs(np.diff(np.diff(late) / widths)) / (0.5 * (widths[1:] + widths[:-1]))
-    bends = np.concatenate([bends[:1], bends, bends[-1:]])
+def _judged(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether the lateness changes its sign in each cell between launches (N,), and whether it then does so once, else
+    not at all; between launches of two machines there is none, and it does nothing.
+
+    Where the extension escapes the lateness is infinite, and it stays so. On the way there it grows without bounds as a
+    logarithm: in a narrow cell where that begins, it does not vanish if it rises before, and bends less than would
+    bring it to zero.
+    """
+    same, escapes = owners[1:] == owners[:-1], np.isinf(late)
+    inside, widths = same & ~escapes[1:] & ~escapes[:-1], np.where(same, np.diff(speeds), 1.0)
+    changes, slopes = same & ((late[1:] >= 0) != (late[:-1] >= 0)), np.diff(np.where(escapes, 0.0, late)) / widths
+    bends, middle = np.full(len(speeds), np.inf), np.flatnonzero(inside[1:] & inside[:-1]) + 1
+    bends[middle] = np.abs(slopes[middle] - slopes[middle - 1]) / (0.5 * (widths[middle] + widths[middle - 1]))
+    # The first and the last launch of a machine, and the last before the extension escapes, bend as those beside them.
+    first = np.flatnonzero(inside & ~np.append(False, inside[:-1]))
+    last = np.flatnonzero(inside & ~np.append(inside[1:], False)) + 1
+    bends[first], bends[last] = bends[first + 1], bends[last - 1]
     bulge = BEND_SAFETY * np.maximum(bends[1:], bends[:-1]) * widths**2 / 8
     nearest = np.minimum(np.abs(late[1:]), np.abs(late[:-1]))
-    return changes, np.where(changes, np.abs(np.diff(late)) > 4 * bulge, nearest > bulge)
+    settled = np.where(changes, np.abs(slopes * widths) > 4 * bulge, nearest > bulge)
+    begins = np.flatnonzero(inside[:-1] & escapes[2:]) + 1
+    narrow = np.diff(speeds) < NARROW_ESCAPE * speeds[1:]
+    fall = BEND_SAFETY * bends[begins] * widths[begins] ** 2 / 2
+    settled[begins] = (slopes[begins - 1] >= 0) & (late[begins] > fall) & narrow[begins]
+    return changes, settled | ~same | (escapes[1:] & escapes[:-1])

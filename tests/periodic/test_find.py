@@ -406,6 +406,17 @@ def test_a_light_foot_stays_long_on_the_ground(mass_ratio):
     assert orbit.contact_time == pytest.approx(2 * half, rel=1e-9)
 
 
+def test_a_fold_is_searched_once(monkeypatch):
+    """Beyond the fold of cubic springs the lateness has a minimum above zero before the barrier."""
+    from problems import launch
+
+    runs, count = launch.half_oscillations, []
+    monkeypatch.setattr(launch, "half_oscillations", lambda *a: (count.append(1), runs(*a))[1])
+    with pytest.raises(NoOrbit, match="does not come back"):
+        find(Hopper("r + beta*r**3 + delta*r**5", parameters={"beta": -0.0126, "delta": -1e-5}))
+    assert len(count) < 30
+
+
 @pytest.mark.parametrize("spring", ["r**2", "exp(r)/2"])
 def test_a_spring_that_never_pushes_is_soon_refused(spring, monkeypatch):
     from problems import launch
