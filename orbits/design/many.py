@@ -64,13 +64,16 @@ def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: 
             continue
         base = designs.machine(machine, i)
         known = {*NUMBERS_OF_MANY, *base.model.rises(base.values), *base.values}
-        if base.model in tried or not used <= known:
+        if base.model in tried or not {*designs.names, *used} <= known:
             continue
         tried.add(base.model)
         places = [list(base.values).index(name) for name in designs.names]
         ps = np.tile(list(base.values.values()), (len(left), 1))
         ps[:, places] = designs.values[left]
-        parts, absent = lowest_orbits(base.model, tuple(base.values), ps, family)
+        try:
+            parts, absent = lowest_orbits(base.model, tuple(base.values), ps, family)
+        except Exception:  # a defect that one design meets: each of them is then asked for alone
+            continue
         for orbits in parts:
             _fill_in(designs, left[orbits.which], base.model, orbits, formulas)
         for k, error in absent.items():
@@ -111,6 +114,9 @@ def _solve_alone(machine: Machine, designs: Designs, i: int, family: int, formul
     try:
         varied = designs.machine(machine, i)
         orbit = find(varied, family)
+    except InputError as error:
+        designs.statuses[i], designs.reasons[i] = "failed", str(error)
+        return
     except OrbitsError as error:
         designs.statuses[i], designs.reasons[i] = "no orbit", str(error)
         return

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,7 +37,8 @@ class Sweep:
     columns : (k,) by name: the parameters, what was asked for, the status and the reason; NaN where there is none
     about : the question in words and numbers
     machine : the machine whose parameters the members replace; None where a store is read without it
-    question, again : what was asked, and (table of parameters, quantities, **options) -> the sweep of these members;
+    question, again : what was asked, and (question, table of parameters, quantities, **options) -> the sweep of these
+        members;
         None where a store is read
     """
 
@@ -99,6 +100,18 @@ class Sweep:
     def numbers(self) -> tuple[str, ...]:
         """The names of the columns with answers that are numbers."""
         return tuple(name for name in self.columns if name not in (*self.parameters, "status", "reason"))
+
+    def of_family(self, family: int) -> "Sweep":
+        """The members of one of the families."""
+        families = self.about["families"]
+        if family not in families:
+            raise InputError(f"the sweep has no family {family}; it has {', '.join(map(str, families))}")
+        kept = np.flatnonzero(self.index % len(families) == families.index(family))
+        about = {**self.about, "families": [family]}
+        question = self.question and replace(self.question, families=(family,))
+        columns = {name: column[kept] for name, column in self.columns.items()}
+        index = self.index[kept] // len(families)
+        return replace(self, index=index, columns=columns, about=about, question=question)
 
     def statuses(self) -> dict[str, int]:
         """The number of members of each status."""
@@ -254,7 +267,7 @@ class Sweep:
 
         if self.again is None:
             raise InputError("Sobol's indices take a sweep with its machine: run it again, with its store")
-        return sobol_indices(self.question, quantities, samples, seed, partial(self.again, **options))
+        return sobol_indices(self.question, quantities, samples, seed, partial(self.again, self.question, **options))
 
 
 def check_table(path: str | Path) -> Path:

@@ -26,10 +26,12 @@ MOTIONS = ("certified", "lifts_off")  # statuses of members that are as one want
 
 
 def plot_sweep(sweep: Any, quantity: str, axes: Axes | None = None) -> Axes:
-    """Plot a quantity of a sweep over its parameters; return the axes, an array of them for more than two."""
+    """Plot a quantity of a sweep over its parameters; return the axes, for more than two the first of the matrix."""
     values = sweep[quantity]
     if values.dtype == object:
         raise InputError(f"'{quantity}' is no number: give one of {', '.join(sweep.numbers)}")
+    if len(sweep.about["families"]) > 1 and len(sweep.parameters) > 1:
+        raise InputError("a figure over two parameters or more is of one family: plot sweep.of_family(n)")
     if len(sweep.parameters) == 1:
         return _over_one(sweep, quantity, axes or new_axes())
     if len(sweep.parameters) == 2:
@@ -64,9 +66,8 @@ def _over_one(sweep: Any, quantity: str, axes: Axes) -> Axes:
 def _surface(sweep: Any, quantity: str, axes: Axes) -> Axes:
     """A quantity over two parameters as colours, hatched where there is no motion and grey where there is nothing."""
     across, up = sweep.parameters
-    shape, families = sweep.about["shape"], len(sweep.about["families"])
-    first = sweep.index % families == 0
-    x, y, z, motion = sweep[across][first], sweep[up][first], sweep[quantity][first], _motions(sweep)[first]
+    shape = sweep.about["shape"]
+    x, y, z, motion = sweep[across], sweep[up], sweep[quantity], _motions(sweep)
     axes.set_facecolor("0.93")
     if shape is not None and len(x) == np.prod(shape):
         grid = [column.reshape(shape) for column in (x, y, np.ma.masked_invalid(z), motion)]
@@ -185,7 +186,7 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
             if name is not None:
                 _scale(axes, sweep, name, one)
     panels[0, 0].figure.colorbar(drawn, ax=panels[:, -1].tolist()[count - 1 :], label=_axis_label(sweep, quantity))
-    return panels
+    return panels[0, 0]
 
 
 def _size(count: int) -> float:

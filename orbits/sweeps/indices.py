@@ -1,6 +1,5 @@
 """On which parameters the quantities of a sweep depend: Sobol's indices."""
 
-import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -9,7 +8,7 @@ import numpy as np
 from ..errors import InputError, whole_number
 from .question import Question
 
-CONFIDENCE = 0.95
+CONFIDENCE, RESAMPLES = 0.95, 500
 
 
 def sobol_indices(
@@ -38,22 +37,31 @@ def sobol_indices(
                 f"'{text}': {missing} of {values.size} members have none, and Sobol's indices need them all: "
                 "narrow the ranges to where the machine hops"
             )
-        parts = {"f_A": values[:1], "f_B": values[1:2], "f_AB": values[2:, None]}
-        result = stats.sobol_indices(func=parts, n=samples)
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a parameter that changes nothing has no confidence interval
-            bounds = result.bootstrap(confidence_level=CONFIDENCE)
-        found[text] = {name: _index(result, bounds, i) for i, name in enumerate(names)}
+        found[text] = _indices(names, values, np.random.default_rng(seed))
     return found
 
 
-def _index(result: Any, bounds: Any, i: int) -> dict[str, float]:
-    """The indices of one parameter, with their confidence intervals."""
-    told = {}
-    for name in ("first", "total"):
-        told[name] = float(np.ravel(getattr(result, f"{name}_order"))[i])
-        interval = getattr(bounds, f"{name}_order").confidence_interval
-        for side in ("low", "high"):
-            end = float(np.ravel(getattr(interval, side))[i])
-            told[f"{name}_{side}"] = end if np.isfinite(end) else told[name]
-    return told
+def _indices(names: Sequence[str], values: np.ndarray, generator: np.random.Generator) -> dict[str, dict[str, float]]:
+    """The indices of each parameter from values (d + 2, n) at the points A, B and A with each column of B, with the
+    ends of the interval that samples drawn anew from these give (SciPy's own are drawn without a seed)."""
+    drawn = generator.integers(0, values.shape[1], (RESAMPLES, values.shape[1]))
+    whole, others = _first_and_total(values), np.array([_first_and_total(values[:, these]) for these in drawn])
+    ends = np.quantile(others, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2], axis=0)
+    return {
+        name: {
+            f"{order}{end}": float(part[k, i])
+            for k, order in enumerate(("first", "total"))
+            for end, part in (("", whole), ("_low", ends[0]), ("_high", ends[1]))
+        }
+        for i, name in enumerate(names)
+    }
+
+
+def _first_and_total(values: np.ndarray) -> np.ndarray:
+    """Sobol's indices (2, d) of first and total order by SciPy; 0 for values that are all the same."""
+    from scipy import stats
+
+    parts = {"f_A": values[:1], "f_B": values[1:2], "f_AB": values[2:, None]}
+    with np.errstate(all="ignore"):
+        result = stats.sobol_indices(func=parts, n=values.shape[1])
+    return np.nan_to_num(np.reshape([result.first_order, result.total_order], (2, -1)))

@@ -3,7 +3,6 @@
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -142,7 +141,7 @@ def _computed(
         if table is None:
             assert store is not None
             table = store.read()
-        return Sweep.of(question, table, _Again(question))
+        return Sweep.of(question, table, _again)
     except KeyboardInterrupt:
         if store is None:
             raise KeyboardInterrupt("nothing is kept: name a store to keep what is done") from None
@@ -153,15 +152,9 @@ def _computed(
             store.close()
 
 
-@dataclass(frozen=True, eq=False)
-class _Again:
-    """Sweeps of other members of the same machine and family as a question's."""
-
-    question: Question
-
-    def __call__(self, samples: Mapping[str, Any], quantities: Sequence[str], **options: Any) -> Sweep:
-        family, machine = self.question.families[0], self.question.machine
-        return sweep(machine, None, samples, family=family, quantities=quantities, **options)
+def _again(question: Question, samples: Mapping[str, Any], quantities: Sequence[str], **options: Any) -> Sweep:
+    """The sweep of other members of the same machine and family as a question's."""
+    return sweep(question.machine, None, samples, family=question.families[0], quantities=quantities, **options)
 
 
 def _put(table: Table, part: Table) -> None:

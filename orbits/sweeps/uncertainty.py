@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..design.sensitivities import sensitivities
-from ..errors import InputError
+from ..errors import InputError, whole_number
 from ..io import fields_in_line
 from ..model.machine import Machine
 from ..periodic.find import find
@@ -20,7 +20,7 @@ from .sweep import sweep as swept
 class Uncertainty:
     """How a machine's uncertain parameters spread the quantities of its orbit.
 
-    mean, deviation, quantiles : by quantity, of the members that have it, the quantiles by share, as "5%"
+    mean, deviation, quantiles : by quantity, of the members that are motions, the quantiles by share, as "5%"
     linear : the deviation by quantity from exact sensitivities, as if everything were a straight line
     share : of the members that have an orbit that is a motion
     sweep : the members
@@ -61,7 +61,8 @@ def uncertainty(
     The linear answer is taken at the machine itself, with the standard deviations of the distributions. Raises
     `NoOrbit` where the machine itself has no such orbit.
     """
-    members = members_of(over, samples, "sobol", seed, list(over))
+    whole_number("samples", samples, "members", least=2)
+    members = members_of(over, samples, "sobol", seed, list(machine.values))
     orbit, texts = find(machine, family), ["alpha", "flight_time", *quantities]
     slopes = sensitivities(machine, orbit, list(over), texts)
     deviations = {
@@ -69,7 +70,8 @@ def uncertainty(
         for name, axis in zip(members.names, members.axes, strict=True)
     }
     answer = swept(machine, over, samples, sampling="sobol", seed=seed, family=family, quantities=quantities, **options)
-    columns = {text: answer[text][np.isfinite(answer[text])] for text in texts}
+    motions = answer["status"] == "certified"
+    columns = {text: answer[text][motions & np.isfinite(answer[text])] for text in texts}
     if empty := [text for text, values in columns.items() if len(values) < 2]:
         raise InputError(f"fewer than two members have '{empty[0]}': the distributions reach where there is no hop")
     quantiles = {
@@ -82,8 +84,7 @@ def uncertainty(
     }
     mean = {text: float(values.mean()) for text, values in columns.items()}
     deviation = {text: float(values.std(ddof=1)) for text, values in columns.items()}
-    share = answer.statuses().get("certified", 0) / len(answer)
-    return Uncertainty(mean, deviation, quantiles, linear, share, answer)
+    return Uncertainty(mean, deviation, quantiles, linear, float(motions.mean()), answer)
 
 
 # Middles of equal shares, by which the deviation of a range or a list is taken.
