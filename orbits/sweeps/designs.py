@@ -192,12 +192,13 @@ def read_designs(path: str | Path) -> dict[str, list[str]]:
 def _csv_columns(file: BinaryIO) -> dict[str, list[str]]:
     """The columns of a CSV file by the names in its first line."""
     try:
-        return _columns_of(csv.reader(_lines(file)))
+        return _named_columns(csv.reader(_text_lines(file)))
     except csv.Error as error:
         raise ValueError(error) from None
 
 
-def _columns_of(rows: Any) -> dict[str, list[str]]:
+def _named_columns(rows: Any) -> dict[str, list[str]]:
+    """The columns of rows whose first one has their names."""
     names = [name.strip() for name in next(rows, [])]
     if not names or not all(names) or len(set(names)) < len(names):
         raise ValueError(f"its first line, {names}, does not name the columns, each once")
@@ -212,7 +213,7 @@ def _columns_of(rows: Any) -> dict[str, list[str]]:
     return columns
 
 
-def _lines(file: BinaryIO) -> Iterator[str]:
+def _text_lines(file: BinaryIO) -> Iterator[str]:
     """The lines of a file; raises `ValueError` for one that is no text."""
     for i, line in enumerate(file):
         try:

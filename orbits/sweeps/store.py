@@ -31,7 +31,7 @@ class Store:
         """Open the store of a question; `fresh` refuses a file that is there. Raises `InputError` for a file that is no
         store, that is spoilt, or that holds the answers to another question."""
         self.path, self.question = Path(path), question
-        known = self.path.exists() and not _is_empty(self.path)
+        known = self.path.exists() and not _has_no_table(self.path)
         if known and fresh:
             raise InputError(f"the store {path} exists: go on with it by resuming, or name another file")
         if not known and not self.path.parent.is_dir():
@@ -99,12 +99,12 @@ class Store:
             raise InputError(f"the store {self.path} cannot be {what}: {error}; {safe}") from None
 
 
-def _is_empty(path: Path) -> bool:
+def _has_no_table(path: Path) -> bool:
     """Whether a file is empty, or a database without a table: that of a process that was killed as it made a store."""
     if not path.is_file() or path.stat().st_size == 0:
         return path.is_file()
     try:
-        with _opened(path) as connection:
+        with _database_at(path) as connection:
             return connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone() == (0,)
     except sqlite3.Error:
         return False
@@ -116,7 +116,7 @@ def question_in(path: str | Path) -> dict[str, Any]:
     if not Path(path).is_file():
         raise InputError(f"{complaint}: " + ("it is a folder" if Path(path).is_dir() else "there is no such file"))
     try:
-        with _opened(path) as connection:
+        with _database_at(path) as connection:
             (check,) = connection.execute("PRAGMA quick_check(1)").fetchone()
             if check == "ok":
                 kind, text = connection.execute("SELECT format, document FROM question").fetchone()
@@ -134,14 +134,14 @@ def question_in(path: str | Path) -> dict[str, Any]:
 def read_store(path: str | Path, columns: Mapping[str, type]) -> Table:
     """The members that are done in a store, with these columns."""
     try:
-        with _opened(path) as connection:
+        with _database_at(path) as connection:
             return _read(connection, columns)
     except sqlite3.Error as error:
         raise InputError(f"the store {path} cannot be read: {error}") from None
 
 
 @contextmanager
-def _opened(path: str | Path) -> Iterator[sqlite3.Connection]:
+def _database_at(path: str | Path) -> Iterator[sqlite3.Connection]:
     """A database that is there already, to read only. It is not opened as one that cannot be written: SQLite would
     then neither take back what a killed process has half done nor remove the files that it makes beside it."""
     connection = sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=rw", timeout=PATIENCE, uri=True)
