@@ -278,7 +278,7 @@ def sweep_command(
         machine, axes if table is None else None, samples if table is None else table, sampling=sampling, seed=seed,
         family=options.numbers("--family", families, int), quantities=options.formulas(quantities), outcome=outcome,
         between=None if between is None else tuple(options.numbers("--between", between, float, ":")),
-        store=store, fresh=store is not None and not resume,
+        store=store, resume=resume,
         **options.computed_by(workers),
     )  # fmt: skip
     options.write(answer, as_json, save=output)

@@ -121,10 +121,13 @@ class Lateness:
         late = self(cell)[0]
         return float(enclosed_sign_changes(lambda alphas, _: self(alphas)[0], *cell[:, None], *late[:, None])[0][0])
 
-    def cells(self, fastest: float | None = None) -> list[Cells]:
-        """Where the orbits of each machine lie."""
-        count = len(self.searches)
-        owners, speeds, late = self._first_values([self.speeds(search, fastest) for search in self.searches])
+    def cells(self, fastest: float | None = None, below: np.ndarray | None = None) -> list[Cells]:
+        """Where the orbits of each machine lie; `below` launch speeds (m,), where these are known to be all that is
+        asked for."""
+        count, first = len(self.searches), [self.speeds(search, fastest) for search in self.searches]
+        if below is not None:  # what a cell may hold is judged by its neighbours too
+            first = [speeds[: np.searchsorted(speeds, end) + 2] for speeds, end in zip(first, below, strict=True)]
+        owners, speeds, late = self._first_values(first)
         launches, stopped = np.bincount(owners, minlength=count), np.zeros(count, bool)
         while len(cells := _open_cells(owners, speeds, late)):
             stopped[owners[cells]] |= launches[owners[cells]] > MOST_SEARCHED

@@ -102,14 +102,18 @@ def _from_search(
     searches = [asked.model.search(dict(zip(asked.names, p, strict=True))) for p in asked.ps[left].tolist()]
     liftoffs = guess.unknowns["liftoff"][left]
     lateness = Lateness(asked.model, asked.method, asked.names, asked.ps[left], asked.family, searches, liftoffs)
-    cells = lateness.cells()
+    cells = lateness.cells(below=found[left])
     owners = np.repeat(np.arange(len(left)), [len(each.cells) for each in cells])
-    bounds = np.concatenate([each.cells for each in cells])
-    orbits = _in_cells(asked, lateness, left, owners, bounds, np.concatenate([each.abouts for each in cells]))
-    resolved, lowest, absent = np.full(len(owners), np.inf), dict[int, float](), dict[int, NoOrbit]()
+    bounds, abouts = (np.concatenate([each[i] for each in cells]) for i in (0, 1))
+    # A cell about the orbit that is found holds that one, and those beyond are not asked for.
+    own, (low, high) = found[left[owners]], bounds.T
+    resolved = np.where((low <= own) & (own <= high), own, np.inf)
+    lowest, absent = dict[int, float](), dict[int, NoOrbit]()
+    below = np.flatnonzero((low < own) & np.isinf(resolved))
+    orbits = _in_cells(asked, lateness, left, owners[below], bounds[below], abouts[below])
     if orbits:
-        resolved[orbits.which] = orbits.alphas
-        orbits = orbits._replace(which=left[owners[orbits.which]])
+        resolved[below[orbits.which]] = orbits.alphas
+        orbits = orbits._replace(which=left[owners[below[orbits.which]]])
     for k, machine in enumerate(left.tolist()):
         mine = owners == k
         best = min(resolved[mine].min(initial=np.inf), found[machine])

@@ -22,7 +22,7 @@ def on_screen(progress: Callable[[Any], None] | bool | None) -> Callable[[Any], 
         now, ended = time.monotonic(), state.done == state.whole
         if now - last < PAUSE and not ended:
             return
-        rate = state.done / state.seconds if state.seconds else 0.0
+        rate = (state.done - state.before) / state.seconds if state.seconds else 0.0
         said = ", ".join(f"{number} {status}" for status, number in sorted(state.statuses.items()))
         left = "" if ended else f", {_duration(state.left)} left"
         line = f"{state.done} of {state.whole} members in {_duration(state.seconds)} ({rate:.0f}/s){left}: {said}"

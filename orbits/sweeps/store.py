@@ -6,7 +6,7 @@ that a process that is killed loses the chunks that it was working on and no oth
 
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -27,12 +27,12 @@ READ_AT_ONCE = 10_000
 class Store:
     """The store of a question's answers in a file, which is made where there is none."""
 
-    def __init__(self, path: str | Path, question: Question, fresh: bool = False):
-        """Open the store of a question; `fresh` refuses a file that is there. Raises `InputError` for a file that is no
+    def __init__(self, path: str | Path, question: Question, resume: bool = True):
+        """Open the store of a question; without `resume` a file that is there is refused. Raises `InputError` for a file that is no
         store, that is spoilt, or that holds the answers to another question."""
         self.path, self.question = Path(path), question
         known = self.path.exists() and not _has_no_table(self.path)
-        if known and fresh:
+        if known and not resume:
             raise InputError(f"the store {path} exists: go on with it by resuming, or name another file")
         if not known and not self.path.parent.is_dir():
             raise InputError(f"the store {path} cannot be made: there is no folder '{self.path.parent}'")
@@ -54,6 +54,11 @@ class Store:
             for (member,) in self.connection.execute("SELECT member FROM members"):
                 done[member] = True
         return done
+
+    def statuses(self) -> dict[str, int]:
+        """How many of the members that are done have each status."""
+        with self._using("read"):
+            return dict(self.connection.execute("SELECT status, COUNT(*) FROM members GROUP BY status"))
 
     def write(self, table: Table) -> None:
         """Write the members of a table; once this returns, they are in the file for good."""
@@ -80,7 +85,9 @@ class Store:
         self.connection.close()
 
     def _make(self) -> None:
-        columns = ", ".join(f"{_quoted(name)} {kind}" for name, kind in _sql_types(self.question.columns()).items())
+        columns = self.question.columns()
+        kinds = zip(_names_in_file(columns), _sql_types(columns).values(), strict=True)
+        columns = ", ".join(f"{name} {kind}" for name, kind in kinds)
         self.connection.execute("BEGIN IMMEDIATE")
         self.connection.execute("CREATE TABLE question (format TEXT, document TEXT)")
         document = to_json(self.question.document())
@@ -155,7 +162,7 @@ def _database_at(path: str | Path) -> Iterator[sqlite3.Connection]:
 def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
     (count,) = connection.execute("SELECT COUNT(*) FROM members").fetchone()
     table = empty_table(count, columns)
-    selected = ", ".join(_quoted(name) for name in ("member", *columns))
+    selected = ", ".join(["member", *_names_in_file(columns)])
     rows, first = connection.execute(f"SELECT {selected} FROM members ORDER BY member LIMIT {count}"), 0
     while part := rows.fetchmany(READ_AT_ONCE):
         members, *values = zip(*part, strict=True)
@@ -180,8 +187,13 @@ def _sql_types(columns: Mapping[str, type]) -> dict[str, str]:
     return {name: {str: "TEXT", int: "INTEGER"}.get(kind, "REAL") for name, kind in columns.items()}
 
 
-def _quoted(name: str) -> str:
-    return '"' + name.replace('"', '""') + '"'
+def _names_in_file(columns: Iterable[str]) -> list[str]:
+    """The names of columns in a file, where SQLite does not tell small letters from large ones."""
+    names, taken = list[str](), {"member"}
+    for i, name in enumerate(columns):
+        names.append(f'"{name} ({i})"' if name.lower() in taken else f'"{name}"')
+        taken.add(name.lower())
+    return names
 
 
 def _other_question(document: Mapping[str, Any], question: Question) -> str:

@@ -26,14 +26,15 @@ DAMPING = ("damping", "drag", "rest_length")
 
 
 class SweepProgress(NamedTuple):
-    """How far a sweep has come: members done and in all, how many of each status, seconds since it began, and an
-    estimate of the seconds left."""
+    """How far a sweep has come: members done and in all, how many of each status, seconds since it began, an estimate
+    of the seconds left, and members that were done before it began."""
 
     done: int
     whole: int
     statuses: Mapping[str, int]
     seconds: float
     left: float
+    before: int = 0
 
 
 def sweep(
@@ -51,7 +52,7 @@ def sweep(
     workers: int | None = None,
     client: Any = None,
     store: str | Path | None = None,
-    fresh: bool = False,
+    resume: bool = True,
     progress: Callable[[SweepProgress], None] | bool | None = None,
 ) -> Sweep:
     """The orbits of many machines that differ in some parameters.
@@ -72,7 +73,7 @@ def sweep(
     executor : None for this process, "processes" for `workers` processes (None: one for each core), or an executor of
         `concurrent.futures`; `client` is one of Dask
     store : an SQLite file that has every chunk of members as soon as it is done; a sweep that names it again goes on
-        where it ended, unless it is to be `fresh`
+        where it ended, or, without `resume`, is refused
     progress : called with a `SweepProgress` after every chunk; True shows a line, and None does so on a terminal
 
     A member does not depend on the others, nor on where it is computed: the answer is the same to the last bit.
@@ -93,7 +94,7 @@ def sweep(
     if store is not None:
         from .store import Store  # imports the database
 
-        kept = Store(store, question, fresh)
+        kept = Store(store, question, resume)
     return _computed(question, kept, executor, workers, show)
 
 
@@ -125,7 +126,7 @@ def _computed(
     """The answer, with what a store has already."""
     began, count = time.perf_counter(), len(question)
     done = np.zeros(count, dtype=bool) if store is None else store.done()
-    table, statuses = None if store else empty_table(count, question.columns()), Counter[str]()
+    table, statuses = None if store else empty_table(count, question.columns()), Counter(store and store.statuses())
     chunks, before = chunks_of(question, done), int(done.sum())
     try:
         with interrupts.deferred():
@@ -137,7 +138,8 @@ def _computed(
                 done[part.members] = True
                 statuses.update(part.columns["status"])
                 now, seconds = int(done.sum()), time.perf_counter() - began
-                show(SweepProgress(now, count, dict(statuses), seconds, (count - now) * seconds / max(now - before, 1)))
+                left = (count - now) * seconds / max(now - before, 1)
+                show(SweepProgress(now, count, dict(statuses), seconds, left, before))
         if table is None:
             assert store is not None
             table = store.read()

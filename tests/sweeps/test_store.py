@@ -69,7 +69,7 @@ def test_another_question_is_refused_and_both_are_named(tmp_path):
         with pytest.raises(InputError, match=said):
             Store(path, other)
     with pytest.raises(InputError, match="exists"):
-        Store(path, asked(), fresh=True)
+        Store(path, asked(), resume=False)
     assert path.read_bytes() == before
 
 
@@ -150,7 +150,7 @@ def test_a_store_whose_making_was_broken_off_is_made(tmp_path, mode):
     connection.execute("DROP TABLE question")
     connection.close()
     assert path.stat().st_size > 0
-    Store(path, asked(), fresh=True).close()
+    Store(path, asked(), resume=False).close()
     assert question_in(path)["members"] == 600
 
 

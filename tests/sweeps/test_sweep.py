@@ -99,6 +99,37 @@ def test_fixed_points_are_swept():
     assert found["alpha"][1] == pytest.approx(4.493409457909064, rel=1e-12)
 
 
+def test_damping_leaves_no_orbit():
+    """Without damping a member is the machine's own orbit; with it the member says why there is none."""
+    found = sweep(Hopper("cubic", rest_length=9.0), {"damping": [0.0, 0.1], "drag": [0.0, 0.01]})
+    assert found["status"].tolist() == ["certified", *["no orbit"] * 3]
+    assert found["alpha"][0] == pytest.approx(find(Hopper("cubic", rest_length=9.0)).alpha, abs=1e-14)
+    assert all("damped machine loses energy" in reason for reason in found["reason"][1:])
+
+
+def test_a_law_that_is_none_somewhere_fails_there():
+    """Beyond c = 1 the stiffness of this spring is no number, which is no answer to whether it hops."""
+    machine = Hopper("sqrt(a - c + 1)*r", parameters={"a": 0.0, "c": 0.0})
+    found = sweep(machine, {"c": [0.0, 0.5, 2.0]})
+    assert found["status"].tolist() == ["certified", "certified", "failed"]
+    assert "stiffness" in found["reason"][2]
+    assert np.isnan(found["alpha"][2])
+
+
+def test_one_family_of_several():
+    machine, over = Hopper("cubic"), {"beta": [0.0, 0.1], "mass_ratio": [0.5, 1.0, 2.0]}
+    both, second = (sweep(machine, over, family=family) for family in ([1, 2], 2))
+    one = both.of_family(2)
+    for name in second.columns:
+        assert one[name].tolist() == second[name].tolist()
+    assert one.orbit(3).family == 2
+    assert one.dataset["alpha"].shape == (2, 3)
+    with pytest.raises(InputError, match="of one family"):
+        both.plot("alpha")
+    with pytest.raises(InputError, match="no family 3"):
+        both.of_family(3)
+
+
 def test_an_orbit_comes_back():
     found = sweep(LEG, {"k": [8000.0, 9000.0]})
     orbit = found.orbit(1)
