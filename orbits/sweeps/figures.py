@@ -70,7 +70,7 @@ def _surface(sweep: Any, quantity: str, axes: Axes) -> Axes:
     x, y, z, motion = sweep[across], sweep[up], sweep[quantity], _motions(sweep)
     axes.set_facecolor("0.93")
     if shape is not None and len(x) == np.prod(shape):
-        grid = [column.reshape(shape) for column in (x, y, np.ma.masked_invalid(z), motion)]
+        grid: list[Any] = [column.reshape(shape) for column in (x, y, np.ma.masked_invalid(z), motion)]
         order = np.argsort(grid[0][:, 0]), np.argsort(grid[1][0])
         x, y, z, motion = (part[order[0]][:, order[1]] for part in grid)
         drawn = axes.pcolormesh(x, y, z, cmap=MAP, shading="nearest", rasterized=True)
@@ -106,7 +106,8 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
         if shown := [polygon for polygons, _ in cells for own, polygon in polygons if own == status]:
             axes.add_collection(PolyCollection(shown, **look))
     for kind, style in EDGES.items():
-        for located, form in ((True, {"label": kind}), (False, {"ls": ":"})):
+        forms: dict[bool, dict[str, Any]] = {True: {"label": kind}, False: {"ls": ":"}}
+        for located, form in forms.items():
             if pieces := [piece for _, lines in cells for own, piece in lines if own == (kind, located)]:
                 axes.add_collection(LineCollection(pieces, **style, **form))
     axes.set(xlim=diagram.between, ylim=(diagram.values[0], diagram.values[-1]))

@@ -1,7 +1,6 @@
 """On which parameters the quantities of a sweep depend: Sobol's indices."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 

@@ -28,8 +28,8 @@ class Store:
     """The store of a question's answers in a file, which is made where there is none."""
 
     def __init__(self, path: str | Path, question: Question, resume: bool = True):
-        """Open the store of a question; without `resume` a file that is there is refused. Raises `InputError` for a file that is no
-        store, that is spoilt, or that holds the answers to another question."""
+        """Open the store of a question; without `resume` a file that is there is refused. Raises `InputError` for a
+        file that is no store, that is spoilt, or that holds the answers to another question."""
         self.path, self.question = Path(path), question
         known = self.path.exists() and not _has_no_table(self.path)
         if known and not resume:
@@ -85,8 +85,8 @@ class Store:
         self.connection.close()
 
     def _make(self) -> None:
-        columns = self.question.columns()
-        kinds = zip(_names_in_file(columns), _sql_types(columns).values(), strict=True)
+        asked = self.question.columns()
+        kinds = zip(_names_in_file(asked), _sql_types(asked).values(), strict=True)
         columns = ", ".join(f"{name} {kind}" for name, kind in kinds)
         self.connection.execute("BEGIN IMMEDIATE")
         self.connection.execute("CREATE TABLE question (format TEXT, document TEXT)")

@@ -126,7 +126,8 @@ def _computed(
     """The answer, with what a store has already."""
     began, count = time.perf_counter(), len(question)
     done = np.zeros(count, dtype=bool) if store is None else store.done()
-    table, statuses = None if store else empty_table(count, question.columns()), Counter(store and store.statuses())
+    table = None if store else empty_table(count, question.columns())
+    statuses = Counter(store.statuses() if store else {})
     chunks, before = chunks_of(question, done), int(done.sum())
     try:
         with interrupts.deferred():
