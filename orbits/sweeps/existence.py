@@ -27,7 +27,7 @@ from .show import on_screen
 from .sweep import SweepProgress, sweep
 
 # Boundaries are located to this share of the range of a parameter.
-ACCURACY = 1e-6
+LOCATED_TO = 1e-6
 # Statuses of members that have an orbit, the first of them a motion.
 WITH_ORBIT = ("certified", "inadmissible")
 # Endings of the files that a diagram is saved to.
@@ -149,7 +149,7 @@ class Existence:
         names = "point", "statuses", "located"
         parts = zip(found.points.tolist(), found.statuses.tolist(), found.located.tolist(), strict=True)
         told = [dict(zip(names, part, strict=True)) for part in parts]
-        own = {"along": self.along, "across": self.across, "between": list(self.between), "accuracy": ACCURACY}
+        own = {"along": self.along, "across": self.across, "between": list(self.between), "accuracy": LOCATED_TO}
         return own | {"rows": rows, "boundaries": told} | swept
 
     @property
@@ -235,14 +235,14 @@ def existence(
         return solved_designs(machine, (along, across), points, family, {}).statuses
 
     rows = tuple(grid[across].reshape(grid.about["shape"])[0].tolist())
-    shares = np.linspace(0, 1, grid.about["shape"][0]), _shares(column, rows)
+    shares = np.linspace(0, 1, grid.about["shape"][0]), _shares_at(column, rows)
     statuses = grid["status"].reshape(grid.about["shape"])
     boundaries = _located(statuses, shares, both_ways, statuses_at, on_screen(progress))
     points = np.column_stack([axis.at(share) for axis, share in zip(scales, boundaries.points.T, strict=True)])
     return Existence(along, across, rows, grid, boundaries._replace(points=points))
 
 
-def _shares(axis: Axis, values: Sequence[float]) -> np.ndarray:
+def _shares_at(axis: Axis, values: Sequence[float]) -> np.ndarray:
     """The shares (m,) of the range of an axis at which its values lie."""
     if not axis.values:
         return np.linspace(0, 1, len(values))
@@ -265,7 +265,7 @@ def _located(
                  for at in (nodes, nodes + steps))  # fmt: skip
     parts = np.column_stack([statuses[tuple(at.T)] for at in (nodes, nodes + steps)])
     began, done, told = perf_counter(), 0, Counter[str]()
-    while len(wide := np.flatnonzero(((high - low).max(axis=1, initial=0) > ACCURACY) & (in_row | both_ways))):
+    while len(wide := np.flatnonzero(((high - low).max(axis=1, initial=0) > LOCATED_TO) & (in_row | both_ways))):
         interrupts.check()
         middle = 0.5 * (low[wide] + high[wide])
         found = statuses_at(middle)
@@ -280,7 +280,7 @@ def _located(
         low, high = np.concatenate([low, middle[other]]), np.concatenate([high, tops])
         parts = np.concatenate([parts, added])
         done, told = done + len(wide), told + Counter(found.tolist())
-        rounds = np.log2(np.maximum((high - low)[in_row | both_ways].max(axis=1) / ACCURACY, 1.0))
+        rounds = np.log2(np.maximum((high - low)[in_row | both_ways].max(axis=1) / LOCATED_TO, 1.0))
         left, seconds = int(np.ceil(rounds).sum()), perf_counter() - began
         show(SweepProgress(done, done + left, dict(told), seconds, left * seconds / done))
     return Boundaries(nodes, in_row, 0.5 * (low + high), parts, in_row | both_ways)

@@ -96,7 +96,7 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
     from matplotlib.collections import LineCollection, PolyCollection
 
     axes, sweep = axes or new_axes(6.4, 4.8), diagram.grid
-    cells = list(_cells(diagram))
+    cells = list(_cells_of_diagram(diagram))
     looks = LOOKS if quantity is None else {status: LOOKS[status] for status in ("no orbit", "failed")}
     if quantity is not None:
         x, y, z = (sweep[name].reshape(sweep.about["shape"]) for name in (*sweep.parameters, quantity))
@@ -123,7 +123,7 @@ def _beyond_edges(z: np.ndarray) -> np.ndarray:
     return np.ma.where(np.isfinite(z), z, around.mean(axis=(2, 3)))
 
 
-def _cells(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
+def _cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
     """For each cell of a diagram's grid its polygons, each with the status in it, and its pieces of edges, each with
     what it is the edge of and whether its end is located.
 
