@@ -112,7 +112,9 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
                 axes.add_collection(LineCollection(pieces, **style, **form))
     axes.set(xlim=diagram.between, ylim=(diagram.values[0], diagram.values[-1]))
     axes.locator_params(axis="x", nbins=6)
-    return _labelled(axes, sweep, diagram.along, diagram.across, legend=True)
+    _labelled(axes, sweep, diagram.along, diagram.across, legend=True)
+    axes.set(xlabel=diagram.heading(diagram.along), ylabel=diagram.heading(diagram.across))
+    return axes
 
 
 def _beyond_edges(z: np.ndarray) -> np.ndarray:
