@@ -213,7 +213,7 @@ class Sweep:
         data: dict[str, Any] = {}
         for name, column in self.columns.items():
             if name not in coordinates:
-                data[name] = dims, column.reshape(sizes), self._attributes(name)
+                data[name.replace("/", " over ")] = dims, column.reshape(sizes), self._attributes(name)
         return xarray.Dataset(data, coordinates, {"sweep": to_json(self.about)})
 
     def _attributes(self, name: str) -> dict[str, str]:

@@ -30,6 +30,13 @@ class Axis:
     high: float = 1.0
     logarithmic: bool = False
 
+    @property
+    def stated(self) -> list[Any]:
+        """What was asked, as JSON-ready data."""
+        if self.distribution is not None:
+            return [self.distribution.dist.name, *map(repr, (self.distribution.args, self.distribution.kwds))]
+        return list(self.values) or [self.low, self.high, *(["log"] if self.logarithmic else [])]
+
     def at(self, shares: np.ndarray) -> np.ndarray:
         """The values (m,) at shares (m,) between 0 and 1 of the range, the list or the probability."""
         if self.distribution is not None:
@@ -48,12 +55,14 @@ class Members:
     values : (m, number of names)
     shape : the numbers of values along each parameter, whose product is m, for a grid; None for any other design
     axes : what was asked of each parameter; empty for a table
+    drawn : how they were drawn, in words
     """
 
     names: tuple[str, ...]
     values: np.ndarray
     shape: tuple[int, ...] | None = None
     axes: tuple[Axis, ...] = ()
+    drawn: str = ""
 
     def __len__(self) -> int:
         return len(self.values)
@@ -98,7 +107,8 @@ def members_of(
     count = whole_number("samples", 1000 if samples is None else samples, "members", most=MOST_MEMBERS)
     shares = _shares(sampling, count, len(axes), whole_number("seed", seed, least=0))
     columns = [axis.at(column) for axis, column in zip(axes.values(), shares.T, strict=True)]
-    return _finite_members(Members(tuple(axes), np.column_stack(columns), None, tuple(axes.values())))
+    drawn = f"{sampling}, seed {seed}"
+    return _finite_members(Members(tuple(axes), np.column_stack(columns), None, tuple(axes.values()), drawn))
 
 
 def axis_of(name: str, stated: Any) -> Axis:

@@ -48,6 +48,16 @@ def chunks_of(question: Question, done: np.ndarray) -> list[Chunk]:
     return [Chunk(members) for members in whole if not done[members].all()]
 
 
+def check_executor(executor: Any, workers: int | None) -> None:
+    """Raise `InputError` for what is no executor, or no number of workers of one."""
+    if executor is None and workers not in (None, 1):
+        raise InputError(f"workers = {workers}: they are processes, with executor='processes'")
+    if executor not in (None, "processes") and not hasattr(executor, "submit"):
+        raise InputError(f"executor = {executor!r}; it is None, 'processes' or an executor of concurrent.futures")
+    if workers is not None:
+        whole_number("workers", workers, most=1000)
+
+
 def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, workers: int | None) -> Iterator[Table]:
     """The answers of the chunks as they come.
 
@@ -55,8 +65,6 @@ def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, worker
         an executor of `concurrent.futures`, such as Dask's `Client.get_executor()`
     """
     if executor is None:
-        if workers not in (None, 1):
-            raise InputError(f"workers = {workers}: they are processes, with executor='processes'")
         for chunk in chunks:
             interrupts.check()
             yield solve_chunk(question, chunk.members, question.values_of(chunk.members))
@@ -64,15 +72,8 @@ def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, worker
     # Every call has the parameters of its own members; with those of all, a million of them would be sent every time.
     members = replace(question.members, values=question.members.values[:0], axes=())
     payload = _pickled(replace(question, members=members), executor)
-    if executor == "processes":
-        count = None if workers is None else whole_number("workers", workers, most=1000)
-        with _Processes(count) as processes:
-            yield from _solved_by(processes, payload, question, chunks)
-    elif hasattr(executor, "submit"):
-        with _Given(executor, workers) as pool:
-            yield from _solved_by(pool, payload, question, chunks)
-    else:
-        raise InputError(f"executor = {executor!r}; it is None, 'processes' or an executor of concurrent.futures")
+    with _Processes(workers) if executor == "processes" else _Given(executor, workers) as pool:
+        yield from _solved_by(pool, payload, question, chunks)
 
 
 def _pickled(question: Question, executor: Any) -> bytes:

@@ -82,6 +82,8 @@ class Question:
             "machine": self.machine.describe(),
             "parameters": list(self.members.names),
             "members": len(self.members),
+            "over": {name: axis.stated for name, axis in zip(self.members.names, self.members.axes, strict=False)},
+            "drawn": self.members.drawn,
             "values": hashlib.sha256(np.ascontiguousarray(self.members.values).tobytes()).hexdigest(),
             "logarithmic": self.members.logarithmic,
             "shape": None if self.members.shape is None else list(self.members.shape),

@@ -14,7 +14,7 @@ from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
 from .answer import Sweep
 from .designs import Members, members_of
-from .execute import chunks_of, solved_chunks
+from .execute import check_executor, chunks_of, solved_chunks
 from .question import LAUNCH_SPEED, Question, Table, empty_table, question_of
 from .show import on_screen
 
@@ -89,6 +89,7 @@ def sweep(
         if executor is not None:
             raise InputError("give executor or client, not both")
         executor = client.get_executor()
+    check_executor(executor, workers)
     show = on_screen(progress)
     kept = None
     if store is not None:

@@ -10,7 +10,7 @@ import textwrap
 import numpy as np
 import pytest
 
-from orbits.errors import InputError
+from orbits import InputError, Sweep, sweep
 from orbits.sweeps.designs import members_of
 from orbits.sweeps.members import failed_table
 from orbits.sweeps.question import Question, question_of
@@ -212,3 +212,27 @@ def test_nothing_that_was_acknowledged_is_lost_in_a_kill(tmp_path, kills):
         found = read_store(path, asked().columns())
         assert set(range(max(acknowledged) + 1)) <= set(found.members.tolist())
     assert question_in(path)["members"] == 600
+
+
+def test_small_and_large_letters_are_different_columns(tmp_path):
+    machine = Hopper("b*r**3 + B*r", parameters={"b": 0.1, "B": 1.0})
+    over = {"b": (0.1, 0.2), "B": (0.9, 1.1)}
+    swept = sweep(machine, over, 8, store=tmp_path / "a.db")
+    loaded = Sweep.load(tmp_path / "a.db")
+    for name in ("b", "B", "alpha"):
+        assert loaded[name].tolist() == swept[name].tolist()
+
+
+def test_another_seed_or_range_is_named(tmp_path):
+    machine, store = Hopper("cubic"), tmp_path / "a.db"
+    sweep(machine, {"beta": (0.1, 0.2)}, 8, store=store)
+    with pytest.raises(InputError, match='its drawn is "sobol, seed 0", and "sobol, seed 1" is asked'):
+        sweep(machine, {"beta": (0.1, 0.2)}, 8, seed=1, store=store)
+    with pytest.raises(InputError, match=r"its over beta is \[0.1, 0.2\], and \[0.1, 0.3\] is asked"):
+        sweep(machine, {"beta": (0.1, 0.3)}, 8, store=store)
+
+
+def test_an_executor_that_is_none_leaves_no_store(tmp_path):
+    with pytest.raises(InputError, match="executor = 'threads'"):
+        sweep(Hopper("cubic"), {"beta": (0.1, 0.2)}, 8, executor="threads", store=tmp_path / "a.db")
+    assert not (tmp_path / "a.db").exists()

@@ -191,6 +191,11 @@ def test_datasets_frames_and_files(tmp_path):
     frame = found.dataframe()
     assert list(frame.columns) == list(found.columns)
     assert isinstance(frame, pandas.DataFrame)
+    shares = sweep(Hopper("cubic"), {"beta": [0.1, 0.2]}, quantities=["contact_time/flight_time"])
+    with xarray.open_dataset(shares.save(tmp_path / "shares.nc")) as again:
+        saved = again["contact_time over flight_time"]
+        np.testing.assert_array_equal(saved, shares["contact_time/flight_time"])
+        assert saved.attrs["long_name"] == "contact time/flight time"
     found.save(tmp_path / "leg.nc")
     with xarray.open_dataset(tmp_path / "leg.nc") as again:
         np.testing.assert_array_equal(again["alpha"], data["alpha"])
