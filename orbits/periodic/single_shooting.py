@@ -207,7 +207,12 @@ class Shooting:
                 return us[0] + step, self.evaluate_all(us + step, ps)
             if not np.isfinite(size):
                 break
-            us, evaluation = self._damped(us, ps, step, evaluation)
+            try:
+                us, evaluation = self._damped(us, ps, step, evaluation)
+            except NoOrbit:
+                if size > SMALL_STEP:
+                    raise
+                return us[0] + step, self.evaluate_all(us + step, ps)  # what is left of the residual is rounding
         raise NoOrbit(f"the {self.statement.name} equations did not converge (last relative step {size:.1e})")
 
     def _damped(self, us, ps, step, evaluation: Evaluation) -> tuple[np.ndarray, Evaluation]:

@@ -426,3 +426,18 @@ def test_a_spring_that_never_pushes_is_soon_refused(spring, monkeypatch):
     with pytest.raises(NoOrbit, match=r"does not come back|none up to"):
         find(Hopper(spring))
     assert len(count) < 200
+
+
+def test_an_orbit_that_all_but_escapes():
+    """With delta -> 0 the extension goes ever further before it comes back, and amplifies a change of the launch speed
+    until no digit is left; what is found keeps within its error of the parabola through better determined orbits."""
+    spring = Hopper("r + beta*r**3 + delta*r**5", parameters={"beta": -0.02, "delta": 1e-5})
+    known = (3e-6, 1e-6, 3e-7)
+    orbits = [find(spring.with_values(delta=delta)) for delta in known]
+    parabola = np.polynomial.Polynomial.fit(known, [orbit.alpha for orbit in orbits], 2)
+    orbit = find(spring.with_values(delta=1e-7))
+    assert orbit.family == 1
+    assert orbit.error < 2e-6
+    assert abs(orbit.alpha - parabola(1e-7)) < orbit.error
+    with pytest.raises(NoOrbit, match="no step reduces the residual"):
+        find(spring.with_values(delta=1e-10))
