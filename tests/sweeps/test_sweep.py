@@ -123,7 +123,6 @@ def test_one_family_of_several():
     for name in second.columns:
         assert one[name].tolist() == second[name].tolist()
     assert one.orbit(3).family == 2
-    assert one.dataset["alpha"].shape == (2, 3)
     with pytest.raises(InputError, match="of one family"):
         both.plot("alpha")
     with pytest.raises(InputError, match="no family 3"):
@@ -204,6 +203,9 @@ def test_datasets_frames_and_files(tmp_path):
     np.testing.assert_allclose(table["alpha (m/s)"], found["alpha"], rtol=1e-15)
     cloud = sweep(Hopper("cubic"), {"beta": (0.0, 1.0)}, 8).dataset
     assert cloud["alpha"].dims == ("member",)
+    both = sweep(Hopper("cubic"), {"beta": [0.0, 0.1], "mass_ratio": [0.5, 1.0, 2.0]}, family=[1, 2])
+    assert both.dataset["alpha"].shape == (2, 3, 2)
+    np.testing.assert_array_equal(both.of_family(2).dataset["alpha"], both.dataset["alpha"][:, :, 1])
 
 
 def test_a_summary_and_a_table_in_words():
