@@ -99,6 +99,7 @@ class Liftoff:
             each = np.arange(len(cell))
             steady = (cell > 0) & (np.cumsum(ends_there, axis=1)[each, cell] == 0) & (forces[:, 0] != level)
             ends = np.sort([extensions[each, cell - 1][steady], extensions[each, cell][steady]], axis=0)
+            found[rows][forces[:, 0] == level] = 0.0
             found[rows][steady] = self._reached(key, {name: values[steady] for name, values in block.items()}, *ends)
         flat = ~(values_and_slopes(key, p, np.nan_to_num(found)[:, None])[1][:, 0] > FLATTEST_LIFTOFF)
         found[flat] = np.nan

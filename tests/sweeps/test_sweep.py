@@ -58,6 +58,14 @@ def test_every_member_is_what_find_finds(case):
             assert found["smallest_separation"][i] == pytest.approx(orbit.certificate.smallest_separation, rel=1e-10)
 
 
+@pytest.mark.parametrize("case", ["cubic", "linear", "juggler", "varying gravity", "SI"])
+def test_members_are_solved_together(case, monkeypatch):
+    """None of these is left to be asked for alone."""
+    machine, over, family = CASES[case]
+    monkeypatch.setattr("orbits.design.many._solve_alone", lambda *arguments: pytest.fail("asked for alone"))
+    assert np.isfinite(sweep(machine, over, 40, family=family)["alpha"]).all()
+
+
 def test_quantities_are_those_of_quantities():
     names = ["stroke", "largest_spring_force", "centre_of_mass_rise", "landing_sensitivity", "period", "beta*stroke**2"]
     found = sweep(CASES["cubic"][0], CASES["cubic"][1], 6, quantities=names)
