@@ -78,7 +78,7 @@ def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: 
             _fill_in(designs, left[orbits.which], base.model, orbits, formulas)
         for k, error in absent.items():
             own = _units_at(base.model, dict(zip(base.values, ps[k].tolist(), strict=True)))
-            designs.statuses[left[k]], designs.reasons[left[k]] = "no orbit", shortened(in_units(error, own))
+            designs.statuses[left[k]], designs.reasons[left[k]] = "no orbit", str(shortened(in_units(error, own)))
         left = left[designs.statuses[left] == ""]
     return left
 

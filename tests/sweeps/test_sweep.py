@@ -92,6 +92,7 @@ def test_members_without_an_orbit_say_why():
     assert found["reason"][1].startswith("contact: the spring collapses")
     assert "no lossless orbit" in found["reason"][2]
     assert np.isnan(found["alpha"][2])
+    assert {type(reason) for reason in found["reason"]} == {str}  # files take nothing else
 
 
 def test_several_families_are_members_of_their_own():
