@@ -8,24 +8,21 @@ does.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from operator import attrgetter
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from orbits import Input
 from orbits.errors import InputError, finite_number
+from orbits.model.machine import Stated
 from orbits.model.model import Model
-from orbits.model.phase import Affine, Phase
+from orbits.model.phase import Affine
 from orbits.model.units import LENGTH, SPEED, Message, Quantity, Units
 from orbits.symbolic.exclusive import exclusive_property
 
-from .laws import Key
-from .machine import DAMPERS, Stated, TwoMassMachine
+from .machine import DAMPERS, END, RATE, TwoMassMachine
 from .units import MachineInSI
-
-END, RATE = "u", "w"
 
 
 @dataclass(frozen=True)
@@ -54,8 +51,8 @@ class Actuated(Stated):
     @exclusive_property
     def model(self) -> Model:
         """The machine's own model with u beside each state; machines that differ only in numbers share it."""
-        m, kind = self.machine, cast(type, type(self.machine))
-        return _actuated_model(kind, *m.keys, m.rest_length is not None)
+        m = self.machine
+        return m.mechanism(*m.keys, m.rest_length is not None, damped=True, moved=True).model
 
     @property
     def values(self) -> dict[str, float]:
@@ -120,64 +117,6 @@ def actuator_limits(driven: Actuated, rate: float, stroke: float) -> Limits:
             told = Quantity(bound, SPEED if name == "rate" else LENGTH)
             raise InputError(Message("{name} = {bound:g}: the actuator's bound is above 0", name=name, bound=told))
     return Limits(float(rate), float(stroke), driven.model.separation(driven.values))
-
-
-@lru_cache(maxsize=64)
-def _actuated_model(kind: type[TwoMassMachine], spring: Key, gravity: Key | None, has_length: bool) -> Model:
-    """The model of a machine, from the same laws, with the spring's force at r - u."""
-    law = spring.expression
-    moved = spring._replace(expression=lambda r, p, q: law(r - p[END], p, q), names=(*spring.names, END))
-    plain = kind.build(moved, gravity, has_length, True)
-    unmoved = kind.build(spring, gravity, has_length, True)
-    # In contact the extension is the same function of the state that `embed` makes a flight state.
-    contact_extension = Affine(tuple(np.array(plain.extension.weights) @ plain.embed), plain.extension.offset)
-
-    def gradient(of: Callable, extension: Affine) -> Callable:
-        def with_end(x, p, q):
-            values = {**p, END: x[-1]}
-            return [*of(x[:-1], values, q), -p["mass_ratio"] * moved.expression(along(extension, x), values, q)]
-
-        return with_end
-
-    embed = np.zeros(np.add(plain.embed.shape, 1))
-    embed[:-1, :-1], embed[-1, -1] = plain.embed, 1.0
-    return replace(
-        plain,
-        flight=_driven(plain.flight),
-        contact=_driven(plain.contact),
-        embed=embed,
-        launch=lambda u, p: [*unmoved.launch(u, p), 0.0],
-        release=unmoved.release,
-        liftoff=unmoved.liftoff,
-        flight_gradient=gradient(plain.flight_gradient, plain.extension),
-        contact_gradient=gradient(plain.contact_gradient, contact_extension),
-        extension=_widened(plain.extension),
-        gap=lambda p: _widened(plain.gap(p)),
-        separation=lambda p: (distance := plain.separation(p)) and _widened(distance),
-        heights=lambda p: {name: _widened(height) for name, height in plain.heights(p).items()},
-        impact=lambda p: np.append(plain.impact(p), 0.0),
-        contact_speed=_widened(plain.contact_speed),
-        reversor=None,
-        reduction=None,
-    )
-
-
-def _driven(phase: Phase) -> Phase:
-    """A phase in which the spring's end is the last state, moved at the actuator's rate."""
-    size = len(phase.states)
-
-    def with_end(of: Callable) -> Callable:
-        return lambda x, p, q: of(x[:size], {**p, END: x[size]}, q)
-
-    field = with_end(phase.field)
-    watch = {name: with_end(of) for name, of in phase.watch.items()}
-    states = (*phase.states, END)
-    return Phase(phase.name, states, lambda x, p, q: [*field(x, p, q), p[RATE]], watch, reaches=phase.reaches)
-
-
-def _widened(affine: Affine) -> Affine:
-    """A function of a machine's state as one of the state with u beside it."""
-    return Affine((*affine.weights, 0.0), affine.offset)
 
 
 def along(affine: Affine, x: Sequence[Any]) -> Any:

@@ -17,18 +17,15 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from orbits import find, follow
+from orbits import Mass, Mechanism, Spring, find, follow
 from orbits.errors import FlowError, InputError, NoOrbit
 from orbits.flow.flow import flow_of
 from orbits.io import one_line
+from orbits.model.laws import Key, Law, coefficient_of_restitution, number
 from orbits.model.model import Model
-from orbits.model.phase import Affine, Phase
 from orbits.symbolic.exclusive import exclusive, exclusive_property
 
-from .launch import Liftoff
-from .laws import Key, Law, Parameters, Scalars, coefficient_of_restitution, from_key, number
 from .machine import Stated
 from .springs import as_spring
 
@@ -97,7 +94,7 @@ class Chain(Stated):
     @exclusive_property
     def model(self) -> Model:
         """The phases and orbits of the chain; chains that differ only in numbers share it."""
-        return _chain_model(tuple(law.key for law in self.springs))
+        return _chain(tuple(law.key for law in self.springs)).model
 
     @property
     def values(self) -> dict[str, float]:
@@ -201,94 +198,33 @@ def _mass_names(count: int) -> tuple[str, ...]:
     return tuple(f"m{i}" for i in range(1, count + 1))
 
 
-class _ChainEquations:
-    """The functions of a chain's model, see `Model` for their arguments."""
-
-    def __init__(self, springs: tuple[Key, ...]):
-        self.springs, self.count = springs, len(springs) + 1
-        self.masses, self.lowest = _mass_names(self.count), f"m{self.count}"
-        self.states = tuple(f"y{i}{dot}" for i in range(1, self.count + 1) for dot in ("", "'"))
-        # The mass above the lowest gives the lift-off, so that its states have the names of the unknowns there.
-        own = {f"y{self.count - 1}": "liftoff", f"y{self.count - 1}'": "alpha"}
-        self.launched = tuple(own.get(name, name) for name in self.states[:-2])
-
-    def _moving(self, x: Scalars, p: Parameters, q: Scalars) -> list[tuple[Any, Any, Any]]:
-        """(m, velocity, upward force) of each mass, in contact without the lowest."""
-        positions = [*x[::2], 0.0][: self.count]
-        pulls = [
-            spring.expression(upper - lower, p, q)
-            for spring, upper, lower in zip(self.springs, positions[:-1], positions[1:], strict=True)
-        ]
-        forces = [up - down - p[m] for m, up, down in zip(self.masses, [0, *pulls], [*pulls, 0], strict=True)]
-        return [(p[m], v, force) for m, v, force in zip(self.masses, x[1::2], forces, strict=False)]
-
-    def field(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
-        return [rate for m, v, force in self._moving(x, p, q) for rate in (v, force / m)]
-
-    def gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
-        return [part for m, v, force in self._moving(x, p, q) for part in (-force, m * v)]
-
-    def contact_force(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
-        return p[self.lowest] - self.springs[-1].expression(x[-2], p, q)
-
-    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Any:
-        return self.springs[-1].expression(u["liftoff"], p, q) - p[self.lowest]
-
-    def touchdown(self, u: Parameters, p: Parameters) -> list[Any]:
-        return [sign * u[name] for name, sign in zip(self.launched, (1, -1) * (self.count - 1), strict=True)]
-
-    def heights(self, p: Parameters) -> dict[str, Affine]:
-        eye, whole = np.eye(2 * self.count), sum(p[m] for m in self.masses)
-        masses = {f"mass {i + 1}": Affine(tuple(eye[2 * i])) for i in range(self.count)}
-        centre = sum(p[m] * eye[2 * i] for i, m in enumerate(self.masses)) / whole
-        return {**masses, "centre of mass": Affine(tuple(centre))}
-
-    def release(self, alpha: ArrayLike, p: Mapping[str, float]) -> np.ndarray:
-        if self.count > 2:
-            raise InputError("a launch of a chain is more than a speed: give the flight state")
-        liftoff = Liftoff(1.0 - p[self.lowest], "the weight of the lowest mass")
-        return np.full(np.shape(alpha), liftoff.extension(from_key(self.springs[-1], p)))
-
-    @staticmethod
-    def guess(family: int, p: Mapping[str, float]) -> dict[str, float]:
-        raise NoOrbit("the hops of a chain have no family numbers: give `find` a start, as Chain.starts makes them")
-
-
 @lru_cache(maxsize=64)
-def _chain_model(springs: tuple[Key, ...]) -> Model:
-    """The model of the keys of the springs' laws, from the top."""
-    equations, count = _ChainEquations(springs), len(springs) + 1
-    eye, above = np.eye(2 * count), 2 * count - 4  # the state of the mass above the lowest
-    others = tuple(name for name in equations.launched if name not in ("liftoff", "alpha"))
-    return Model(
+def _chain(springs: tuple[Key, ...]) -> Mechanism:
+    """The mechanism of the keys of the springs' laws, from the top."""
+    count = len(springs) + 1
+    names, masses = [f"y{i}" for i in range(1, count + 1)], _mass_names(count)
+    weighted = [f"{mass}*{name}" for mass, name in zip(masses, names, strict=True)]
+    pairs = zip(names[:-1], names[1:], springs, strict=True)
+    return Mechanism(
         name=f"chain of {count} masses",
-        flight=Phase("flight", equations.states, equations.field),
-        contact=Phase("contact", equations.states[:-2], equations.field, {"contact force": equations.contact_force}),
-        launch=lambda u, p: [*(u[name] for name in equations.launched), 0.0, 0.0],
-        launch_unknowns=("liftoff", "alpha", *others),
-        liftoff=equations.liftoff,
-        landing=lambda u, x, p: [x[-2], x[-1], x[above] - u["liftoff"]],
-        reversor=(1, -1) * count,
-        release=equations.release,
-        touchdown=equations.touchdown,
-        embed=np.eye(2 * count, 2 * count - 2),
-        flight_gradient=equations.gradient,
-        contact_gradient=equations.gradient,
-        extension=Affine(tuple(eye[above] - eye[-2])),
-        gap=lambda p: Affine(tuple(eye[-2])),
-        separation=lambda p: None,
-        heights=equations.heights,
-        impact_mass=lambda p: p[equations.lowest],
-        impact=lambda p: eye[-1],
-        contact_speed=Affine(tuple(eye[above + 1, : 2 * count - 2])),
-        violations={
+        coordinates=names,
+        elements=[
+            *(Mass(name, mass) for name, mass in zip(names, masses, strict=True)),
+            *(Spring(f"{upper} - {lower}", spring) for upper, lower, spring in pairs),
+        ],
+        gap=names[-1],
+        counts=f"{names[-2]} - {names[-1]}",
+        heights={
+            **{f"mass {i}": name for i, name in enumerate(names, 1)},
+            "centre of mass": f"({' + '.join(weighted)})/({' + '.join(masses)})",
+        },
+        words={
+            "liftoff": "the weight of the lowest mass",
             "gap": "lowest mass below ground",
             "pull": "the ground would have to pull",
             "separation": "the masses pass through each other",
             "end": "contact: the springs collapse, the lowest mass never lifts off again",
         },
-        springs=tuple((f"mass {i + 2}", f"mass {i + 1}") for i in range(count - 1)),
-        guess=equations.guess,
     )
 
 

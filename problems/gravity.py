@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from orbits.errors import InputError
-
-from . import laws
-from .laws import Law, positive
+from orbits.model import laws
+from orbits.model.laws import Law, positive
 
 
 def formula(text: str, /, **parameters: float) -> Law:

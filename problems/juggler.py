@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from orbits import Damper, Mass, Mechanism, Spring
 from orbits.errors import InputError
 from orbits.model.closed_form import Oscillator
+from orbits.model.laws import Key, Parameters, Scalars
 from orbits.model.model import Model
-from orbits.model.phase import Affine
+from orbits.model.relative import straight_line
 
-from .launch import Liftoff
-from .laws import Key, Parameters, Scalars
-from .machine import TwoMassEquations, TwoMassMachine, straight_line, thrown, two_mass_model
+from .machine import END, RATE, TwoMassMachine
 
 
 @dataclass(frozen=True, repr=False)
@@ -37,85 +37,32 @@ class Juggler(TwoMassMachine):
 
     @staticmethod
     @lru_cache(maxsize=64)
-    def build(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-        """The model of the keys of the laws, see `TwoMassMachine.build`."""
-        equations = _JugglerEquations(spring, gravity, damped)
-        return two_mass_model(
-            equations,
-            ("w1", "w1'", "w2", "w2'", "w", "w'"),
-            Affine((0.0, 0.0, 1.0, 0.0)),
+    def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool, moved: bool = False) -> Mechanism:
+        """The mechanism of the keys of the laws, see `TwoMassMachine.mechanism`."""
+        ball, hand = ("rest_length + w1", "rest_length + w2") if has_length else ("w1", "w2")
+        dampers = [Damper("w2", "damping"), Damper("w1", "drag"), Damper("w2", "drag")]
+        return Mechanism(
             name="juggler",
-            launch=lambda u, p: [u["liftoff"], u["alpha"], u["liftoff"], u["alpha"]],
-            landing=lambda u, x, p: [x[0] - x[2], x[1] - x[3], x[2] - u["liftoff"]],
-            embed=np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
-            gap=lambda p: Affine((1.0, 0.0, -1.0, 0.0)),
-            impact_mass=lambda p: p["mass_ratio"] / (1 + p["mass_ratio"]),
-            impact=lambda p: np.array([0.0, p["mass_ratio"], 0.0, -1.0]) / (1 + p["mass_ratio"]),
-            violations={
+            coordinates=("w1", "w2"),
+            elements=[
+                *(Mass(ball, "1/mass_ratio"), Mass(hand, 1.0)),
+                *(Spring(f"w2 - {END}" if moved else "w2", spring), *(dampers if damped else [])),
+            ],
+            gap="w1 - w2",
+            gravity=gravity or "1",
+            energy_unit="1/mass_ratio",
+            counts="w2",
+            heights={"ball": ball, "hand": hand},
+            separation="rest_length + w2" if has_length else None,
+            actuators={END: RATE} if moved else {},
+            words={
+                "liftoff": "zero force",
                 "gap": "ball below the hand",
                 "pull": "the hand would have to pull the ball",
                 "separation": "the hand passes through the ground",
                 "end": "contact: the spring collapses, the ball is never thrown again",
             },
-            springs=((None, "hand"),),
-            tension=lambda x, p, q: equations.force(x[2], p, q),
         )
-
-
-class _JugglerEquations(TwoMassEquations):
-    """The functions of a juggler's model, see `Model` for their arguments."""
-
-    threshold = Liftoff(1.0, "zero force")
-
-    def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
-        M, (c, d) = p["mass_ratio"], self.dampers(p)
-        held = self.force(x[2], p, q) + (c + d) * x[3]
-        return [x[1], -M * d * x[1] - self.weight(x[0], p), x[3], -held - self.weight(x[2], p)]
-
-    def contact(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
-        M, (c, d) = p["mass_ratio"], self.dampers(p)
-        return [x[1], -M / (1 + M) * (self.force(x[0], p, q) + (c + 2 * d) * x[1]) - self.weight(x[0], p)]
-
-    def contact_force(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
-        return -(self.force(x[0], p, q) + self.liftoff_damping(p) * x[1]) / (1 + p["mass_ratio"])
-
-    def liftoff_damping(self, p: Parameters) -> Any:
-        """Of the force between ball and hand: the hand's dampers less the ball's."""
-        (c, d), M = self.dampers(p), p["mass_ratio"]
-        return c + (1 - M) * d
-
-    def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
-        M = p["mass_ratio"]
-        return [self.weight(x[0], p), x[1], M * (self.force(x[2], p, q) + self.weight(x[2], p)), M * x[3]]
-
-    def contact_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
-        M = p["mass_ratio"]
-        return [M * self.force(x[0], p, q) + (1 + M) * self.weight(x[0], p), (1 + M) * x[1]]
-
-    def contact_oscillator(self, p: Parameters) -> Oscillator:
-        M, (k, zero) = p["mass_ratio"], straight_line(self.spring, p)
-        force = {"contact force": (-k / (1 + M), k * zero / (1 + M))}
-        return Oscillator(M * k / (1 + M), zero - (1 + M) / (M * k), force)
-
-    @staticmethod
-    def mix(p: Parameters) -> np.ndarray:
-        """w1, w1', w2, w2' from w2, w2', w1, w1' (the hand swings, the ball is thrown); its own inverse."""
-        return np.eye(4)[[2, 3, 0, 1]]
-
-    apart = mix
-
-    @staticmethod
-    def complete(times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
-        return np.concatenate([thrown(times, coefficients.shape[2], u), coefficients[:, :2]], axis=1)
-
-    @staticmethod
-    def gap_slope(times: np.ndarray, dz: np.ndarray, p: Parameters) -> np.ndarray:
-        return times - dz[0]
-
-    @staticmethod
-    def heights(p: Parameters) -> dict[str, Affine]:
-        length = p.get("rest_length", 0.0)
-        return {"ball": Affine((1.0, 0.0, 0.0, 0.0), length), "hand": Affine((0.0, 0.0, 1.0, 0.0), length)}
 
 
 @dataclass(frozen=True, repr=False)
@@ -139,29 +86,40 @@ class HeavyHand(TwoMassMachine):
         """The machine as JSON-ready data, without a mass ratio, which is infinite."""
         return {**super().describe(), "mass_ratio": None}
 
-    @staticmethod
-    @lru_cache(maxsize=64)
-    def build(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
-        """The juggler's model with the hand's energy alone, see `TwoMassMachine.build`."""
-        finite = Juggler.build(spring, gravity, has_length, False)
-        force, weight = spring.expression, _JugglerEquations(spring, gravity, False).weight
+    @classmethod
+    def build(cls, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
+        """The juggler's model with the hand's energy alone."""
+        return _heavy_hand(spring, gravity, has_length)
 
-        def oscillator(p):
-            k, zero = straight_line(spring, p)
-            return Oscillator(k, zero - 1 / k, {"contact force": (-k, k * zero)})
 
-        contact = replace(
-            finite.contact,
-            field=lambda x, p, q: [x[1], -force(x[0], p, q) - weight(x[0], p)],
-            watch={"contact force": lambda x, p, q: -force(x[0], p, q)},
-            closed_form=oscillator if finite.contact.closed_form else None,
-        )
-        return replace(
-            finite,
-            name="heavy hand",
-            contact=contact,
-            flight_gradient=lambda x, p, q: [0.0, 0.0, force(x[2], p, q) + weight(x[2], p), x[3]],
-            contact_gradient=lambda x, p, q: [force(x[0], p, q) + weight(x[0], p), x[1]],
-            impact_mass=lambda p: 0.0,
-            impact=lambda p: np.array([0.0, 1.0, 0.0, 0.0]),
-        )
+@lru_cache(maxsize=64)
+def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
+    """The limit of the juggler's model for a ball without mass, its force told by its mass."""
+    finite = Juggler.mechanism(spring, gravity, has_length, False).model
+    force = spring.expression
+
+    def in_flight(x: Scalars) -> list[Any]:
+        """A contact state as one of the flight."""
+        return [*x, *x]
+
+    def oscillator(p: Parameters) -> Oscillator:
+        k, zero = straight_line(spring, p)
+        return Oscillator(k, zero - 1 / k, {"contact force": (-k, k * zero)})
+
+    contact = replace(
+        finite.contact,
+        field=lambda x, p, q: finite.flight.field(in_flight(x), p, q)[2:],
+        watch={"contact force": lambda x, p, q: -force(x[0], p, q)},
+        closed_form=oscillator if finite.contact.closed_form else None,
+    )
+    hand = lambda x, p, q: [-finite.flight.field(x, p, q)[3], x[3]]  # noqa: E731
+    return replace(
+        finite,
+        name="heavy hand",
+        contact=contact,
+        liftoff=lambda u, p, q: -force(u["liftoff"], p, q),
+        flight_gradient=lambda x, p, q: [0.0, 0.0, *hand(x, p, q)],
+        contact_gradient=lambda x, p, q: hand(in_flight(x), p, q),
+        impact_mass=lambda p: 0.0,
+        impact=lambda p: np.array([0.0, 1.0, 0.0, 0.0]),
+    )

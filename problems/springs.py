@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.errors import InputError
-from orbits.model.model import NOISE
+from orbits.model import laws
+from orbits.model.laws import NOISE, Expression, Law, number, positive
 from orbits.symbolic.formula import suggest
 
-from . import laws
-from .laws import Expression, Law, number, positive
 from .smoothing import SmoothCurve, branch_of, curve_of
 from .tables import read_table, short
 

@@ -14,6 +14,7 @@ from typing import Any, Self, TypeAlias
 import casadi as ca
 
 from orbits.errors import InputError
+from orbits.model.laws import UNIT_FORCE, UNIT_LENGTH, Key, Law, number, stated
 from orbits.model.model import Model, reparametrised
 from orbits.model.units import ACCELERATION, LENGTH, MASS, Dimension, Units, unit_text
 from orbits.symbolic.exclusive import exclusive, exclusive_property
@@ -23,7 +24,6 @@ from . import gravity as gravities
 from .gravity import as_gravity
 from .hopper import Hopper
 from .juggler import Juggler
-from .laws import UNIT_FORCE, UNIT_LENGTH, Key, Law, number, stated
 from .machine import DAMPERS, TwoMasses, TwoMassMachine
 from .springs import as_spring
 

@@ -326,14 +326,14 @@ def _orbits_of_families(impacts: Impacts, high: float) -> Iterator[Orbit]:
 
 
 def _all_orbits(impacts, low, high):
-    """All orbits under constant gravity: half a flight lasts the time alpha, until the reduced motion turns."""
-    model, p, names = impacts.model, impacts.p, tuple(impacts.values)
-    flow = flow_of(model.reduction.statement.arcs[0].phase, names)
-    (liftoff,) = model.release(np.array([low]), impacts.values)
+    """All orbits under constant gravity: half a flight lasts a time that is known, until the reduced motion turns."""
+    model, p, names, arc = impacts.model, impacts.p, tuple(impacts.values), impacts.model.reduction.statement.arcs[0]
+    flow, (liftoff,) = flow_of(arc.phase, names), model.release(np.array([low]), impacts.values)
 
     def half_flight(alpha):
+        u = {"liftoff": liftoff, "alpha": alpha}
         try:
-            return flow.run([liftoff, alpha], p, alpha)[0]
+            return flow.run(arc.start(u, [], impacts.values), p, float(arc.duration(u, impacts.values)))[0]
         except FlowError:
             return None
 

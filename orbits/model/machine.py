@@ -1,9 +1,13 @@
 """What the engine asks of a machine, in one place."""
 
-from typing import Any, Protocol, Self, runtime_checkable
+from collections.abc import Mapping
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any, Protocol, Self, cast, runtime_checkable
 
 from ..errors import InputError
-from .model import NOISE, Model
+from .laws import NOISE
+from .model import Model
 from .units import Units
 
 
@@ -50,6 +54,23 @@ class ImpactingMachine(Machine, Protocol):
     @property
     def rest_length(self) -> float | None:
         """The rest length of the spring; None where heights are counted from an unloaded spring of any length."""
+
+
+class Stated:
+    """A machine that is printed and pickled as it was stated, without the model that is built from that."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields of the machine; its laws are pickled as what they were made from."""
+        told = {each.name: getattr(self, each.name) for each in fields(cast(Any, self))}
+        return {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in told.items()}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        self._keep(**state)
+
+    def _keep(self, **checked: Any) -> None:
+        """Store fields as they were checked, mappings so that nobody can change them."""
+        for name, value in checked.items():
+            object.__setattr__(self, name, MappingProxyType(dict(value)) if isinstance(value, Mapping) else value)
 
 
 def check_machine(machine: Any, *also: str) -> None:

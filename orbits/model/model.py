@@ -6,43 +6,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import NoOrbit
 from ..io import fields_in_line
 from .phase import Affine, Arc, Phase, Statement
-
-# Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
-# deviation of what noise does to it, independently of the others.
-NOISE = "_noise"
-
-
-class Guesses(NamedTuple):
-    """The guesses of many machines with parameters (m,).
-
-    unknowns : by name (m,), NaN where there is none
-    own : which of them (m,) can be looked at together, by the model that was asked
-    single : whose family (m,) has one orbit as far as `Model.search` tells
-    refused : by index why a machine has no guess
-    """
-
-    unknowns: Mapping[str, Any]
-    own: Any
-    single: Any
-    refused: Mapping[int, NoOrbit]
 
 
 class Search(NamedTuple):
     """How to search for all orbits of a family.
 
-    scale : of launch speeds and times: the inverse root of the spring's slope at rest
+    scale : of launch speeds, and of times per `time`: for a hopper the inverse root of the spring's slope at rest
     spacing, fastest : of the launch speeds where the search begins, and the last of them for family 1, in multiples of
         the scale
     single : whether the laws bend so seldom that the orbit to which the guess leads is taken for the lowest
+    time : half the time of a flight per launch speed, about
     """
 
     scale: float
     spacing: float
     fastest: float
     single: bool
+    time: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +75,9 @@ class Model:
     impact_mass : p -> twice the energy that a plastic impact loses, over the square of the gap's speed
     impact : p -> direction (n,) in which an impact changes the flight state; along it the gap's speed changes by 1
     contact_speed : the contact coordinate that becomes the launch speed
-    guess : (family, p) -> a launch and the "duration" of the half flight, in the scene with `homotopy` at 0
-    guesses : (family, parameters (m,) by name) -> `Guesses`; None where each machine has to be looked at by itself
+    guess : (family, p) -> a launch and the "duration" of the half flight, in the scene with `homotopy` at 0; None where
+        that follows from `relative`, or where there is none: the family is then searched
+    relative : the `Relative` motion under constant gravity, from which a guess follows; None where there is none
     conservative : whether flight and contact conserve the energy
     homotopy : name of the parameter that leads from the scene of the guess (0) to this one (1); None where they are one
     reduction : the smaller statement that this scene allows; None where there is none
@@ -125,7 +108,7 @@ class Model:
     contact_speed: Affine
     violations: Mapping[str, str]
     springs: tuple[tuple[str | None, str], ...]
-    guess: Callable
+    guess: Callable | None = None
     launch_unknowns: tuple[str, ...] = ("liftoff", "alpha")
     homotopy: str | None = None
     conservative: bool = True
@@ -134,7 +117,7 @@ class Model:
     units: Callable | None = None
     gauge: str | None = None
     search: Callable | None = None
-    guesses: Callable | None = None
+    relative: Any = None
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
@@ -179,14 +162,15 @@ def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, A
         changed = {name: at(place, getattr(reduction, name)) for name, place in places.items()}
         reduction = replace(reduction, statement=statement, **changed)
     functions = {name: at(place, getattr(model, name)) for name, place in PARAMETERS_AT.items()}
+    relative = model.relative and replace(model.relative, own=own)
     phases = {"flight": moved(model.flight), "contact": moved(model.contact)}
-    return replace(model, **functions, **phases, reduction=reduction, **changes)
+    return replace(model, **functions, **phases, reduction=reduction, relative=relative, **changes)
 
 
 # Which argument of a model's functions is the parameters.
 PARAMETERS_AT = {
     **dict.fromkeys(("gap", "separation", "heights", "impact_mass", "impact", "search"), 0),
-    **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess", "guesses"), 1),
+    **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess"), 1),
     **dict.fromkeys(("flight_gradient", "contact_gradient", "tension"), 1),
     "landing": 2,
 }

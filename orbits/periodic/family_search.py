@@ -54,6 +54,7 @@ class Lateness:
     """The lateness of one family of machines (m,) of one model as a function of the launch speed.
 
     ps : parameters (m, np), which `names` names; a piecewise field, and one in closed form, take a single machine
+    clock : half the flight time (m,) per launch speed, in which late times are told
     searches : how each of them is searched
     liftoffs : the extensions (m,) at lift-off, where they are known; without damping they do not depend on the speed
     """
@@ -63,7 +64,8 @@ class Lateness:
         searches: Sequence[Search], liftoffs: np.ndarray | None = None,
     ):  # fmt: skip
         self.model, self.method, self.family, self.searches = model, method, family, searches
-        self.names, self.ps, self.scales = names, ps, np.array([search.scale for search in searches])
+        self.names, self.ps = names, ps
+        self.scales, self.clock = np.array([[search.scale, search.time] for search in searches]).T
         self.reduction = reduction_of(model, method)
         self.statement = equations_of(model, method, names).statement
         self.arc = self.statement.arcs[0]
@@ -78,7 +80,7 @@ class Lateness:
     def _followed(self, alphas: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Lateness and times (k,), and which motions (k,) break off, as they run away or come to a singularity."""
         u, p = self._unknowns(alphas, which), self._parameters(which)
-        limit = LATEST_TURN * (self.scales[which] + alphas)
+        limit = LATEST_TURN * self.clock[which] * (self.scales[which] + alphas)
         states = columns(self.arc.start(u, np.zeros(0), p))
         times, going, broken = np.zeros(len(alphas)), np.arange(len(alphas)), np.zeros(len(alphas), bool)
         for turn in range(2 if self.reduction else self.family + 1):
@@ -94,10 +96,10 @@ class Lateness:
             states[going] = rows[:, : states.shape[1]]
             going = np.flatnonzero(np.isfinite(times))
         if self.reduction:
-            late = times - self.arc.duration(u, p)
+            late = (times - self.arc.duration(u, p)) / self.clock[which]
         else:
             late = -np.sum(self.arc.conditions(u, list(states.T), p), axis=0)
-        return np.where(np.isfinite(times), late, limit), times, broken
+        return np.where(np.isfinite(times), late, limit / self.clock[which]), times, broken
 
     def start(self, alphas: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
         """The unknowns (k, n) of the statement near orbits with launch speeds (k,) of the machines `which` (k,)."""

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..model.laws import NOISE
 from ..model.machine import Machine, check_machine, dimensionless
-from ..model.model import NOISE, Model
+from ..model.model import Model
 from ..model.units import SPEED, TIME, Message, Quantity, in_units, without_units
 from ..numerics.roots import solve
 from ..symbolic import interrupts
@@ -18,6 +19,7 @@ from .certificate import certify, count_families
 from .error_bound import error_bounds, noise_of_alpha
 from .family_search import Cells, Lateness
 from .formulations import contact_reversor, equations_of, halved, interpret, or_none, vector
+from .guess import guess
 from .orbit import Orbit, Shape, orbit_of
 from .single_shooting import Evaluation, Shooting
 
@@ -384,7 +386,7 @@ def _solve_by_homotopy(model: Model, equations: Shooting, correct, family: int, 
     """Solve a model's equations from its guess, with the homotopy parameter led from 0 to 1 by step-size control;
     `correct`, (u, parameters) -> the solution near u and the equations there, is the corrector."""
     unknowns, homotopy = equations.statement.unknowns, model.homotopy
-    start = {**model.guess(family, {**p, homotopy: 0.0} if homotopy else p), "unfolding": 0.0}
+    start = {**guess(model, family, {**p, homotopy: 0.0} if homotopy else p), "unfolding": 0.0}
     start["duration"] *= 2 if "unfolding" in unknowns else 1
     u = np.array([start[name] for name in unknowns])
     if homotopy is None:

@@ -10,13 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import NoOrbit
-from ..model.model import Guesses, Model
+from ..model.model import Model
 from ..model.units import DIMENSIONS, LENGTH, Units
 from .certificate import Certificate, certify, extremes
 from .error_bound import error_bounds
 from .family_search import Lateness
 from .find import MAX_CORRECTION, none_found, with_search
 from .formulations import Cycles, equations_of, interpret
+from .guess import Guesses, guesses
 from .newton_kernel import NewtonKernel, Solutions, newton_kernel
 from .single_shooting import SMALLEST_UNIT, Evaluation, Shooting
 
@@ -62,10 +63,10 @@ def lowest_orbits(
     it has none; machines that are in neither are for `find` to decide, by which the others are the same."""
     method = "relative" if model.reduction else "half orbit"
     equations = equations_of(model, method, names)
-    if model.guesses is None or len(equations.flows) > 1 or not equations.smooth:
+    if model.relative is None or len(equations.flows) > 1 or not equations.smooth:
         return [], {}
     asked = _Family(model, names, ps, family, method, equations)
-    guess = model.guesses(family, dict(zip(names, ps.T, strict=True)))
+    guess = guesses(model.relative, family, dict(zip(names, ps.T, strict=True)))
     guessed = _from_guesses(asked, guess)
     single, found = guess.single, np.full(len(ps), np.inf)
     if guessed:

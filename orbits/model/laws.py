@@ -12,15 +12,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.errors import InputError, OutOfRange
-from orbits.io import in_words
-from orbits.model.model import NOISE
-from orbits.model.units import LENGTH, Message, Quantity
-from orbits.symbolic.calls import ElementwiseFunction, MappedFunction
-from orbits.symbolic.exclusive import LOCK, exclusive
-from orbits.symbolic.formula import CONSTANTS, parse, suggest
-from orbits.symbolic.kept import kept
-from orbits.symbolic.taylor_series import has_taylor_series
+from ..errors import InputError, OutOfRange
+from ..io import in_words
+from ..symbolic.calls import ElementwiseFunction, MappedFunction
+from ..symbolic.exclusive import LOCK, exclusive
+from ..symbolic.formula import CONSTANTS, parse, suggest
+from ..symbolic.kept import kept
+from ..symbolic.taylor_series import has_taylor_series
+from .units import LENGTH, Message, Quantity
 
 # What expressions are made of: CasADi scalars or numbers, in sequences and by name.
 Scalars = Sequence[Any]
@@ -28,6 +27,9 @@ Parameters = Mapping[str, Any]
 # What users give for the parameters of a law, and laws by name.
 Given = Mapping[str, float] | None
 Named = Mapping[str, Callable]
+# Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
+# deviation of what noise does to it, independently of the others.
+NOISE = "_noise"
 # Parameters of a law in SI that is brought to a dimensionless machine's units.
 UNIT_LENGTH, UNIT_FORCE = "unit_length", "unit_force"
 # Names by which formulas of a spring ask for the speed of its extension.
@@ -188,6 +190,21 @@ def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
     values = {name: np.float64(value) for name, value in law.parameters.items()}
     _refuse_removable(law, lambda x: law.expression(x, values, []))
     return law
+
+
+def key_of(law: Any, variable: str, given: Given = None) -> Key:
+    """The key of a formula, "potential:FORMULA", a number or a Python function, whose parameters need no values yet."""
+    if isinstance(law, Key):
+        return law
+    if callable(law):
+        return from_function(law, variable, {name: (given or {})[name] for name in _argument_names(law)}).key
+    if not isinstance(law, str | float | int):
+        raise InputError(f"{law!r} is no law: it is a formula of {variable}, a law or a function")
+    text = str(law).removeprefix("potential:")
+    expression = _formula_expression(text, variable)
+    if text != law and isinstance(law, str):
+        expression = _derivative_expression(expression, variable)
+    return Key(str(law), variable, expression, tuple(sorted(parse(text).names - {variable})), None)
 
 
 def _refuse_removable(law: Law, force: Callable) -> None:

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from orbits.symbolic.calls import ElementwiseFunction
-
+from ..symbolic.calls import ElementwiseFunction
 from .laws import Key, from_key, values_and_slopes
 
 # So many slopes are looked at, up to this distance from rest in units of length, and up to twice the height. A hop of

@@ -1,0 +1,102 @@
+"""The elements of a mechanism: what has inertia, and what exerts a force along an extension or a height.
+
+Extensions, heights, masses and coefficients are expressions: formulas of the coordinates and the parameters, numbers, or
+Python functions (y, p) of both by name, written with operators and NumPy or CasADi functions.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from typing import Any, TypeAlias
+
+from ..symbolic.formula import Formula, parse
+
+Scalar: TypeAlias = str | float | Callable[[Mapping[str, Any], Mapping[str, Any]], Any]
+
+
+@dataclass(frozen=True)
+class Mass:
+    """A point mass that moves vertically at a height: it has inertia and weight."""
+
+    height: Scalar
+    mass: Scalar
+
+
+@dataclass(frozen=True)
+class Weight:
+    """The weight of a mass at a height, without its inertia."""
+
+    height: Scalar
+    mass: Scalar
+
+
+@dataclass(frozen=True)
+class Inerter:
+    """A force against the second derivative of an extension, as if a mass moved along it (Smith 2002)."""
+
+    extension: Scalar
+    inertance: Scalar
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A force against an extension.
+
+    force : a law as of `problems.springs`, or a formula of the extension r; tension is positive
+    """
+
+    extension: Scalar
+    force: Any = "r"
+
+
+@dataclass(frozen=True)
+class Damper:
+    """A force against the rate of an extension, coefficient times rate."""
+
+    extension: Scalar
+    coefficient: Scalar
+
+
+@dataclass(frozen=True)
+class Potential:
+    """Conservative forces that no other element tells, by their potential energy."""
+
+    energy: Scalar
+
+
+@dataclass(frozen=True)
+class Force:
+    """A force along the rate of a function of the coordinates, which neither conserves energy nor comes from a law.
+
+    force : a Python function (y, v, p) of coordinates, their rates and parameters by name
+    """
+
+    along: Scalar
+    force: Callable
+
+
+Element: TypeAlias = Mass | Weight | Inerter | Spring | Damper | Potential | Force
+
+
+@lru_cache(maxsize=1024)
+def parsed(text: str) -> Formula:
+    """A formula, parsed once."""
+    return parse(text)
+
+
+def names_in(expression: Any) -> frozenset[str]:
+    """The names that an expression asks for; those that a Python function asks for are not known."""
+    return parsed(expression).names if isinstance(expression, str) else frozenset()
+
+
+def value_of(expression: Scalar, y: Mapping[str, Any], p: Mapping[str, Any]) -> Any:
+    """The value of an expression at coordinates and parameters by name."""
+    if isinstance(expression, str):
+        formula = parsed(expression)
+        return formula(**{name: y[name] if name in y else p[name] for name in formula.names})
+    return expression(y, p) if callable(expression) else float(expression)
+
+
+def fields_of(element: Element) -> list[Any]:
+    """The expressions by which an element is told, without its law."""
+    return [getattr(element, each.name) for each in fields(element) if each.name != "force"]

@@ -1,0 +1,173 @@
+"""Lift-off: the extension at which the force of a law, with a constant load, opens a contact."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError, NoOrbit
+from .laws import Key, Law, values_and_slopes
+from .units import FORCE, LENGTH, STIFFNESS, Message, Quantity
+
+# Below this slope, rounding cannot tell a force that passes the level of lift-off from one that only touches it.
+FLATTEST_LIFTOFF = 1e-14
+# Distances from rest at which the force is sampled: densely where a spring in its own units lifts off.
+SAMPLED_DISTANCES = np.concatenate(
+    [[0.0], np.geomspace(1e-9, 1e-3, 50)[:-1], np.geomspace(1e-3, 1e3, 200), np.geomspace(1e3, 1e9, 50)[1:]]
+)
+# Springs whose lift-off is looked for together, so that their sampled forces stay in the processor's cache.
+BLOCK_OF_SPRINGS = 256
+# Halvings of an interval after which its ends are neighbouring numbers.
+BISECTIONS = 60
+
+
+@dataclass(frozen=True)
+class Liftoff:
+    """The condition force + load + damping * speed = 1 that ends sustained contact.
+
+    load : constant force beside the spring's, 0 for the hopper and the hand's weight 1 for the juggler
+    name : the force that lift-off waits for, in words
+    """
+
+    load: float
+    name: str
+
+    def extension(self, law: Law) -> float:
+        """The extension at which force + load = 1 is first reached from rest, the force rising.
+
+        Raises `NoOrbit` where the force never passes that level, `InputError` for a law that is no spring.
+        """
+        if law.key.degree() == 0:
+            raise InputError(f"spring '{law.text}' does not depend on the extension {law.variable}: it is no spring")
+        low, high = law.range()
+        rest, level = law.rest(), 1.0 - self.load
+        rises = float(law(rest)) < level
+        extensions, forces = _sampled_from_rest(law, rest, away=1.0 if rises else -1.0)
+        if float(forces[0]) == level:
+            return self._checked(law, rest)
+        beyond = ((forces >= level) == rises).nonzero()[0]
+        if not len(beyond):
+            text = "spring '{law}' never reaches {level} ({extreme} {force:.4g}{within}): nothing leaves the ground"
+            extreme, force = ("largest tension", forces.max()) if rises else ("least force", forces.min())
+            bounds = {"low": Quantity(low, LENGTH), "high": Quantity(high, LENGTH)}
+            within = Message(" within [{low:g}, {high:g}]", **bounds) if np.isfinite([low, high]).any() else ""
+            told = {"level": self.name, "extreme": extreme, "force": Quantity(float(force), FORCE), "within": within}
+            raise NoOrbit(Message(text, law=law.text, **told))
+        low, high = np.sort(extensions[beyond[0] - 1 : beyond[0] + 1])[:, None]
+        return self._checked(law, float(_level_crossings(law.with_slope, np.array([level]), low, high)[0]))
+
+    def extensions(self, key: Key, p: Mapping[str, np.ndarray]) -> np.ndarray:
+        """`extension` of smooth springs with parameters (m,) by name, whose force rises or falls all the way from rest
+        to the level; NaN for others."""
+        count, level = len(next(iter(p.values()))), 1.0 - self.load
+        found = np.full(count, np.nan)
+        if key.pieces is not None or key.degree() == 0:
+            return found
+        forces, slopes = values_and_slopes(key, p, np.zeros((count, 1)))
+        away = np.where(forces[:, 0] < level, 1.0, -1.0)
+        for first in range(0, count, BLOCK_OF_SPRINGS):
+            rows = slice(first, first + BLOCK_OF_SPRINGS)
+            extensions, block = away[rows, None] * SAMPLED_DISTANCES, {name: values[rows] for name, values in p.items()}
+            forces, slopes = values_and_slopes(key, block, extensions)
+            with np.errstate(invalid="ignore"):
+                beyond, ends_there = (forces >= level) == (away[rows, None] > 0), ~np.isfinite(forces)
+                ends_there[:, 1:] |= (slopes[:, :-1] > 0) & (slopes[:, 1:] <= 0)
+            cell = beyond.argmax(axis=1)
+            each = np.arange(len(cell))
+            steady = (cell > 0) & (np.cumsum(ends_there, axis=1)[each, cell] == 0) & (forces[:, 0] != level)
+            ends = np.sort([extensions[each, cell - 1][steady], extensions[each, cell][steady]], axis=0)
+            found[rows][forces[:, 0] == level] = 0.0
+            found[rows][steady] = self._reached(key, {name: values[steady] for name, values in block.items()}, *ends)
+        flat = ~(values_and_slopes(key, p, np.nan_to_num(found)[:, None])[1][:, 0] > FLATTEST_LIFTOFF)
+        found[flat] = np.nan
+        return found
+
+    def _reached(self, key: Key, p: Mapping[str, np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Where springs with parameters (m,) by name reach the level between extensions (m,)."""
+
+        def force_and_slope(r: np.ndarray) -> list[np.ndarray]:
+            return [column[:, 0] for column in values_and_slopes(key, p, r[:, None])]
+
+        return _level_crossings(force_and_slope, np.full(len(low), 1.0 - self.load), low, high) if len(low) else low
+
+    def extensions_at(self, law: Law, damping: float, alpha: ArrayLike) -> np.ndarray:
+        """The extensions (m,) at lift-off with speeds `alpha` (m,), with a damper of this coefficient.
+
+        They lie on the rising branch of the force that passes the level at rest; NaN where that branch ends before.
+        """
+        static, alpha = self.extension(law), np.asarray(alpha, dtype=float)
+        if damping == 0.0:
+            return np.full(alpha.shape, static)
+        level, result = 1.0 - self.load - damping * alpha, np.full(alpha.shape, np.nan)
+        extensions, forces = _rising_branch(law, static, up=damping < 0)
+        cell = np.searchsorted(forces, level, side="right") - 1
+        inside = (cell >= 0) & (cell < len(extensions) - 1)
+        if inside.any():
+            ends = extensions[cell[inside]], extensions[cell[inside] + 1]
+            result[inside] = _level_crossings(law.with_slope, level[inside], *ends)
+        return result
+
+    def _checked(self, law: Law, liftoff: float) -> float:
+        """The extension at lift-off; raises `NoOrbit` where the force only touches the level there."""
+        slope = float(law.with_slope(liftoff)[1])
+        if slope > FLATTEST_LIFTOFF:
+            return liftoff
+        reaches = "spring '{law}' only just reaches {level} at extension {liftoff:.6g}, with slope {slope:.1e}"
+        numbers = {"liftoff": Quantity(liftoff, LENGTH), "slope": Quantity(slope, STIFFNESS)}
+        raise NoOrbit(Message(reaches + ": nothing lifts off cleanly", law=law.text, level=self.name, **numbers))
+
+
+def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, np.ndarray]:
+    """Extensions (n,) away from rest, as far as the force is finite, with its turning points, and the forces there."""
+    extensions = np.clip(rest + away * SAMPLED_DISTANCES, *law.range())
+    forces, slopes = law.with_slope(extensions)
+    count = int(np.argmin(np.append(np.isfinite(forces), False)))
+    if count == 0:
+        raise InputError(f"spring '{law.text}' has no force at rest (r = {rest:g})")
+    extensions, forces, slopes = extensions[:count], forces[:count], slopes[:count]
+    cells = ((slopes[:-1] > 0) & (slopes[1:] <= 0)).nonzero()[0]
+    if not len(cells):
+        return extensions, forces
+    turns = _end_of_rise(law, extensions[cells], extensions[cells + 1])
+    return np.insert(extensions, cells + 1, turns), np.insert(forces, cells + 1, law(turns))
+
+
+def _rising_branch(law: Law, static: float, up: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Extensions and forces (n,), ascending, from the static lift-off up or down to where the force turns or ends."""
+    side = 1.0 if up else -1.0
+    extensions = np.unique(np.clip(static + side * SAMPLED_DISTANCES, *law.range()))[:: int(side)]
+    forces, slopes = law.with_slope(extensions)
+    with np.errstate(invalid="ignore"):
+        rises = np.append(True, side * np.diff(forces) > 0)
+    fails = (~(rises & (slopes > 0) & np.isfinite(forces))).nonzero()[0]
+    if len(fails):
+        count = max(int(fails[0]), 1)
+        turn = _end_of_rise(law, extensions[count - 1], extensions[count])
+        extensions, forces = np.append(extensions[:count], turn), np.append(forces[:count], law(turn))
+    return extensions[:: int(side)], forces[:: int(side)]
+
+
+def _end_of_rise(law: Law, inner: ArrayLike, outer: ArrayLike) -> np.ndarray:
+    """The last extensions (m,) with a finite, rising force between `inner` (m,), where it rises, and `outer` (m,)."""
+    inner, outer = np.asarray(inner), np.asarray(outer)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (inner + outer)
+        force, slope = law.with_slope(middle)
+        rises = (slope > 0) & np.isfinite(force)
+        inner, outer = np.where(rises, middle, inner), np.where(rises, outer, middle)
+    return inner
+
+
+def _level_crossings(force_and_slope: Callable, level: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Where a force, x (m,) -> values and slopes (m,), rises through levels (m,) between extensions (m,): Newton's
+    method safeguarded by bisection."""
+    r = 0.5 * (low + high)
+    for _ in range(200):
+        force, slope = force_and_slope(r)
+        low, high = np.where(force < level, r, low), np.where(force < level, high, r)
+        new = np.divide(level - force, slope, out=low - r, where=slope != 0) + r
+        if (np.abs(new - r) <= 4e-16 * np.abs(r)).all():
+            break
+        r = np.where((low < new) & (new < high), new, 0.5 * (low + high))
+    return np.clip(new, low, high)

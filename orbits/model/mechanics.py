@@ -1,0 +1,336 @@
+"""The equations of motion of a mechanism, from its kinetic energy and the forces of its elements.
+
+Each element exerts a force f against a function of the coordinates y (n,), of which J (n,) is the gradient, so that in
+flight
+
+    M y'' = -sum of J f,
+
+M (n, n) being the inertia; where that depends on the configuration, what is quadratic in the speeds is one more force on
+each coordinate. In contact the gap g(y) = weights . y stays closed: one coordinate is eliminated, y = E s with a matrix E
+of numbers, and E^T M E s'' = -sum of E^T J f. The row of the eliminated coordinate gives the force lambda of the contact,
+
+    lambda dg/dy = M y'' + sum of J f.
+
+An impact changes the speeds by M^-1 dg / (dg M^-1 dg) per change of the gap's speed. The coefficients of the forces are
+functions of the parameters, and numbers where these make no difference.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ..errors import InputError
+from .coefficients import Coefficients
+from .elements import Damper, Element, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, value_of
+from .laws import Key, Parameters, Scalars
+
+# Share of the variation of gravity, led from 0 to 1 to come from constant gravity to the one that is stated.
+GRAVITY_SHARE = "gravity_share"
+
+
+class Term(NamedTuple):
+    """One force of a mechanism.
+
+    element : whose force it is, None for what is quadratic in the speeds
+    force : (y, v, p, q) -> the force, of coordinates with the actuators' displacements, rates, parameters and data
+    gradient : (n + k,), of the function that it acts against, by the coordinates and the displacements
+    conservative : whether it is one of the energy's
+    what : equal for terms that are the same function of the place, None where that is not known
+    place : of which the force is a function
+    """
+
+    element: Element | None
+    force: Callable
+    gradient: ca.SX
+    conservative: bool = True
+    what: Any = None
+    place: Any = None
+
+    @property
+    def is_weight(self) -> bool:
+        """Whether it is the weight of a mass."""
+        return isinstance(self.element, Mass | Weight)
+
+
+class Mechanics:
+    """The equations of motion of coordinates with elements.
+
+    coordinates, actuators : their names; each actuator is the name of a displacement and that of its rate
+    inertia : (n, n) scalars beside the elements' own inertia
+    gap : weights (n,)
+    gravity : key of the law of a height, with `surface` its unit; None where it is 1
+    names : of all parameters
+
+    Raises `InputError` for an inertia that is singular, and for a gap that no coordinate closes.
+    """
+
+    def __init__(
+        self, coordinates: Sequence[str], actuators: Sequence[tuple[str, str]], elements: Sequence[Element],
+        inertia: Sequence[Sequence[Scalar]], gap: Scalar, gravity: Key, surface: Scalar, names: Sequence[str],
+    ):  # fmt: skip
+        self.coordinates, self.actuators = tuple(coordinates), tuple(actuators)
+        self.size = len(self.coordinates)
+        self.moved = (*self.coordinates, *(name for name, _ in self.actuators))
+        self.y = ca.SX.sym("y", len(self.moved))
+        self.v = ca.SX.sym("v", len(self.moved))
+        self.p = {name: ca.SX.sym(name) for name in names}
+        self.gravity, self.varying = gravity, gravity.degree() > 0
+        self.ground_gravity = self.scalar(surface) * gravity.expression(ca.SX(0), self.p, [])
+        self.elements = tuple(elements)
+        self.inertia = self._inertia(inertia)
+        self.conservative = not any(isinstance(element, Damper | Force) for element in elements)
+        self.terms = [term for element in elements for term in self._terms_of(element)] + self._inertial_terms()
+        self.gap = self._gap(gap)
+        self.eliminated = int(np.argmax(self.gap))
+        kept = [i for i in range(self.size) if i != self.eliminated]
+        self.kept = [*kept, *range(self.size, len(self.moved))]
+        self.embed = np.eye(len(self.moved))[:, self.kept]
+        self.embed[self.eliminated, : len(kept)] = -self.gap[kept] / self.gap[self.eliminated]
+        self._derive()
+
+    def scalar(self, expression: Scalar) -> ca.SX:
+        """An expression of the coordinates and parameters."""
+        y = dict(zip(self.moved, ca.vertsplit(self.y), strict=True))
+        return ca.SX(value_of(expression, y, self.p))
+
+    def gradient(self, expression: Scalar) -> ca.SX:
+        """The gradient (n + k,) of an expression by the coordinates and displacements."""
+        return ca.gradient(self.scalar(expression), self.y)
+
+    def affine(self, expression: Scalar) -> Coefficients | None:
+        """The weights of the coordinates and displacements and the offset of an expression, functions of the
+        parameters; None where it is not affine."""
+        gradient = self.gradient(expression)
+        found = Coefficients(ca.horzcat(gradient.T, at_rest(self.scalar(expression), self.y)), self.y, self.p)
+        return None if found.by_coordinates else found
+
+    def _inertia(self, stated: Sequence[Sequence[Scalar]]) -> ca.SX:
+        """The matrix (n, n) of the kinetic energy."""
+        matrix = ca.SX(self.size, self.size)
+        for i, row in enumerate(stated):
+            for j, entry in enumerate(row):
+                if entry != 0:
+                    matrix[i, j] = self.scalar(entry)
+        for element in self.elements:
+            if isinstance(element, Mass | Inerter):
+                place, mass = (
+                    (element.height, element.mass)
+                    if isinstance(element, Mass)
+                    else (element.extension, element.inertance)
+                )
+                gradient = ca.sparsify(self.gradient(place)[: self.size])
+                matrix += self.scalar(mass) * (gradient @ gradient.T)
+        return ca.sparsify(matrix)
+
+    def _gap(self, expression: Scalar) -> np.ndarray:
+        """The weights (n,) of the gap."""
+        affine = self.affine(expression)
+        weights = [] if affine is None else [w for w in affine.constants if w == w]
+        if len(weights) != len(self.moved) + 1 or weights[-1] != 0 or any(weights[self.size :]) or max(weights) <= 0:
+            raise InputError(
+                f"gap '{expression}' is no sum of coordinates with numbers before them, as \"foot - plate\""
+            )
+        return np.array(weights[: self.size])
+
+    def _terms_of(self, element: Element) -> list[Term]:
+        """The forces of an element."""
+        if isinstance(element, Spring):
+            extension, law = element.extension, element.force.expression
+            force = lambda y, v, p, q: law(value_of(extension, self._named(y), p), p, q)  # noqa: E731
+            return [Term(element, force, self.gradient(extension), True, element, extension)]
+        if isinstance(element, Mass | Weight):
+            return [self._weight(element)]
+        if isinstance(element, Damper):
+            gradient, coefficient = self.gradient(element.extension), self.scalar(element.coefficient)
+            return [Term(element, self._along(gradient), gradient * coefficient, False, "damper", element.extension)]
+        if isinstance(element, Potential):
+            slopes = self.gradient(element.energy)
+            return [
+                Term(element, self._of_state(slopes[i]), ca.SX(np.eye(len(self.moved))[:, i]))
+                for i in range(len(self.moved))
+                if not slopes[i].is_zero()
+            ]
+        if isinstance(element, Force):
+            given = element.force
+            against = lambda y, v, p, q: -given(self._named(y), self._named(v), p)  # noqa: E731
+            return [Term(element, against, self.gradient(element.along), False)]
+        return []
+
+    def _weight(self, element: Mass | Weight) -> Term:
+        """The weight of a mass; where gravity is constant the same force for all."""
+        weight = self.scalar(element.mass) * self.gradient(element.height)
+        if not self.varying:
+            return Term(element, lambda y, v, p, q: 1.0, weight * self.ground_gravity, True, "constant gravity", "0")
+        height = element.height
+        pull = lambda y, v, p, q: self.pull(value_of(height, self._named(y), p), p)  # noqa: E731
+        return Term(element, pull, weight * self.ground_gravity, True, "gravity", height)
+
+    def pull(self, height: Any, p: Parameters) -> Any:
+        """Gravity at a height over that at the ground, with the share of its variation that the parameter tells."""
+        ground = self.gravity.expression(0.0, p, [])
+        return 1 + p[GRAVITY_SHARE] * (self.gravity.expression(height, p, []) / ground - 1)
+
+    def _inertial_terms(self) -> list[Term]:
+        """What is quadratic in the speeds where the inertia depends on the configuration."""
+        n, v = self.size, self.v[: self.size]
+        if not ca.depends_on(self.inertia, self.y):
+            return []
+        momentum, energy = self.inertia @ v, ca.bilin(self.inertia, v, v) / 2
+        force = ca.jtimes(momentum, self.y, self.v) - ca.gradient(energy, self.y)[:n]
+        eye = np.eye(len(self.moved))
+        return [Term(None, self._of_state(force[i]), ca.SX(eye[:, i]), False) for i in range(n)]
+
+    def _named(self, values: Sequence[Any]) -> dict[str, Any]:
+        return dict(zip(self.moved, values, strict=True))
+
+    def _along(self, gradient: ca.SX) -> Callable:
+        """(y, v, p, q) -> the rate of a function with this gradient."""
+        weights = Coefficients(gradient.T, self.y, self.p)
+        return lambda y, v, p, q: weighted_sum(weights(p, y)[0], v)
+
+    def _of_state(self, expression: ca.SX) -> Callable:
+        """(y, v, p, q) -> an expression of the symbols."""
+        function = ca.Function("force", [self.y, self.v, ca.vertcat(*self.p.values())], [expression])
+        return lambda y, v, p, q: function(ca.vertcat(*y), ca.vertcat(*v), ca.vertcat(*(p[name] for name in self.p)))
+
+    def _derive(self) -> None:
+        """The coefficients of the forces in both phases."""
+        n, y, p = self.size, self.y, self.p
+        self.gradients = ca.horzcat(*(term.gradient for term in self.terms))
+        self.inverse = inverse = _inverse(self.inertia)
+        self.accelerations = -inverse @ self.gradients[:n, :]
+        self.flight_coefficients = Coefficients(self.accelerations, y, p)
+        gap = ca.SX(self.gap)
+        compliance = gap.T @ inverse @ gap
+        self.impact = Coefficients((inverse @ gap).T / compliance, y, p)
+        self.impact_mass = 1 / compliance
+        self._derive_contact()
+
+    def _derive_contact(self) -> None:
+        n, m = self.size, self.size - 1
+        self.s = ca.SX.sym("s", len(self.kept))
+        embed = ca.SX(ca.sparsify(ca.DM(self.embed[:n, :m])))
+        inertia, (self.contact_terms, columns) = self._inside(self.inertia), self._merged()
+        merged = self._inside(self.gradients) @ ca.SX(ca.sparsify(ca.DM(columns)))
+        along = embed.T @ merged[:n, :]
+        self.contact_gradients = ca.vertcat(along, merged[n:, :])
+        self.contact_inertia = ca.sparsify(embed.T @ inertia @ embed)
+        accelerations = -_inverse(self.contact_inertia) @ along
+        row = (inertia @ embed)[self.eliminated, :] @ accelerations + merged[self.eliminated, :]
+        self.contact_row = row / self.gap[self.eliminated]
+        self.contact_coefficients = Coefficients(accelerations, self.s, self.p)
+        self.contact_force_coefficients = Coefficients(self.contact_row, self.s, self.p)
+
+    def _inside(self, expression: ca.SX) -> ca.SX:
+        """An expression of the coordinates as one of those of the contact."""
+        place = ca.densify(ca.SX(ca.sparsify(ca.DM(self.embed))) @ self.s)
+        return ca.substitute(expression, self.y, place)
+
+    def in_contact(self, expression: Scalar) -> Coefficients:
+        """An expression of the coordinates in contact."""
+        return Coefficients(self._inside(self.scalar(expression)), self.s, self.p)
+
+    def _merged(self) -> tuple[list[Term], np.ndarray]:
+        """The terms that differ in contact, and the matrix (terms, different terms) of which belong to which."""
+        found: list[tuple[Term, list[int]]] = []
+        for i, term in enumerate(self.terms):
+            for other, members in found:
+                if term.what is not None and term.what == other.what and self._same(term, other):
+                    members.append(i)
+                    break
+            else:
+                found.append((term, [i]))
+        columns = np.zeros((len(self.terms), len(found)))
+        for j, (_, members) in enumerate(found):
+            columns[members, j] = 1.0
+        return [term for term, _ in found], columns
+
+    def _same(self, a: Term, b: Term) -> bool:
+        """Whether two terms are the same function of the contact's coordinates."""
+        apart = Coefficients(self._inside(self.scalar(a.place) - self.scalar(b.place)), self.s, self.p)
+        return apart.constants == [0.0]
+
+    def turning(self, inertia: ca.SX, place: ca.SX) -> Callable:
+        """(coordinates, rates, p) -> the slopes of the kinetic energy by the coordinates (and displacements), which
+        vanish where an inertia does not depend on them."""
+        count, rates = place.numel(), ca.SX.sym("v", inertia.shape[0])
+        if not ca.depends_on(inertia, place):
+            return lambda y, v, p: [0.0] * count
+        slopes = ca.gradient(ca.bilin(inertia, rates, rates) / 2, place)
+        function = ca.Function("turning", [place, rates, ca.vertcat(*self.p.values())], [slopes])
+        return lambda y, v, p: ca.vertsplit(
+            function(ca.vertcat(*y), ca.vertcat(*v[: rates.numel()]), ca.vertcat(*(p[name] for name in self.p)))
+        )
+
+    def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+        """The field of the flight, see `Phase`."""
+        y, v = self.positions_and_rates(x, p)
+        return self._field(self.terms, self.flight_coefficients(p, y), (y, v), v, p, q)
+
+    def contact(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+        """The field of the contact, see `Phase`."""
+        s, rates = self.positions_and_rates(x, p)
+        place = self.embedded(s, rates)
+        return self._field(self.contact_terms, self.contact_coefficients(p, s), place, rates, p, q)
+
+    def contact_force(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
+        """The force of the contact, which presses where it is above 0."""
+        s, rates = self.positions_and_rates(x, p)
+        rows = self.contact_force_coefficients(p, s)
+        return weighted_sum(rows[0], self.forces(self.contact_terms, rows, *self.embedded(s, rates), p, q))
+
+    def positions_and_rates(self, x: Scalars, p: Parameters) -> tuple[list[Any], list[Any]]:
+        """Coordinates with the actuators' displacements, and their rates, of a flight or a contact state."""
+        ends = len(x) - len(self.actuators)
+        return [*x[:ends:2], *x[ends:]], [*x[1:ends:2], *(p[rate] for _, rate in self.actuators)]
+
+    def embedded(self, s: Scalars, rates: Scalars) -> tuple[list[Any], list[Any]]:
+        """All coordinates and rates, of those of the contact or of all."""
+        if len(s) == len(self.moved):
+            return list(s), list(rates)
+        rows = self.embed.tolist()
+        return [weighted_sum(row, s) for row in rows], [weighted_sum(row, rates) for row in rows]
+
+    @staticmethod
+    def forces(
+        terms: Sequence[Term], rows: Sequence[Scalars], y: Scalars, v: Scalars, p: Parameters, q: Scalars
+    ) -> list:
+        """The forces of those terms that have a coefficient in one of the rows; 0 for the others."""
+        used = [any(is_used(row[j]) for row in rows) for j in range(len(terms))]
+        return [term.force(y, v, p, q) if use else 0.0 for term, use in zip(terms, used, strict=True)]
+
+    def _field(
+        self, terms: Sequence[Term], rows: Sequence[Scalars], place: tuple, rates: Scalars, p: Parameters, q: Scalars
+    ) -> list[Any]:
+        forces = self.forces(terms, rows, *place, p, q)
+        changes = [weighted_sum(row, forces) for row in rows]
+        pairs = [part for pair in zip(rates, changes, strict=False) for part in pair]
+        return [*pairs, *(p[rate] for _, rate in self.actuators)]
+
+
+def is_used(coefficient: Any) -> bool:
+    """Whether a coefficient is anything but the number 0."""
+    return not (isinstance(coefficient, float) and coefficient == 0.0)
+
+
+def weighted_sum(weights: Scalars, values: Scalars) -> Any:
+    """The sum of products, without those whose weight is 0."""
+    total: Any = None
+    for weight, value in zip(weights, values, strict=False):
+        if is_used(weight):
+            part = value if isinstance(weight, float) and weight == 1.0 else weight * value
+            total = part if total is None else total + part
+    return 0.0 if total is None else total
+
+
+def _inverse(matrix: ca.SX) -> ca.SX:
+    """The inverse of a symmetric positive definite matrix, sparse where it decouples."""
+    factors = ca.ldl(matrix, False)
+    return ca.sparsify(ca.ldl_solve(ca.SX.eye(matrix.shape[0]), *factors))
+
+
+def at_rest(expression: ca.SX, y: ca.SX) -> ca.SX:
+    """An expression where all coordinates are 0."""
+    return ca.substitute(expression, y, ca.SX(ca.DM.zeros(y.numel())))

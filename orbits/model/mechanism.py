@@ -1,0 +1,220 @@
+"""A machine stated by its mechanics: coordinates, elements and one gap that lands plastically.
+
+    from orbits import Inerter, Mass, Mechanism, Spring, find
+
+    hopper = Mechanism(
+        coordinates=("body", "foot"),
+        elements=[Mass("body", "m1"), Mass("foot", "m2"), Spring("body - foot", "k*r"), Inerter("body - foot", "b")],
+        gap="foot",
+        parameters={"m1": 1.0, "m2": 1.0, "k": 1.0, "b": 0.2},
+    )
+    find(hopper)
+
+Everything that the engine asks of a machine follows from that: the equations of motion in flight and in contact, launch,
+lift-off and landing, impacts, energy, closed forms, and the extension that moves alone.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from itertools import chain
+from typing import Any, Self
+
+from ..errors import InputError
+from ..io import one_line
+from ..symbolic.exclusive import exclusive, exclusive_property
+from ..symbolic.formula import suggest
+from .derived import Structure, derived_model
+from .elements import Element, Scalar, Spring, fields_of, names_in
+from .features import with_reach
+from .laws import Key, Law, coefficient_of_restitution, key_of, number, stated
+from .machine import Stated
+from .mechanics import GRAVITY_SHARE
+from .model import Model
+from .units import Units
+
+# The units of a machine whose numbers are in SI.
+SI = Units(1.0, 1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Mechanism(Stated):
+    """A machine of coordinates and elements.
+
+    coordinates : names (n,), from the top
+    elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights are
+        formulas of the coordinates and parameters
+    gap : the distance that opens in flight and lands plastically, a sum of coordinates with numbers before them
+    parameters : values of the names in all formulas and laws
+    gravity : acceleration of a height z: a number, a formula, or a law; what it is more or less than at z = 0 is led in
+        from constant gravity
+    surface_gravity : its unit
+    inertia : of the coordinates, beside that of masses and inerters: a mapping of coordinates to masses, or rows of a
+        symmetric matrix
+    counts : the extension whose turning points count the family; that of the first spring if left out
+    launch : the coordinate whose place and speed at lift-off are "liftoff" and "alpha"; the last one of the contact if
+        left out
+    heights : for plots, the upper before the lower; the coordinates if left out
+    separation : a distance that must stay positive
+    restitution : of the impacts, 0 <= e <= 1
+    in_si : whether all numbers are in SI, and results then have units
+    name : of the kind of machine
+    energy_unit : in units of force and length
+    actuators : displacements that may stand in extensions, each with the name of its rate
+    words : what messages call the "liftoff" force, and say of a violated "gap", "pull", "separation" and "end"
+
+    Raises `InputError` for an unknown name, and for what is no mechanism.
+    """
+
+    coordinates: Sequence[str]
+    elements: Sequence[Element]
+    gap: Scalar
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    gravity: Any = "1"
+    surface_gravity: Scalar = 1.0
+    inertia: Any = ()
+    counts: Scalar | None = None
+    launch: str | None = None
+    heights: Mapping[str, Scalar] | None = None
+    separation: Scalar | None = None
+    restitution: float = 0.0
+    in_si: bool = False
+    name: str = "mechanism"
+    energy_unit: Scalar = 1.0
+    actuators: Mapping[str, str] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=dict)
+
+    @exclusive
+    def __post_init__(self) -> None:
+        given = {name: number(name, value) for name, value in self.parameters.items()}
+        laws, elements = [self._law(self.gravity, "z", given)], list[Element]()
+        for element in self.elements:
+            if isinstance(element, Spring):
+                laws.append(self._law(element.force, "r", given))
+                element = replace(element, force=laws[-1][0])
+            elements.append(element)
+        own = {name: value for _, values in laws for name, value in values.items()}
+        self._keep(
+            coordinates=tuple(self.coordinates), elements=tuple(elements), gravity=laws[0][0], inertia=self._rows(),
+            parameters={**own, **given}, heights=dict(self.heights or {name: name for name in self.coordinates}),
+            actuators=dict(self.actuators), words=dict(self.words),
+            restitution=coefficient_of_restitution(self.restitution),
+        )  # fmt: skip
+        places = {*self.coordinates, *self.actuators}
+        if taken := sorted(places & given.keys()):
+            raise InputError(f"'{taken[0]}' is a coordinate; call the parameter something else")
+        expressions = [value for element in self.elements for value in fields_of(element)]
+        if unused := [name for name in given if name not in self.names and not any(map(callable, expressions))]:
+            raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], stated(self.names))}")
+
+    @staticmethod
+    def _law(law: Any, variable: str, given: Mapping[str, float]) -> tuple[Key, Mapping[str, float]]:
+        """The key of a law, and the values that it brings for its parameters."""
+        return (law.key, law.parameters) if isinstance(law, Law) else (key_of(law, variable, given), {})
+
+    def _rows(self) -> tuple[tuple[Scalar, ...], ...]:
+        """The rows of the inertia."""
+        if isinstance(self.inertia, Mapping):
+            if unknown := [name for name in self.inertia if name not in self.coordinates]:
+                raise InputError(f"inertia of '{unknown[0]}'{suggest(unknown[0], self.coordinates)}")
+            each = enumerate(self.coordinates)
+            return tuple(
+                tuple(self.inertia.get(name, 0.0) if i == j else 0.0 for j in range(len(self.coordinates)))
+                for i, name in each
+            )
+        return tuple(tuple(row) for row in self.inertia)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all parameters."""
+        expressions = [value for element in self.elements for value in fields_of(element)]
+        expressions += [*chain(*self.inertia), *self.heights.values(), self.surface_gravity, self.energy_unit, self.gap]
+        expressions += [value for value in (self.counts, self.separation) if value is not None]
+        found = {name for value in expressions for name in names_in(value)} | {*self.actuators.values()}
+        laws = [self.gravity, *(element.force for element in self.elements if isinstance(element, Spring))]
+        found |= {name for law in laws for name in law.names} | self.parameters.keys()
+        places = {*self.coordinates, *self.actuators}
+        return tuple(sorted(found - places))
+
+    @exclusive_property
+    def structure(self) -> Structure:
+        """The mechanism without its numbers; what is built from it serves all that differ in these alone."""
+        elements, gravity = self.elements, self.gravity
+        springs = [element for element in elements if isinstance(element, Spring)]
+        if springs and self.parameters.keys() >= set(self.names) - {GRAVITY_SHARE, *self.actuators.values()}:
+            first, p = springs[0].force, self.parameters
+            elements = tuple(replace(e, force=with_reach(e.force, first, p)) if e in springs else e for e in elements)
+            gravity = with_reach(gravity, first, p) if gravity.degree() > 0 else gravity
+        counts = springs[0].extension if self.counts is None and springs else self.counts
+        if counts is None:
+            raise InputError("a mechanism without a spring says what its families are counted by: counts=")
+        names = self.names if gravity.degree() == 0 else (*self.names, GRAVITY_SHARE)
+        return Structure(
+            self.name, self.coordinates, elements, self.gap, self.inertia, gravity, self.surface_gravity, counts,
+            self.launch, tuple(self.heights.items()), self.separation, self.energy_unit, tuple(self.actuators.items()),
+            tuple(self.words.items()), names,
+        )  # fmt: skip
+
+    @exclusive_property
+    def model(self) -> Model:
+        """The model that follows; mechanisms that differ only in numbers share it."""
+        model = derived_model(self.structure)
+        return _with_units(model) if self.in_si else model
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Every parameter of the model by name; raises `InputError` where one has no value."""
+        rates = dict.fromkeys(self.actuators.values(), 0.0)
+        if missing := [name for name in self.names if name not in self.parameters and name not in rates]:
+            raise InputError(f"'{missing[0]}' has no value: give parameters={{'{missing[0]}': ...}}")
+        values = {name: self.parameters[name] for name in self.parameters} | rates
+        return values | ({GRAVITY_SHARE: 1.0} if self.model.homotopy else {})
+
+    def with_values(self, **values: float) -> Self:
+        """The same mechanism with other values of some parameters; raises `InputError` for an unknown name."""
+        for name in values:
+            if name not in self.parameters:
+                raise InputError(f"this machine has no parameter '{name}'{suggest(name, stated(self.parameters))}")
+        return replace(self, parameters={**self.parameters, **values})
+
+    @property
+    def units(self) -> Units | None:
+        """SI, for a machine whose numbers are in it."""
+        return SI if self.in_si else None
+
+    def dimensionless(self) -> Self:
+        """The same machine without units."""
+        return replace(self, in_si=False)
+
+    @property
+    def scheduled(self) -> dict[str, float]:
+        """The units of the parameters that a simulation may vary in time."""
+        return dict.fromkeys(stated(self.parameters), 1.0)
+
+    @property
+    def rest_length(self) -> float | None:
+        """The parameter of that name, if there is one."""
+        return self.parameters.get("rest_length")
+
+    def describe(self) -> dict[str, Any]:
+        """The machine as JSON-ready data."""
+        springs = [element.force.text for element in self.elements if isinstance(element, Spring)]
+        return {
+            "machine": self.name,
+            "spring": ", ".join(dict.fromkeys(springs)),
+            "gravity": self.gravity.text,
+            "mass_ratio": self.parameters.get("mass_ratio"),
+            "rest_length": self.rest_length,
+            "restitution": self.restitution,
+            "parameters": {name: self.parameters[name] for name in stated(self.parameters)},
+            "laws_in": "SI" if self.in_si else "units of the machine",
+        }
+
+    def __repr__(self) -> str:
+        return one_line(self, {"name": self.name, "coordinates": self.coordinates, **self.parameters})
+
+
+@lru_cache(maxsize=64)
+def _with_units(model: Model) -> Model:
+    """The same model in SI."""
+    return replace(model, units=lambda p: SI)

@@ -1,0 +1,234 @@
+"""Launches of machines of two coordinates: the law that holds the contact closed, and the extension that moves alone.
+
+Where all springs act along one extension r, and gravity is constant, that extension moves alone, and the momentum across
+it is thrown up. With (r, w) = apart y, w'' = -1 and y = mix (r, w), the gap's second derivative vanishes at lift-off,
+where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..errors import InputError
+from .closed_form import Oscillator, ThrownOscillator
+from .coefficients import Coefficients
+from .elements import Force, Potential, Spring
+from .laws import Key, Parameters, Scalars
+from .liftoff import Liftoff
+from .mechanics import Mechanics, at_rest, is_used
+from .model import Reduction
+from .relative import Relative, straight_line
+
+# The launch speed, as a parameter of the law by which a machine lifts off whose contact force depends on its speed.
+AT_SPEED_OF = "_launch_speed"
+
+
+@dataclass(frozen=True)
+class Launch:
+    """What follows for the launches of a machine.
+
+    relative : the law that is reached at lift-off, and the motion of its extension
+    reduction : the smaller statement under constant gravity; None where no extension moves alone
+    flight_form, contact_form : the closed forms of both phases; None for laws that are no straight lines
+    """
+
+    relative: Relative
+    reduction: Reduction | None = None
+    flight_form: Callable | None = None
+    contact_form: Callable | None = None
+
+
+def launch_of(mechanics: Mechanics, level: str) -> Launch | None:
+    """How a machine is launched, None where its contact has several coordinates; `level` is what lift-off waits for."""
+    if mechanics.size != 2:
+        return None
+    alone = _Alone.of(mechanics)
+    return alone.launch(level) if alone else _held(mechanics, level)
+
+
+class _Alone:
+    """The extension that moves alone.
+
+    springs : the springs, each with how its own extension follows from that one: a factor, and an offset
+    """
+
+    def __init__(self, mechanics: Mechanics, springs: Sequence[tuple[Spring, float, ca.SX]], along: np.ndarray):
+        self.mechanics, self.springs = mechanics, springs
+        m, gap = mechanics, ca.SX(mechanics.gap)
+        across = ca.SX([-along[1], along[0]]).T
+        weight = sum(term.gradient[:2] for term in m.terms if term.is_weight)
+        apart = ca.vertcat(ca.SX(along).T, across @ m.inertia / (across @ weight))
+        determinant = apart[0, 0] * apart[1, 1] - apart[0, 1] * apart[1, 0]
+        mix = ca.vertcat(ca.horzcat(apart[1, 1], -apart[0, 1]), ca.horzcat(-apart[1, 0], apart[0, 0])) / determinant
+        by_extension, by_throw = ca.vertsplit((gap.T @ mix).T)
+        rate = -by_throw / by_extension
+        self.rate, self.gap_slope_of = self._numbers(rate), self._numbers(by_extension)
+        self.lifted = self._numbers(apart[1, :] @ ca.SX(m.embed[:2, 0]))
+        self.mix, self.apart = self._matrix(mix), self._matrix(apart)
+        pulls = -(ca.SX(along).T @ m.accelerations) / rate
+        columns = [[i for i, term in enumerate(m.terms) if term.element is spring] for spring, *_ in springs]
+        self.shares = [self._numbers(pulls[column[0]]) for column in columns]
+        self.load = self._numbers(sum(pulls[i] for i, term in enumerate(m.terms) if term.is_weight))
+        self.offsets = [self._numbers(offset) for *_, offset in springs]
+        # The contact force is this multiple of phi + load - 1, and each damper adds to it.
+        multiple = by_extension * rate / (gap.T @ m.inverse @ gap)
+        dampers = [i for i, term in enumerate(m.contact_terms) if term.what == "damper"]
+        rates = [m.gradient(m.contact_terms[i].place).T @ ca.SX(m.embed[:, 0]) for i in dampers]
+        self.damping = self._numbers(
+            sum((m.contact_row[i] * r for i, r in zip(dampers, rates, strict=True)), ca.SX(0)) / multiple
+        )
+
+    @classmethod
+    def of(cls, mechanics: Mechanics) -> "_Alone | None":
+        """That of a machine; None where there is none."""
+        springs = [element for element in mechanics.elements if isinstance(element, Spring)]
+        unusual = any(isinstance(element, Potential | Force) for element in mechanics.elements)
+        if not springs or unusual or mechanics.flight_coefficients.by_coordinates or not _is_level(mechanics):
+            return None
+        found, along = list[tuple[Spring, float, ca.SX]](), np.zeros(2)
+        for spring in springs:
+            affine = mechanics.affine(spring.extension)
+            if affine is None or np.isnan(affine.constants[:-1]).any():
+                return None
+            weights = np.array(affine.constants[:2])
+            factor = float(weights @ mechanics.embed[:2, 0])
+            along = along if along.any() or not factor else weights / factor
+            if not factor or not np.allclose(weights, factor * along, rtol=1e-14, atol=0):
+                return None
+            found.append((spring, factor, at_rest(mechanics.scalar(spring.extension), mechanics.y)))
+        across, weight = np.array([-along[1], along[0]]), sum(t.gradient[:2] for t in mechanics.terms if t.is_weight)
+        falls = Coefficients(ca.SX(across).T @ weight, mechanics.y, mechanics.p) if ca.SX(weight).numel() == 2 else None
+        return cls(mechanics, found, along) if falls and falls.constants != [0.0] else None
+
+    def _numbers(self, expression: ca.SX) -> Callable:
+        """p -> the value of an expression; with the attribute `constant`, the number that it is or NaN."""
+        return _Number(Coefficients(ca.SX(expression), self.mechanics.y, self.mechanics.p))
+
+    def _matrix(self, matrix: ca.SX) -> Coefficients:
+        return Coefficients(matrix, self.mechanics.y, self.mechanics.p)
+
+    def launch(self, level: str) -> Launch:
+        """What follows."""
+        law, load = self._law()
+        rate = None if self.rate.constant == 1.0 else self.rate
+        damping = self.damping if self.damping.constant != 0.0 else (lambda p: 0.0)
+        gravity = self.mechanics.gravity if self.mechanics.varying else None
+        relative = Relative(law, gravity, Liftoff(load, level), rate, damping)
+        straight = all(spring.force.degree() == 1 for spring, *_ in self.springs) and law.degree() == 1
+        reduction = relative.reduction(self.complete, self.gap_slope)
+        swing: Any = reduction.statement.arcs[0].phase.closed_form
+        if not (straight and swing):
+            return Launch(relative, reduction)
+
+        def flight_form(p: Parameters) -> ThrownOscillator:
+            return ThrownOscillator(swing(p), _of_states(self.mix(p)), _of_states(self.apart(p)))
+
+        return Launch(relative, reduction, flight_form, self.contact_form)
+
+    def _law(self) -> tuple[Key, float]:
+        """The law phi and the load of the extension's motion r'' = -rate (phi + load)."""
+        (spring, factor, _), load = self.springs[0], self.load.constant
+        plain = len(self.springs) == 1 and factor == 1.0 and self.offsets[0].constant == 0.0
+        if plain and self.shares[0].constant == 1.0 and load == load:
+            return spring.force, load
+        if any(spring.force.pieces for spring, *_ in self.springs) and not plain:
+            raise InputError(f"spring '{spring.force.text}' is in pieces: state it alone, along what is launched")
+        parts = [
+            (spring.force.expression, factor, share, offset)
+            for (spring, factor, _), share, offset in zip(self.springs, self.shares, self.offsets, strict=True)
+        ]
+
+        def expression(r: Any, p: Parameters, q: Scalars) -> Any:
+            forces = [share(p) * law(factor * r + offset(p), p, q) for law, factor, share, offset in parts]
+            return sum(forces, self.load(p))
+
+        texts, names = [spring.force.text for spring, *_ in self.springs], tuple(self.mechanics.p)
+        reach = min(spring.force.reach / abs(factor) for spring, factor, _ in self.springs)
+        return Key(" + ".join(texts), "r", expression, names, spring.force.pieces, reach), 0.0
+
+    def complete(self, times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
+        """The Taylor coefficients of all flight states, see `Reduction`."""
+        lifted, swung, flown = self.lifted(p), coefficients[:, :2], np.zeros((len(times), 2, 3))
+        flown[:, 0, 0] = lifted * u["liftoff"] + times * (lifted * u["alpha"] - times / 2)
+        flown[:, 0, 1] = flown[:, 1, 0] = lifted * u["alpha"] - times
+        flown[:, 0, 2], flown[:, 1, 1] = -0.5, -1.0
+        rows = np.zeros((len(times), 4, coefficients.shape[2]))
+        for i, (by_extension, by_throw) in enumerate(self.mix(p)):
+            target = rows[:, 2 * i : 2 * i + 2]
+            if is_used(by_extension):
+                np.multiply(np.reshape(by_extension, (-1, 1, 1)), swung, out=target)
+            if is_used(by_throw):
+                target[:, :, :3] += np.reshape(by_throw, (-1, 1, 1)) * flown
+        return rows
+
+    def gap_slope(self, times: np.ndarray, dz: np.ndarray, p: Parameters) -> np.ndarray:
+        """The derivative of the gap by the launch speed, see `Reduction`."""
+        return self.gap_slope_of(p) * (dz[0] - times)
+
+    def contact_form(self, p: Parameters) -> Oscillator:
+        """The closed form of the contact with straight-line springs."""
+        rows = [*self.mechanics.contact_coefficients(p), *self.mechanics.contact_force_coefficients(p)]
+        (slope, value), force = (self._straight(row, p) for row in rows)
+        return Oscillator(-slope, value / -slope, {"contact force": force})
+
+    def _straight(self, row: Sequence[Any], p: Parameters) -> tuple[float, float]:
+        """The slope and the value at 0 of a sum of forces in contact, as a function of what is launched."""
+        slope = value = 0.0
+        for coefficient, term in zip(row, self.mechanics.contact_terms, strict=True):
+            if not isinstance(term.element, Spring):
+                value += coefficient
+                continue
+            k, zero = straight_line(term.element.force, p)
+            factor, offset = next(
+                (f, self.offsets[i](p)) for i, (s, f, _) in enumerate(self.springs) if s is term.element
+            )
+            slope, value = slope + coefficient * k * factor, value + coefficient * k * (offset - zero)
+        return float(slope), float(value)
+
+
+class _Number:
+    """p -> a number; `constant` is the number where it is the same for all p, else NaN."""
+
+    def __init__(self, coefficients: Coefficients):
+        self.coefficients, self.constant = coefficients, coefficients.constants[0]
+
+    def __call__(self, p: Parameters) -> Any:
+        return self.coefficients(p)[0][0]
+
+
+def _is_level(mechanics: Mechanics) -> bool:
+    """Whether the contact force has no part of a gravity that varies, but that on the ground."""
+    coefficients = mechanics.contact_force_coefficients.constants
+    for term, coefficient in zip(mechanics.contact_terms, coefficients, strict=True):
+        if term.what == "gravity" and coefficient != 0.0 and mechanics.in_contact(term.place).constants != [0.0]:
+            return False
+    return True
+
+
+def _of_states(matrix: Sequence[Sequence[float]]) -> np.ndarray:
+    """The matrix (4, 4) of states and rates, of one (2, 2) of coordinates."""
+    return np.kron(np.array(matrix, dtype=float), np.eye(2))
+
+
+def _held(mechanics: Mechanics, level: str) -> Launch:
+    """The launch of a machine whose contact force is a function of the coordinate that is launched and of its rate."""
+    m = mechanics
+    weight = at_rest(sum((t.gradient[m.eliminated] for t in m.terms if t.is_weight), ca.SX(0)), m.y)
+    scale = weight / m.gap[m.eliminated] if not weight.is_zero() else ca.SX(1)
+    inertia = at_rest(m.contact_inertia, m.s)
+    numbers = Coefficients(ca.horzcat(scale, scale / inertia[0, 0]), m.y, m.p)
+    names = (*m.p, AT_SPEED_OF)
+
+    def expression(s: Any, p: Parameters, q: Scalars) -> Any:
+        state = [s, p[AT_SPEED_OF], *(0.0 for _ in m.actuators)]
+        return 1 - m.contact_force(state, {**p, **{rate: 0.0 for _, rate in m.actuators}}, q) / numbers(p)[0][0]
+
+    pieces = next((e.force.pieces for e in m.elements if isinstance(e, Spring) and e.force.pieces), None)
+    if pieces:
+        raise InputError("a law in pieces can be taken where all springs act along one sum of two coordinates")
+    law = Key("the contact force", "r", expression, names, None)
+    gravity = m.gravity if m.varying else None
+    return Launch(Relative(law, gravity, Liftoff(0.0, level), lambda p: numbers(p)[0][1], by_speed=AT_SPEED_OF))

@@ -1,0 +1,189 @@
+"""Machines of two coordinates that are launched by one law: their lift-off, their relative motion, their search.
+
+Under constant gravity the extension r moves alone, r'' = -rate (phi(r) + load), where phi is the law and phi + load = 1
+at lift-off. A sum of the coordinates is thrown up with it, w'' = -1, and at lift-off r' = alpha and w' = alpha/rate: only
+then is the gap's second derivative 0. So half the flight takes the time alpha/rate, and an orbit is a root of r' there:
+a problem in two states. For the hopper and the juggler in their own units the rate is 1 (section 8 of the paper, for a
+linear spring).
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from .closed_form import Oscillator
+from .features import (
+    NO_FEATURES,
+    features,
+    features_of_many,
+    reaches_of_many,
+    unit_of_length,
+    units_of_length,
+)
+from .laws import Key, Parameters, from_key
+from .liftoff import Liftoff
+from .model import Reduction, Search
+from .phase import Arc, Phase, Pieces, Statement
+
+# Beyond these bounds one of the two masses is lost in rounding, or the lengths of lift-off overflow or vanish.
+STIFFNESSES = (1e-12, 1e12)
+# Bounds of the spacing of launch speeds where a search for orbits begins, in multiples of their scale. It follows the
+# finer of the lengths over which the spring and, passed several times as fast, gravity vary.
+SPACINGS, AT_SPEED = (0.02, 0.1), 0.2
+# The fastest launch speed of a search, per family and in multiples of the machine's own scale of speed: a hop is then
+# 5e7 lengths high and more, which is no machine. The second holds where gravity, a narrow feature or many bends make
+# fast flights long to integrate.
+FASTEST, FASTEST_IN_DETAIL = 1e4, 30.0
+# A spring that bends the other way more often may have several orbits in a family; a hardening spring that softens
+# first does it three times. So may one that bends there and back within a length below this share of the unit.
+MOST_BENDS, UNBENT = 3, 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Relative:
+    """What a launch by one law asks for.
+
+    law : key of the law phi of the extension, which in contact is the coordinate that is launched
+    gravity : key of the law of gravity where that varies
+    liftoff : the constant load and the name of what lift-off waits for
+    rate : p -> the rate, None where it is 1
+    damping : p -> what a launch speed of 1 adds to phi at lift-off
+    by_speed : the name of the parameter of the law that is the launch speed; None where it does not depend on that
+    own : p -> the parameters that all of this is told in, for a model with other parameters
+    """
+
+    law: Key
+    gravity: Key | None
+    liftoff: Liftoff
+    rate: Callable | None = None
+    damping: Callable = lambda p: 0.0
+    by_speed: str | None = None
+    own: Callable = lambda p: p
+
+    @property
+    def phase(self) -> Phase:
+        """The relative motion."""
+        return relative_phase(self.law, self.liftoff.load, self.rate)
+
+    def time(self, p: Parameters) -> Any:
+        """Half the time of a flight per launch speed, under constant gravity."""
+        return 1 / self.rate(p) if self.rate else 1.0
+
+    def release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
+        """Extensions (m,) at lift-off with launch speeds (m,)."""
+        if self.by_speed is None:
+            return self.liftoff.extensions_at(from_key(self.law, p), self.damping(p), alpha)
+        alpha = np.asarray(alpha, dtype=float)
+        columns = {name: np.full(alpha.size, value) for name, value in p.items()} | {self.by_speed: alpha.ravel()}
+        found = self.liftoff.extensions(self.law, columns)
+        for i in np.flatnonzero(np.isnan(found)).tolist():
+            found[i] = self.liftoff.extension(from_key(self.law, {**p, self.by_speed: float(alpha.ravel()[i])}))
+        return found.reshape(alpha.shape)
+
+    def scale(self, slope: Any, p: Parameters) -> Any:
+        """The launch speed that a spring of this slope turns in a radian of its oscillation."""
+        return np.sqrt(self.rate(p) / slope) if self.rate else 1 / np.sqrt(slope)
+
+    def search(self, p: Parameters) -> Search:
+        """How to search for all orbits of a family."""
+        if self.by_speed is not None:
+            p = {**p, self.by_speed: 0.0}
+        law, gravity, unit = self.law, self.gravity, unit_of_length(self.law, p)
+        in_spring, around = features(law, unit, p), features(gravity, unit, p) if gravity else NO_FEATURES
+        finest = min(in_spring.length, AT_SPEED * around.length) / unit
+        wavy = in_spring.bends > MOST_BENDS or around.bends > 1
+        bump = in_spring.bends > 1 and in_spring.length < UNBENT * unit
+        single = not (wavy or bump)
+        # Where gravity varies or steps are kept short, the fastest flights would take most of the search's time.
+        fastest = FASTEST if single and not gravity and law.reach == math.inf else FASTEST_IN_DETAIL
+        spacing = float(np.clip(finest, *SPACINGS))
+        return Search(float(self.scale(1 / unit, p)), spacing, fastest, single, float(self.time(p)))
+
+    def own_and_single(self, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Which of many machines (m,) take integration steps as far as this model lets them, and which have no feature
+        for which `search` looks for several orbits."""
+        units = units_of_length(self.law, p)
+        lengths, bends = features_of_many(self.law, self.law, p)
+        single = (bends <= MOST_BENDS) & ((bends <= 1) | (lengths >= UNBENT * units))
+        own = reaches_of_many(self.law, lengths, bends, units) == self.law.reach
+        if self.gravity:
+            lengths, bends = features_of_many(self.gravity, self.law, p)
+            single &= bends <= 1
+            own &= reaches_of_many(self.gravity, lengths, bends, units) == self.gravity.reach
+        return own, single
+
+    def reduction(self, complete: Callable, gap_slope: Callable) -> Reduction:
+        """The smaller statement of an orbit under constant gravity; `complete` and `gap_slope` as in `Reduction`."""
+        phase, force, load = self.phase, self.law.expression, self.liftoff.load
+
+        def exact(family: int, p: Mapping[str, float]) -> tuple[dict[str, float], float]:
+            """Eq. (12): b = tan b, b the angle by which the extension swings in half the flight."""
+            k, zero = straight_line(self.law, p)
+            b, scale = half_angle(family), float(self.scale(k, p))
+            alpha = b * scale
+            # The error is the residual of sin b = b cos b through its slope b sin b, and one rounding.
+            error = abs((np.sin(b) - b * np.cos(b)) / (b * np.sin(b))) * scale + np.spacing(alpha)
+            return {"liftoff": zero + (1 - load) / k, "alpha": alpha}, float(error)
+
+        arc = Arc(
+            phase,
+            start=lambda u, before, p: [u["liftoff"], u["alpha"]],
+            duration=lambda u, p: self.time(p) * u["alpha"],
+            conditions=lambda u, x, p: [x[1]],
+            guard=lambda u, x, p, q: [force(x[0], p, q) + load - 1],
+        )
+        statement = Statement("relative", ("liftoff", "alpha"), (arc,), ("alpha",))
+        return Reduction(statement, (1, -1), complete, gap_slope, exact if phase.closed_form else None)
+
+
+@lru_cache(maxsize=64)
+def relative_phase(law: Key, load: float, rate: Callable | None) -> Phase:
+    """The motion r'' = -rate (phi(r) + load) of a law's key, in closed form where the law is a straight line."""
+
+    def oscillator(p: Mapping[str, float]) -> Oscillator:
+        k, zero = straight_line(law, p)
+        return Oscillator(rate(p) * k if rate else k, zero - load / k)
+
+    def rates(x: Any, p: Parameters, q: Any) -> list[Any]:
+        force = law.expression(x[0], p, q) + load
+        return [x[1], -rate(p) * force if rate else -force]
+
+    pieces, closed = pieces_along(law, (1.0, 0.0)), oscillator if law.degree() == 1 else None
+    return Phase("flight", ("r", "r'"), rates, pieces=pieces, closed_form=closed, reaches=reach_along(law, (1.0,)))
+
+
+def pieces_along(key: Key, coordinate: tuple[float, ...]) -> Pieces | None:
+    """The smooth pieces of a spring law's key, for a phase whose state gives the extension by these weights."""
+    return Pieces(coordinate, *key.pieces, "extension") if key.pieces else None
+
+
+def reach_along(key: Key, coordinate: tuple[float, ...]) -> tuple[tuple[tuple[float, ...], float], ...]:
+    """How far an integration step may go along a key's variable, given by these weights, as a phase's `reaches`."""
+    return ((coordinate, key.reach),) if key.reach < math.inf else ()
+
+
+def straight_line(key: Key, p: Mapping[str, float]) -> tuple[float, float]:
+    """Stiffness k and zero r0 of a straight-line law k (r - r0) at parameter values `p`."""
+    law = from_key(key, p)
+    value, slope = law.with_slope(0.0)
+    if not STIFFNESSES[0] < slope < STIFFNESSES[1]:
+        bounds = f"stiffness lies between {STIFFNESSES[0]:g} and {STIFFNESSES[1]:g}"
+        never = "it never reaches a lift-off that can be computed"
+        raise InputError(f"spring '{law.text}' has stiffness {slope:g}: {never}; {bounds}")
+    return float(slope), -float(value) / float(slope)
+
+
+def half_angle(family: int) -> float:
+    """The root of b = tan b for a family n; the iteration b = n pi + atan(b) contracts to it."""
+    b = (family + 0.5) * np.pi
+    for _ in range(60):
+        b, before = family * np.pi + np.arctan(b), b
+        if b == before:
+            break
+    return float(b)

@@ -1,0 +1,322 @@
+"""Guesses of orbits: the lowest launch speed of a family under constant gravity, from which the search starts."""
+
+from collections.abc import Generator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import FlowError, NoOrbit, OutOfRange
+from ..flow.flow import Flow, flow_of
+from ..flow.zero_crossing import first_zeros
+from ..model.laws import from_key, values_and_slopes
+from ..model.model import Model
+from ..model.phase import Affine
+from ..model.relative import FASTEST, Relative, half_angle
+from ..model.units import SPEED, Message, Quantity
+from ..numerics.bernstein import Crossings
+from ..numerics.roots import answered, root_search
+
+# The slowest launch speed of a search, in multiples of the machine's own scale of speed, from which it starts again
+# when its first speed is too fast.
+SLOWEST = 1e-3
+# Accuracy of the estimate, as a share of half an oscillation; Newton's method does the rest.
+ACCURACY = 1e-3
+# The estimate is as accurate as this share of how far the equation goes beyond zero, as another root may be close.
+DEPTH = 0.01
+# Shortest step of the search, as a share of the speed.
+SHORTEST_STEP = 0.02
+# Between samples the lateness may bend this many times as much as their second differences say.
+FOLD_SAFETY = 4.0
+# Time followed in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
+LONGEST_FLIGHT = 1e3
+SPEED_OF_EXTENSION = Affine((0.0, 1.0))  # of the relative motion
+
+
+class Guesses(NamedTuple):
+    """The guesses of many machines with parameters (m,).
+
+    unknowns : by name (m,), NaN where there is none
+    own : which of them (m,) can be looked at together, by the model that was asked
+    single : whose family (m,) has one orbit as far as `Model.search` tells
+    refused : by index why a machine has no guess
+    """
+
+    unknowns: Mapping[str, Any]
+    own: np.ndarray
+    single: np.ndarray
+    refused: Mapping[int, NoOrbit]
+
+
+def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]:
+    """The launch and the "duration" of the half flight that a model guesses, or that follow from its relative motion
+    under constant gravity; raises `NoOrbit` where there is none."""
+    if not model.conservative:
+        raise NoOrbit("a damped machine loses energy on every hop: it has no lossless orbit, but a return map")
+    if model.guess:
+        return model.guess(family, p)
+    relative = model.relative
+    if relative is None:
+        raise NoOrbit(f"nothing tells where orbits of family {family} of a {model.name} are: give find a start")
+    p = relative.own(p)
+    law = from_key(relative.law, p)
+    extension = relative.liftoff.extension(law)
+    slopes = law.with_slope([extension, law.rest()])[1]
+    slope = slopes[np.isfinite(slopes)].max()  # a law has a slope at lift-off, if not at rest
+    alpha = lowest_launch_speed(relative, dict(p), extension, family, float(relative.scale(slope, p)))
+    return {"liftoff": extension, "alpha": alpha, "duration": alpha * float(relative.time(p))}
+
+
+def guesses(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Guesses:
+    """The guesses of many machines with parameters (m,) by name, from their relative motions."""
+    p = relative.own(p)
+    extension, alpha = np.full((2, len(next(iter(p.values())))), np.nan)
+    own, single = np.zeros((2, len(alpha)), bool)
+    if relative.law.pieces is None:
+        extension = relative.liftoff.extensions(relative.law, p)
+        own, single = relative.own_and_single(p)
+        own &= np.isfinite(extension)
+    refused = dict[int, NoOrbit]()
+    if len(rows := np.flatnonzero(own)):
+        those = {name: values[rows] for name, values in p.items()}
+        alpha[rows], errors = _launch_speeds(relative, family, those, extension[rows])
+        refused = {int(rows[i]): error for i, error in errors.items()}
+    found = {"liftoff": extension, "alpha": alpha, "duration": alpha * relative.time(p)}
+    return Guesses(found, own, single, refused)
+
+
+def _launch_speeds(
+    relative: Relative, family: int, p: Mapping[str, np.ndarray], extension: np.ndarray
+) -> tuple[np.ndarray, dict[int, NoOrbit]]:
+    """The lowest launch speeds (m,) of machines with extensions (m,) at lift-off, and by index why one has none."""
+    law = relative.law
+    _, slopes = values_and_slopes(law, p, np.column_stack([extension, np.zeros(len(extension))]))
+    if law.degree() == 1:
+        return half_angle(family) * relative.scale(slopes[:, 0], p), {}
+    scales = relative.scale(np.where(np.isfinite(slopes), slopes, -np.inf).max(axis=1), p)
+    return lowest_launch_speeds(relative, p, extension, family, scales)
+
+
+class _Sample(NamedTuple):
+    """The equation at a launch speed: the time by which the family's turn comes after mid-flight, infinite when it
+    never comes, and half the period of the extension."""
+
+    alpha: float
+    lateness: float
+    half_period: float = np.inf
+
+
+class _End(NamedTuple):
+    """What a search ends with: the launch speed, NaN where there is none; and the last one that was too fast for the
+    extension to come back, NaN where it always did."""
+
+    alpha: float
+    lost: float = np.nan
+
+
+def lowest_launch_speed(relative: Relative, p: dict[str, float], liftoff: float, family: int, scale: float) -> float:
+    """The lowest launch speed whose half flight ends on the family's turn: time alpha = first turn + family half
+    periods.
+
+    The time of that turn depends on alpha alone, so this is one scalar equation for any spring, and the family is right
+    by construction.
+
+    scale : the speed in whose multiples the search goes
+
+    Raises `NoOrbit` when there is no such speed.
+    """
+    time = float(relative.time(p))
+
+    def sample(alpha: float) -> _Sample:
+        try:
+            first, half_period = half_oscillations(relative, p, liftoff, alpha)
+        except FlowError:
+            return _Sample(alpha, np.inf)
+        late = (first + family * half_period) / time - alpha if np.isfinite(first) else np.inf
+        return _Sample(alpha, late, half_period / time)
+
+    end = answered(_search(family, scale), sample)
+    if np.isnan(end.alpha):
+        ps = {name: np.array([value]) for name, value in p.items()}
+        raise _refusals(relative, ps, family, np.array([liftoff]), [end], np.array([scale]))[0]
+    return end.alpha
+
+
+def lowest_launch_speeds(
+    relative: Relative, p: Mapping[str, np.ndarray], liftoffs: np.ndarray, family: int, scales: np.ndarray
+) -> tuple[np.ndarray, dict[int, NoOrbit]]:
+    """`lowest_launch_speed` for many springs with parameters (m,) by name, extensions (m,) at lift-off and scales (m,):
+    the speeds (m,), NaN where there is none, and by index why not. Each search asks for the same launches as alone."""
+    flow, ps = flow_of(relative.phase, tuple(p)), np.column_stack(list(p.values()))
+    times = np.broadcast_to(relative.time(p), len(ps))
+    searches, ends = [_search(family, scale) for scale in scales.tolist()], dict[int, _End]()
+    asked = {i: next(search) for i, search in enumerate(searches)}
+    while asked:
+        which, alphas = np.array(list(asked)), np.array(list(asked.values()))
+        starts = np.column_stack([liftoffs[which], alphas])
+        firsts, halves = _half_oscillations(flow, ps[which], starts, LONGEST_FLIGHT * times[which] * (1 + alphas))
+        firsts, halves = firsts / times[which], halves / times[which]
+        lateness = np.where(np.isfinite(halves), firsts + family * halves - alphas, np.inf)
+        rows, asked = zip(which.tolist(), alphas.tolist(), lateness.tolist(), halves.tolist(), strict=True), {}
+        for i, *values in rows:
+            try:
+                asked[i] = searches[i].send(_Sample(*values))
+            except StopIteration as end:
+                ends[i] = end.value
+    found = np.array([ends[i].alpha for i in range(len(scales))])
+    none = np.flatnonzero(np.isnan(found))
+    those = {name: values[none] for name, values in p.items()}
+    refused = _refusals(relative, those, family, liftoffs[none], [ends[i] for i in none.tolist()], scales[none])
+    return found, dict(zip(none.tolist(), refused, strict=True))
+
+
+def _half_oscillations(
+    flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """`half_oscillations` of many springs with parameters (m, np) from states (m, 2) within times (m,); infinite too
+    where the motion ends before."""
+    going, times = np.arange(len(starts)), np.full((2, len(starts)), np.inf)
+    for turn in range(2):
+        if not len(going):
+            break
+        found, rows, _ = first_zeros(flow, starts, ps[going], SPEED_OF_EXTENSION, longest[going], turn, told=False)
+        back = np.isfinite(found)
+        going, starts = going[back], rows[back, :2]
+        times[turn, going] = found[back]
+    return times[0], times[1]
+
+
+def _refusals(
+    relative: Relative, p: Mapping[str, np.ndarray], family: int, liftoffs: np.ndarray, ends: list[_End],
+    scales: np.ndarray,
+) -> list[NoOrbit]:  # fmt: skip
+    """Why springs with parameters (m,) by name have no orbit, whose searches end so."""
+    lost, errors = np.array([end.lost for end in ends]), dict[int, FlowError]()
+    if len(known := np.flatnonzero(np.isfinite(lost))):
+        those = {name: values[known] for name, values in p.items()}
+        flow, ps = flow_of(relative.phase, tuple(p)), np.column_stack(list(those.values()))
+        starts = np.column_stack([liftoffs[known], lost[known]])
+        longest = LONGEST_FLIGHT * relative.time(those) * (1 + lost[known])
+        *_, failed = first_zeros(flow, starts, ps, SPEED_OF_EXTENSION, longest, rising=True)
+        errors = {int(known[i]): error for i, error in failed.items()}
+    refused = list[NoOrbit]()
+    for i, (alpha, scale) in enumerate(zip(lost.tolist(), scales.tolist(), strict=True)):
+        parts = {"alpha": Quantity(alpha, SPEED), "fastest": Quantity(FASTEST * family * scale, SPEED)}
+        if np.isnan(alpha):
+            text = "none up to launch speed {fastest:g}"
+        elif isinstance(error := errors.get(i), OutOfRange):
+            text = "beyond launch speed {alpha:.4g} {error}"
+        else:
+            text = "at launch speed {alpha:.4g} the extension does not come back" + (": {error}" if error else "")
+        reason = Message(text, error=errors.get(i, ""), **parts)
+        text = "{what} has no lossless orbit of family {family} under constant gravity: {reason}"
+        refused.append(NoOrbit(Message(text, what=f"spring '{relative.law.text}'", family=family, reason=reason)))
+    return refused
+
+
+def _search(family: int, scale: float) -> Generator[float, _Sample, _End]:
+    """The search of `lowest_launch_speed`, which yields launch speeds and is sent samples there."""
+    samples = [_Sample(0.0, 1.0)]
+    fastest, slowest = FASTEST * family * scale, SLOWEST * scale
+    no_return = np.inf  # the lowest speed from which the extension does not come back
+    alpha, lost = 2 * family * scale, np.nan  # rather low for most springs; where it is too fast, from the slowest
+    while alpha < fastest and samples[-1].alpha < (1 - 1e-4) * no_return:
+        new = yield alpha
+        lost = lost if np.isfinite(new.lateness) else alpha
+        if len(samples) == 1 and alpha > slowest and not 0 < new.lateness < np.inf:
+            alpha, lost = slowest, np.nan
+            continue
+        if new.lateness <= 0:
+            return _End((yield from _estimated_root(samples[-1], new)))
+        if np.isfinite(new.lateness):
+            samples.append(new)
+        elif alpha > slowest:
+            no_return = alpha
+        else:
+            break
+        # Near a fold, a pair of roots lies between samples; the start at speed 0 does not count.
+        folds = len(samples) > 3 and samples[-3].lateness > samples[-2].lateness <= samples[-1].lateness
+        if folds and new is samples[-1]:
+            lowest = yield from _golden_section(samples[-3], samples[-1])
+            if lowest.lateness <= 0:
+                return _End((yield from _estimated_root(samples[-3], lowest)))
+        alpha = _next_speed(samples, scale, no_return)
+    return _End(np.nan, lost)
+
+
+def half_oscillations(relative: Relative, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
+    """Time from lift-off to the first turn of the extension, and half its period.
+
+    Both are infinite when it does not return within `LONGEST_FLIGHT`. Raises `FlowError` when the motion ends before.
+    """
+    turns, clock, crossings = [], [0.0], Crossings()
+
+    def second_turn(coefficients, steps):
+        for i, t in crossings(coefficients[:, 1], steps):
+            turns.append(clock[0] + steps[:i].sum() + t)
+            if len(turns) == 2:
+                return i, t
+        clock[0] += steps.sum()
+        return None
+
+    longest = LONGEST_FLIGHT * float(relative.time(p)) * (1 + alpha)
+    flow_of(relative.phase, tuple(p)).run([liftoff, alpha], list(p.values()), longest, stop=second_turn)
+    return (turns[0], turns[1] - turns[0]) if len(turns) == 2 else (np.inf, np.inf)
+
+
+def _estimated_root(early: _Sample, late: _Sample) -> Generator[float, _Sample, float]:
+    """The root between a sample where the turn comes too late and a faster one where it comes too early; yields launch
+    speeds and is sent samples there."""
+    enough, seen = min(ACCURACY * late.half_period, DEPTH * abs(late.lateness)), [early, late]
+    search = root_search(early.alpha, late.alpha, early.lateness, late.lateness, enough)
+    try:
+        alpha = next(search)
+        while True:
+            seen.append((yield alpha))
+            alpha = search.send(seen[-1].lateness)
+    except StopIteration as end:
+        root = end.value
+    # The parabola of the speed over the last three values is far more accurate than the secant, often so much that
+    # Newton's method takes one step. Where it leads far from the secant's root, it tells nothing.
+    values = {each.lateness: each.alpha for each in seen[-3:] if np.isfinite(each.lateness)}
+    if len(values) < 3:
+        return root
+    (fa, a), (fb, b), (fc, c) = values.items()
+    slope, other = (b - a) / (fb - fa), (c - b) / (fc - fb)
+    better = c - fc * (other - fb * (other - slope) / (fc - fa))
+    return better if abs(better - root) < abs(root - c) else root
+
+
+def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float:
+    """The next speed of the search: just past where the last two samples point, so that it brackets the root."""
+    before, last = samples[-2:]
+    slope = (last.lateness - before.lateness) / (last.alpha - before.alpha) if len(samples) > 2 else 0.0
+    ahead = 1.2 * last.lateness / max(-slope, 0.3) if slope < 0 else last.lateness / 1.5
+    alpha = last.alpha + max(ahead, SHORTEST_STEP * (scale + last.alpha))
+    return alpha if alpha < no_return else 0.5 * (last.alpha + no_return)
+
+
+def _golden_section(a: _Sample, b: _Sample) -> Generator[float, _Sample, _Sample]:
+    """The least sample that is known when it is not above zero, when the minimum between two samples cannot come to
+    zero, as far as second differences tell, or when half the digits of its speed are known, as no more are determined;
+    yields launch speeds and is sent samples there."""
+    ratio = (np.sqrt(5) - 1) / 2
+    left = yield b.alpha - ratio * (b.alpha - a.alpha)
+    right = yield a.alpha + ratio * (b.alpha - a.alpha)
+    while b.alpha - a.alpha > 1e-8 * (a.alpha + b.alpha) and _may_come_to_zero(a, left, right, b):
+        if left.lateness < right.lateness:
+            b, right = right, left
+            left = yield b.alpha - ratio * (b.alpha - a.alpha)
+        else:
+            a, left = left, right
+            right = yield a.alpha + ratio * (b.alpha - a.alpha)
+    return left if left.lateness < right.lateness else right
+
+
+def _may_come_to_zero(*samples: _Sample) -> bool:
+    """Whether lateness that is above zero at samples may vanish between them, where it bends at most `FOLD_SAFETY`
+    times as much as their second differences say."""
+    alphas, lateness = np.array([[each.alpha, each.lateness] for each in samples]).T
+    widths, least = np.diff(alphas), lateness.min()
+    with np.errstate(invalid="ignore"):  # some lateness may be infinite
+        bends = np.abs(np.diff(np.diff(lateness) / widths)) / (0.5 * (widths[1:] + widths[:-1]))
+    return least > 0 and not least > FOLD_SAFETY * bends.max() * widths.max() ** 2 / 8
