@@ -25,6 +25,11 @@ ACCURACY = 1e-3
 DEPTH = 0.01
 # Shortest step of the search, as a share of the speed.
 SHORTEST_STEP = 0.02
+# Longest step of the search, as a share of the speed, for a spring with a barrier that can be crossed: where a hop just
+# crosses it the lateness has a narrow peak, and between two of them it may come below zero.
+LONGEST_STEP = 0.1
+# Extensions outward on either side, in units of length and multiples of the family, at which a barrier shows.
+OUTWARD = np.outer([1.0, -1.0], np.geomspace(0.3, 300.0, 100)).ravel()
 # Between samples the lateness may bend this many times as much as their second differences say.
 FOLD_SAFETY = 4.0
 # Time followed in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
@@ -62,7 +67,9 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
     extension = relative.liftoff.extension(law)
     slopes = law.with_slope([extension, law.rest()])[1]
     slope = slopes[np.isfinite(slopes)].max()  # a law has a slope at lift-off, if not at rest
-    alpha = lowest_launch_speed(relative, dict(p), extension, family, float(relative.scale(slope, p)))
+    _, outward = law.with_slope(np.clip(family / slope * OUTWARD, *law.range()))
+    scale, barrier = float(relative.scale(slope, p)), bool(crossable_barrier(outward))
+    alpha = lowest_launch_speed(relative, dict(p), extension, family, scale, barrier)
     return {"liftoff": extension, "alpha": alpha, "duration": alpha * float(relative.time(p))}
 
 
@@ -92,8 +99,10 @@ def _launch_speeds(
     _, slopes = values_and_slopes(law, p, np.column_stack([extension, np.zeros(len(extension))]))
     if law.degree() == 1:
         return half_angle(family) * relative.scale(slopes[:, 0], p), {}
-    scales = relative.scale(np.where(np.isfinite(slopes), slopes, -np.inf).max(axis=1), p)
-    return lowest_launch_speeds(relative, p, extension, family, scales)
+    steepest = np.where(np.isfinite(slopes), slopes, -np.inf).max(axis=1)
+    _, outward = values_and_slopes(law, p, np.outer(family / steepest, OUTWARD))
+    scales, barriers = relative.scale(steepest, p), crossable_barrier(outward)
+    return lowest_launch_speeds(relative, p, extension, family, scales, barriers)
 
 
 class _Sample(NamedTuple):
@@ -113,7 +122,9 @@ class _End(NamedTuple):
     lost: float = np.nan
 
 
-def lowest_launch_speed(relative: Relative, p: dict[str, float], liftoff: float, family: int, scale: float) -> float:
+def lowest_launch_speed(
+    relative: Relative, p: dict[str, float], liftoff: float, family: int, scale: float, barrier: bool
+) -> float:
     """The lowest launch speed whose half flight ends on the family's turn: time alpha = first turn + family half
     periods.
 
@@ -121,6 +132,7 @@ def lowest_launch_speed(relative: Relative, p: dict[str, float], liftoff: float,
     by construction.
 
     scale : the speed in whose multiples the search goes
+    barrier : whether the spring has a barrier that can be crossed
 
     Raises `NoOrbit` when there is no such speed.
     """
@@ -134,7 +146,7 @@ def lowest_launch_speed(relative: Relative, p: dict[str, float], liftoff: float,
         late = (first + family * half_period) / time - alpha if np.isfinite(first) else np.inf
         return _Sample(alpha, late, half_period / time)
 
-    end = answered(_search(family, scale), sample)
+    end = answered(_search(family, scale, barrier), sample)
     if np.isnan(end.alpha):
         ps = {name: np.array([value]) for name, value in p.items()}
         raise _refusals(relative, ps, family, np.array([liftoff]), [end], np.array([scale]))[0]
@@ -142,13 +154,16 @@ def lowest_launch_speed(relative: Relative, p: dict[str, float], liftoff: float,
 
 
 def lowest_launch_speeds(
-    relative: Relative, p: Mapping[str, np.ndarray], liftoffs: np.ndarray, family: int, scales: np.ndarray
-) -> tuple[np.ndarray, dict[int, NoOrbit]]:
-    """`lowest_launch_speed` for many springs with parameters (m,) by name, extensions (m,) at lift-off and scales (m,):
-    the speeds (m,), NaN where there is none, and by index why not. Each search asks for the same launches as alone."""
+    relative: Relative, p: Mapping[str, np.ndarray], liftoffs: np.ndarray, family: int, scales: np.ndarray,
+    barriers: np.ndarray,
+) -> tuple[np.ndarray, dict[int, NoOrbit]]:  # fmt: skip
+    """`lowest_launch_speed` for many springs with parameters (m,) by name, extensions (m,) at lift-off, scales (m,) and
+    barriers (m,) or none: the speeds (m,), NaN where there is none, and by index why not. Each search asks for the same
+    launches as alone."""
     flow, ps = flow_of(relative.phase, tuple(p)), np.column_stack(list(p.values()))
     times = np.broadcast_to(relative.time(p), len(ps))
-    searches, ends = [_search(family, scale) for scale in scales.tolist()], dict[int, _End]()
+    each, ends = zip(scales.tolist(), barriers.tolist(), strict=True), dict[int, _End]()
+    searches = [_search(family, scale, barrier) for scale, barrier in each]
     asked = {i: next(search) for i, search in enumerate(searches)}
     while asked:
         which, alphas = np.array(list(asked)), np.array(list(asked.values()))
@@ -213,7 +228,7 @@ def _refusals(
     return refused
 
 
-def _search(family: int, scale: float) -> Generator[float, _Sample, _End]:
+def _search(family: int, scale: float, barrier: bool) -> Generator[float, _Sample, _End]:
     """The search of `lowest_launch_speed`, which yields launch speeds and is sent samples there."""
     samples = [_Sample(0.0, 1.0)]
     fastest, slowest = FASTEST * family * scale, SLOWEST * scale
@@ -239,8 +254,18 @@ def _search(family: int, scale: float) -> Generator[float, _Sample, _End]:
             lowest = yield from _golden_section(samples[-3], samples[-1])
             if lowest.lateness <= 0:
                 return _End((yield from _estimated_root(samples[-3], lowest)))
-        alpha = _next_speed(samples, scale, no_return)
+        alpha = _next_speed(samples, scale, barrier, no_return)
     return _End(np.nan, lost)
+
+
+def crossable_barrier(slopes: np.ndarray) -> np.ndarray:
+    """Whether springs with these slopes (..., k) at `OUTWARD` have a barrier that can be crossed.
+
+    There the force falls and then rises again, further out on the same side. Where it only falls, a mass that crosses
+    the barrier escapes.
+    """
+    outward = slopes.reshape(*slopes.shape[:-1], 2, -1)
+    return ((outward[..., :-1] < 0) & (outward[..., 1:] > 0)).any(axis=(-2, -1))
 
 
 def half_oscillations(relative: Relative, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
@@ -286,11 +311,13 @@ def _estimated_root(early: _Sample, late: _Sample) -> Generator[float, _Sample, 
     return better if abs(better - root) < abs(root - c) else root
 
 
-def _next_speed(samples: list[_Sample], scale: float, no_return: float) -> float:
+def _next_speed(samples: list[_Sample], scale: float, barrier: bool, no_return: float) -> float:
     """The next speed of the search: just past where the last two samples point, so that it brackets the root."""
     before, last = samples[-2:]
     slope = (last.lateness - before.lateness) / (last.alpha - before.alpha) if len(samples) > 2 else 0.0
     ahead = 1.2 * last.lateness / max(-slope, 0.3) if slope < 0 else last.lateness / 1.5
+    if barrier:
+        ahead = min(ahead, LONGEST_STEP * (scale + last.alpha))
     alpha = last.alpha + max(ahead, SHORTEST_STEP * (scale + last.alpha))
     return alpha if alpha < no_return else 0.5 * (last.alpha + no_return)
 

@@ -408,7 +408,7 @@ def test_a_light_foot_stays_long_on_the_ground(mass_ratio):
 
 def test_a_fold_is_searched_once(monkeypatch):
     """Beyond the fold of cubic springs the lateness has a minimum above zero before the barrier."""
-    from problems import launch
+    from orbits.periodic import guess as launch
 
     runs, count = launch.half_oscillations, []
     monkeypatch.setattr(launch, "half_oscillations", lambda *a: (count.append(1), runs(*a))[1])
@@ -419,7 +419,7 @@ def test_a_fold_is_searched_once(monkeypatch):
 
 @pytest.mark.parametrize("spring", ["r**2", "exp(r)/2"])
 def test_a_spring_that_never_pushes_is_soon_refused(spring, monkeypatch):
-    from problems import launch
+    from orbits.periodic import guess as launch
 
     runs, count = launch.half_oscillations, []
     monkeypatch.setattr(launch, "half_oscillations", lambda *a: (count.append(1), runs(*a))[1])
