@@ -155,7 +155,7 @@ def _actuated_model(kind: type[TwoMassMachine], spring: Key, gravity: Key | None
         gap=lambda p: _widened(plain.gap(p)),
         separation=lambda p: (distance := plain.separation(p)) and _widened(distance),
         heights=lambda p: {name: _widened(height) for name, height in plain.heights(p).items()},
-        impact=lambda p: np.append(plain.impact(p), 0.0),
+        impact=lambda x, p: [*plain.impact(x[:-1], p), 0.0],
         contact_speed=_widened(plain.contact_speed),
         reversor=None,
         reduction=None,

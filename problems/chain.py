@@ -278,8 +278,8 @@ def _chain_model(springs: tuple[Key, ...]) -> Model:
         gap=lambda p: Affine(tuple(eye[-2])),
         separation=lambda p: None,
         heights=equations.heights,
-        impact_mass=lambda p: p[equations.lowest],
-        impact=lambda p: eye[-1],
+        impact_mass=lambda x, p: p[equations.lowest],
+        impact=lambda x, p: eye[-1].tolist(),
         contact_speed=Affine(tuple(eye[above + 1, : 2 * count - 2])),
         violations={
             "gap": "lowest mass below ground",

@@ -43,8 +43,8 @@ class Hopper(TwoMassMachine):
             landing=lambda u, x, p: [x[2], x[3], x[0] - u["liftoff"]],
             embed=np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]),
             gap=lambda p: Affine((0.0, 0.0, 1.0, 0.0)),
-            impact_mass=lambda p: p["mass_ratio"] * (1 + p["mass_ratio"]),
-            impact=lambda p: np.array([0.0, 0.0, 0.0, 1.0]),
+            impact_mass=lambda x, p: p["mass_ratio"] * (1 + p["mass_ratio"]),
+            impact=lambda x, p: [0.0, 0.0, 0.0, 1.0],
             violations={
                 "gap": "foot below ground",
                 "pull": "the ground would have to pull",

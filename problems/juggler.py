@@ -49,8 +49,8 @@ class Juggler(TwoMassMachine):
             landing=lambda u, x, p: [x[0] - x[2], x[1] - x[3], x[2] - u["liftoff"]],
             embed=np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
             gap=lambda p: Affine((1.0, 0.0, -1.0, 0.0)),
-            impact_mass=lambda p: p["mass_ratio"] / (1 + p["mass_ratio"]),
-            impact=lambda p: np.array([0.0, p["mass_ratio"], 0.0, -1.0]) / (1 + p["mass_ratio"]),
+            impact_mass=lambda x, p: p["mass_ratio"] / (1 + p["mass_ratio"]),
+            impact=lambda x, p: [part / (1 + p["mass_ratio"]) for part in (0.0, p["mass_ratio"], 0.0, -1.0)],
             violations={
                 "gap": "ball below the hand",
                 "pull": "the hand would have to pull the ball",
@@ -162,6 +162,6 @@ class HeavyHand(TwoMassMachine):
             contact=contact,
             flight_gradient=lambda x, p, q: [0.0, 0.0, force(x[2], p, q) + weight(x[2], p), x[3]],
             contact_gradient=lambda x, p, q: [force(x[0], p, q) + weight(x[0], p), x[1]],
-            impact_mass=lambda p: 0.0,
-            impact=lambda p: np.array([0.0, 1.0, 0.0, 0.0]),
+            impact_mass=lambda x, p: 0.0,
+            impact=lambda x, p: [0.0, 1.0, 0.0, 0.0],
         )

@@ -269,7 +269,8 @@ def _loss(model, jerk, slope, u, p):
     """C of the map alpha + d -> alpha + d - C d**(4/3), from the landing jerk and the landing sensitivity."""
     gradient = model.flight_gradient(model.launch(u, p), p, [])
     power = launch_power(gradient, by_launch_speed(lambda u: model.launch(u, p), u))
-    return loss_coefficient(model.impact_mass(p), -jerk, ca.fabs(slope), power)
+    at_landing = [sign * x for sign, x in zip(model.reversor, model.launch(u, p), strict=True)]
+    return loss_coefficient(model.impact_mass(at_landing, p), -jerk, ca.fabs(slope), power)
 
 
 def expressions(

@@ -72,7 +72,8 @@ class Model:
     set. Energy is conserved in each phase; only its gradient is asked for, so that no potential is needed in closed
     form. Unknowns come as a mapping `u` too: "liftoff" is the extension at lift-off, "alpha" the launch speed, and what
     else a launch needs has the names of flight states. What is asked of m orbits at once (launch, touchdown, gap,
-    separation, impact_mass) is called with arrays (m,) in `u` and `p`: plain arithmetic that does not branch on them.
+    separation, impact_mass, impact) is called with arrays (m,) in `u`, `x` and `p`, and with CasADi's expressions:
+    arithmetic that does not branch on them.
 
     flight, contact : the two phases; the contact watches a quantity named "contact force"
     launch_unknowns, launch : names of the unknowns of a launch; (u, p) -> flight state at lift-off
@@ -90,8 +91,10 @@ class Model:
     violations : messages for the four ways in which a root is no motion: the "gap" closes in flight, the contact would
         have to "pull", the "separation" vanishes, the contact does not "end"
     springs : pairs of names of the heights, lower and upper, between which springs are drawn; None is the ground
-    impact_mass : p -> twice the energy that a plastic impact loses, over the square of the gap's speed
-    impact : p -> direction (n,) in which an impact changes the flight state; along it the gap's speed changes by 1
+    impact_mass : (x, p) -> twice the energy that a plastic impact in the flight state x loses, over the square of the
+        gap's speed: 1 / (dg M^-1 dg) for an inertia matrix M and the gap's gradient dg, both of which may vary with x
+    impact : (x, p) -> direction, a list of n, in which an impact changes the flight state x: M^-1 dg on the speeds,
+        scaled so that along it the gap's speed changes by 1
     contact_speed : the contact coordinate that becomes the launch speed
     guess : (family, p) -> a launch and the "duration" of the half flight, in the scene with `homotopy` at 0
     guesses : (family, parameters (m,) by name) -> `Guesses`; None where each machine has to be looked at by itself
@@ -185,8 +188,8 @@ def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, A
 
 # Which argument of a model's functions is the parameters.
 PARAMETERS_AT = {
-    **dict.fromkeys(("gap", "separation", "heights", "impact_mass", "impact", "search"), 0),
-    **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess", "guesses"), 1),
+    **dict.fromkeys(("gap", "separation", "heights", "search"), 0),
+    **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess", "guesses", "impact_mass", "impact"), 1),
     **dict.fromkeys(("flight_gradient", "contact_gradient", "tension"), 1),
     "landing": 2,
 }
