@@ -14,9 +14,9 @@ RANK = {"orbits": 0, "problems": 1, "studies": 2}
 ROOMS = (
     "errors",
     "io",
-    "model",
     "numerics",
     "symbolic",
+    "model",
     "plot",
     "flow",
     "periodic",

@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import NoOrbit
 from ..io import fields_in_line
 from .phase import Affine, Arc, Phase, Statement
+from .state_formula import StateFormula
 
 # Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
 # deviation of what noise does to it, independently of the others.
@@ -33,16 +34,18 @@ class Guesses(NamedTuple):
 class Search(NamedTuple):
     """How to search for all orbits of a family.
 
-    scale : of launch speeds and times: the inverse root of the spring's slope at rest
+    scale : of launch speeds, and of times where `time` is None: the inverse root of the spring's slope at rest
     spacing, fastest : of the launch speeds where the search begins, and the last of them for family 1, in multiples of
         the scale
     single : whether the laws bend so seldom that the orbit to which the guess leads is taken for the lowest
+    time : the scale of times, where launch speeds have another, as in SI
     """
 
     scale: float
     spacing: float
     fastest: float
     single: bool
+    time: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +87,11 @@ class Model:
     touchdown : (u, p) -> contact state after a lossless landing
     embed : matrix (n, m) that turns contact states (m,) into flight states (n,)
     flight_gradient, contact_gradient : (x, p, q) -> gradient of the energy in that phase
-    extension : function of the flight state whose stationary points count the family
-    gap : p -> height of the contact point above what it lands on, a function of the flight state
-    separation : p -> smallest distance within the machine, which must stay positive; None where it is not stated
-    heights : p -> functions of the flight state by name, for plots; first the masses, the upper before the lower
+    extension : affine function of the flight state whose stationary points count the family
+    gap : p -> height of the contact point above what it lands on, an affine function of the flight state
+    separation : p -> smallest distance within the machine, which must stay positive, a function of the flight state,
+        `Affine` or a `StateFormula`; None where it is not stated
+    heights : p -> such functions by name, for plots and rises; first the masses, the upper before the lower
     violations : messages for the four ways in which a root is no motion: the "gap" closes in flight, the contact would
         have to "pull", the "separation" vanishes, the contact does not "end"
     springs : pairs of names of the heights, lower and upper, between which springs are drawn; None is the ground
@@ -96,7 +100,8 @@ class Model:
     impact : (x, p) -> direction, a list of n, in which an impact changes the flight state x: M^-1 dg on the speeds,
         scaled so that along it the gap's speed changes by 1
     contact_speed : the contact coordinate that becomes the launch speed
-    guess : (family, p) -> a launch and the "duration" of the half flight, in the scene with `homotopy` at 0
+    guess : (family, p) -> a launch and the "duration" of the half flight, in the scene with `homotopy` at 0; None for a
+        model whose families are searched at once, for which `search` and `release` are enough
     guesses : (family, parameters (m,) by name) -> `Guesses`; None where each machine has to be looked at by itself
     conservative : whether flight and contact conserve the energy
     homotopy : name of the parameter that leads from the scene of the guess (0) to this one (1); None where they are one
@@ -128,7 +133,7 @@ class Model:
     contact_speed: Affine
     violations: Mapping[str, str]
     springs: tuple[tuple[str | None, str], ...]
-    guess: Callable
+    guess: Callable | None
     launch_unknowns: tuple[str, ...] = ("liftoff", "alpha")
     homotopy: str | None = None
     conservative: bool = True
@@ -142,7 +147,7 @@ class Model:
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
 
-    def rises(self, p: Mapping[str, Any]) -> dict[str, Affine]:
+    def rises(self, p: Mapping[str, Any]) -> dict[str, Affine | StateFormula]:
         """The heights, by the name of the quantity that says how far each rises above its value at lift-off."""
         return {f"{name.replace(' ', '_')}_rise": height for name, height in self.heights(p).items()}
 

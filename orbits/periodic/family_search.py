@@ -64,6 +64,7 @@ class Lateness:
     ):  # fmt: skip
         self.model, self.method, self.family, self.searches = model, method, family, searches
         self.names, self.ps, self.scales = names, ps, np.array([search.scale for search in searches])
+        self.paces = np.array([(search.time or search.scale) / search.scale for search in searches])
         self.reduction = reduction_of(model, method)
         self.statement = equations_of(model, method, names).statement
         self.arc = self.statement.arcs[0]
@@ -78,7 +79,7 @@ class Lateness:
     def _followed(self, alphas: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Lateness and times (k,), and which motions (k,) break off, as they run away or come to a singularity."""
         u, p = self._unknowns(alphas, which), self._parameters(which)
-        limit = LATEST_TURN * (self.scales[which] + alphas)
+        limit = LATEST_TURN * self.paces[which] * (self.scales[which] + alphas)
         states = columns(self.arc.start(u, np.zeros(0), p))
         times, going, broken = np.zeros(len(alphas)), np.arange(len(alphas)), np.zeros(len(alphas), bool)
         for turn in range(2 if self.reduction else self.family + 1):
