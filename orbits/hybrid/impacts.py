@@ -237,17 +237,19 @@ class Impacts:
 
     def energy(self, x: ArrayLike) -> float:
         """The energy of a flight state (n,), relative to rest with the spring unloaded and the gap closed: the integral
-        of its gradient along the straight line from the origin."""
-        x = np.asarray(x, dtype=float)
+        of its gradient along the straight line from there."""
+        rest = np.array(self.model.rest(self.values) if self.model.rest else np.zeros(self.flight.size), dtype=float)
+        way = np.asarray(x, dtype=float) - rest
         edges, pieces = np.linspace(0.0, 1.0, self.options.energy_panels + 1), self.model.flight.pieces
         if pieces:  # A panel may not reach across a breakpoint of the law.
-            reach, breaks = float(self.flight.coordinate @ x), self.flight.piece_table(self.p)[0]
-            edges = np.unique([*edges, *(b / reach for b in breaks if reach and 0 < b / reach < 1)])
+            reach, breaks = float(self.flight.coordinate @ way), self.flight.piece_table(self.p)[0]
+            places = (np.array(breaks) - self.flight.coordinate @ rest) / reach if reach else np.zeros(0)
+            edges = np.unique([*edges, *places[(places > 0) & (places < 1)]])
         widths = np.diff(edges)
-        points = (edges[:-1, None] + widths[:, None] * GAUSS_PLACES).reshape(-1, 1) * x
+        points = (edges[:-1, None] + widths[:, None] * GAUSS_PLACES).reshape(-1, 1) * way + rest
         gradient = gradients(self.model.flight, self.model.flight_gradient, tuple(self.values))
         (slopes,) = gradient(points, self.flight.data(points, self.p))
-        return float((widths[:, None] * GAUSS_WEIGHTS).ravel() @ (slopes @ x))
+        return float((widths[:, None] * GAUSS_WEIGHTS).ravel() @ (slopes @ way))
 
     @cached_property
     def gap_speed(self) -> np.ndarray:

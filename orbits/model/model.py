@@ -110,6 +110,8 @@ class Model:
     units : p -> `Units` of a machine that is stated in SI, whose parameters are in SI; None for a dimensionless one
     gauge : name of a parameter that only sets the units and changes no motion; None where there is none
     search : p -> `Search`; None for a model whose families are not searched for all of their orbits
+    rest : p -> flight state at rest in contact, with the springs unloaded, from which a simulation counts the energy;
+        None where all of its coordinates are 0
     """
 
     name: str
@@ -143,6 +145,7 @@ class Model:
     gauge: str | None = None
     search: Callable | None = None
     guesses: Callable | None = None
+    rest: Callable | None = None
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
@@ -193,7 +196,7 @@ def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, A
 
 # Which argument of a model's functions is the parameters.
 PARAMETERS_AT = {
-    **dict.fromkeys(("gap", "separation", "heights", "search"), 0),
+    **dict.fromkeys(("gap", "separation", "heights", "search", "rest"), 0),
     **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess", "guesses", "impact_mass", "impact"), 1),
     **dict.fromkeys(("flight_gradient", "contact_gradient", "tension"), 1),
     "landing": 2,
