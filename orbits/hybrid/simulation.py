@@ -19,6 +19,7 @@ from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
 from ..io import fields_in_line
 from ..model.machine import ImpactingMachine, check_machine, dimensionless
+from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..model.units import (
@@ -129,6 +130,13 @@ class Simulation:
     def heights(self) -> dict[str, Affine | StateFormula]:
         """The heights of the machine's model, as functions of the flight state."""
         return {name: self._length(height) for name, height in self.machine.model.heights(self.machine.values).items()}
+
+    @property
+    def knees(self) -> tuple[Knee, ...]:
+        """The knees of the machine's model, as its `heights`."""
+        model, unit = self.machine.model, self.machine.units.length if self.machine.units else 1.0
+        found = model.knees(self.machine.values) if model.knees else ()
+        return tuple((lower, upper, length * unit) for lower, upper, length in found)
 
     @property
     def gap(self) -> Affine:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from ..io import fields_in_line
 from .phase import Affine, Arc, Phase, Statement
 from .state_formula import StateFormula
 
+# Two links of the same length with a knee between them: the names of the heights that they join, lower (None for the
+# ground) and upper, and the length of each.
+Knee: TypeAlias = tuple[str | None, str, float]
 # Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
 # deviation of what noise does to it, independently of the others.
 NOISE = "_noise"
@@ -95,6 +98,8 @@ class Model:
     violations : messages for the four ways in which a root is no motion: the "gap" closes in flight, the contact would
         have to "pull", the "separation" vanishes, the contact does not "end"
     springs : pairs of names of the heights, lower and upper, between which springs are drawn; None is the ground
+    knees : p -> (lower, upper, length) of pairs of such names between which a knee joins two links of this length, in
+        the unit of the heights; None where there is none
     impact_mass : (x, p) -> twice the energy that a plastic impact in the flight state x loses, over the square of the
         gap's speed: 1 / (dg M^-1 dg) for an inertia matrix M and the gap's gradient dg, both of which may vary with x
     impact : (x, p) -> direction, a list of n, in which an impact changes the flight state x: M^-1 dg on the speeds,
@@ -146,6 +151,7 @@ class Model:
     search: Callable | None = None
     guesses: Callable | None = None
     rest: Callable | None = None
+    knees: Callable | None = None
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
@@ -196,7 +202,7 @@ def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, A
 
 # Which argument of a model's functions is the parameters.
 PARAMETERS_AT = {
-    **dict.fromkeys(("gap", "separation", "heights", "search", "rest"), 0),
+    **dict.fromkeys(("gap", "separation", "heights", "search", "rest", "knees"), 0),
     **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess", "guesses", "impact_mass", "impact"), 1),
     **dict.fromkeys(("flight_gradient", "contact_gradient", "tension"), 1),
     "landing": 2,

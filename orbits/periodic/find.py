@@ -302,6 +302,7 @@ def certified_orbit(
     if noise := [name for name in p if name.startswith(NOISE)]:
         certificate = replace(certificate, alpha_noise=noise_of_alpha(equations, us[0], ps[0], evaluation, noise))
     reversor = contact_reversor(model.reversor, model.embed) if model.reversor else None
+    knees = tuple(model.knees(p)) if model.knees else ()
     return Orbit(
         machine=machine.describe(),
         alpha=float(cycles.u["alpha"][0]),
@@ -310,7 +311,7 @@ def certified_orbit(
         contact_time=or_none(cycles.contact_times)[0],
         flight=cycles.flight[0],
         contact=cycles.contacts[0] if cycles.contacts else None,
-        shape=Shape(model.reversor, reversor, model.embed, model.heights(p), model.springs),
+        shape=Shape(model.reversor, reversor, model.embed, model.heights(p), model.springs, knees),
         certificate=certificate,
         method=method,
         skipped=_skipped(model, p, method, any(flow.compiled for flow in equations.flows)),
@@ -389,6 +390,7 @@ def _solve_by_homotopy(model: Model, equations: Shooting, correct, family: int, 
     """Solve a model's equations from its guess, with the homotopy parameter led from 0 to 1 by step-size control;
     `correct`, (u, parameters) -> the solution near u and the equations there, is the corrector."""
     unknowns, homotopy = equations.statement.unknowns, model.homotopy
+    assert model.guess is not None  # its caller has asked
     start = {**model.guess(family, {**p, homotopy: 0.0} if homotopy else p), "unfolding": 0.0}
     start["duration"] *= 2 if "unfolding" in unknowns else 1
     u = np.array([start[name] for name in unknowns])

@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..flow.trajectory import Trajectory
 from ..io import conform, one_line, read_file, write_json
 from ..model.machine import Machine, machine_in_words
+from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..model.units import EXTENSION, UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
@@ -43,6 +44,7 @@ class Shape:
     embed : (n, m) matrix from contact to flight states
     heights : names and functions of the flight state, the masses first
     springs : names of the heights, lower and upper, that springs join, None for the ground
+    knees : such names with the length of each of the two links that join them
     """
 
     reversor: tuple[int, ...] | None
@@ -50,6 +52,7 @@ class Shape:
     embed: np.ndarray
     heights: Mapping[str, Affine | StateFormula]
     springs: tuple[tuple[str | None, str], ...]
+    knees: tuple[Knee, ...] = ()
 
 
 def _mirrored(path: Trajectory, t: np.ndarray, duration: float, signs: tuple[int, ...] | None) -> np.ndarray:
@@ -327,6 +330,7 @@ class _SavedShape(TypedDict):
     embed: np.ndarray
     heights: Mapping[str, SavedHeight]
     springs: tuple[tuple[str | None, str], ...]
+    knees: NotRequired[tuple[Knee, ...]]
 
 
 class _SavedPath(TypedDict):
@@ -382,12 +386,13 @@ def orbit_in_units(orbit: Orbit, units: Units, machine: Mapping[str, Any]) -> Or
     """A dimensionless orbit in SI, of the machine in words and numbers."""
     states = orbit.flight.names[: len(orbit.shape.embed)]
     heights = {name: units.convert_height(height, states) for name, height in orbit.shape.heights.items()}
+    knees = tuple((lower, upper, length * units.length) for lower, upper, length in orbit.shape.knees)
     return replace(
         units.convert(orbit),
         machine=machine,
         flight=units.convert_motion(orbit.flight),
         contact=orbit.contact and units.convert_motion(orbit.contact),
-        shape=replace(orbit.shape, heights=heights),
+        shape=replace(orbit.shape, heights=heights, knees=knees),
         certificate=certificate_in_units(orbit.certificate, units),
         units=units,
         bare=orbit,
@@ -437,6 +442,7 @@ def _shape_of(data: _SavedShape, flight: Trajectory, contact: Trajectory | None)
     fits &= all(each is None or len(each) == size for each, size in zip(signs, sizes, strict=True))
     weights = (height.weights for height in heights.values() if isinstance(height, Affine))
     fits &= bool(heights) and all(len(each) == sizes[0] for each in weights)
-    if not fits or not {*sum(data["springs"], ())} <= known:
+    knees = data.get("knees", ())
+    if not fits or not {*sum(data["springs"], ()), *(name for *pair, _ in knees for name in pair)} <= known:
         raise ValueError("its shape does not fit its motion")
-    return Shape(*signs, embed, heights, data["springs"])
+    return Shape(*signs, embed, heights, data["springs"], knees)
