@@ -20,6 +20,7 @@ from .model.closed_form import Oscillator
 from .model.machine import Machine
 from .model.model import Model, Reduction
 from .model.phase import Affine, Arc, Phase, Pieces, Statement
+from .model.state_formula import StateFormula
 from .model.units import Units
 from .periodic.certificate import Certificate
 from .periodic.find import METHODS, find, find_all
@@ -33,9 +34,10 @@ __all__ = [
     "METHODS", "Active", "Affine", "Arc", "Certificate", "Control", "Design", "End", "Event", "Existence", "Family",
     "FixedPoint", "FlowError", "Front", "Guess", "Hops", "Input", "InputError", "Machine", "Model", "NoOrbit", "Orbit",
     "OrbitsError", "Oscillator", "OutOfRange", "Phase", "Pieces", "Point", "Reduction", "ReturnMap", "Simulation",
-    "Stage", "Statement", "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "__version__", "existence",
-    "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold", "multiplier", "optimize",
-    "orbit_at", "pareto", "quantities", "sensitivities", "simulate", "steer", "sweep", "trace", "uncertainty",
+    "Stage", "StateFormula", "Statement", "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units",
+    "__version__", "existence", "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold",
+    "multiplier", "optimize", "orbit_at", "pareto", "quantities", "sensitivities", "simulate", "steer", "sweep", "trace",
+    "uncertainty",
 ]  # fmt: skip
 
 

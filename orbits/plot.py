@@ -100,7 +100,7 @@ def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
     shift = np.zeros_like(states)
     shift[:, [names.index(names[i][:-1]) for i in moving]] = 1e-6 * orbit.flight_time * states[:, moving]
     masses = [item for item in orbit.shape.heights.items() if item[0] != "centre of mass"]
-    for (name, height), colour in zip(masses, COLOURS, strict=False):
+    for (name, height), colour in zip(masses, cycle(COLOURS), strict=False):
         speed = (height(states + shift) - height(states - shift)) / (2e-6 * orbit.flight_time)
         axes.plot(height(states), speed, color=colour, lw=1.6, label=name)
     axes.set_title(title(orbit), fontsize="small", wrap=True)
@@ -338,8 +338,9 @@ def _animate(
         for below, above in reversed(springs):
             lifts[above] = lifts[below] + 1
         heights = {name: height + room * lifts.get(name, 1) for name, height in heights.items()}
-    axes = new_axes(3.2, 5.2)
+    axes = new_axes(5.8 if knees else 3.2, 5.2)
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
+    high = max([high, *(low + 2 * length for *_, length in knees)])  # room for a knee at the side too
     margin = 0.08 * (high - low)
     axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height" + metres)
     if floating:

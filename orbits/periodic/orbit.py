@@ -435,9 +435,9 @@ def _path_of(data: _SavedPath) -> Trajectory:
 def _shape_of(data: _SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
     """A shape whose states are those of the motions; raises `ValueError`."""
     embed, signs = data["embed"], (data["reversor"], data["contact_reversor"])
-    heights = {name: height_of(height, flight.names[: len(embed)]) for name, height in data["heights"].items()}
-    known = {*heights, None}
     sizes = embed.shape if embed.ndim == 2 else (0, 0)
+    heights = {name: height_of(height, flight.names[: sizes[0]]) for name, height in data["heights"].items()}
+    known = {*heights, None}
     fits = 0 < sizes[0] <= len(flight.names) and 0 < sizes[1] <= (sizes[1] if contact is None else len(contact.names))
     fits &= all(each is None or len(each) == size for each, size in zip(signs, sizes, strict=True))
     weights = (height.weights for height in heights.values() if isinstance(height, Affine))

@@ -14,9 +14,11 @@ matrix is m1 m2 L'^2, and its inverse times the gradient (1, 0) of the gap h is 
 The machine is stated in SI, and its launch speed is theta' at lift-off, in rad/s.
 """
 
+import json
 import pickle
 from dataclasses import asdict, dataclass, replace
 
+import mpmath as mp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -427,6 +429,24 @@ def test_a_file_and_a_pickle_bring_its_heights_back(orbit, tmp_path):
         assert float(other.shape.heights["body"](x)) == pytest.approx(body, rel=1e-14)
 
 
+def test_damaged_files_are_refused(orbit, tmp_path):
+    data = json.loads(orbit.save(tmp_path / "knee.json").read_text())
+    for damage, message in {
+        "h + sqrt(link": "no closing parenthesis",
+        "__import__(h)": "unknown function",
+        "h + height": "needs a value for 'height'",
+        "abs(h)": "has a corner",
+    }.items():
+        data["motion"]["shape"]["heights"]["body"]["formula"] = damage
+        (tmp_path / "damaged.json").write_text(json.dumps(data))
+        with pytest.raises(InputError, match=message):
+            Orbit.load(tmp_path / "damaged.json")
+    data["motion"]["shape"]["heights"]["body"] = {"formula": "h", "values": {"link": "long"}}
+    (tmp_path / "damaged.json").write_text(json.dumps(data))
+    with pytest.raises(InputError, match="'long'; it is a finite number"):
+        Orbit.load(tmp_path / "damaged.json")
+
+
 def test_results_have_their_units(orbit):
     units = orbit.document()["units"]
     assert {units[name] for name in ("alpha", "error")} == {"rad/s"}
@@ -483,17 +503,19 @@ def test_its_pictures(orbit, tmp_path):
 
 
 def test_formulas_of_the_state():
-    """Series against the derivatives of sin and sqrt in closed form, and what is refused."""
+    """Series against those of mpmath in 30 digits, and what is refused."""
     length = StateFormula("sqrt(a**2 + x**2)*sin(y)", ("x", "x'", "y"), {"a": np.array([1.0, 2.0])})
-    rows = np.zeros((2, 3, 4))
-    rows[:, 0, :2], rows[:, 2, :2] = [0.5, 1.0], [0.3, 2.0]  # x = 0.5 + t, y = 0.3 + 2 t
-    t, step = 0.0, 1e-3
+    rows = np.zeros((2, 3, 12))
+    rows[:, 0, :3], rows[:, 2, :2] = [0.5, 1.0, -0.4], [0.3, 2.0]  # x = 0.5 + t - 0.4 t^2, y = 0.3 + 2 t
     found = length.of(np.array([0, 1])).series(rows)
-    for i, a in enumerate((1.0, 2.0)):
-        value = lambda t: np.sqrt(a**2 + (0.5 + t) ** 2) * np.sin(0.3 + 2 * t)  # noqa: B023, E731
-        polynomial = np.polynomial.Polynomial(found[i])
-        for t in (step, -step):
-            assert polynomial(t) == pytest.approx(value(t), abs=20 * step**4)
+    for i, a in enumerate((1, 2)):
+        with mp.workdps(30):
+            path = lambda t: mp.sqrt(a**2 + (0.5 + t - 0.4 * t**2) ** 2) * mp.sin(0.3 + 2 * t)  # noqa: B023, E731
+            known = [float(c) for c in mp.taylor(path, 0, 11)]
+        assert found[i] == pytest.approx(known, rel=1e-13, abs=1e-13)
+    assert length.of(np.array([1]))(np.array([[0.5, 0.0, 0.3]])) == pytest.approx(
+        np.hypot(2, 0.5) * np.sin(0.3), rel=1e-15
+    )
     with pytest.raises(InputError, match="'b'"):
         StateFormula("x + b", ("x",))
     with pytest.raises(InputError, match="abs"):
