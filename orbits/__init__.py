@@ -36,8 +36,8 @@ __all__ = [
     "OrbitsError", "Oscillator", "OutOfRange", "Phase", "Pieces", "Point", "Reduction", "ReturnMap", "Simulation",
     "Stage", "StateFormula", "Statement", "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units",
     "__version__", "existence", "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold",
-    "multiplier", "optimize", "orbit_at", "pareto", "quantities", "sensitivities", "simulate", "steer", "sweep", "trace",
-    "uncertainty",
+    "multiplier", "optimize", "orbit_at", "pareto", "quantities", "sensitivities", "simulate", "steer", "sweep",
+    "trace", "uncertainty",
 ]  # fmt: skip
 
 
