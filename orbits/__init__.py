@@ -22,6 +22,7 @@ from .model.machine import Machine
 from .model.mechanism import Mechanism
 from .model.model import Model, Reduction
 from .model.phase import Affine, Arc, Phase, Pieces, Statement
+from .model.state_formula import StateFormula
 from .model.units import Units
 from .periodic.certificate import Certificate
 from .periodic.find import METHODS, find, find_all
@@ -35,7 +36,7 @@ __all__ = [
     "METHODS", "Active", "Affine", "Arc", "Certificate", "Control", "Damper", "Design", "End", "Event", "Existence",
     "Family", "FixedPoint", "FlowError", "Force", "Front", "Guess", "Hops", "Inerter", "Input", "InputError",
     "Machine", "Mass", "Mechanism", "Model", "NoOrbit", "Orbit", "OrbitsError", "Oscillator", "OutOfRange", "Phase",
-    "Pieces", "Point", "Potential", "Reduction", "ReturnMap", "Simulation", "Spring", "Stage", "Statement",
+    "Pieces", "Point", "Potential", "Reduction", "ReturnMap", "Simulation", "Spring", "Stage", "StateFormula", "Statement",
     "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "Weight", "__version__", "existence", "find",
     "find_all", "fold_statement", "follow", "follow_branch", "follow_fold", "multiplier", "optimize", "orbit_at",
     "pareto", "quantities", "sensitivities", "simulate", "steer", "sweep", "trace", "uncertainty",

@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import InputError
 from .io import check_path
-from .model.units import Units
+from .model.units import LAUNCH_SPEED, Units
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
 Axes: TypeAlias = Any
@@ -95,10 +95,14 @@ def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
     """Plot speed against height of every mass over a cycle; return the axes."""
     metres, _, speeds_in = unit_labels(orbit.units)
     axes, (_, states) = axes or new_axes(4.5, 4.0), _cycle(orbit, 2001)
-    speeds = states[:, [name.endswith("'") for name in orbit.flight.names]]
-    for i, name in enumerate(list(orbit.shape.heights)[: speeds.shape[1]]):
-        height, speed = orbit.shape.heights[name](states), speeds[:, i]
-        axes.plot(height, speed, color=COLOURS[i], lw=1.6, label=name)
+    names = orbit.flight.names[: states.shape[1]]
+    moving = [i for i, name in enumerate(names) if name.endswith("'")]
+    shift = np.zeros_like(states)
+    shift[:, [names.index(names[i][:-1]) for i in moving]] = 1e-6 * orbit.flight_time * states[:, moving]
+    masses = [item for item in orbit.shape.heights.items() if item[0] != "centre of mass"]
+    for (name, height), colour in zip(masses, cycle(COLOURS), strict=False):
+        speed = (height(states + shift) - height(states - shift)) / (2e-6 * orbit.flight_time)
+        axes.plot(height(states), speed, color=colour, lw=1.6, label=name)
     axes.set_title(title(orbit), fontsize="small", wrap=True)
     vertical = _vertical(orbit.machine["rest_length"]) + metres
     return _finished(axes, {}, xlabel=vertical, ylabel="speed" + speeds_in)
@@ -207,7 +211,7 @@ def plot_map(
             web += [(here, there), (there, there)]
             here = there
         axes.plot(*np.transpose(web), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
-    *_, unit = unit_labels(step.machine.units)
+    unit = f" ({step.machine.units.text(LAUNCH_SPEED)})" if step.machine.units else ""
     labels = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
     return _finished(axes, {"loc": "upper left"}, xlim=(low, high), ylim=(0, high), **labels)
 
@@ -252,7 +256,7 @@ def title(orbit: Any) -> str:
     """The title of an orbit's plot: machine, family and speed in one line, the laws in another."""
     gravity = orbit.machine["gravity"]
     laws = f"spring {orbit.machine['spring']}" + ("" if gravity == "1" else f", gravity {gravity}")
-    speed = f"alpha = {orbit.alpha:.6g}" + (" m/s" if orbit.units else "")
+    speed = f"alpha = {orbit.alpha:.6g}" + (f" {orbit.units.text(LAUNCH_SPEED)}" if orbit.units else "")
     kind = "" if orbit.admissible else " (inadmissible)"
     return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{laws}"
 
@@ -278,15 +282,15 @@ def animate_orbit(orbit: Any, path: str | Path, frames: int = 80, progress: Repo
     t = np.linspace(0, orbit.period if closed else orbit.flight_time, _frames(frames), endpoint=not closed)
     words = np.where(t <= orbit.flight_time, "flight", "contact")
     shape, floating = orbit.shape, orbit.machine["rest_length"] is None
-    return _animate(path, words, orbit(t), shape.heights, shape.springs, floating, orbit.units, progress)
+    return _animate(path, words, orbit(t), shape.heights, (shape.springs, shape.knees), floating, orbit.units, progress)
 
 
 def animate_simulation(run: Any, path: str | Path, frames: int = 200, progress: Report = None) -> Path:
     """Write a simulated motion as an animation, as `animate_orbit` does; returns the path."""
     t, machine = np.linspace(0, run.end, _frames(frames)), run.machine
     words = np.where(run.in_contact(t), "contact", "flight")
-    floating = machine.rest_length is None
-    return _animate(path, words, run(t), run.heights, machine.model.springs, floating, machine.units, progress)
+    floating, joints = machine.rest_length is None, (machine.model.springs, run.knees)
+    return _animate(path, words, run(t), run.heights, joints, floating, machine.units, progress)
 
 
 def _frames(frames) -> int:
@@ -307,16 +311,25 @@ def check_animation(path: str | Path) -> Path:
     return path
 
 
+def _sideways(axes: Axes, below: np.ndarray, above: np.ndarray, link: float) -> np.ndarray:
+    """How far (frames,) along the abscissa a knee of two links is from the line between its ends at these heights, so
+    that the links are drawn as long as they are."""
+    box, across, up = axes.get_window_extent(), np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+    return np.sqrt(np.maximum(link**2 - 0.25 * (above - below) ** 2, 0.0)) * across / box.width * box.height / up
+
+
 def _animate(
-    path, words, states, functions: Mapping, springs, floating: bool, units: Units | None, progress: Report
+    path, words, states, functions: Mapping, joints: tuple, floating: bool, units: Units | None, progress: Report
 ) -> Path:
     """Animate masses, whose heights are functions of the states (frames, n), with a title from `words` for each frame.
+
+    joints : the springs and the knees, as in a `Shape`
 
     With `floating` no rest length says how far the masses are apart, and they are drawn with room between them.
     """
     from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 
-    path, (metres, *_) = check_animation(path), unit_labels(units)
+    path, (metres, *_), (springs, knees) = check_animation(path), unit_labels(units), joints
     names = [name for name in functions if name != "centre of mass"]
     heights = {name: functions[name](states) for name in names} | {None: np.zeros(len(words))}
     if floating:  # room for springs that are long enough, from the lowest mass up
@@ -325,8 +338,9 @@ def _animate(
         for below, above in reversed(springs):
             lifts[above] = lifts[below] + 1
         heights = {name: height + room * lifts.get(name, 1) for name, height in heights.items()}
-    axes = new_axes(3.2, 5.2)
+    axes = new_axes(5.8 if knees else 3.2, 5.2)
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
+    high = max([high, *(low + 2 * length for *_, length in knees)])  # room for a knee at the side too
     margin = 0.08 * (high - low)
     axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height" + metres)
     if floating:
@@ -335,6 +349,7 @@ def _animate(
     axes.axhspan(low - 2 * margin, 0, color=SHADE, zorder=0)
     axes.axhline(0, color="0.3", lw=1.5)
     coils = [axes.plot([], [], color="0.35", lw=1.4, zorder=2)[0] for _ in springs]
+    legs = [axes.plot([], [], color="0.35", lw=4, zorder=2)[0] for _ in knees]
     look = [{"marker": "o", "ms": 18}] * (len(names) - 1) + [{"marker": "_", "ms": 34, "mew": 6}]
     looks = zip(names, cycle(COLOURS), look, strict=False)
     masses = [axes.plot([], [], ls="", color=colour, label=name, zorder=3, **how)[0] for name, colour, how in looks]
@@ -343,14 +358,18 @@ def _animate(
     axes.legend(frameon=False, fontsize="small", loc="upper right", markerscale=0.4)
     axes.figure.canvas.draw()
     axes.figure.set_layout_engine("none")  # the layout is made once, not again for every frame
+    bends = [_sideways(axes, heights[below], heights[above], length) for below, above, length in knees]
 
     def draw(i):
+        for leg, bend, (below, above, _) in zip(legs, bends, knees, strict=True):
+            low, high = heights[below][i], heights[above][i]
+            leg.set_data([0, bend[i], 0], [low, 0.5 * (low + high), high])
         for coil, (below, above) in zip(coils, springs, strict=True):
             coil.set_data(zigzag, np.linspace(heights[below][i], heights[above][i], len(zigzag)))
         for mass, name in zip(masses, names, strict=True):
             mass.set_data([0], [heights[name][i]])
         label.set_text(words[i])
-        return *coils, *masses, label
+        return *coils, *legs, *masses, label
 
     writer = (FFMpegWriter if path.suffix.lower() == ".mp4" else PillowWriter)(fps=30)
     report = (lambda i, count: progress((i + 1) / count)) if progress else None

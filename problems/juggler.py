@@ -13,8 +13,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-
 from orbits import Damper, Mass, Mechanism, Spring
 from orbits.errors import InputError
 from orbits.model.closed_form import Oscillator
@@ -120,6 +118,6 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         liftoff=lambda u, p, q: -force(u["liftoff"], p, q),
         flight_gradient=lambda x, p, q: [0.0, 0.0, *hand(x, p, q)],
         contact_gradient=lambda x, p, q: hand(in_flight(x), p, q),
-        impact_mass=lambda p: 0.0,
-        impact=lambda p: np.array([0.0, 1.0, 0.0, 0.0]),
+        impact_mass=lambda x, p: 0.0,
+        impact=lambda x, p: [0.0, 1.0, 0.0, 0.0],
     )

@@ -205,9 +205,8 @@ class _Hop:
         times = float(self.orbit.flight_time), _contact_time(self.orbit)
         first = int(np.clip(round(self.intervals * times[0] / sum(times)), 1, self.intervals - 1))
         model, values = self.driven.model, self.driven.values
-        gap, impact = model.gap(values), tuple(model.impact(values).tolist())
         counts = first, self.intervals - first
-        return _hop_stages(model, gap, impact, counts, times, self.limits, cost, self.lossless, periodic)
+        return _hop_stages(model, model.gap(values), counts, times, self.limits, cost, self.lossless, periodic)
 
     def starts(self, launch: float) -> list[Any]:
         """Guesses of a hop, or functions that give one; from the lossless orbit a plastic landing may not be found."""
@@ -343,7 +342,7 @@ def _growing_swings(orbit: Orbit, rest: float, pumps: int) -> list[Guess]:
 
 
 @lru_cache(maxsize=32)
-def _hop_stages(model, gap, impact, intervals, times, limits, cost, lossless, periodic) -> tuple[Stage, Stage]:
+def _hop_stages(model, gap, intervals, times, limits, cost, lossless, periodic) -> tuple[Stage, Stage]:
     """Flight and contact, as `steer` takes them; the same hop has the same stages, with what is compiled for them.
 
     A hop that is not periodic goes from the parameter "launch" to "aim".
@@ -364,7 +363,7 @@ def _hop_stages(model, gap, impact, intervals, times, limits, cost, lossless, pe
 
     def stuck(x, before, p):
         speed = gap_speed(before, p)
-        return _difference(x, product(onto, _difference(before, [speed * share for share in impact])))
+        return _difference(x, product(onto, _difference(before, [speed * share for share in model.impact(before, p)])))
 
     def launched(x, p):
         return [force(x, p, []), *([] if periodic else [along(model.contact_speed, x) - p["aim"], x[-1]])]

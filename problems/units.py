@@ -7,7 +7,7 @@ these change; k is the spring's stiffness at rest as first stated, and stays, si
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Self, TypeAlias
 
@@ -236,7 +236,7 @@ class MachineInSI(TwoMasses):
             **self._described("stiffness*r" if self.spring is None else self.spring.text, "SI"),
             **self.masses,
             "surface_gravity": self.surface_gravity,
-            **{f"unit_{name}": value for name, value in asdict(self.units).items()},
+            **{f"unit_{name}": value for name, value in self.units.saved().items()},
             "units": self.units_of_parameters(),
         }
 

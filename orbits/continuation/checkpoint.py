@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from ..io import check_ending, version, writing
+from ..model.machine import machine_in_words
 from ..periodic.find import Progress
 from ..symbolic import interrupts
 from .curve import CurvePoint
@@ -53,7 +54,7 @@ def _begun(tracer: Tracer, resume: Family | None) -> Family:
     settings = {"start": tracer.start, "behind": tracer.behind, "stop": tracer.stop}
     settings |= {"family": tracer.first.point.family, "method": curve.method, "longest": options.longest}
     settings |= {"at": list(options.at), "watch": list(options.watch), "stop_inadmissible": options.stop_inadmissible}
-    machine = curve.machine.describe() if resume is None else resume.machine
+    machine = machine_in_words(curve.machine) if resume is None else resume.machine
     # The run solves the last point of a resumed family again, and finds the events after it again. An event that was
     # asked for is the last point itself and stays.
     points, earlier = (resume.points[:-1], resume.events) if resume else ((), ())

@@ -154,7 +154,8 @@ class Family:
     def units(self) -> dict[str, str]:
         """The units of the parameters and the results by name; empty for a dimensionless machine."""
         own = self.machine.get("units")
-        return {} if own is None else {**own, **{name: unit for name, unit in UNIT_TEXTS.items() if name in COLUMNS}}
+        results = {name: unit for name, unit in UNIT_TEXTS.items() if name in COLUMNS}
+        return {} if own is None else {**own, **results, **own}
 
     def heading(self, name: str) -> str:
         """A name with its unit, if it has one: "alpha (m/s)"."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
-from ..model.machine import Machine
+from ..model.machine import Machine, machine_in_words
 from ..model.units import without_units
 from ..periodic.find import Progress, Root, another_family, lowest_of_family, solve_family, solve_near
 from ..periodic.orbit import Orbit
@@ -261,7 +261,7 @@ def _check_unknowns(point: Point, curve: Curve) -> None:
 
 def _check_resumable(machine: Machine, along: str, behind: float, stop: float, resume: Family) -> None:
     """Raise `InputError` where a family is another machine's, or has nothing left to follow."""
-    mine, theirs = machine.describe(), dict(resume.machine)
+    mine, theirs = machine_in_words(machine), dict(resume.machine)
     for name in (along, "parameters"):
         mine.pop(name, None), theirs.pop(name, None)
     others = {name: value for name, value in resume.machine["parameters"].items() if name != along}

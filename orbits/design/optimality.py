@@ -14,7 +14,6 @@ import numpy as np
 from ..errors import InputError
 from ..io import one_line, write_json
 from ..model.machine import Machine
-from ..model.units import UNIT_TEXTS
 from ..periodic.orbit import Orbit, orbit_of
 from .nlp import DesignPoint
 from .problem import DesignProblem
@@ -120,7 +119,7 @@ class Design:
         """The SI unit of a quantity or parameter, "" where there is none."""
         if not self.orbit.units:
             return ""
-        known = {**UNIT_TEXTS, **self.orbit.machine.get("units", {})}
+        known = {**self.orbit.units.texts(), **self.orbit.machine.get("units", {})}
         return known.get(name, "m" if name.isidentifier() and name.endswith("_rise") else "")
 
     def save(self, path: str | Path) -> Path:

@@ -5,7 +5,7 @@ These are located on an orbit by samples; the design statement then has an arc t
 so that its value is exact and has derivatives.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import InputError, NoOrbit
 from ..model.machine import Machine
 from ..model.model import Model
-from ..model.phase import Affine, Arc, Phase, Statement
+from ..model.phase import Arc, Phase, Statement
 from ..model.units import DIMENSIONS, Message, in_units
 from ..numerics.roots import bracketed_root
 from ..periodic.formulations import half_orbit
@@ -57,11 +57,6 @@ class Place:
         return extreme_of(model, self.extreme)[self.index]
 
 
-def affine(function: Affine, x: Iterable) -> Any:
-    """The value of an affine function on a list of numbers or expressions."""
-    return sum((w * value for w, value in zip(function.weights, x, strict=False)), function.offset)
-
-
 def quantity_names(model: Model, p: Mapping) -> list[str]:
     """The quantities of a model's orbits."""
     missing = [] if model.tension else ["largest_spring_force"]
@@ -86,15 +81,15 @@ def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
 
     force, tension = model.contact.watch["contact force"], model.tension or (lambda x, p, q: 0.0)
     functions = {
-        "longest": over_cycle(lambda x, p: affine(model.extension, x)),
-        "shortest": over_cycle(lambda x, p: -affine(model.extension, x)),
-        "gap": (("flight", lambda x, p: -affine(model.gap(p), x)),),
-        "separation": over_cycle(lambda x, p: -affine(model.separation(p), x)),
+        "longest": over_cycle(lambda x, p: model.extension.at(x)),
+        "shortest": over_cycle(lambda x, p: -model.extension.at(x)),
+        "gap": (("flight", lambda x, p: -model.gap(p).at(x)),),
+        "separation": over_cycle(lambda x, p: -model.separation(p).at(x)),
         "force": (("contact", lambda x, p: -force(x, p, [])),),
         "peak": (("contact", lambda x, p: force(x, p, [])),),
         "tension": over_cycle(lambda x, p: tension(x, p, [])) + over_cycle(lambda x, p: -tension(x, p, [])),
     }
-    return functions.get(name) or (("flight", lambda x, p: affine(model.rises(p)[name], x)),)
+    return functions.get(name) or (("flight", lambda x, p: model.rises(p)[name].at(x)),)
 
 
 def _value_and_rate(phase, function, x, p):
@@ -195,7 +190,7 @@ def design_statement(model: Model, variational: bool, places: tuple[Place, ...])
         )
     base = base_statement(model)
     (arc,) = base.arcs
-    middle = lambda u, x, p: [affine(model.contact_speed, x)]  # noqa: E731
+    middle = lambda u, x, p: [model.contact_speed.at(x)]  # noqa: E731
     contact = Arc(model.contact, lambda u, before, p: model.touchdown(u, p), lambda u, p: u["contact"], middle)
     inside = {f"at {i}": place for i, place in enumerate(places) if place.kind == "inside"}
     arcs = [_variational(model, arc) if variational else arc, contact]
@@ -251,7 +246,7 @@ def _landing_jerk(model, u, p):
     """Third derivative of the gap at landing, which is minus that at lift-off."""
     x = ca.SX.sym("x", len(model.flight.states))
     rates = ca.vertcat(*model.flight.field(ca.vertsplit(x), p, []))
-    value = ca.SX(affine(model.gap(p), ca.vertsplit(x)))
+    value = ca.SX(model.gap(p).at(ca.vertsplit(x)))
     for _ in range(3):
         value = ca.jacobian(value, x) @ rates
     return -ca.substitute(value, x, ca.vertcat(*model.launch(u, p)))
@@ -269,7 +264,8 @@ def _loss(model, jerk, slope, u, p):
     """C of the map alpha + d -> alpha + d - C d**(4/3), from the landing jerk and the landing sensitivity."""
     gradient = model.flight_gradient(model.launch(u, p), p, [])
     power = launch_power(gradient, by_launch_speed(lambda u: model.launch(u, p), u))
-    return loss_coefficient(model.impact_mass(p), -jerk, ca.fabs(slope), power)
+    at_landing = [sign * x for sign, x in zip(model.reversor, model.launch(u, p), strict=True)]
+    return loss_coefficient(model.impact_mass(at_landing, p), -jerk, ca.fabs(slope), power)
 
 
 def expressions(
@@ -291,5 +287,5 @@ def expressions(
         if name in COMPOSITION:
             values[name] = sum(sign * extremes[extreme][0] for extreme, sign in COMPOSITION[name].items())
         elif name not in values:
-            values[name] = extremes[name][0] - affine(model.rises(p)[name], model.launch(u, p))
+            values[name] = extremes[name][0] - model.rises(p)[name].at(model.launch(u, p))
     return {name: values[name] for name in names}

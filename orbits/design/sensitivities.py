@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 from ..errors import InputError
-from ..model.machine import Machine, check_parameters, free_parameters
+from ..model.machine import Machine, check_parameters, free_parameters, machine_in_words
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
@@ -71,7 +71,7 @@ def _formulas_at(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Seq
 
 def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
     """The requested names, or all quantities that the orbit has; raises `InputError` for another machine's orbit."""
-    if dict(orbit.machine) != machine.describe():
+    if dict(orbit.machine) != machine_in_words(machine):
         raise InputError(f"the orbit is another machine's: {dict(orbit.machine)}")
     if isinstance(names, str):
         raise InputError(f"quantities are a list: ['{names}']")

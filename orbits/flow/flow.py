@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from ..model.closed_form import Oscillator, ThrownOscillator
 from ..model.phase import Phase
-from ..model.units import LENGTH, TIME, Message, Quantity, described
+from ..model.units import TIME, Message, Quantity, described
 from ..numerics.roots import Array
 from ..symbolic import interrupts
 from ..symbolic.calls import BufferedFunction, ElementwiseFunction
@@ -333,5 +333,6 @@ class Flow:
         breaks, pieces = self.piece_table(p)[0], self.phase.pieces
         assert pieces is not None
         text = "the {label} leaves the law's range, [{low:.6g}, {high:.6g}], at {place:.6g}"
-        low, high, place = (Quantity(float(number), LENGTH) for number in (breaks[0], breaks[-1], self.coordinate @ x))
+        along = self.phase.states[int(np.flatnonzero(self.coordinate)[0])]
+        low, high, place = (Quantity(float(number), along) for number in (breaks[0], breaks[-1], self.coordinate @ x))
         return OutOfRange(Message(text, label=pieces.label, low=low, high=high, place=place))

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..io import one_line
 from ..model.phase import Affine
+from ..model.state_formula import StateFormula
 from ..numerics.bernstein import evaluate, powers, shifted
 from ..numerics.roots import Array
 
@@ -157,11 +158,14 @@ class Trajectories:
         """The motions of the first rows alone, given by their names, without variations."""
         return self.with_rows(self.coefficients[:, : len(names)], names)
 
-    def series(self, quantity: Affine, embed: np.ndarray | None = None) -> np.ndarray:
-        """Coefficients (N, K + 1) of an affine function of the first rows, or of `embed` (n, rows) times these.
+    def series(self, quantity: Affine | StateFormula, embed: np.ndarray | None = None) -> np.ndarray:
+        """Coefficients (N, K + 1) of a function of the first rows, or of `embed` (n, rows) times these.
 
-        The weights and the offset of the function are numbers, or (m,) where they differ between motions.
+        Weights, offset and values of the function are numbers, or (m,) where they differ between motions.
         """
+        if isinstance(quantity, StateFormula):
+            c = self.coefficients
+            return quantity.of(self.owner).series(c if embed is None else embed @ c[:, : embed.shape[1]])
         offset, varying = np.asarray(quantity.offset), np.ndarray in map(type, quantity.weights)
         weights = np.array(np.broadcast_arrays(*quantity.weights) if varying else quantity.weights)
         weights = weights.T[self.owner] if weights.ndim > 1 else weights[None]

@@ -20,7 +20,7 @@ from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import MOST_CLOSED_STEPS, first_zeros
 from ..model.machine import ImpactingMachine, check_machine
 from ..model.phase import Affine
-from ..model.units import SPEED, Message, Quantity
+from ..model.units import LAUNCH_SPEED, Message, Quantity
 from ..numerics.bernstein import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..periodic.certificate import gradients
@@ -110,7 +110,6 @@ class Impacts:
     gap : the gap as a function of the flight state
     contact_force, force_index : the contact force as a function of the rows of the contact's motion, and its place
         among the quantities that the contact watches
-    direction : the change (n,) of the flight state per change of the gap's speed in an impact
     onto_contact : matrix (k, n) from flight states with closed gap to contact states
 
     Raises `InputError` for what is no machine with a restitution.
@@ -126,7 +125,7 @@ class Impacts:
         self.flight, self.contact = flow_of(model.flight, names), flow_of(model.contact, names)
         self.gap, self.contact_force = model.gap(self.values), contact_force_row(model.contact)
         self.force_index = len(self.contact_force.weights) - 1 - self.contact.size
-        self.direction, self.onto_contact = model.impact(self.values), np.linalg.pinv(model.embed)
+        self.onto_contact = np.linalg.pinv(model.embed)
 
     def landings(self, x: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError]]:
         """`first_zeros` of the gap on flights from states (m, n), where it has a zero of this order and opens."""
@@ -143,22 +142,36 @@ class Impacts:
         """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows, at
         once or after infinitely many bounces; the states (m, n) after the impact, which move away where the machine
         bounces; the loss of energy (m,); and the time (m,) that infinitely many bounces take."""
-        e, speed = self.restitution, x @ self.gap_speed
-        stuck = x - speed[:, None] * self.direction
+        e, speed, direction = self.restitution, x @ self.gap_speed, self.direction(x)
+        stuck = x - speed[:, None] * direction
         held, wait = self.pressing(stuck) >= 0, np.zeros(len(x))
         if e > 0:
             closing = -(self.flight.field(stuck, self.p)[0] @ self.gap_speed)
             # All bounces to come are summed where the acceleration that closes the gap hardly changes while they last.
-            jerk, snap = self.gap_rates(stuck - (e * speed)[:, None] * self.direction)
+            jerk, snap = self.gap_rates(stuck - (e * speed)[:, None] * direction)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 wait = 2 * e * np.abs(speed) / (1 - e) / closing if e < 1 else np.full(len(x), np.inf)
                 change = wait * (np.abs(jerk) + 0.5 * wait * np.abs(snap))
                 summed = (closing > 0) & (change <= self.options.summed_change * closing)
             held &= summed | (np.abs(speed) <= self.options.slowest_bounce * np.abs(x).max(1))
             wait = np.where(held & summed, wait, 0.0)
-        loss = 0.5 * self.model.impact_mass(self.values) * speed**2 * np.where(held, 1.0, 1 - e**2)
-        state = stuck - np.where(held, 0.0, e * speed)[:, None] * self.direction
+        loss = 0.5 * self.model.impact_mass(list(x.T), self.values) * speed**2 * np.where(held, 1.0, 1 - e**2)
+        state = stuck - np.where(held, 0.0, e * speed)[:, None] * direction
         return held, state, loss, wait
+
+    def direction(self, x: np.ndarray) -> np.ndarray:
+        """The change (m, n) of flight states (m, n) per change of the gap's speed in an impact."""
+        rows = self.model.impact(list(x.T), self.values)
+        return np.stack(np.broadcast_arrays(*rows, x[:, 0])[:-1], axis=1)
+
+    @cached_property
+    def change_after(self) -> ca.Function:
+        """(flight state, a small change of it, how many times its gap speed an impact takes away) -> the change after
+        the impact, whose direction may depend on where it happens."""
+        x, change, factor = self.flight.vector_field.x, ca.SX.sym("change", self.flight.size), ca.SX.sym("factor")
+        direction = ca.vertcat(*self.model.impact(ca.vertsplit(x), self.values))
+        after = x - factor * ca.dot(ca.DM(self.gap_speed), x) * direction
+        return ca.Function("change_after", [x, change, factor], [ca.densify(ca.jtimes(after, x, change))])
 
     def launch(self, alpha: ArrayLike) -> np.ndarray:
         """Flight states (m, n) at lift-off with launch speeds (m,)."""
@@ -224,17 +237,19 @@ class Impacts:
 
     def energy(self, x: ArrayLike) -> float:
         """The energy of a flight state (n,), relative to rest with the spring unloaded and the gap closed: the integral
-        of its gradient along the straight line from the origin."""
-        x = np.asarray(x, dtype=float)
+        of its gradient along the straight line from there."""
+        rest = np.array(self.model.rest(self.values) if self.model.rest else np.zeros(self.flight.size), dtype=float)
+        way = np.asarray(x, dtype=float) - rest
         edges, pieces = np.linspace(0.0, 1.0, self.options.energy_panels + 1), self.model.flight.pieces
         if pieces:  # A panel may not reach across a breakpoint of the law.
-            reach, breaks = float(self.flight.coordinate @ x), self.flight.piece_table(self.p)[0]
-            edges = np.unique([*edges, *(b / reach for b in breaks if reach and 0 < b / reach < 1)])
+            reach, breaks = float(self.flight.coordinate @ way), self.flight.piece_table(self.p)[0]
+            places = (np.array(breaks) - self.flight.coordinate @ rest) / reach if reach else np.zeros(0)
+            edges = np.unique([*edges, *places[(places > 0) & (places < 1)]])
         widths = np.diff(edges)
-        points = (edges[:-1, None] + widths[:, None] * GAUSS_PLACES).reshape(-1, 1) * x
+        points = (edges[:-1, None] + widths[:, None] * GAUSS_PLACES).reshape(-1, 1) * way + rest
         gradient = gradients(self.model.flight, self.model.flight_gradient, tuple(self.values))
         (slopes,) = gradient(points, self.flight.data(points, self.p))
-        return float((widths[:, None] * GAUSS_WEIGHTS).ravel() @ (slopes @ x))
+        return float((widths[:, None] * GAUSS_WEIGHTS).ravel() @ (slopes @ way))
 
     @cached_property
     def gap_speed(self) -> np.ndarray:
@@ -261,8 +276,10 @@ class Impacts:
 
     @cached_property
     def launch_inertia(self) -> float:
-        """Twice the energy at launch over the square of the launch speed."""
-        launch = np.array(self.model.launch({"liftoff": 0.0, "alpha": 1.0 + 1e-30j}, self.values), dtype=complex)
+        """Twice the part of the energy at launch that its speed makes, over the square of that; for an inertia that
+        varies, at the configuration of the launch with speed 1, which without damping is that of all."""
+        (liftoff,) = self.model.release(np.ones(1), self.values)
+        launch = np.array(self.model.launch({"liftoff": liftoff, "alpha": 1.0 + 1e-30j}, self.values), dtype=complex)
         # The launch speed changes speeds alone, and the energy's gradient with respect to these involves no law.
         direction, moved = launch.imag * 1e30, launch.imag != 0
         q = [0.0] * (self.model.flight.pieces.size if self.model.flight.pieces else 0)
@@ -339,7 +356,7 @@ def status_of_failure(error: FlowError, phase: str) -> str:
 def no_launch(alpha: float) -> Message:
     """Why a machine does not leave the ground at a launch speed."""
     text = "alpha = {alpha:g} is no launch: the damper is too strong for the contact to open"
-    return Message(text, alpha=Quantity(alpha, SPEED))
+    return Message(text, alpha=Quantity(alpha, LAUNCH_SPEED))
 
 
 def injected(inject: object, unit: float = 1.0) -> float:

@@ -13,7 +13,7 @@ from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
 from ..model.machine import ImpactingMachine, dimensionless
-from ..model.units import DIMENSIONS, SPEED, Message, Quantity, without_units
+from ..model.units import DIMENSIONS, LAUNCH_SPEED, SPEED, Message, Quantity, without_units
 from ..periodic.local_law import loss_coefficient
 from ..symbolic.exclusive import exclusive
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts, no_launch
@@ -32,7 +32,7 @@ def multiplier(machine: ImpactingMachine, alpha: float) -> float:
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
     if units := getattr(machine, "units", None):
         with without_units(units):
-            return multiplier(dimensionless(machine), alpha / units.of(SPEED))
+            return multiplier(dimensionless(machine), alpha / units.of(LAUNCH_SPEED))
     impacts = Impacts(machine)
     x, order = impacts.launch(np.array([alpha]))[0], LIFTOFF_ORDER
     step = 1e-5 * alpha  # The extension of the launch state depends on the launch speed too where there is damping.
@@ -42,9 +42,9 @@ def multiplier(machine: ImpactingMachine, alpha: float) -> float:
         raise NoOrbit(no_launch(alpha))
     for _ in range(CAP):
         x, change = _through_flight(impacts, alpha, x, change, order)
-        (held,), (x,), *_ = impacts.landing(x[None])
+        (held,), (after,), *_ = impacts.landing(x[None])
         factor, order = 1.0 if held else 1.0 + impacts.restitution, impacts.bounce_order
-        change = change - factor * impacts.direction * (impacts.gap_speed @ change)
+        x, change = after, impacts.change_after(x, change, factor).full().ravel()
         if held:
             return _through_contact(impacts, impacts.onto_contact @ x, impacts.onto_contact @ change)
     raise NoOrbit(f"after {CAP} impacts the machine has not come to rest on the ground")
@@ -78,7 +78,7 @@ def _one_sided(impacts: Impacts, alpha: float, x, change) -> Message:
     jerk, slope = -impacts.gap_rates(x[None])[0, 0], float(np.array(impacts.gap.weights) @ change)
     if not jerk > 0 or slope == 0:
         return Message("nor a power law")
-    mass = impacts.model.impact_mass(impacts.values)
+    mass = impacts.model.impact_mass(x.tolist(), impacts.values)
     text = "alpha {first} d loses {c:.4g} d**(4/3), alpha {other} d {more:.4g} d**(4/3)"
     c = loss_coefficient(mass, jerk, abs(slope), impacts.launch_inertia * alpha)
     first, other = ("+", "-") if slope > 0 else ("-", "+")

@@ -18,7 +18,7 @@ from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
 from ..io import fields_in_line, one_line
 from ..model.machine import ImpactingMachine, dimensionless
-from ..model.units import SPEED, SPEED_SQUARED, Units, unit_text, without_units
+from ..model.units import DIMENSIONS_OF_HOPS, LAUNCH_SPEED, Units, without_units
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
 from ..periodic.find import Progress, certified_orbit, find
@@ -34,8 +34,6 @@ JUMP = 1e-6  # where the map changes by less than this share between neighbourin
 FURTHER = 3  # the search for lossless orbits ends after this many families in a row without one in the range
 PER_TURN, MOST_SAMPLES = 8, 2000  # launches in the grid searched for lossless orbits: per half oscillation, and at most
 SETTLED = 1e-5  # a basin, maybe of infinitely many intervals, is complete when a hop adds a smaller share of the range
-DIMENSIONS_OF_HOPS = {"alpha": SPEED, "next": SPEED, "loss": SPEED_SQUARED}
-UNITS_OF_HOPS = {name: unit_text(dimension) for name, dimension in DIMENSIONS_OF_HOPS.items()}
 # (lowest, highest) of each interval, ascending.
 Intervals = list[tuple[float, float]]
 
@@ -61,7 +59,7 @@ class Hops:
 
     def in_units(self, units: Units) -> "Hops":
         """Dimensionless hops in these units."""
-        return replace(units.convert(self, **DIMENSIONS_OF_HOPS), units=UNITS_OF_HOPS)
+        return replace(units.convert(self, **DIMENSIONS_OF_HOPS), units=units.texts(DIMENSIONS_OF_HOPS))
 
     def __repr__(self) -> str:
         statuses, counts = np.unique(self.status, return_counts=True)
@@ -102,7 +100,7 @@ class ReturnMap:
     def __init__(self, machine: ImpactingMachine, inject: float = 0.0, cap: int = CAP):
         self.machine, self._units = machine, getattr(machine, "units", None) or Units(1.0, 1.0, 1.0)
         self._bare: ReturnMap | None = None  # of the dimensionless machine, where this one has units
-        self._speed: float = self._units.of(SPEED)
+        self._speed: float = self._units.of(LAUNCH_SPEED)
         self.inject, self.cap = injected(inject, self._speed), whole_number("cap", cap, "impacts")
         if getattr(machine, "units", None):
             self._bare = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap)

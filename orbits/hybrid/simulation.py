@@ -19,18 +19,19 @@ from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
 from ..io import fields_in_line
 from ..model.machine import ImpactingMachine, check_machine, dimensionless
+from ..model.model import Knee
 from ..model.phase import Affine
+from ..model.state_formula import StateFormula
 from ..model.units import (
     ENERGY,
+    LAUNCH_SPEED,
     LENGTH,
-    SPEED,
     TIME,
     Message,
     Quantity,
     Units,
     described,
     in_units,
-    unit_text,
     without_units,
 )
 from ..numerics.bernstein import lowest
@@ -53,12 +54,11 @@ from .schedule import Inputs, Schedule, check_scheduled, parsed_schedule
 TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
 DIMENSIONS_OF_SIMULATIONS = {
-    "launches": SPEED,
+    "launches": LAUNCH_SPEED,
     **dict.fromkeys(("end", "time"), TIME),
     "smallest_separation": LENGTH,
     **dict.fromkeys(("energy", "loss"), ENERGY),
 }
-UNITS_OF_SIMULATIONS = {name: unit_text(dimension) for name, dimension in DIMENSIONS_OF_SIMULATIONS.items()}
 AFTER_NUMBERS = ("end", "launches", "smallest_separation")  # whose units follow the numbers in a printed simulation
 
 
@@ -127,9 +127,16 @@ class Simulation:
         return min(smallest, default=None)
 
     @property
-    def heights(self) -> dict[str, Affine]:
+    def heights(self) -> dict[str, Affine | StateFormula]:
         """The heights of the machine's model, as functions of the flight state."""
         return {name: self._length(height) for name, height in self.machine.model.heights(self.machine.values).items()}
+
+    @property
+    def knees(self) -> tuple[Knee, ...]:
+        """The knees of the machine's model, as its `heights`."""
+        model, unit = self.machine.model, self.machine.units.length if self.machine.units else 1.0
+        found = model.knees(self.machine.values) if model.knees else ()
+        return tuple((lower, upper, length * unit) for lower, upper, length in found)
 
     @property
     def gap(self) -> Affine:
@@ -138,7 +145,8 @@ class Simulation:
 
     def _length(self, height: Any) -> Any:
         """A length of the model as a function of the flight state: in SI where the machine is stated so."""
-        return self.machine.units.convert_height(height) if self.machine.units else height
+        units, states = self.machine.units, self.machine.model.flight.states
+        return units.convert_height(height, states) if units else height
 
     def __repr__(self) -> str:
         return fields_in_line(self, "machine", "status", "end")
@@ -146,7 +154,7 @@ class Simulation:
     def document(self) -> dict[str, Any]:
         """The simulation as the JSON document of the command line."""
         return {
-            **({"units": UNITS_OF_SIMULATIONS} if self.machine.units else {}),
+            **({"units": self.machine.units.texts(DIMENSIONS_OF_SIMULATIONS)} if self.machine.units else {}),
             "launches": [None if np.isnan(speed) else float(speed) for speed in self.launches],
             "status": self.status, "reason": self.reason, "end": self.end,
             "smallest_separation": self.smallest_separation,
@@ -154,7 +162,7 @@ class Simulation:
         }  # fmt: skip
 
     def __str__(self) -> str:
-        units = UNITS_OF_SIMULATIONS if self.machine.units else {}
+        units = self.machine.units.texts(DIMENSIONS_OF_SIMULATIONS) if self.machine.units else {}
         time, energy, loss = (f"{name} ({units[name]})" if units else name for name in ("time", "energy", "loss"))
         second, speed, metre = ("", "", "") if not units else (f" {units[name]}" for name in AFTER_NUMBERS)
         lines = [f"{time:>14}  {'event':<10}{energy:>16}{loss:>14}"]
@@ -226,7 +234,7 @@ def simulate(
     """
     check_machine(machine)
     units = getattr(machine, "units", None)
-    inject, cap = injected(inject, units.of(SPEED) if units else 1.0), whole_number("cap", cap, "impacts")
+    inject, cap = injected(inject, units.of(LAUNCH_SPEED) if units else 1.0), whole_number("cap", cap, "impacts")
     hops = None if hops is None else whole_number("hops", hops, "lift-offs")
     if not (isinstance(time, Real) and time > 0):
         raise InputError(f"time = {time!r}; it is a number above 0")
@@ -260,7 +268,7 @@ def _checked_state(machine: ImpactingMachine, state: ArrayLike) -> np.ndarray:
 
 def _simulate_in(units: Units, machine, alpha, state, hops, time, inject, cap, inputs: Inputs | None) -> Simulation:
     """The simulation of a machine with units: that of its dimensionless self, its arguments and results converted."""
-    speed = units.of(SPEED)
+    speed = units.of(LAUNCH_SPEED)
     if isinstance(alpha, Mapping):
         alpha = units.without("alpha", alpha)
     elif alpha is not None:
@@ -285,7 +293,7 @@ def run_in_units(run: Simulation, units: Units, machine: ImpactingMachine) -> Si
     states = [{"before": event.before * size, "after": event.after * size} for event in run.events]
     pairs = zip(run.events, states, strict=True)
     events = tuple(replace(units.convert(event, **energies), **changed) for event, changed in pairs)
-    launches, end = run.launches * units.of(SPEED), run.end * units.time
+    launches, end = run.launches * units.of(LAUNCH_SPEED), run.end * units.time
     reason = in_units(run.reason, units)
     return replace(run, legs=legs, events=events, launches=launches, end=end, machine=machine, reason=reason)
 
@@ -323,7 +331,8 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
         return np.array([impacts.model.launch(named, impacts.values)], dtype=float), named["alpha"]
     if not 0 < (alpha := finite_number("alpha", launch)) <= FASTEST_LAUNCH:
         text = "alpha = {alpha:g}; a launch speed is above 0 and at most {most:g}"
-        raise InputError(Message(text, alpha=Quantity(alpha, SPEED), most=Quantity(FASTEST_LAUNCH, SPEED)))
+        speed, most = (Quantity(number, LAUNCH_SPEED) for number in (alpha, FASTEST_LAUNCH))
+        raise InputError(Message(text, alpha=speed, most=most))
     return impacts.launch(np.array([alpha])), alpha
 
 

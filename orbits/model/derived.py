@@ -225,13 +225,18 @@ class _Parts:
         """Refuses a launch that is more than a speed."""
         raise InputError(f"a launch of a {self.structure.name} is more than a speed: give the flight state")
 
-    def impact_mass(self, p: Parameters) -> Any:
+    def impact_mass(self, x: Scalars, p: Parameters) -> Any:
         """Twice the energy that a plastic impact loses, over the square of the gap's speed."""
-        return self._impact_mass(p)[0][0]
+        return self._impact_mass(p, self._place(x))[0][0]
 
-    def impact(self, p: Parameters) -> np.ndarray:
+    def impact(self, x: Scalars, p: Parameters) -> list[Any]:
         """The direction in which an impact changes the flight state."""
-        return np.array(_interleaved(self.mechanics.impact(p)[0], len(self.structure.actuators), 1), dtype=float)
+        return list(_interleaved(self.mechanics.impact(p, self._place(x))[0], len(self.structure.actuators), 1))
+
+    def _place(self, x: Scalars) -> list[Any]:
+        """The coordinates, with the actuators' displacements, of a flight state."""
+        ends = len(x) - len(self.structure.actuators)
+        return [*x[:ends:2], *x[ends:]]
 
     def separation(self, p: Parameters) -> Affine | None:
         """The distance that must stay positive."""

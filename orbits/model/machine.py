@@ -89,6 +89,13 @@ def check_parameters(machine: Machine, *names: str) -> None:
             raise InputError(f"the machine has no parameter '{name}' to follow; it has {', '.join(free)}")
 
 
+def machine_in_words(machine: Machine) -> dict[str, Any]:
+    """What describes a machine, with the units of those results that are not in the usual ones, as angles are."""
+    words = machine.describe()
+    unusual = machine.units.unusual_texts() if machine.units else {}
+    return words | {"units": {**words.get("units", {}), **unusual}} if unusual else words
+
+
 def dimensionless(machine: Any) -> Any:
     """The machine without its units; itself where it has none."""
     return machine if machine.units is None else machine.dimensionless()

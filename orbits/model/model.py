@@ -2,29 +2,34 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from ..io import fields_in_line
 from .phase import Affine, Arc, Phase, Statement
+from .state_formula import StateFormula
+
+# Two links of the same length with a knee between them: the names of the heights that they join, lower (None for the
+# ground) and upper, and the length of each.
+Knee: TypeAlias = tuple[str | None, str, float]
 
 
 class Search(NamedTuple):
     """How to search for all orbits of a family.
 
-    scale : of launch speeds, and of times per `time`: for a hopper the inverse root of the spring's slope at rest
+    scale : of launch speeds: for a hopper the inverse root of the spring's slope at rest
     spacing, fastest : of the launch speeds where the search begins, and the last of them for family 1, in multiples of
         the scale
     single : whether the laws bend so seldom that the orbit to which the guess leads is taken for the lowest
-    time : half the time of a flight per launch speed, about
+    pace : the scale of times over that of launch speeds
     """
 
     scale: float
     spacing: float
     fastest: float
     single: bool
-    time: float = 1.0
+    pace: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +59,8 @@ class Model:
     set. Energy is conserved in each phase; only its gradient is asked for, so that no potential is needed in closed
     form. Unknowns come as a mapping `u` too: "liftoff" is the extension at lift-off, "alpha" the launch speed, and what
     else a launch needs has the names of flight states. What is asked of m orbits at once (launch, touchdown, gap,
-    separation, impact_mass) is called with arrays (m,) in `u` and `p`: plain arithmetic that does not branch on them.
+    separation, impact_mass, impact) is called with arrays (m,) in `u`, `x` and `p`, and with CasADi's expressions:
+    arithmetic that does not branch on them.
 
     flight, contact : the two phases; the contact watches a quantity named "contact force"
     launch_unknowns, launch : names of the unknowns of a launch; (u, p) -> flight state at lift-off
@@ -65,18 +71,24 @@ class Model:
     touchdown : (u, p) -> contact state after a lossless landing
     embed : matrix (n, m) that turns contact states (m,) into flight states (n,)
     flight_gradient, contact_gradient : (x, p, q) -> gradient of the energy in that phase
-    extension : function of the flight state whose stationary points count the family
-    gap : p -> height of the contact point above what it lands on, a function of the flight state
-    separation : p -> smallest distance within the machine, which must stay positive; None where it is not stated
-    heights : p -> functions of the flight state by name, for plots; first the masses, the upper before the lower
+    extension : affine function of the flight state whose stationary points count the family
+    gap : p -> height of the contact point above what it lands on, an affine function of the flight state
+    separation : p -> smallest distance within the machine, which must stay positive, a function of the flight state,
+        `Affine` or a `StateFormula`; None where it is not stated
+    heights : p -> such functions by name, for plots and rises; first the masses, the upper before the lower
     violations : messages for the four ways in which a root is no motion: the "gap" closes in flight, the contact would
         have to "pull", the "separation" vanishes, the contact does not "end"
     springs : pairs of names of the heights, lower and upper, between which springs are drawn; None is the ground
-    impact_mass : p -> twice the energy that a plastic impact loses, over the square of the gap's speed
-    impact : p -> direction (n,) in which an impact changes the flight state; along it the gap's speed changes by 1
+    knees : p -> (lower, upper, length) of pairs of such names between which a knee joins two links of this length, in
+        the unit of the heights; None where there is none
+    impact_mass : (x, p) -> twice the energy that a plastic impact in the flight state x loses, over the square of the
+        gap's speed: 1 / (dg M^-1 dg) for an inertia matrix M and the gap's gradient dg, both of which may vary with x
+    impact : (x, p) -> direction, a list of n, in which an impact changes the flight state x: M^-1 dg on the speeds,
+        scaled so that along it the gap's speed changes by 1
     contact_speed : the contact coordinate that becomes the launch speed
     guess : (family, p) -> a launch and the "duration" of the half flight, in the scene with `homotopy` at 0; None where
-        that follows from `relative`, or where there is none: the family is then searched
+        that follows from `relative`, or where the families are searched at once, for which `search` and `release` are
+        enough
     relative : the `Relative` motion under constant gravity, from which a guess follows; None where there is none
     conservative : whether flight and contact conserve the energy
     homotopy : name of the parameter that leads from the scene of the guess (0) to this one (1); None where they are one
@@ -85,6 +97,8 @@ class Model:
     units : p -> `Units` of a machine that is stated in SI, whose parameters are in SI; None for a dimensionless one
     gauge : name of a parameter that only sets the units and changes no motion; None where there is none
     search : p -> `Search`; None for a model whose families are not searched for all of their orbits
+    rest : p -> flight state at rest in contact, with the springs unloaded, from which a simulation counts the energy;
+        None where all of its coordinates are 0
     """
 
     name: str
@@ -118,13 +132,20 @@ class Model:
     gauge: str | None = None
     search: Callable | None = None
     relative: Any = None
+    rest: Callable | None = None
+    knees: Callable | None = None
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
 
-    def rises(self, p: Mapping[str, Any]) -> dict[str, Affine]:
+    def rises(self, p: Mapping[str, Any]) -> dict[str, Affine | StateFormula]:
         """The heights, by the name of the quantity that says how far each rises above its value at lift-off."""
         return {f"{name.replace(' ', '_')}_rise": height for name, height in self.heights(p).items()}
+
+    @property
+    def is_guessed(self) -> bool:
+        """Whether a family has a guess, from which its orbit is solved for."""
+        return bool(self.guess or self.relative)
 
     @property
     def half_unknowns(self) -> tuple[str, ...]:
@@ -169,8 +190,8 @@ def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, A
 
 # Which argument of a model's functions is the parameters.
 PARAMETERS_AT = {
-    **dict.fromkeys(("gap", "separation", "heights", "impact_mass", "impact", "search"), 0),
-    **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess"), 1),
+    **dict.fromkeys(("gap", "separation", "heights", "search", "rest", "knees"), 0),
+    **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess", "impact_mass", "impact"), 1),
     **dict.fromkeys(("flight_gradient", "contact_gradient", "tension"), 1),
     "landing": 2,
 }

@@ -4,7 +4,7 @@ Plain functions of CasADi scalars build expressions. A vector field is called as
 states, a mapping `p` of parameters by name and a list `q`, the data of the smooth piece that the state is on.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,6 +26,19 @@ class Affine:
     def __call__(self, x: ArrayLike) -> Any:
         """Values (...) at states `x` (..., n)."""
         return np.asarray(x) @ np.array(self.weights) + self.offset
+
+    def at(self, x: Sequence[Any]) -> Any:
+        """The value at a list of states: numbers, arrays or expressions."""
+        return sum((weight * part for weight, part in zip(self.weights, x, strict=False)), self.offset)
+
+    def in_units(self, sizes: Sequence[float], unit: float) -> "Affine":
+        """The same function of states of which one unit is `sizes` (n,), its value in a unit."""
+        weights = (weight * (unit / size) for weight, size in zip(self.weights, sizes, strict=True))
+        return Affine(tuple(weights), self.offset * unit)
+
+    def saved(self) -> list[Any]:
+        """The function for a file."""
+        return [self.weights, self.offset]
 
     def series(self, coefficients: np.ndarray) -> np.ndarray:
         """Taylor coefficients (..., K + 1) from those of rows (..., rows, K + 1), of which the first n are states."""

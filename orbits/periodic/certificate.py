@@ -118,10 +118,19 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
     """Loss coefficients (m,), `NONE` where the gap opens the wrong way or does not change with the launch speed."""
     found, defined = np.full(len(cycles), NONE), (jerk > 0) & (cycles.gap_slope != 0)
     if defined.any():
-        mass = model.impact_mass({name: values[defined] for name, values in cycles.p.items()})
+        at_landing = [row[defined] for row in _landing_states(model, cycles)]
+        mass = model.impact_mass(at_landing, {name: values[defined] for name, values in cycles.p.items()})
         loss = loss_coefficient(mass, jerk[defined], np.abs(cycles.gap_slope[defined]), power[defined])
         found[defined] = np.where(loss == np.inf, np.nan, loss)  # a number too large is not `NONE`
     return found
+
+
+def _landing_states(model: Model, cycles: Cycles) -> np.ndarray:
+    """The flight states (n, m) at landing: mirror images of those at launch, or the starts of what is followed from
+    landing backwards."""
+    first = cycles.halves.first[cycles.halves_per_flight - 1 :: cycles.halves_per_flight]
+    states = cycles.halves.coefficients[first, : len(model.flight.states), 0].T
+    return states if model.reversor is None else np.array(model.reversor)[:, None] * states
 
 
 @kept

@@ -54,7 +54,7 @@ class Lateness:
     """The lateness of one family of machines (m,) of one model as a function of the launch speed.
 
     ps : parameters (m, np), which `names` names; a piecewise field, and one in closed form, take a single machine
-    clock : half the flight time (m,) per launch speed, in which late times are told
+    paces : the scale of times (m,) over that of launch speeds, in which late times are told
     searches : how each of them is searched
     liftoffs : the extensions (m,) at lift-off, where they are known; without damping they do not depend on the speed
     """
@@ -65,7 +65,7 @@ class Lateness:
     ):  # fmt: skip
         self.model, self.method, self.family, self.searches = model, method, family, searches
         self.names, self.ps = names, ps
-        self.scales, self.clock = np.array([[search.scale, search.time] for search in searches]).T
+        self.scales, self.paces = np.array([[search.scale, search.pace] for search in searches]).T
         self.reduction = reduction_of(model, method)
         self.statement = equations_of(model, method, names).statement
         self.arc = self.statement.arcs[0]
@@ -80,7 +80,7 @@ class Lateness:
     def _followed(self, alphas: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Lateness and times (k,), and which motions (k,) break off, as they run away or come to a singularity."""
         u, p = self._unknowns(alphas, which), self._parameters(which)
-        limit = LATEST_TURN * self.clock[which] * (self.scales[which] + alphas)
+        limit = LATEST_TURN * self.paces[which] * (self.scales[which] + alphas)
         states = columns(self.arc.start(u, np.zeros(0), p))
         times, going, broken = np.zeros(len(alphas)), np.arange(len(alphas)), np.zeros(len(alphas), bool)
         for turn in range(2 if self.reduction else self.family + 1):
@@ -96,10 +96,10 @@ class Lateness:
             states[going] = rows[:, : states.shape[1]]
             going = np.flatnonzero(np.isfinite(times))
         if self.reduction:
-            late = (times - self.arc.duration(u, p)) / self.clock[which]
+            late = (times - self.arc.duration(u, p)) / self.paces[which]
         else:
             late = -np.sum(self.arc.conditions(u, list(states.T), p), axis=0)
-        return np.where(np.isfinite(times), late, limit / self.clock[which]), times, broken
+        return np.where(np.isfinite(times), late, limit / self.paces[which]), times, broken
 
     def start(self, alphas: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
         """The unknowns (k, n) of the statement near orbits with launch speeds (k,) of the machines `which` (k,)."""

@@ -5,11 +5,12 @@ not lead to a certified orbit of the family at once, `find` is left to decide.
 """
 
 from collections.abc import Collection
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import NoOrbit
+from ..errors import NoOrbit, OrbitsError
 from ..model.model import Model
 from ..model.units import DIMENSIONS, LENGTH, Units
 from .certificate import Certificate, certify, extremes
@@ -63,10 +64,12 @@ def lowest_orbits(
     it has none; machines that are in neither are for `find` to decide, by which the others are the same."""
     method = "relative" if model.reduction else "half orbit"
     equations = equations_of(model, method, names)
-    if model.relative is None or len(equations.flows) > 1 or not equations.smooth:
+    searched_at_once = not model.is_guessed and model.search is not None and model.reversor is not None
+    if not (model.relative or searched_at_once) or len(equations.flows) > 1 or not equations.smooth:
         return [], {}
     asked = _Family(model, names, ps, family, method, equations)
-    guess = guesses(model.relative, family, dict(zip(names, ps.T, strict=True)))
+    p = dict(zip(names, ps.T, strict=True))
+    guess = guesses(model.relative, family, p) if model.relative else _no_guesses(model, names, ps)
     guessed = _from_guesses(asked, guess)
     single, found = guess.single, np.full(len(ps), np.inf)
     if guessed:
@@ -83,6 +86,16 @@ def lowest_orbits(
         best = np.array([lowest.get(machine) == alpha for machine, alpha in each], dtype=bool)
         parts.append(searched.only(best & ~settled[searched.which]))
     return parts, absent
+
+
+def _no_guesses(model: Model, names: tuple[str, ...], ps: np.ndarray) -> Guesses:
+    """For machines (m, np) whose families are searched at once: where they lift off, and no launch speeds."""
+    liftoff, none = np.full(len(ps), np.nan), np.full(len(ps), np.nan)
+    for i, p in enumerate(ps.tolist()):
+        with suppress(OrbitsError):
+            liftoff[i] = model.release(np.ones(1), dict(zip(names, p, strict=True)))[0]
+    found = {"liftoff": liftoff, "alpha": none, "duration": none}
+    return Guesses(found, np.isfinite(liftoff), np.zeros(len(ps), bool), {})
 
 
 def _from_guesses(asked: _Family, guess: Guesses) -> Orbits | None:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO, NotRequired, TypedDict
 
@@ -12,9 +12,11 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
 from ..io import conform, one_line, read_file, write_json
-from ..model.machine import Machine
+from ..model.machine import Machine, machine_in_words
+from ..model.model import Knee
 from ..model.phase import Affine
-from ..model.units import UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
+from ..model.state_formula import SavedHeight, StateFormula, height_of
+from ..model.units import EXTENSION, UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from ..numerics.bernstein import lowest
 from ..plot import Report, animate_orbit, plot_orbit, plot_phase_portrait
 from .certificate import Certificate
@@ -42,13 +44,15 @@ class Shape:
     embed : (n, m) matrix from contact to flight states
     heights : names and functions of the flight state, the masses first
     springs : names of the heights, lower and upper, that springs join, None for the ground
+    knees : such names with the length of each of the two links that join them
     """
 
     reversor: tuple[int, ...] | None
     contact_reversor: tuple[int, ...] | None
     embed: np.ndarray
-    heights: Mapping[str, Affine]
+    heights: Mapping[str, Affine | StateFormula]
     springs: tuple[tuple[str | None, str], ...]
+    knees: tuple[Knee, ...] = ()
 
 
 def _mirrored(path: Trajectory, t: np.ndarray, duration: float, signs: tuple[int, ...] | None) -> np.ndarray:
@@ -174,8 +178,9 @@ class Orbit:
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
         if not self.units:
             return document
-        units = {name: unit for name, unit in UNIT_TEXTS.items() if name in document}
-        units |= {"rises": "m", "state_mid_flight": "m"}
+        units = {name: unit for name, unit in self.units.texts().items() if name in document}
+        kept = dict.fromkeys(self.units.text(name) for name in self.flight.names if not name.endswith("'"))
+        units |= {"rises": "m", "state_mid_flight": ", ".join(kept)}
         return document | {"units": {**self.machine.get("units", {}), **units}, "si": self.si()}
 
     def si(self) -> dict[str, float | None]:
@@ -183,12 +188,12 @@ class Orbit:
         stated without."""
         if self.units is None:
             raise InputError("this machine was stated in dimensionless units; state it in SI for results in SI")
-        c = self.certificate
+        c, extension = self.certificate, self.units.text(EXTENSION)
         return {
-            "launch_speed_m_per_s": self.alpha,
+            f"launch_speed_{extension}_per_s": self.alpha,
             "flight_time_s": self.flight_time,
             "contact_time_s": self.contact_time,
-            "liftoff_extension_m": self.liftoff_extension,
+            f"liftoff_extension_{extension}": self.liftoff_extension,
             "clearance_m": c.clearance,
             "smallest_separation_m": c.smallest_separation,
             "largest_contact_force_N": c.largest_contact_force,
@@ -204,10 +209,11 @@ class Orbit:
 
     def __str__(self) -> str:
         c, machine, own = self.certificate, self.machine, self.machine.get("units", {})
+        texts = self.units.texts() if self.units else {}
 
         def row(name: str, value: Any, quantity: str = "", after: str = "") -> str:
             text = "-" if value is None else f"{value:.15g}" if isinstance(value, float) else str(value)
-            unit = UNIT_TEXTS.get(quantity, "m") if self.units and value is not None else ""
+            unit = texts.get(quantity, "m") if self.units and value is not None else ""
             return f"  {name:<24}{text}{unit and f' {unit}'}{after}"
 
         stated = {name: machine[name] for name in own if name in machine}
@@ -263,8 +269,8 @@ class Orbit:
         bare = self.dimensionless()
         parts, motions = ("names", "times", "coefficients"), (bare.flight, bare.contact)
         flight, contact = (path and {name: getattr(path, name) for name in parts} for path in motions)
-        heights = {name: [height.weights, height.offset] for name, height in bare.shape.heights.items()}
-        shape, units = vars(bare.shape) | {"heights": heights}, self.units and asdict(self.units)
+        heights = {name: height.saved() for name, height in bare.shape.heights.items()}
+        shape, units = vars(bare.shape) | {"heights": heights}, self.units and self.units.saved()
         motion = {"shape": shape, "flight": flight, "contact": contact, "units": units}
         document = self.document() | ({"bare": bare.document()} if self.units else {})
         return write_json({"format": ORBIT_FORMAT, **document, "motion": motion}, path, "orbit")
@@ -317,13 +323,14 @@ class Orbit:
 
 
 class _SavedShape(TypedDict):
-    """A `Shape` in a file: its heights as pairs of weights and offset."""
+    """A `Shape` in a file: its heights as pairs of weights and offset, or as formulas."""
 
     reversor: tuple[int, ...] | None
     contact_reversor: tuple[int, ...] | None
     embed: np.ndarray
-    heights: Mapping[str, tuple[tuple[float, ...], float]]
+    heights: Mapping[str, SavedHeight]
     springs: tuple[tuple[str | None, str], ...]
+    knees: NotRequired[tuple[Knee, ...]]
 
 
 class _SavedPath(TypedDict):
@@ -372,18 +379,20 @@ class SavedOrbit(SavedLaws):
 
 def orbit_of(machine: Machine, orbit: Orbit) -> Orbit:
     """A dimensionless orbit of a machine in the machine's own units: in SI where it is stated so."""
-    return orbit if machine.units is None else orbit_in_units(orbit, machine.units, machine.describe())
+    return orbit if machine.units is None else orbit_in_units(orbit, machine.units, machine_in_words(machine))
 
 
 def orbit_in_units(orbit: Orbit, units: Units, machine: Mapping[str, Any]) -> Orbit:
     """A dimensionless orbit in SI, of the machine in words and numbers."""
-    heights = {name: units.convert_height(height) for name, height in orbit.shape.heights.items()}
+    states = orbit.flight.names[: len(orbit.shape.embed)]
+    heights = {name: units.convert_height(height, states) for name, height in orbit.shape.heights.items()}
+    knees = tuple((lower, upper, length * units.length) for lower, upper, length in orbit.shape.knees)
     return replace(
         units.convert(orbit),
         machine=machine,
         flight=units.convert_motion(orbit.flight),
         contact=orbit.contact and units.convert_motion(orbit.contact),
-        shape=replace(orbit.shape, heights=heights),
+        shape=replace(orbit.shape, heights=heights, knees=knees),
         certificate=certificate_in_units(orbit.certificate, units),
         units=units,
         bare=orbit,
@@ -407,8 +416,8 @@ def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:
     machine |= {name: value for name, value in data.items() if name not in OTHER_FIELDS}
     if "units" not in data:
         return machine
-    results = {*UNIT_TEXTS, "rises", "state_mid_flight"}
-    units = {name: unit for name, unit in data["units"].items() if name not in results}
+    usual = {"rises": "m", "state_mid_flight": data["units"].get("state_mid_flight"), **UNIT_TEXTS}
+    units = {name: unit for name, unit in data["units"].items() if unit != usual.get(name)}
     numbers = {name: conform(machine[name], float | None, name) for name in units if name in machine}
     return machine | numbers | {"units": units}
 
@@ -425,12 +434,15 @@ def _path_of(data: _SavedPath) -> Trajectory:
 
 def _shape_of(data: _SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
     """A shape whose states are those of the motions; raises `ValueError`."""
-    heights = {name: Affine(*height) for name, height in data["heights"].items()}
-    embed, signs, known = data["embed"], (data["reversor"], data["contact_reversor"]), {*heights, None}
+    embed, signs = data["embed"], (data["reversor"], data["contact_reversor"])
     sizes = embed.shape if embed.ndim == 2 else (0, 0)
+    heights = {name: height_of(height, flight.names[: sizes[0]]) for name, height in data["heights"].items()}
+    known = {*heights, None}
     fits = 0 < sizes[0] <= len(flight.names) and 0 < sizes[1] <= (sizes[1] if contact is None else len(contact.names))
     fits &= all(each is None or len(each) == size for each, size in zip(signs, sizes, strict=True))
-    fits &= bool(heights) and all(len(height.weights) == sizes[0] for height in heights.values())
-    if not fits or not {*sum(data["springs"], ())} <= known:
+    weights = (height.weights for height in heights.values() if isinstance(height, Affine))
+    fits &= bool(heights) and all(len(each) == sizes[0] for each in weights)
+    knees = data.get("knees", ())
+    if not fits or not {*sum(data["springs"], ()), *(name for *pair, _ in knees for name in pair)} <= known:
         raise ValueError("its shape does not fit its motion")
-    return Shape(*signs, embed, heights, data["springs"])
+    return Shape(*signs, embed, heights, data["springs"], knees)

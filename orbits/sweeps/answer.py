@@ -12,8 +12,8 @@ import numpy as np
 from ..design.many import DESIGN_STATUSES
 from ..errors import InputError
 from ..io import check_path, fields_in_line, to_json, write_table, writing
-from ..model.machine import Machine
-from ..model.units import UNIT_TEXTS
+from ..model.machine import Machine, machine_in_words
+from ..model.units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from .question import COLUMNS_OF, Question, Table
@@ -65,7 +65,7 @@ class Sweep:
         from .store import question_in, read_store  # imports the database
 
         about = question_in(path)
-        if machine is not None and to_json(machine.describe()) != to_json(about["machine"]):
+        if machine is not None and to_json(machine_in_words(machine)) != to_json(about["machine"]):
             raise InputError(f"the store {path} is of another machine: {about['machine']}")
         columns = dict.fromkeys(about["parameters"], float) | COLUMNS_OF[about["outcome"]]
         columns |= dict.fromkeys(about["quantities"], float) | {"status": str, "reason": str}
@@ -90,7 +90,8 @@ class Sweep:
         """The units of the columns by name; empty for a dimensionless machine."""
         own = self.about["machine"].get("units")
         rises = {name: "m" for name in self.columns if name.endswith("_rise")}
-        return {} if own is None else {**UNIT_TEXTS, **rises, "next": "m/s", "loss": "m^2/s^2", **own}
+        hops = {name: unit_text(dimension) for name, dimension in DIMENSIONS_OF_HOPS.items()}
+        return {} if own is None else {**UNIT_TEXTS, **rises, **hops, **own}
 
     def heading(self, name: str) -> str:
         """A name with its unit, if it has one: "alpha (m/s)"."""

@@ -10,7 +10,7 @@ import numpy as np
 from ..continuation.checkpoint import versions
 from ..design.problem import formula_names, known_formula
 from ..errors import InputError, finite_number, whole_number
-from ..model.machine import Machine, check_machine
+from ..model.machine import Machine, check_machine, machine_in_words
 from ..periodic.find import LARGEST_FAMILY
 from ..symbolic.exclusive import exclusive
 from .designs import Members
@@ -79,7 +79,7 @@ class Question:
     def document(self) -> dict[str, Any]:
         """The question as JSON-ready data, the values of its members by their hash."""
         return {
-            "machine": self.machine.describe(),
+            "machine": machine_in_words(self.machine),
             "parameters": list(self.members.names),
             "members": len(self.members),
             "over": {name: axis.stated for name, axis in zip(self.members.names, self.members.axes, strict=False)},

@@ -46,6 +46,15 @@ def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> c
     return ca.vertcat(*[ca.horzcat(*row) for row in (*state, *watched)])
 
 
+def composed_coefficients(function: ca.Function, rows: Sequence[Sequence[ca.SX]], p: ca.SX) -> ca.SX:
+    """Taylor coefficients (K + 1,) of the SX function (x, p) -> value along x(t), whose elements have the coefficients
+    `rows` (n of K + 1 each)."""
+    instructions, orders = single_assignment(function), len(rows[0])
+    series, parameters = [_Series() for _ in instructions], [[p[i], *[_ZERO] * orders] for i in range(p.numel())]
+    found = [_advance(instructions, series, (rows, parameters), k).get((0, 0), _ZERO) for k in range(orders)]
+    return ca.vertcat(*found)
+
+
 def variations(field: ca.Function, varied: tuple[int, ...], columns: int, order: int) -> ca.Function:
     """Taylor series of the solution and of columns of its variational equations dx' = f_x dx + f_p dp.
 
