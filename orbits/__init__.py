@@ -16,9 +16,9 @@ from .hybrid.multiplier import multiplier
 from .hybrid.return_map import FixedPoint, Hops, ReturnMap
 from .hybrid.simulation import Simulation, simulate
 from .io import version
-from .model.closed_form import Oscillator
 from .model.machine import Machine
 from .model.model import Model, Reduction
+from .model.modes import Modes, linear_modes
 from .model.phase import Affine, Arc, Phase, Pieces, Statement
 from .model.units import Units
 from .periodic.certificate import Certificate
@@ -31,10 +31,10 @@ from .sweeps.uncertainty import Uncertainty, uncertainty
 
 __all__ = [
     "METHODS", "Active", "Affine", "Arc", "Certificate", "Control", "Design", "End", "Event", "Existence", "Family",
-    "FixedPoint", "FlowError", "Front", "Guess", "Hops", "Input", "InputError", "Machine", "Model", "NoOrbit", "Orbit",
-    "OrbitsError", "Oscillator", "OutOfRange", "Phase", "Pieces", "Point", "Reduction", "ReturnMap", "Simulation",
-    "Stage", "Statement", "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "__version__", "existence",
-    "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold", "multiplier", "optimize",
+    "FixedPoint", "FlowError", "Front", "Guess", "Hops", "Input", "InputError", "Machine", "Model", "Modes", "NoOrbit",
+    "Orbit", "OrbitsError", "OutOfRange", "Phase", "Pieces", "Point", "Reduction", "ReturnMap", "Simulation", "Stage",
+    "Statement", "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "__version__", "existence", "find",
+    "find_all", "fold_statement", "follow", "follow_branch", "follow_fold", "linear_modes", "multiplier", "optimize",
     "orbit_at", "pareto", "quantities", "sensitivities", "simulate", "steer", "sweep", "trace", "uncertainty",
 ]  # fmt: skip
 

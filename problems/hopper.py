@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
 from orbits.model.phase import Affine
 
@@ -83,20 +82,14 @@ class _HopperEquations(TwoMassEquations):
         M = p["mass_ratio"]
         return [M * self.force(x[0], p, q) + self.weight(x[0], p), (1 + M) * x[1]]
 
-    def contact_oscillator(self, p: Parameters) -> Oscillator:
+    def linear(self, p: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         M, (k, zero) = p["mass_ratio"], straight_line(self.spring, p)
-        return Oscillator(M * k / (1 + M), zero - 1 / (M * k), {"contact force": (-k, 1 + k * zero)})
+        stiffness = M * k * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        return (1 + M) * np.diag([1.0, M]), stiffness, M * k * zero * np.array([1.0, -1.0]) - [1.0, M]
 
-    @staticmethod
-    def mix(p: Parameters) -> np.ndarray:
-        """y1, y1', y2, y2' from r, r', w, w' with w = y1 + M y2."""
-        M = p["mass_ratio"]
-        return np.array([[M, 0, 1, 0], [0, M, 0, 1], [-1, 0, 1, 0], [0, -1, 0, 1]]) / (1 + M)
-
-    @staticmethod
-    def apart(p: Parameters) -> np.ndarray:
-        """r, r', w, w' from y1, y1', y2, y2'."""
-        return np.array([[1, 0, -1, 0], [0, 1, 0, -1], [1, 0, p["mass_ratio"], 0], [0, 1, 0, p["mass_ratio"]]])
+    def linear_contact_force(self, p: Parameters) -> tuple[tuple[float, float], float]:
+        k, zero = straight_line(self.spring, p)
+        return (-k, 0.0), 1 + k * zero
 
     @staticmethod
     def complete(times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:

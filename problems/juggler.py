@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.model.closed_form import Oscillator
 from orbits.model.model import Model
+from orbits.model.modes import linear_modes
 from orbits.model.phase import Affine
 
 from .launch import Liftoff
@@ -92,17 +92,13 @@ class _JugglerEquations(TwoMassEquations):
         M = p["mass_ratio"]
         return [M * self.force(x[0], p, q) + (1 + M) * self.weight(x[0], p), (1 + M) * x[1]]
 
-    def contact_oscillator(self, p: Parameters) -> Oscillator:
+    def linear(self, p: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         M, (k, zero) = p["mass_ratio"], straight_line(self.spring, p)
-        force = {"contact force": (-k / (1 + M), k * zero / (1 + M))}
-        return Oscillator(M * k / (1 + M), zero - (1 + M) / (M * k), force)
+        return np.diag([1.0, M]), np.diag([0.0, M * k]), np.array([-1.0, M * k * zero - M])
 
-    @staticmethod
-    def mix(p: Parameters) -> np.ndarray:
-        """w1, w1', w2, w2' from w2, w2', w1, w1' (the hand swings, the ball is thrown); its own inverse."""
-        return np.eye(4)[[2, 3, 0, 1]]
-
-    apart = mix
+    def linear_contact_force(self, p: Parameters) -> tuple[tuple[float, float], float]:
+        M, (k, zero) = p["mass_ratio"], straight_line(self.spring, p)
+        return (-k / (1 + M), 0.0), k * zero / (1 + M)
 
     @staticmethod
     def complete(times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
@@ -148,7 +144,7 @@ class HeavyHand(TwoMassMachine):
 
         def oscillator(p):
             k, zero = straight_line(spring, p)
-            return Oscillator(k, zero - 1 / k, {"contact force": (-k, k * zero)})
+            return linear_modes([[1.0]], [[k]], [k * zero - 1], {"contact force": ((-k, 0.0), k * zero)})
 
         contact = replace(
             finite.contact,

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 
 from orbits.errors import InputError, NoOrbit
 from orbits.io import one_line
-from orbits.model.closed_form import Oscillator, ThrownOscillator
 from orbits.model.model import Guesses, Model, Reduction, Search
+from orbits.model.modes import Modes, linear_modes
 from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
 from orbits.symbolic.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
@@ -254,7 +254,7 @@ def relative_phase(spring: Key, load: float) -> Phase:
 
     def oscillator(p):
         k, zero = straight_line(spring, p)
-        return Oscillator(k, zero - load / k)
+        return linear_modes([[1.0]], [[k]], [k * zero - load])
 
     def rates(x, p, q):
         return [x[1], -(spring.expression(x[0], p, q) + load)]
@@ -395,18 +395,26 @@ def two_mass_model(machine: Any, states: tuple[str, ...], extension: Affine, **o
     spring, load, constant = machine.spring, machine.threshold.load, not (machine.gravity or machine.damped)
     reduction = relative_reduction(spring, load, machine.complete, machine.gap_slope) if constant else None
     # The relative motion in closed form, without varying gravity or damping, gives both phases theirs.
-    swing: Any = reduction.statement.arcs[0].phase.closed_form if reduction else None
-    closed = (lambda p: ThrownOscillator(swing(p), machine.mix(p), machine.apart(p))) if swing else None
-    standing, watch = machine.contact_oscillator if swing else None, {"contact force": machine.contact_force}
+    linear, embed = bool(reduction and spring.degree() == 1), own["embed"][::2, ::2]
+
+    def standing(p: Parameters) -> Modes:
+        inertia, stiffness, load = machine.linear(p)
+        force = {"contact force": machine.linear_contact_force(p)}
+        return linear_modes(embed.T @ inertia @ embed, embed.T @ stiffness @ embed, load @ embed, force)
+
+    flying = (lambda p: linear_modes(*machine.linear(p))) if linear else None
+    watch = {"contact force": machine.contact_force}
     in_flight, in_contact = spring_pieces(spring, extension.weights), spring_pieces(spring, (1.0, 0.0))
     fine = machine.gravity and machine.gravity.reach < math.inf
     heights = tuple(((0.0,) * i + (1.0,), machine.gravity.reach) for i in (0, 2)) if fine else ()
     flown, stood = (spring_reach(spring, weights) for weights in (extension.weights, (1.0,)))
     return Model(
         flight=Phase(
-            "flight", states[:4], machine.flight, pieces=in_flight, closed_form=closed, reaches=flown + heights
+            "flight", states[:4], machine.flight, pieces=in_flight, closed_form=flying, reaches=flown + heights
         ),
-        contact=Phase("contact", states[4:], machine.contact, watch, in_contact, standing, stood + heights[:1]),
+        contact=Phase(
+            "contact", states[4:], machine.contact, watch, in_contact, standing if linear else None, stood + heights[:1]
+        ),
         liftoff=machine.liftoff,
         reversor=None if machine.damped else (1, -1, 1, -1),
         release=machine.release,
