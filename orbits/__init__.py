@@ -16,11 +16,11 @@ from .hybrid.multiplier import multiplier
 from .hybrid.return_map import FixedPoint, Hops, ReturnMap
 from .hybrid.simulation import Simulation, simulate
 from .io import version
-from .model.closed_form import Oscillator
 from .model.elements import Damper, Force, Inerter, Mass, Potential, Spring, Weight
 from .model.machine import Machine
 from .model.mechanism import Mechanism
 from .model.model import Model, Reduction
+from .model.modes import Modes, linear_modes
 from .model.phase import Affine, Arc, Phase, Pieces, Statement
 from .model.state_formula import StateFormula
 from .model.units import Units
@@ -35,11 +35,12 @@ from .sweeps.uncertainty import Uncertainty, uncertainty
 __all__ = [
     "METHODS", "Active", "Affine", "Arc", "Certificate", "Control", "Damper", "Design", "End", "Event", "Existence",
     "Family", "FixedPoint", "FlowError", "Force", "Front", "Guess", "Hops", "Inerter", "Input", "InputError",
-    "Machine", "Mass", "Mechanism", "Model", "NoOrbit", "Orbit", "OrbitsError", "Oscillator", "OutOfRange", "Phase",
-    "Pieces", "Point", "Potential", "Reduction", "ReturnMap", "Simulation", "Spring", "Stage", "StateFormula", "Statement",
-    "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "Weight", "__version__", "existence", "find",
-    "find_all", "fold_statement", "follow", "follow_branch", "follow_fold", "multiplier", "optimize", "orbit_at",
-    "pareto", "quantities", "sensitivities", "simulate", "steer", "sweep", "trace", "uncertainty",
+    "Machine", "Mass", "Mechanism", "Model", "Modes", "NoOrbit", "Orbit", "OrbitsError", "OutOfRange", "Phase",
+    "Pieces", "Point", "Potential", "Reduction", "ReturnMap", "Simulation", "Spring", "Stage", "StateFormula",
+    "Statement", "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "Weight", "__version__",
+    "existence", "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold", "linear_modes",
+    "multiplier", "optimize", "orbit_at", "pareto", "quantities", "sensitivities", "simulate", "steer", "sweep",
+    "trace", "uncertainty",
 ]  # fmt: skip
 
 

@@ -15,9 +15,9 @@ from typing import Any
 
 from orbits import Damper, Mass, Mechanism, Spring
 from orbits.errors import InputError
-from orbits.model.closed_form import Oscillator
 from orbits.model.laws import Key, Parameters, Scalars
 from orbits.model.model import Model
+from orbits.model.modes import Modes, linear_modes
 from orbits.model.relative import straight_line
 
 from .machine import END, RATE, TwoMassMachine
@@ -100,9 +100,9 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         """A contact state as one of the flight."""
         return [*x, *x]
 
-    def oscillator(p: Parameters) -> Oscillator:
+    def oscillator(p: Parameters) -> Modes:
         k, zero = straight_line(spring, p)
-        return Oscillator(k, zero - 1 / k, {"contact force": (-k, k * zero)})
+        return linear_modes([[1.0]], [[k]], [k * zero - 1], {"contact force": ((-k, 0.0), k * zero)})
 
     contact = replace(
         finite.contact,

@@ -138,8 +138,8 @@ class _ZeroSearch:
             self._give_up(remaining[left & ~followed])
             remaining, began = remaining[left & followed], began[left & followed]
         self._give_up(remaining)
-        for i, (slope, value) in enumerate(form.watch.values(), start=self.flow.size):
-            self.rows[:, i] = slope * self.rows[:, 0] + value
+        for i, (slopes, value) in enumerate(form.watch.values(), start=self.flow.size):
+            self.rows[:, i] = self.rows[:, : self.flow.size] @ np.asarray(slopes) + value
 
     def by_taylor_steps(self):
         """Search motions in lanes, each to the next step in which something may happen, and one by one from a step on

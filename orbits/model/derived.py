@@ -13,6 +13,7 @@ from ..symbolic.exclusive import exclusive
 from .coefficients import Coefficients
 from .elements import Element, Scalar, Spring, value_of
 from .laws import Key, Parameters, Scalars
+from .linear import Linear
 from .mechanics import GRAVITY_SHARE, Mechanics, weighted_sum
 from .model import Model
 from .one_law import launch_of
@@ -55,13 +56,13 @@ def derived_model(structure: Structure) -> Model:
     """The model of a mechanism; raises `InputError` for what is no mechanism."""
     s, mechanics = structure, _mechanics_of(structure)
     parts = _Parts(structure, mechanics)
-    launch = launch_of(mechanics, parts.words["liftoff"])
+    launch, linear = launch_of(mechanics, parts.words["liftoff"]), Linear.of(mechanics)
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
     still = launch if moves_alone and not mechanics.varying else None
     return Model(
         name=s.name,
-        flight=parts.flight(still and still.flight_form),
-        contact=parts.contact(still and still.contact_form),
+        flight=parts.flight(linear and linear.flight),
+        contact=parts.contact(linear and linear.contact),
         launch=parts.launch,
         launch_unknowns=parts.launch_unknowns,
         liftoff=parts.liftoff,

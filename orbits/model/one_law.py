@@ -13,14 +13,13 @@ import casadi as ca
 import numpy as np
 
 from ..errors import InputError
-from .closed_form import Oscillator, ThrownOscillator
 from .coefficients import Coefficients
 from .elements import Force, Potential, Spring
 from .laws import Key, Parameters, Scalars
 from .liftoff import Liftoff
 from .mechanics import Mechanics, at_rest, is_used
 from .model import Reduction
-from .relative import Relative, straight_line
+from .relative import Relative
 
 # The launch speed, as a parameter of the law by which a machine lifts off whose contact force depends on its speed.
 AT_SPEED_OF = "_launch_speed"
@@ -32,13 +31,10 @@ class Launch:
 
     relative : the law that is reached at lift-off, and the motion of its extension
     reduction : the smaller statement under constant gravity; None where no extension moves alone
-    flight_form, contact_form : the closed forms of both phases; None for laws that are no straight lines
     """
 
     relative: Relative
     reduction: Reduction | None = None
-    flight_form: Callable | None = None
-    contact_form: Callable | None = None
 
 
 def launch_of(mechanics: Mechanics, level: str) -> Launch | None:
@@ -60,6 +56,7 @@ class _Alone:
         m, gap = mechanics, ca.SX(mechanics.gap)
         across = ca.SX([-along[1], along[0]]).T
         weight = sum(term.gradient[:2] for term in m.terms if term.is_weight)
+        # The rows are scaled so that the thrown coordinate falls with acceleration 1.
         apart = ca.vertcat(ca.SX(along).T, across @ m.inertia / (across @ weight))
         determinant = apart[0, 0] * apart[1, 1] - apart[0, 1] * apart[1, 0]
         mix = ca.vertcat(ca.horzcat(apart[1, 1], -apart[0, 1]), ca.horzcat(-apart[1, 0], apart[0, 0])) / determinant
@@ -67,7 +64,7 @@ class _Alone:
         rate = -by_throw / by_extension
         self.rate, self.gap_slope_of = self._numbers(rate), self._numbers(by_extension)
         self.lifted = self._numbers(apart[1, :] @ ca.SX(m.embed[:2, 0]))
-        self.mix, self.apart = self._matrix(mix), self._matrix(apart)
+        self.mix = Coefficients(mix, m.y, m.p)
         pulls = -(ca.SX(along).T @ m.accelerations) / rate
         columns = [[i for i, term in enumerate(m.terms) if term.element is spring] for spring, *_ in springs]
         self.shares = [self._numbers(pulls[column[0]]) for column in columns]
@@ -107,9 +104,6 @@ class _Alone:
         """p -> the value of an expression; with the attribute `constant`, the number that it is or NaN."""
         return _Number(Coefficients(ca.SX(expression), self.mechanics.y, self.mechanics.p))
 
-    def _matrix(self, matrix: ca.SX) -> Coefficients:
-        return Coefficients(matrix, self.mechanics.y, self.mechanics.p)
-
     def launch(self, level: str) -> Launch:
         """What follows."""
         law, load = self._law()
@@ -117,16 +111,7 @@ class _Alone:
         damping = self.damping if self.damping.constant != 0.0 else (lambda p: 0.0)
         gravity = self.mechanics.gravity if self.mechanics.varying else None
         relative = Relative(law, gravity, Liftoff(load, level), rate, damping)
-        straight = all(spring.force.degree() == 1 for spring, *_ in self.springs) and law.degree() == 1
-        reduction = relative.reduction(self.complete, self.gap_slope)
-        swing: Any = reduction.statement.arcs[0].phase.closed_form
-        if not (straight and swing):
-            return Launch(relative, reduction)
-
-        def flight_form(p: Parameters) -> ThrownOscillator:
-            return ThrownOscillator(swing(p), _of_states(self.mix(p)), _of_states(self.apart(p)))
-
-        return Launch(relative, reduction, flight_form, self.contact_form)
+        return Launch(relative, relative.reduction(self.complete, self.gap_slope))
 
     def _law(self) -> tuple[Key, float]:
         """The law phi and the load of the extension's motion r'' = -rate (phi + load)."""
@@ -168,26 +153,6 @@ class _Alone:
         """The derivative of the gap by the launch speed, see `Reduction`."""
         return self.gap_slope_of(p) * (dz[0] - times)
 
-    def contact_form(self, p: Parameters) -> Oscillator:
-        """The closed form of the contact with straight-line springs."""
-        rows = [*self.mechanics.contact_coefficients(p), *self.mechanics.contact_force_coefficients(p)]
-        (slope, value), force = (self._straight(row, p) for row in rows)
-        return Oscillator(-slope, value / -slope, {"contact force": force})
-
-    def _straight(self, row: Sequence[Any], p: Parameters) -> tuple[float, float]:
-        """The slope and the value at 0 of a sum of forces in contact, as a function of what is launched."""
-        slope = value = 0.0
-        for coefficient, term in zip(row, self.mechanics.contact_terms, strict=True):
-            if not isinstance(term.element, Spring):
-                value += coefficient
-                continue
-            k, zero = straight_line(term.element.force, p)
-            factor, offset = next(
-                (f, self.offsets[i](p)) for i, (s, f, _) in enumerate(self.springs) if s is term.element
-            )
-            slope, value = slope + coefficient * k * factor, value + coefficient * k * (offset - zero)
-        return float(slope), float(value)
-
 
 class _Number:
     """p -> a number; `constant` is the number where it is the same for all p, else NaN."""
@@ -206,11 +171,6 @@ def _is_level(mechanics: Mechanics) -> bool:
         if term.what == "gravity" and coefficient != 0.0 and mechanics.in_contact(term.place).constants != [0.0]:
             return False
     return True
-
-
-def _of_states(matrix: Sequence[Sequence[float]]) -> np.ndarray:
-    """The matrix (4, 4) of states and rates, of one (2, 2) of coordinates."""
-    return np.kron(np.array(matrix, dtype=float), np.eye(2))
 
 
 def _held(mechanics: Mechanics, level: str) -> Launch:

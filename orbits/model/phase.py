@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..io import fields_in_line
-from .closed_form import Oscillator, ThrownOscillator
+from .modes import Modes
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Phase:
     field: Callable
     watch: Mapping[str, Callable] = field(default_factory=dict)
     pieces: Pieces | None = None
-    closed_form: Callable[[Mapping[str, float]], Oscillator | ThrownOscillator] | None = None
+    closed_form: Callable[[Mapping[str, float]], Modes] | None = None
     reaches: tuple[tuple[tuple[float, ...], float], ...] = ()
 
     def __repr__(self) -> str:

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from .closed_form import Oscillator
 from .features import (
     NO_FEATURES,
     features,
@@ -29,6 +28,7 @@ from .features import (
 from .laws import Key, Parameters, from_key
 from .liftoff import Liftoff
 from .model import Reduction, Search
+from .modes import Modes, linear_modes
 from .phase import Arc, Phase, Pieces, Statement
 
 # Beyond these bounds one of the two masses is lost in rounding, or the lengths of lift-off overflow or vanish.
@@ -146,9 +146,10 @@ class Relative:
 def relative_phase(law: Key, load: float, rate: Callable | None) -> Phase:
     """The motion r'' = -rate (phi(r) + load) of a law's key, in closed form where the law is a straight line."""
 
-    def oscillator(p: Mapping[str, float]) -> Oscillator:
+    def oscillator(p: Mapping[str, float]) -> Modes:
         k, zero = straight_line(law, p)
-        return Oscillator(rate(p) * k if rate else k, zero - load / k)
+        pace = float(rate(p)) if rate else 1.0
+        return linear_modes([[1.0]], [[pace * k]], [pace * (k * zero - load)])
 
     def rates(x: Any, p: Parameters, q: Any) -> list[Any]:
         force = law.expression(x[0], p, q) + load

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from orbits import Affine, FlowError, Oscillator, OutOfRange, Phase, Pieces
+from orbits import Affine, FlowError, OutOfRange, Phase, Pieces, linear_modes
 from orbits.flow.flow import Flow
 from orbits.flow.vector_field import VectorField, runge_kutta
 from orbits.flow.zero_crossing import first_zero
@@ -38,7 +38,10 @@ BILINEAR = {"pieces": Pieces((1.0, 0.0), 1, bilinear_pieces, "extension")}
 
 
 def test_harmonic_motion():
-    for force, more in ((lambda r, p, q: r, {}), (None, {"closed_form": lambda p: Oscillator(1.0, 0.0)})):
+    for force, more in (
+        (lambda r, p, q: r, {}),
+        (None, {"closed_form": lambda p: linear_modes([[1.0]], [[1.0]], [0.0])}),
+    ):
         flow = oscillator(force or (lambda r, p, q: r), **more)
         path, slopes = flow.run([1.0, 2.0], [0.0], 40.0, np.eye(2))
         t = np.linspace(0, 40, 4001)
@@ -178,7 +181,9 @@ def test_a_parameter_derivative_sees_poles_that_the_state_does_not():
 
 
 def test_a_closed_form_has_no_step_of_no_length():
-    phase = Phase("swing", ("x", "v"), lambda x, p, q: [x[1], -x[0]], closed_form=lambda p: Oscillator(9.81, 0.0))
+    phase = Phase(
+        "swing", ("x", "v"), lambda x, p, q: [x[1], -x[0]], closed_form=lambda p: linear_modes([[1.0]], [[9.81]], [0.0])
+    )
     flow = Flow(phase, ())
     for n in range(1, 200):
         path, _ = flow.run([1.0, 0.0], [], n / np.sqrt(9.81))

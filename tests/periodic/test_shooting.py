@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
 
-from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find
+from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find, linear_modes
 from orbits.flow.flow import flow_of
-from orbits.model.closed_form import Oscillator
 from orbits.periodic.formulations import contact_force_row, equations_of
 from orbits.periodic.multiple_shooting import trajectory_on_mesh
 from orbits.periodic.single_shooting import Shooting, settles
@@ -200,7 +199,10 @@ def test_methods_are_refused_by_name():
 def test_parameter_derivatives_of_a_closed_form():
     """cos(w t) and its derivative with respect to the stiffness w^2."""
     phase = Phase(
-        "swing", ("x", "v"), lambda x, p, q: [x[1], -p["k"] * x[0]], closed_form=lambda p: Oscillator(p["k"], 0.0)
+        "swing",
+        ("x", "v"),
+        lambda x, p, q: [x[1], -p["k"] * x[0]],
+        closed_form=lambda p: linear_modes([[1.0]], [[p["k"]]], [0.0]),
     )
     arc = Arc(phase, lambda u, before, p: [1.0, 0.0], lambda u, p: u["time"], lambda u, x, p: [x[0]])
     equations = Shooting(Statement("swing", ("time",), (arc,), ("time",)), ("k",))

@@ -1,0 +1,253 @@
+"""The exact flow of a linear mechanism by its vibration modes, with nothing integrated.
+
+The n coordinates y of M y'' = -K y + f, with M, K and f constant, are sums of n modes that move independently. A mode
+of squared frequency omega^2 > 0 swings about a centre; one that no spring resists, with omega = 0, is thrown with a
+constant acceleration. States are (y1, y1', y2, y2', ...).
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+
+# A squared frequency below this share of the largest one is 0: eigenvalues come with an error of a few roundings,
+# 2e-16, of the largest one. A mode as slow as that would take 1e6 periods of the fastest for one of its own.
+SLOWEST_SQUARE = 1e-13
+# What holds until a time is only relied on for this share of the time, far from rounding.
+CLEARLY = 0.99
+# A quantity that rises from a zero for so long, in radians of the fastest mode, is by then far above rounding.
+SHORTEST_RISE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """The flow of a linear mechanism as modes q, with y = shapes @ q and q'' = loads - squares * q.
+
+    squares : (n,) squared frequencies, ascending, those of thrown modes exactly 0
+    shapes : (n, n)
+    apart : (n, n), the inverse of `shapes`, stated since a numerical inverse would carry rounding errors
+    loads : (n,) the accelerations of the modes at q = 0
+    watch : of each watched quantity, an affine one, the weights (2n,) of the states and the value where these are 0
+    """
+
+    squares: np.ndarray
+    shapes: np.ndarray
+    apart: np.ndarray
+    loads: np.ndarray
+    watch: Mapping[str, tuple[ArrayLike, float]] = field(default_factory=dict)
+
+    @property
+    def square(self) -> float:
+        """The squared frequency of the fastest mode."""
+        return float(self.squares[-1])
+
+    @cached_property
+    def thrown(self) -> int:
+        """How many modes are thrown."""
+        return int(np.count_nonzero(self.squares == 0.0))
+
+    @cached_property
+    def rates(self) -> np.ndarray:
+        """Angular frequencies of the modes that swing."""
+        return np.sqrt(self.squares[self.thrown :])
+
+    @cached_property
+    def centres(self) -> np.ndarray:
+        """Coordinates about which modes swing."""
+        return self.loads[self.thrown :] / self.squares[self.thrown :]
+
+    def state(self, start: Any, t: Any) -> np.ndarray:
+        """States (2n, ...) at times `t` (...) after `start`, (2n,) or (2n, ...)."""
+        w, rise, x, v = self._moved(start, t)
+        falling, swinging = self.shapes[:, : self.thrown], self.shapes[:, self.thrown :]
+        states = np.empty((2 * len(self.squares), x.shape[1]))
+        states[::2] = falling @ w + swinging @ (x + self.centres[:, None])
+        states[1::2] = falling @ rise + swinging @ v
+        return states.reshape(len(states), *(np.shape(t) or np.shape(start)[1:]))
+
+    def transition(self, t: float) -> np.ndarray:
+        """Transition matrix (2n, 2n): the derivative of the state at time `t` with respect to the start."""
+        angles, k, n = self.rates * t, self.thrown, len(self.squares)
+        c, s = np.ones(n), np.full(n, t)
+        c[k:], s[k:] = np.cos(angles), np.sin(angles) / self.rates
+        matrix = np.empty((2 * n, 2 * n))
+        matrix[::2, ::2] = matrix[1::2, 1::2] = self.shapes * c @ self.apart
+        matrix[::2, 1::2] = self.shapes * s @ self.apart
+        matrix[1::2, ::2] = self.shapes * (-self.squares * s) @ self.apart
+        return matrix
+
+    def along(self, weights: ArrayLike, start: Any, t: Any, order: int) -> np.ndarray:
+        """Taylor coefficients (N, order + 1) of weights . (state, watched ...) about N times `t` (...) after `start`,
+        (2n,) or (2n, ...)."""
+        seen = self._seen(weights, start, t)
+        c = np.concatenate([seen.even, seen.odd]).T @ np.concatenate(self._alternating(order))
+        c[:, 0] += seen.base
+        c[:, 1] += seen.slope
+        c[:, 2] -= 0.5 * seen.fall
+        return c
+
+    def series(self, states: np.ndarray, order: int) -> np.ndarray:
+        """Taylor coefficients (N, 2n + watched, order + 1) of the motions through `states` (2n, N)."""
+        size, k, (even, odd) = len(states), self.thrown, self._alternating(order + 1)
+        w, rise, x, v = self._moved(states, None)
+        q = np.zeros((states.shape[1], len(self.squares), order + 2))
+        q[:, :k, 0], q[:, :k, 1], q[:, :k, 2] = w.T, rise.T, 0.5 * self.loads[:k]
+        q[:, k:] = x.T[:, :, None] * even + v.T[:, :, None] * odd
+        y = self.shapes @ q
+        rows = np.empty((len(q), size + len(self.watch), order + 1))
+        rows[:, :size:2], rows[:, 1:size:2] = y[:, :, :-1], y[:, :, 1:] * np.arange(1, order + 2)
+        rows[:, :size, 0] = states.T
+        for i, (slopes, value) in enumerate(self.watch.values(), start=size):
+            rows[:, i] = np.asarray(slopes) @ rows[:, :size]
+            rows[:, i, 0] += value
+        return rows
+
+    def positive_between(self, quantity: Any, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Times (m,) between which an affine quantity, of `weights` and `offset`, is positive on motions from `starts`
+        (2n, m), however the modes swing: the sum of their amplitudes is less than the height of the thrown part's
+        parabola. The times are infinity and 0 where nothing is known."""
+        seen = self._seen(quantity.weights, starts)
+        return seen.above(self._amplitudes(seen).sum(0) - quantity.offset)
+
+    def positive_until(self, quantity: Any, starts: np.ndarray, order: int) -> np.ndarray:
+        """Times (m,) until which an affine quantity is known to be positive on motions from `starts` (2n, m), where it
+        has a zero of this order, from 1 to 3, and is positive at first; 0 where nothing is known.
+
+        With d its derivative of this order at the start, and -bound a lower bound of the next one, the quantity is at
+        least t^order (d - bound t / (order + 1)) / order!. `positive_between` may go on from there.
+        """
+        seen = self._seen(quantity.weights, starts)
+        amplitudes = self._amplitudes(seen)
+        rises, falls = seen.above(amplitudes.sum(0) - quantity.offset)
+        d = (-self.squares[self.thrown :]) ** (order // 2) @ (seen.odd if order % 2 else seen.even)
+        d += (seen.slope, -seen.fall, 0.0)[order - 1]
+        bound = self.rates ** (order + 1) @ amplitudes + (max(seen.fall, 0.0) if order == 1 else 0.0)
+        with np.errstate(all="ignore"):
+            until = (order + 1) * d / bound
+            until = np.where((rises < falls) & (rises < CLEARLY * until), np.maximum(until, falls), until)
+        return np.where(until > SHORTEST_RISE / np.sqrt(self.square), until, 0.0)
+
+    def _moved(self, start: Any, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Coordinates and speeds (k, N) of the thrown modes, and of those that swing, counted from their centres, at N
+        times `t` (...) after `start`, (2n,) or (2n, ...), or there where no times are given."""
+        start, k = np.asarray(start), self.thrown
+        flat, tail = start.reshape(len(start), math.prod(start.shape[1:])), start.shape[1:] or (1,) * np.ndim(t)
+        q, u = self.apart @ flat[::2], self.apart @ flat[1::2]
+        w, rise, x, v = q[:k], u[:k], q[k:] - self.centres[:, None], u[k:]
+        if t is None:
+            return w, rise, x, v
+        w, rise, x, v, pull, omega = (
+            values.reshape(len(values), *(tail if values.ndim == 2 else (1,) * len(tail)))
+            for values in (w, rise, x, v, self.loads[:k], self.rates)
+        )
+        angles = omega * t
+        c, s = np.cos(angles), np.sin(angles)
+        moved = w + t * (rise + 0.5 * t * pull), rise + t * pull, x * c + v * (s / omega), v * c - x * (omega * s)
+        count = math.prod(moved[0].shape[1:])
+        w, rise, x, v = (values.reshape(len(values), count) for values in moved)
+        return w, rise, x, v
+
+    def _seen(self, weights: ArrayLike, start: Any, t: Any = None) -> "_Seen":
+        """weights . (state, watched ...) at N times `t` (...) after `start`, (2n,) or (2n, ...)."""
+        size, k, weights = 2 * len(self.squares), self.thrown, np.asarray(weights, dtype=float)
+        own, offset = weights[:size], 0.0
+        for share, (slopes, value) in zip(weights[size:], self.watch.values(), strict=False):
+            own, offset = own + share * np.asarray(slopes), offset + share * value
+        at_q, at_u = own[::2] @ self.shapes, own[1::2] @ self.shapes
+        w, rise, x, v = self._moved(start, t)
+        pull, at_x, at_v = self.loads[:k], at_q[k:, None], at_u[k:, None]
+        return _Seen(
+            even=at_x * x + at_v * v,
+            odd=at_x * v - at_v * self.squares[k:, None] * x,
+            base=at_q[:k] @ w + at_u[:k] @ rise + (at_q[k:] @ self.centres + offset),
+            slope=at_q[:k] @ rise + at_u[:k] @ pull,
+            fall=-float(at_q[:k] @ pull),
+        )
+
+    def _amplitudes(self, seen: "_Seen") -> np.ndarray:
+        """Amplitudes (s, N) of the modes that swing in what is seen of them."""
+        return np.hypot(seen.even, seen.odd / self.rates[:, None])
+
+    def _alternating(self, order: int) -> np.ndarray:
+        """Taylor coefficients (2, s, order + 1) of cos(omega t) and sin(omega t) / omega."""
+        halves, factors = _even_and_odd(order)
+        return (-self.squares[self.thrown :, None]) ** halves * factors
+
+
+@cache
+def _even_and_odd(order: int) -> tuple[np.ndarray, np.ndarray]:
+    """The halves (order + 1,) of the exponents, rounded down, and 1/k! (2, 1, order + 1) of the even and of the odd."""
+    k = np.arange(order + 1)
+    return k // 2, np.stack([k % 2 == 0, k % 2 == 1])[:, None] / np.cumprod(np.maximum(k, 1.0))
+
+
+class _Seen(NamedTuple):
+    """A linear function of the motion about N times, split up by the modes.
+
+    even, odd : (s, N), the shares of the modes that swing in the value and in the derivative
+    base, slope, fall : (N,), (N,) and a number, of the others together: base + slope t - fall t^2 / 2
+    """
+
+    even: np.ndarray
+    odd: np.ndarray
+    base: np.ndarray
+    slope: np.ndarray
+    fall: float
+
+    def above(self, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Times (N,) between which base + slope t - fall t^2 / 2 is above a level (N,); infinity and 0 for none."""
+        base, slope, fall = self.base - level, self.slope, self.fall
+        with np.errstate(all="ignore"):
+            # The roots are computed without a difference of two like numbers.
+            root = np.sqrt(slope**2 + 2 * fall * base)
+            first = np.where(slope > 0, -2 * base / (slope + root), (slope - root) / fall)
+            last = np.where(slope > 0, (slope + root) / fall, -2 * base / (slope - root))
+        if fall > 0:
+            known = np.isfinite(root)
+            return np.where(known, first, np.inf), np.where(known, last, 0.0)
+        for_ever = (slope > 0) | ((slope == 0) & (base > 0))
+        return np.where(for_ever, np.where(base > 0, 0.0, first), np.inf), np.where(for_ever, np.inf, 0.0)
+
+
+def linear_modes(
+    inertia: ArrayLike,
+    stiffness: ArrayLike,
+    load: ArrayLike,
+    watch: Mapping[str, tuple[ArrayLike, float]] | None = None,
+) -> Modes:
+    """The modes of M y'' = -K y + f.
+
+    inertia : M (n, n), symmetric and positive definite
+    stiffness : K (n, n), symmetric and positive semidefinite
+    load : f (n,)
+    watch : as in `Modes`
+
+    Raises `InputError` for matrices that are not so, and where no mode swings.
+    """
+    m, k, f = (np.array(values, dtype=float) for values in (inertia, stiffness, load))
+    if f.ndim != 1 or not f.size or m.shape != k.shape or m.shape != 2 * f.shape:
+        shapes = f"{m.shape}, {k.shape} and {f.shape}"
+        raise InputError(f"inertia, stiffness and load have shapes {shapes}; they are (n, n), (n, n) and (n,)")
+    for name, matrix in (("inertia", m), ("stiffness", k)):
+        if not np.abs(matrix - matrix.T).max() <= SLOWEST_SQUARE * np.abs(matrix).max():
+            raise InputError(f"the {name} is not a symmetric matrix of finite numbers")
+    try:
+        root = np.linalg.cholesky(m)
+    except np.linalg.LinAlgError:
+        raise InputError("the inertia is not positive definite: some motion has no kinetic energy") from None
+    inverse = np.linalg.inv(root)
+    # SciPy solves the generalised problem in the same way, but takes long to import.
+    squares, turned = np.linalg.eigh(inverse @ k @ inverse.T)
+    if not squares[-1] > 0:
+        raise InputError("the stiffness is nowhere positive: without a spring no mode swings")
+    if squares[0] < -SLOWEST_SQUARE * squares[-1]:
+        raise InputError("the stiffness is not positive semidefinite: a motion is pushed away from rest")
+    squares = np.where(squares > SLOWEST_SQUARE * squares[-1], squares, 0.0)
+    shapes = inverse.T @ turned
+    return Modes(squares, shapes, turned.T @ root.T, f @ shapes, watch or {})
