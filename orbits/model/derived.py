@@ -11,14 +11,15 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..symbolic.exclusive import exclusive
 from .coefficients import Coefficients
-from .elements import Element, Scalar, Spring, value_of
+from .elements import Element, Scalar, Spring, names_in, value_of
 from .laws import Key, Parameters, Scalars
-from .linear import Linear
+from .linear import Linear, LinearEquations
 from .mechanics import GRAVITY_SHARE, Mechanics, weighted_sum
-from .model import Model
+from .model import Knee, Model
 from .one_law import launch_of
 from .phase import Affine, Phase
 from .relative import pieces_along, reach_along
+from .state_formula import StateFormula
 
 # What a model says where the mechanism has no words of its own.
 WORDS = {
@@ -45,6 +46,8 @@ class Structure(NamedTuple):
     heights: tuple[tuple[str, Scalar], ...]
     separation: Scalar | None
     energy_unit: Scalar
+    rest: tuple[tuple[str, Scalar], ...]
+    knees: tuple[tuple[str | None, str, Scalar], ...]
     actuators: tuple[tuple[str, str], ...]
     words: tuple[tuple[str, str], ...]
     parameters: tuple[str, ...]
@@ -56,7 +59,8 @@ def derived_model(structure: Structure) -> Model:
     """The model of a mechanism; raises `InputError` for what is no mechanism."""
     s, mechanics = structure, _mechanics_of(structure)
     parts = _Parts(structure, mechanics)
-    launch, linear = launch_of(mechanics, parts.words["liftoff"]), Linear.of(mechanics)
+    launch = launch_of(mechanics, parts.words["liftoff"], dict(s.rest).get(parts.launched_name, 0.0))
+    linear = Linear.of(mechanics)
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
     still = launch if moves_alone and not mechanics.varying else None
     return Model(
@@ -88,7 +92,23 @@ def derived_model(structure: Structure) -> Model:
         tension=parts.tension,
         search=launch.relative.search if launch and mechanics.conservative else None,
         relative=launch.relative if launch and moves_alone else None,
+        rest=parts.rest if s.rest else None,
+        knees=parts.knees if s.knees else None,
     )
+
+
+def derived_launch(structure: Structure) -> str:
+    """The coordinate that is launched."""
+    return _Parts(structure, _mechanics_of(structure)).launched_name
+
+
+@exclusive
+def linear_equations(structure: Structure, p: Parameters) -> LinearEquations:
+    """The matrices of a mechanism whose springs are straight lines; raises `InputError` for another."""
+    linear = Linear.of(_mechanics_of(structure))
+    if linear is None:
+        raise InputError(f"the {structure.name} is not linear: a law or an extension of it is no straight line")
+    return linear.equations(p)
 
 
 @lru_cache(maxsize=64)
@@ -104,6 +124,8 @@ class _Parts:
     def __init__(self, structure: Structure, mechanics: Mechanics):
         self.structure, self.mechanics, self.size = structure, mechanics, mechanics.size
         self.words = {**WORDS, **dict(structure.words)}
+        places = [state for name in structure.coordinates for state in (name, f"{name}'")]
+        self.states = (*places, *(name for name, _ in structure.actuators))
         self.springs = [element for element in structure.elements if isinstance(element, Spring)]
         kept = [mechanics.moved[i] for i in mechanics.kept]
         names = [state for name in kept[: self.size - 1] for state in (name, f"{name}'")]
@@ -112,7 +134,7 @@ class _Parts:
             raise InputError(f"launch '{launched}' is no coordinate of the contact; those are {', '.join(kept)}")
         own = {launched: "liftoff", f"{launched}'": "alpha"}
         self.contact_states = (*names, *kept[self.size - 1 :])
-        self.launched = names.index(launched)  # its place in the contact state
+        self.launched, self.launched_name = names.index(launched), launched  # its place in the contact state
         self.unknowns = [own.get(name, name) for name in names]
         others = tuple(name for name in self.unknowns if name not in ("liftoff", "alpha"))
         self.launch_unknowns = ("liftoff", "alpha", *others)
@@ -145,8 +167,11 @@ class _Parts:
     def _function(self, expression: Scalar) -> Callable:
         """p -> a height or distance as a function of the flight state."""
         found, ends = self.mechanics.affine(expression), len(self.structure.actuators)
+        if found is None and not isinstance(expression, str):
+            raise InputError("a height that is no sum of coordinates is a formula of coordinates and parameters")
         if found is None:
-            raise InputError(f"'{expression}' is no sum of coordinates")
+            names = names_in(expression) & set(self.structure.parameters)
+            return lambda p: StateFormula(expression, self.states, {name: p[name] for name in names})
 
         def affine(p: Parameters) -> Affine:
             *weights, offset = found(p)[0]
@@ -165,13 +190,8 @@ class _Parts:
 
     def flight(self, closed_form: Callable | None) -> Phase:
         """The flight."""
-        mechanics, s = self.mechanics, self.structure
-        states = (
-            *(state for name in s.coordinates for state in (name, f"{name}'")),
-            *(name for name, _ in s.actuators),
-        )
-        pieces, reaches = self._along(np.eye(len(mechanics.moved)))
-        return Phase("flight", states, mechanics.flight, {}, pieces, closed_form, reaches)
+        pieces, reaches = self._along(np.eye(len(self.mechanics.moved)))
+        return Phase("flight", self.states, self.mechanics.flight, {}, pieces, closed_form, reaches)
 
     def contact(self, closed_form: Callable | None) -> Phase:
         """The contact."""
@@ -239,11 +259,21 @@ class _Parts:
         ends = len(x) - len(self.structure.actuators)
         return [*x[:ends:2], *x[ends:]]
 
-    def separation(self, p: Parameters) -> Affine | None:
+    def separation(self, p: Parameters) -> Affine | StateFormula | None:
         """The distance that must stay positive."""
         return self._distance and self._distance(p)
 
-    def heights(self, p: Parameters) -> dict[str, Affine]:
+    def rest(self, p: Parameters) -> list[Any]:
+        """The flight state at rest with the springs unloaded."""
+        places = dict(self.structure.rest)
+        each = [value_of(places.get(name, 0.0), {}, p) for name in self.mechanics.moved]
+        return list(_interleaved(each, len(self.structure.actuators)))
+
+    def knees(self, p: Parameters) -> list[Knee]:
+        """The pairs of heights that a knee joins."""
+        return [(lower, upper, value_of(length, {}, p)) for lower, upper, length in self.structure.knees]
+
+    def heights(self, p: Parameters) -> dict[str, Affine | StateFormula]:
         """The heights by name."""
         return {name: height(p) for name, height in self._heights}
 

@@ -81,7 +81,8 @@ class Mechanics:
         self.elements = tuple(elements)
         self.inertia = self._inertia(inertia)
         self.conservative = not any(isinstance(element, Damper | Force) for element in elements)
-        self.terms = [term for element in elements for term in self._terms_of(element)] + self._inertial_terms()
+        terms = [term for element in elements for term in self._terms_of(element)]
+        self.terms = [*_one_weight(terms), *self._inertial_terms()]
         self.gap = self._gap(gap)
         self.eliminated = int(np.argmax(self.gap))
         kept = [i for i in range(self.size) if i != self.eliminated]
@@ -113,16 +114,16 @@ class Mechanics:
             for j, entry in enumerate(row):
                 if entry != 0:
                     matrix[i, j] = self.scalar(entry)
-        for element in self.elements:
-            if isinstance(element, Mass | Inerter):
-                place, mass = (
-                    (element.height, element.mass)
-                    if isinstance(element, Mass)
-                    else (element.extension, element.inertance)
-                )
-                gradient = ca.sparsify(self.gradient(place)[: self.size])
-                matrix += self.scalar(mass) * (gradient @ gradient.T)
+        self.stated_inertia = matrix
+        for place, mass in self._moving_masses():
+            gradient = ca.sparsify(self.gradient(place)[: self.size])
+            matrix = matrix + self.scalar(mass) * (gradient @ gradient.T)
         return ca.sparsify(matrix)
+
+    def _moving_masses(self) -> list[tuple[Scalar, Scalar]]:
+        """The functions of the coordinates along which something with a mass moves, and the masses."""
+        masses = [(element.height, element.mass) for element in self.elements if isinstance(element, Mass)]
+        return masses + [(each.extension, each.inertance) for each in self.elements if isinstance(each, Inerter)]
 
     def _gap(self, expression: Scalar) -> np.ndarray:
         """The weights (n,) of the gap."""
@@ -173,14 +174,20 @@ class Mechanics:
         return 1 + p[GRAVITY_SHARE] * (self.gravity.expression(height, p, []) / ground - 1)
 
     def _inertial_terms(self) -> list[Term]:
-        """What is quadratic in the speeds where the inertia depends on the configuration."""
-        n, v = self.size, self.v[: self.size]
-        if not ca.depends_on(self.inertia, self.y):
-            return []
-        momentum, energy = self.inertia @ v, ca.bilin(self.inertia, v, v) / 2
-        force = ca.jtimes(momentum, self.y, self.v) - ca.gradient(energy, self.y)[:n]
-        eye = np.eye(len(self.moved))
-        return [Term(None, self._of_state(force[i]), ca.SX(eye[:, i]), False) for i in range(n)]
+        """What is quadratic in the speeds: a mass that moves along a function h of the coordinates has the acceleration
+        J^T y'' + v^T (Hessian of h) v; and what a stated inertia that depends on the configuration adds."""
+        terms = []
+        for place, mass in self._moving_masses():
+            bend = ca.bilin(ca.jacobian(self.gradient(place), self.y), self.v, self.v)
+            if not bend.is_zero():
+                terms.append(Term(None, self._of_state(bend), self.scalar(mass) * self.gradient(place), False))
+        n, v, inertia = self.size, self.v[: self.size], self.stated_inertia
+        if ca.depends_on(inertia, self.y):
+            energy = ca.bilin(inertia, v, v) / 2
+            force = ca.jtimes(inertia @ v, self.y, self.v) - ca.gradient(energy, self.y)[:n]
+            each = enumerate(np.eye(len(self.moved))[:n])
+            terms += [Term(None, self._of_state(force[i]), ca.SX(row), False) for i, row in each]
+        return terms
 
     def _named(self, values: Sequence[Any]) -> dict[str, Any]:
         return dict(zip(self.moved, values, strict=True))
@@ -308,6 +315,13 @@ class Mechanics:
         changes = [weighted_sum(row, forces) for row in rows]
         pairs = [part for pair in zip(rates, changes, strict=False) for part in pair]
         return [*pairs, *(p[rate] for _, rate in self.actuators)]
+
+
+def _one_weight(terms: Sequence[Term]) -> list[Term]:
+    """The terms with all weights under constant gravity in one."""
+    weights = [term for term in terms if term.what == "constant gravity"]
+    others = [term for term in terms if term.what != "constant gravity"]
+    return [*others, *(weights and [weights[0]._replace(gradient=sum(term.gradient for term in weights))])]
 
 
 def is_used(coefficient: Any) -> bool:

@@ -24,17 +24,15 @@ from ..errors import InputError
 from ..io import one_line
 from ..symbolic.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
-from .derived import Structure, derived_model
+from .derived import Structure, derived_launch, derived_model, linear_equations
 from .elements import Element, Scalar, Spring, fields_of, names_in
 from .features import with_reach
 from .laws import Key, Law, coefficient_of_restitution, key_of, number, stated
+from .linear import LinearEquations
 from .machine import Stated
 from .mechanics import GRAVITY_SHARE
 from .model import Model
 from .units import Units
-
-# The units of a machine whose numbers are in SI.
-SI = Units(1.0, 1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -60,6 +58,9 @@ class Mechanism(Stated):
     in_si : whether all numbers are in SI, and results then have units
     name : of the kind of machine
     energy_unit : in units of force and length
+    rest : of coordinates that are not 0 where the machine rests with its springs unloaded
+    angles : coordinates that are angles, in rad
+    knees : for pictures, the names of a lower (None for the ground) and an upper height that two links of a length join
     actuators : displacements that may stand in extensions, each with the name of its rate
     words : what messages call the "liftoff" force, and say of a violated "gap", "pull", "separation" and "end"
 
@@ -81,6 +82,9 @@ class Mechanism(Stated):
     in_si: bool = False
     name: str = "mechanism"
     energy_unit: Scalar = 1.0
+    rest: Mapping[str, Scalar] = field(default_factory=dict)
+    angles: Sequence[str] = ()
+    knees: Sequence[tuple[str | None, str, Scalar]] = ()
     actuators: Mapping[str, str] = field(default_factory=dict)
     words: Mapping[str, str] = field(default_factory=dict)
 
@@ -97,7 +101,8 @@ class Mechanism(Stated):
         self._keep(
             coordinates=tuple(self.coordinates), elements=tuple(elements), gravity=laws[0][0], inertia=self._rows(),
             parameters={**own, **given}, heights=dict(self.heights or {name: name for name in self.coordinates}),
-            actuators=dict(self.actuators), words=dict(self.words),
+            actuators=dict(self.actuators), words=dict(self.words), rest=dict(self.rest), angles=tuple(self.angles),
+            knees=tuple(map(tuple, self.knees)),
             restitution=coefficient_of_restitution(self.restitution),
         )  # fmt: skip
         places = {*self.coordinates, *self.actuators}
@@ -130,6 +135,7 @@ class Mechanism(Stated):
         expressions = [value for element in self.elements for value in fields_of(element)]
         expressions += [*chain(*self.inertia), *self.heights.values(), self.surface_gravity, self.energy_unit, self.gap]
         expressions += [value for value in (self.counts, self.separation) if value is not None]
+        expressions += [*self.rest.values(), *(length for *_, length in self.knees)]
         found = {name for value in expressions for name in names_in(value)} | {*self.actuators.values()}
         laws = [self.gravity, *(element.force for element in self.elements if isinstance(element, Spring))]
         found |= {name for law in laws for name in law.names} | self.parameters.keys()
@@ -151,15 +157,26 @@ class Mechanism(Stated):
         names = self.names if gravity.degree() == 0 else (*self.names, GRAVITY_SHARE)
         return Structure(
             self.name, self.coordinates, elements, self.gap, self.inertia, gravity, self.surface_gravity, counts,
-            self.launch, tuple(self.heights.items()), self.separation, self.energy_unit, tuple(self.actuators.items()),
-            tuple(self.words.items()), names,
+            self.launch, tuple(self.heights.items()), self.separation, self.energy_unit, tuple(self.rest.items()),
+            self.knees, tuple(self.actuators.items()), tuple(self.words.items()), names,
         )  # fmt: skip
 
     @exclusive_property
     def model(self) -> Model:
         """The model that follows; mechanisms that differ only in numbers share it."""
         model = derived_model(self.structure)
-        return _with_units(model) if self.in_si else model
+        return _with_units(model, self._si) if self.in_si else model
+
+    @property
+    def _si(self) -> Units:
+        """The units of a machine whose numbers are in SI."""
+        launched = self.launch or derived_launch(self.structure)
+        return Units(1.0, 1.0, 1.0, 1.0, (*self.angles, *(["liftoff"] if launched in self.angles else [])))
+
+    def linear_equations(self) -> LinearEquations:
+        """The matrices M, K and f of M y'' = -K y + f in flight; raises `InputError` where a spring is no straight
+        line."""
+        return linear_equations(self.structure, self.values)
 
     @property
     def values(self) -> dict[str, float]:
@@ -180,7 +197,7 @@ class Mechanism(Stated):
     @property
     def units(self) -> Units | None:
         """SI, for a machine whose numbers are in it."""
-        return SI if self.in_si else None
+        return self._si if self.in_si else None
 
     def dimensionless(self) -> Self:
         """The same machine without units."""
@@ -215,6 +232,6 @@ class Mechanism(Stated):
 
 
 @lru_cache(maxsize=64)
-def _with_units(model: Model) -> Model:
-    """The same model in SI."""
-    return replace(model, units=lambda p: SI)
+def _with_units(model: Model, units: Units) -> Model:
+    """The same model, its results in units."""
+    return replace(model, units=lambda p: units)

@@ -23,6 +23,7 @@ class Search(NamedTuple):
         the scale
     single : whether the laws bend so seldom that the orbit to which the guess leads is taken for the lowest
     pace : the scale of times over that of launch speeds
+    by_speed : whether the extension at lift-off depends on the launch speed
     """
 
     scale: float
@@ -30,6 +31,7 @@ class Search(NamedTuple):
     fastest: float
     single: bool
     pace: float = 1.0
+    by_speed: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import InputError
 from .coefficients import Coefficients
-from .elements import Force, Potential, Spring
+from .elements import Force, Potential, Scalar, Spring
 from .laws import Key, Parameters, Scalars
 from .liftoff import Liftoff
 from .mechanics import Mechanics, at_rest, is_used
@@ -37,12 +37,13 @@ class Launch:
     reduction: Reduction | None = None
 
 
-def launch_of(mechanics: Mechanics, level: str) -> Launch | None:
-    """How a machine is launched, None where its contact has several coordinates; `level` is what lift-off waits for."""
+def launch_of(mechanics: Mechanics, level: str, rest: Scalar) -> Launch | None:
+    """How a machine is launched, None where its contact has several coordinates; `level` is what lift-off waits for, and
+    `rest` where the coordinate that is launched rests."""
     if mechanics.size != 2:
         return None
     alone = _Alone.of(mechanics)
-    return alone.launch(level) if alone else _held(mechanics, level)
+    return alone.launch(level) if alone and rest == 0.0 else _held(mechanics, level, rest)
 
 
 class _Alone:
@@ -173,22 +174,45 @@ def _is_level(mechanics: Mechanics) -> bool:
     return True
 
 
-def _held(mechanics: Mechanics, level: str) -> Launch:
+def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """A unit of the contact force, and the rate of a launch: what follows at lift-off from the slopes at rest.
+
+    With the acceleration F of the launched coordinate in flight, the contact force lambda vanishes at the extension
+    r = -lambda/lambda', and there the contact and the flight have one acceleration, the rate = -(F + F' r). In the unit
+    lambda' rate/F' the contact force has the slope of the extension's own motion.
+    """
+    m, s, ends = mechanics, ca.SX.sym("s"), [0.0] * len(mechanics.actuators)
+    still = {**m.p, **{rate: ca.SX(0) for _, rate in m.actuators}}
+    force, place = ca.SX(m.contact_force([s, ca.SX(0), *ends], still, [])), m.embedded([s, *ends], [s, *ends])[0]
+    launched = m.kept[0]
+    state = [part for y in place[: m.size] for part in (y, ca.SX(0))]
+    motion = ca.SX(m.flight([*state, *ends], still, [])[2 * launched + 1])
+    at_start = [ca.substitute(part, s, start) for part in (force, ca.gradient(force, s), motion, ca.gradient(motion, s))]
+    level, slope, fall, stiffness = at_start
+    rate = -(fall - stiffness * level / slope)
+    # Without a slope at rest nothing has a scale; what is stated is then taken to be of order 1.
+    regular = ca.logic_and(ca.fabs(slope) > 1e-12, ca.logic_and(stiffness < -1e-12, rate > 1e-12))
+    return ca.if_else(regular, slope * rate / stiffness, 1.0), ca.if_else(regular, rate, 1.0)
+
+
+def _held(mechanics: Mechanics, level: str, rest: Scalar) -> Launch:
     """The launch of a machine whose contact force is a function of the coordinate that is launched and of its rate."""
-    m = mechanics
-    weight = at_rest(sum((t.gradient[m.eliminated] for t in m.terms if t.is_weight), ca.SX(0)), m.y)
-    scale = weight / m.gap[m.eliminated] if not weight.is_zero() else ca.SX(1)
-    inertia = at_rest(m.contact_inertia, m.s)
-    numbers = Coefficients(ca.horzcat(scale, scale / inertia[0, 0]), m.y, m.p)
-    names = (*m.p, AT_SPEED_OF)
-
-    def expression(s: Any, p: Parameters, q: Scalars) -> Any:
-        state = [s, p[AT_SPEED_OF], *(0.0 for _ in m.actuators)]
-        return 1 - m.contact_force(state, {**p, **{rate: 0.0 for _, rate in m.actuators}}, q) / numbers(p)[0][0]
-
-    pieces = next((e.force.pieces for e in m.elements if isinstance(e, Spring) and e.force.pieces), None)
-    if pieces:
+    m, start = mechanics, mechanics.scalar(rest)
+    numbers = Coefficients(ca.horzcat(*_scales_at(mechanics, start), start), m.y, m.p)
+    if any(isinstance(element, Spring) and element.force.pieces for element in m.elements):
         raise InputError("a law in pieces can be taken where all springs act along one sum of two coordinates")
-    law = Key("the contact force", "r", expression, names, None)
-    gravity = m.gravity if m.varying else None
-    return Launch(Relative(law, gravity, Liftoff(0.0, level), lambda p: numbers(p)[0][1], by_speed=AT_SPEED_OF))
+
+    def expression(r: Any, p: Parameters, q: Scalars) -> Any:
+        unit, _, start = numbers(p)[0]
+        state = [start + r, p[AT_SPEED_OF], *(0.0 for _ in m.actuators)]
+        return 1 - m.contact_force(state, {**p, **{rate: 0.0 for _, rate in m.actuators}}, q) / unit
+
+    law = Key("the contact force", "r", expression, (*m.p, AT_SPEED_OF), None)
+    symbols = ca.SX.sym("r"), ca.SX.sym("speed")
+    speeds = [expression(symbols[0], {**m.p, AT_SPEED_OF: speed}, []) for speed in (symbols[1], ca.SX(0))]
+    still = Coefficients(speeds[0] - speeds[1], ca.vertcat(*symbols), m.p).constants == [0.0]
+    if still:  # A speed that makes no difference is no parameter.
+        law = law._replace(expression=lambda r, p, q: expression(r, {**p, AT_SPEED_OF: 0.0}, q), names=tuple(m.p))
+    gravity, by_speed = m.gravity if m.varying else None, None if still else AT_SPEED_OF
+    rate, offset = (lambda p: numbers(p)[0][1]), (lambda p: numbers(p)[0][2])
+    return Launch(Relative(law, gravity, Liftoff(0.0, level), rate, by_speed=by_speed, rest=offset))

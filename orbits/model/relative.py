@@ -55,6 +55,7 @@ class Relative:
     rate : p -> the rate, None where it is 1
     damping : p -> what a launch speed of 1 adds to phi at lift-off
     by_speed : the name of the parameter of the law that is the launch speed; None where it does not depend on that
+    rest : p -> the place of what is launched where the extension is 0
     own : p -> the parameters that all of this is told in, for a model with other parameters
     """
 
@@ -64,6 +65,7 @@ class Relative:
     rate: Callable | None = None
     damping: Callable = lambda p: 0.0
     by_speed: str | None = None
+    rest: Callable = lambda p: 0.0
     own: Callable = lambda p: p
 
     @property
@@ -78,13 +80,13 @@ class Relative:
     def release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
         """Extensions (m,) at lift-off with launch speeds (m,)."""
         if self.by_speed is None:
-            return self.liftoff.extensions_at(from_key(self.law, p), self.damping(p), alpha)
+            return self.rest(p) + self.liftoff.extensions_at(from_key(self.law, p), self.damping(p), alpha)
         alpha = np.asarray(alpha, dtype=float)
         columns = {name: np.full(alpha.size, value) for name, value in p.items()} | {self.by_speed: alpha.ravel()}
         found = self.liftoff.extensions(self.law, columns)
         for i in np.flatnonzero(np.isnan(found)).tolist():
             found[i] = self.liftoff.extension(from_key(self.law, {**p, self.by_speed: float(alpha.ravel()[i])}))
-        return found.reshape(alpha.shape)
+        return self.rest(p) + found.reshape(alpha.shape)
 
     def scale(self, slope: Any, p: Parameters) -> Any:
         """The launch speed that a spring of this slope turns in a radian of its oscillation."""
@@ -103,7 +105,9 @@ class Relative:
         # Where gravity varies or steps are kept short, the fastest flights would take most of the search's time.
         fastest = FASTEST if single and not gravity and law.reach == math.inf else FASTEST_IN_DETAIL
         spacing = float(np.clip(finest, *SPACINGS))
-        return Search(float(self.scale(1 / unit, p)), spacing, fastest, single, float(self.time(p)))
+        return Search(
+            float(self.scale(1 / unit, p)), spacing, fastest, single, float(self.time(p)), self.by_speed is not None
+        )
 
     def own_and_single(self, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Which of many machines (m,) take integration steps as far as this model lets them, and which have no feature

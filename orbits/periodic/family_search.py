@@ -66,6 +66,7 @@ class Lateness:
         self.model, self.method, self.family, self.searches = model, method, family, searches
         self.names, self.ps = names, ps
         self.scales, self.paces = np.array([[search.scale, search.pace] for search in searches]).T
+        self.by_speed = any(search.by_speed for search in searches)
         self.reduction = reduction_of(model, method)
         self.statement = equations_of(model, method, names).statement
         self.arc = self.statement.arcs[0]
@@ -175,7 +176,15 @@ class Lateness:
         return dict(zip(self.names, self.ps[which].T, strict=True))
 
     def _unknowns(self, alphas: np.ndarray, which: np.ndarray) -> dict[str, np.ndarray]:
-        return {"alpha": alphas, "liftoff": self.liftoffs[which]}
+        return {"alpha": alphas, "liftoff": self._released(alphas, which) if self.by_speed else self.liftoffs[which]}
+
+    def _released(self, alphas: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """The extensions (k,) at lift-off of launches whose speed they depend on."""
+        found = np.empty(len(alphas))
+        for machine in np.unique(which).tolist():
+            mine, p = which == machine, dict(zip(self.names, self.ps[machine].tolist(), strict=True))
+            found[mine] = self.model.release(alphas[mine], p)
+        return found
 
     def _liftoffs(self) -> np.ndarray:
         """The extensions (m,) at lift-off."""
