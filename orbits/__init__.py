@@ -3,6 +3,7 @@
 from .continuation.family import End, Event, Family, Point
 from .continuation.folds import fold_statement, follow_fold
 from .continuation.follow import follow, follow_branch, orbit_at, trace
+from .continuation.starts import start_from_rest, starts
 from .continuation.step_control import StepControl
 from .control.rollout import Control
 from .control.stage import Input, Stage
@@ -39,8 +40,8 @@ __all__ = [
     "Pieces", "Point", "Potential", "Reduction", "ReturnMap", "Simulation", "Spring", "Stage", "StateFormula",
     "Statement", "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "Weight", "__version__",
     "existence", "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold", "linear_modes",
-    "multiplier", "optimize", "orbit_at", "pareto", "quantities", "sensitivities", "simulate", "steer", "sweep",
-    "trace", "uncertainty",
+    "multiplier", "optimize", "orbit_at", "pareto", "quantities", "sensitivities", "simulate", "start_from_rest",
+    "starts", "steer", "sweep", "trace", "uncertainty",
 ]  # fmt: skip
 
 

@@ -13,34 +13,28 @@ with mass ratio m2/m1.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from orbits import Mass, Mechanism, Spring, find, follow
-from orbits.errors import FlowError, InputError, NoOrbit
-from orbits.flow.flow import flow_of
+from orbits import Mass, Mechanism, Spring, start_from_rest, starts
+from orbits.errors import InputError
 from orbits.io import one_line
-from orbits.model.laws import Key, Law, coefficient_of_restitution, number
+from orbits.model.laws import Law, coefficient_of_restitution, number
+from orbits.model.machine import Stated
 from orbits.model.model import Model
 from orbits.symbolic.exclusive import exclusive, exclusive_property
 
-from .machine import Stated
 from .springs import as_spring
 
 MOST_MASSES = 12
-# The springs' own laws are brought in along this parameter, from 0 to 1.
-LAW_SHARE = "share_of_the_springs_own_law"
-# The longest step along it, as a share, and the most points: hops that need more are left out.
-LONGEST_LAW_STEP, MOST_LAW_POINTS = 0.1, 100
-# Newton's method starts together from this many quasi-random pairs of phase times, takes this many steps, and is
-# repeated until so many batches in a row bring no new root.
-BATCH, NEWTON_STEPS, IDLE_BATCHES = 1024, 60, 4
-# Roots closer than this, as a share of the times, are one; the largest residual of one is a share of 1 + the weight.
-SAME_ROOT, LARGEST_RESIDUAL = 1e-7, 1e-9
-# Of phase times, as a share of the longest; shorter hops have shrunk to nothing, a root for many contacts.
-SHORTEST_PHASE = 1e-3
+WORDS_OF_CHAINS = {
+    "liftoff": "the weight of the lowest mass",
+    "gap": "lowest mass below ground",
+    "pull": "the ground would have to pull",
+    "separation": "the masses pass through each other",
+    "end": "contact: the springs collapse, the lowest mass never lifts off again",
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -94,7 +88,31 @@ class Chain(Stated):
     @exclusive_property
     def model(self) -> Model:
         """The phases and orbits of the chain; chains that differ only in numbers share it."""
-        return _chain(tuple(law.key for law in self.springs)).model
+        return self.mechanism.model
+
+    @exclusive_property
+    def mechanism(self) -> Mechanism:
+        """The chain as a mechanism."""
+        names, masses = [f"y{i}" for i in range(1, len(self.masses) + 1)], _mass_names(len(self.masses))
+        weighted = [f"{mass}*{name}" for mass, name in zip(masses, names, strict=True)]
+        pairs = zip(names[:-1], names[1:], self.springs, strict=True)
+        return Mechanism(
+            name=f"chain of {len(masses)} masses",
+            coordinates=names,
+            elements=[
+                *(Mass(name, mass) for name, mass in zip(names, masses, strict=True)),
+                *(Spring(f"{upper} - {lower}", spring) for upper, lower, spring in pairs),
+            ],
+            gap=names[-1],
+            counts=f"{names[-2]} - {names[-1]}",
+            heights={
+                **{f"mass {i}": name for i, name in enumerate(names, 1)},
+                "centre of mass": f"({' + '.join(weighted)})/({' + '.join(masses)})",
+            },
+            words=WORDS_OF_CHAINS,
+            parameters=self.values,
+            restitution=self.restitution,
+        )
 
     @property
     def values(self) -> dict[str, float]:
@@ -135,189 +153,12 @@ class Chain(Stated):
 
         Raises `NoOrbit` when the motion from there cannot be followed.
         """
-        rest = np.zeros(2 * len(self.masses) - 2)
-        if np.shape(positions) != (len(self.masses) - 1,):
-            raise InputError(f"positions = {positions!r}; they are {len(self.masses) - 1} numbers, from the top")
-        rest[::2] = positions
-        flow, p = flow_of(self.model.contact, tuple(self.values)), list(self.values.values())
-        try:
-            path, _ = flow.run(rest, p, number("half_contact", half_contact, low=0))
-        except FlowError as error:
-            raise NoOrbit(f"the contact cannot be followed from rest at {positions}: {error}") from None
-        liftoff = dict(zip(self.model.contact.states, path.end[: len(rest)].tolist(), strict=True))
-        return self._launch(liftoff, half_contact, number("half_flight", half_flight, low=0))
+        return start_from_rest(self, positions, half_contact, half_flight)
 
     def starts(self, half_contact: float, half_flight: float, seed: int = 0) -> list[dict[str, float]]:
-        """Starts for `find_all`: the hops with phase times up to these.
-
-        For linear springs they are those of `linear_orbits`. Other springs are brought in step by step, from the linear
-        ones with their slopes at rest, and each hop is followed. Hops that end on the way are left out, as are hops
-        that no linear one leads to.
-        """
-        slopes = [float(law.with_slope(0.0)[1]) for law in self.springs]
-        for law, slope in zip(self.springs, slopes, strict=True):
-            number(f"the slope of spring '{law.text}' at rest", slope, low=0)
-        names = self.model.flight.states
-        starts = [
-            self._launch(dict(zip(names, state.tolist(), strict=True)), contact, flight)
-            for contact, flight, state in linear_orbits(self.masses, slopes, half_contact, half_flight, seed)
-        ]
-        if all(law.key.degree() == 1 for law in self.springs):
-            return starts
-        straight = Chain(self.masses, [_blend(law, slope) for law, slope in zip(self.springs, slopes, strict=True)])
-        return [led for start in starts if (led := _led_to_own_laws(straight, start))]
-
-    def _launch(self, liftoff: Mapping[str, float], half_contact: float, half_flight: float) -> dict[str, float]:
-        """The unknowns of half an orbit from the state at lift-off by name."""
-        above = len(self.masses) - 1  # the mass above the lowest, whose extension and speed tell the lift-off
-        own = {"liftoff": liftoff[f"y{above}"], "alpha": liftoff[f"y{above}'"]}
-        others = {name: liftoff[name] for name in self.model.launch_unknowns if name not in own}
-        return {**own, **others, "duration": half_flight, "contact_duration": half_contact}
-
-
-def _blend(law: Law, slope: float) -> Law:
-    """A law that goes from a straight line to a spring's own as the parameter `LAW_SHARE` goes from 0 to 1."""
-
-    def mixed(x, p, q):
-        return p[LAW_SHARE] * law.expression(x, p, q) + (1 - p[LAW_SHARE]) * slope * x
-
-    return Law(law.text, "r", mixed, {**law.parameters, LAW_SHARE: 0.0})
-
-
-def _led_to_own_laws(straight: Chain, start: dict[str, float]) -> dict[str, float] | None:
-    """The start of the hop to which one of the straight springs leads, None where that ends on the way."""
-    try:
-        orbit = find(straight, start=start)
-        family = follow(straight, LAW_SHARE, 1.0, orbit=orbit, longest=LONGEST_LAW_STEP, most=MOST_LAW_POINTS)
-    except NoOrbit:
-        return None
-    return dict(zip(straight.model.half_unknowns, family[-1].u, strict=True)) if family.end.kind == "reached" else None
+        """Starts for `find_all`: the hops with phase times up to these, see `orbits.starts`."""
+        return starts(self.mechanism, half_contact, half_flight, seed)
 
 
 def _mass_names(count: int) -> tuple[str, ...]:
     return tuple(f"m{i}" for i in range(1, count + 1))
-
-
-@lru_cache(maxsize=64)
-def _chain(springs: tuple[Key, ...]) -> Mechanism:
-    """The mechanism of the keys of the springs' laws, from the top."""
-    count = len(springs) + 1
-    names, masses = [f"y{i}" for i in range(1, count + 1)], _mass_names(count)
-    weighted = [f"{mass}*{name}" for mass, name in zip(masses, names, strict=True)]
-    pairs = zip(names[:-1], names[1:], springs, strict=True)
-    return Mechanism(
-        name=f"chain of {count} masses",
-        coordinates=names,
-        elements=[
-            *(Mass(name, mass) for name, mass in zip(names, masses, strict=True)),
-            *(Spring(f"{upper} - {lower}", spring) for upper, lower, spring in pairs),
-        ],
-        gap=names[-1],
-        counts=f"{names[-2]} - {names[-1]}",
-        heights={
-            **{f"mass {i}": name for i, name in enumerate(names, 1)},
-            "centre of mass": f"({' + '.join(weighted)})/({' + '.join(masses)})",
-        },
-        words={
-            "liftoff": "the weight of the lowest mass",
-            "gap": "lowest mass below ground",
-            "pull": "the ground would have to pull",
-            "separation": "the masses pass through each other",
-            "end": "contact: the springs collapse, the lowest mass never lifts off again",
-        },
-    )
-
-
-def linear_orbits(
-    masses: Sequence[float], stiffnesses: Sequence[float], half_contact: float, half_flight: float, seed: int = 0
-) -> list[tuple[float, float, np.ndarray]]:
-    """Half the time of contact, of flight, and the flight state (2 N,) at lift-off, of the roots for linear springs.
-
-    masses, stiffnesses : (N,), (N - 1,), from the top
-    half_contact, half_flight : the longest that are looked for
-    seed : of the quasi-random pairs of times from which Newton's method starts, until they find nothing new; for long
-        chains another seed may find some more
-
-    From rest each vibration mode is a cosine, so that the speeds at lift-off are a linear function of the positions
-    there, both by the contact before lift-off and by the flight after it. The lowest spring carries the lowest mass,
-    which gives one position; that the two speeds of each mass agree for all masses above it gives the others. Two
-    equations in the two times are left: the two speeds of that mass agree, and the lowest mass has none (Pankov 2021,
-    section 1).
-    """
-    from scipy.stats import qmc
-
-    modes = _ChainModes(np.array(masses, dtype=float), np.array(stiffnesses, dtype=float))
-    longest = np.array([number("half_contact", half_contact, 0, 1e4), number("half_flight", half_flight, 0, 1e4)])
-    pairs, roots, idle = qmc.Sobol(2, seed=seed), np.zeros((0, 2)), 0
-    while idle < IDLE_BATCHES:
-        times = modes.roots(pairs.random(BATCH) * longest, longest)
-        times = times[(times > SHORTEST_PHASE * longest).all(1) & (times <= longest).all(1)]
-        before = len(roots)
-        for pair in times:
-            if not len(roots) or np.abs(roots - pair).max(1).min() > SAME_ROOT * pair.max():
-                roots = np.vstack([roots, pair])
-        idle = idle + 1 if len(roots) == before else 0
-    if not len(roots):
-        return []
-    roots = roots[np.lexsort(roots.T[::-1])]
-    states = np.stack(modes.liftoffs(roots)[:2], axis=2).reshape(len(roots), -1)
-    # The mass above the lowest one rises at lift-off, or else the lowest would be pushed into the ground.
-    return [(*times.tolist(), state) for times, state in zip(roots, states, strict=True) if state[-3] > 0]
-
-
-class _ChainModes:
-    """The vibration modes of a linear chain of N masses in flight and in contact."""
-
-    def __init__(self, masses: np.ndarray, stiffnesses: np.ndarray):
-        self.masses, self.liftoff = masses, masses[-1] / stiffnesses[-1]
-        tension = np.diff(np.eye(len(masses)), axis=0)
-        stiffness = tension.T @ (stiffnesses[:, None] * tension)
-        square, modes = np.linalg.eigh(stiffness / np.sqrt(np.outer(masses, masses)))
-        self.flight_frequencies, self.flight_modes = np.sqrt(np.maximum(square, 0.0)), modes / np.sqrt(masses)[:, None]
-        self.flight_frequencies[0] = 0.0  # the mode in which all masses fall together
-        upper = masses[:-1]
-        square, modes = np.linalg.eigh(stiffness[:-1, :-1] / np.sqrt(np.outer(upper, upper)))
-        self.contact_frequencies, self.contact_modes = np.sqrt(square), modes / np.sqrt(upper)[:, None]
-        self.equilibrium = -np.linalg.solve(stiffness[:-1, :-1], upper)
-
-    def liftoffs(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Positions (m, N) at lift-off for half times (m, 2) of contact and flight, the speeds (m, N) there by the
-        flight after it, and the speeds (m, N - 1) by the contact before it."""
-        masses, n = self.masses, len(self.masses) - 1
-        last = n - 1  # the mass above the lowest, whose position at lift-off is known
-        contact, flight = times[:, :1], times[:, 1:]
-        # Speeds by the contact: before @ x + before_rest. Speeds by the flight: after @ x + after_rest.
-        rates = -self.contact_frequencies * np.tan(self.contact_frequencies * contact)
-        before = np.zeros((len(times), n, n + 1), dtype=times.dtype)
-        before[:, :, :n] = (self.contact_modes * rates[:, None]) @ self.contact_modes.T * masses[:n]
-        before_rest = -before[:, :, :n] @ self.equilibrium
-        rates = self.flight_frequencies * np.tan(self.flight_frequencies * flight)
-        after = (self.flight_modes * rates[:, None]) @ self.flight_modes.T * masses
-        after_rest = self.flight_modes[:, 0] * (self.flight_modes[:, 0] @ masses) * flight
-        x = np.zeros((len(times), n + 1), dtype=times.dtype)
-        x[:, last] = self.liftoff
-        difference = before[:, :last] - after[:, :last]
-        right = after_rest[:, :last] - before_rest[:, :last] - difference[:, :, last] * x[:, [last]]
-        square = difference[:, :, :last]
-        regular = np.isfinite(square).all((1, 2)) & (np.linalg.det(square) != 0)
-        square = np.where(regular[:, None, None], square, np.eye(last))
-        x[:, :last] = np.where(regular[:, None], np.linalg.solve(square, right[..., None])[..., 0], np.nan)
-        return x, (after @ x[..., None])[..., 0] + after_rest, (before @ x[..., None])[..., 0] + before_rest
-
-    def residual(self, times: np.ndarray) -> np.ndarray:
-        """Residuals (m, 2) at lift-off: the two speeds' difference of the mass above the lowest, the lowest's speed."""
-        _, after, before = self.liftoffs(times)
-        return np.stack([after[:, -2] - before[:, -1], after[:, -1]], axis=1)
-
-    def roots(self, times: np.ndarray, longest: np.ndarray) -> np.ndarray:
-        """The roots (r, 2) to which Newton's method converges from half times (m, 2), with complex-step derivatives."""
-        farthest = 0.5 / self.flight_frequencies.max()  # less than a period, with which the equations repeat
-        with np.errstate(all="ignore"):  # times that come to a pole of the tangents are dropped
-            for _ in range(NEWTON_STEPS):
-                (a, c), (b, d) = (self.residual(times + 1e-30j * unit).imag.T * 1e30 for unit in np.eye(2))
-                f, g = self.residual(times).T
-                change = np.stack([b * g - d * f, c * f - a * g], axis=1) / (a * d - b * c)[:, None]
-                times = times + np.clip(change, -farthest, farthest)
-                times = times[np.isfinite(times).all(1) & (np.abs(times) < 2 * longest).all(1)]
-            residual = self.residual(times)
-        return times[(np.abs(residual) < LARGEST_RESIDUAL * (1 + self.masses.sum())).all(1)]

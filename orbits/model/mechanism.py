@@ -20,6 +20,8 @@ from functools import lru_cache
 from itertools import chain
 from typing import Any, Self
 
+import numpy as np
+
 from ..errors import InputError
 from ..io import one_line
 from ..symbolic.exclusive import exclusive, exclusive_property
@@ -172,6 +174,11 @@ class Mechanism(Stated):
         """The units of a machine whose numbers are in SI."""
         launched = self.launch or derived_launch(self.structure)
         return Units(1.0, 1.0, 1.0, 1.0, (*self.angles, *(["liftoff"] if launched in self.angles else [])))
+
+    @property
+    def gap_weights(self) -> np.ndarray:
+        """The weights (n,) of the coordinates in the gap."""
+        return np.array(self.model.gap(self.values).weights[: 2 * len(self.coordinates) : 2])
 
     def linear_equations(self) -> LinearEquations:
         """The matrices M, K and f of M y'' = -K y + f in flight; raises `InputError` where a spring is no straight

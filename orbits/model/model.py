@@ -145,6 +145,13 @@ class Model:
         return {f"{name.replace(' ', '_')}_rise": height for name, height in self.heights(p).items()}
 
     @property
+    def launched(self) -> tuple[str, str]:
+        """Names of the flight states that are "liftoff" and "alpha" at lift-off."""
+        place = int(np.flatnonzero(self.contact_speed.weights)[0])
+        speed = int(np.flatnonzero(self.embed[:, place] == 1.0)[0])
+        return self.flight.states[speed - 1], self.flight.states[speed]
+
+    @property
     def is_guessed(self) -> bool:
         """Whether a family has a guess, from which its orbit is solved for."""
         return bool(self.guess or self.relative)

@@ -187,7 +187,9 @@ def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
     launched = m.kept[0]
     state = [part for y in place[: m.size] for part in (y, ca.SX(0))]
     motion = ca.SX(m.flight([*state, *ends], still, [])[2 * launched + 1])
-    at_start = [ca.substitute(part, s, start) for part in (force, ca.gradient(force, s), motion, ca.gradient(motion, s))]
+    at_start = [
+        ca.substitute(part, s, start) for part in (force, ca.gradient(force, s), motion, ca.gradient(motion, s))
+    ]
     level, slope, fall, stiffness = at_start
     rate = -(fall - stiffness * level / slope)
     # Without a slope at rest nothing has a scale; what is stated is then taken to be of order 1.
