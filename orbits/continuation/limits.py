@@ -34,6 +34,9 @@ def limit(history: History, bounds: tuple[float, float], power: int) -> tuple[fl
     It is extrapolated by powers of alpha, with the first or without, by the series whose last term matters less.
     """
     alpha, value = np.array(history).T
+    # Where a launch has several speeds, this one may have changed its sign on the way.
+    since = np.append(0, np.flatnonzero(alpha[:-1] * alpha[-1] <= 0) + 1)[-1]
+    alpha, value = alpha[since:], value[since:]
     scale = (alpha / alpha[-1]) ** power
     for widest in WIDTHS:
         found = [pair for powers in POWERS if (pair := _extrapolated(scale, value, powers, widest))]

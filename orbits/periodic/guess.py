@@ -27,9 +27,9 @@ DEPTH = 0.01
 SHORTEST_STEP = 0.02
 # Longest step of the search, as a share of the speed, for a spring with a barrier that can be crossed: where a hop just
 # crosses it the lateness has a narrow peak, and between two of them it may come below zero.
-LONGEST_STEP = 0.1
+LONGEST_AT_BARRIERS = 0.1
 # Extensions outward on either side, in units of length and multiples of the family, at which a barrier shows.
-OUTWARD = np.outer([1.0, -1.0], np.geomspace(0.3, 300.0, 100)).ravel()
+BARRIER_EXTENSIONS = np.outer([1.0, -1.0], np.geomspace(0.3, 300.0, 100)).ravel()
 # Between samples the lateness may bend this many times as much as their second differences say.
 FOLD_SAFETY = 4.0
 # Time followed in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
@@ -67,8 +67,8 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
     extension = relative.liftoff.extension(law)
     slopes = law.with_slope([extension, law.rest()])[1]
     slope = slopes[np.isfinite(slopes)].max()  # a law has a slope at lift-off, if not at rest
-    _, outward = law.with_slope(np.clip(family / slope * OUTWARD, *law.range()))
-    scale, barrier = float(relative.scale(slope, p)), bool(crossable_barrier(outward))
+    _, outward = law.with_slope(np.clip(family / slope * BARRIER_EXTENSIONS, *law.range()))
+    scale, (barrier,) = float(relative.scale(slope, p)), crossable_barriers(outward[None]).tolist()
     alpha = lowest_launch_speed(relative, dict(p), extension, family, scale, barrier)
     return {"liftoff": extension, "alpha": alpha, "duration": alpha * float(relative.time(p))}
 
@@ -100,8 +100,8 @@ def _launch_speeds(
     if law.degree() == 1:
         return half_angle(family) * relative.scale(slopes[:, 0], p), {}
     steepest = np.where(np.isfinite(slopes), slopes, -np.inf).max(axis=1)
-    _, outward = values_and_slopes(law, p, np.outer(family / steepest, OUTWARD))
-    scales, barriers = relative.scale(steepest, p), crossable_barrier(outward)
+    _, outward = values_and_slopes(law, p, np.outer(family / steepest, BARRIER_EXTENSIONS))
+    scales, barriers = relative.scale(steepest, p), crossable_barriers(outward)
     return lowest_launch_speeds(relative, p, extension, family, scales, barriers)
 
 
@@ -132,7 +132,7 @@ def lowest_launch_speed(
     by construction.
 
     scale : the speed in whose multiples the search goes
-    barrier : whether the spring has a barrier that can be crossed
+    barrier : whether the spring is among `crossable_barriers`
 
     Raises `NoOrbit` when there is no such speed.
     """
@@ -258,14 +258,14 @@ def _search(family: int, scale: float, barrier: bool) -> Generator[float, _Sampl
     return _End(np.nan, lost)
 
 
-def crossable_barrier(slopes: np.ndarray) -> np.ndarray:
-    """Whether springs with these slopes (..., k) at `OUTWARD` have a barrier that can be crossed.
+def crossable_barriers(slopes: np.ndarray) -> np.ndarray:
+    """Which springs (m,) with these slopes (m, k) at `BARRIER_EXTENSIONS` have a barrier that a hop can cross.
 
-    There the force falls and then rises again, further out on the same side. Where it only falls, a mass that crosses
-    the barrier escapes.
+    There the force falls and then rises again, further out on the same side. Where it only falls, what crosses the
+    barrier escapes.
     """
-    outward = slopes.reshape(*slopes.shape[:-1], 2, -1)
-    return ((outward[..., :-1] < 0) & (outward[..., 1:] > 0)).any(axis=(-2, -1))
+    outward = slopes.reshape(len(slopes), 2, -1)
+    return np.any((outward[..., :-1] < 0) & (outward[..., 1:] > 0), axis=(1, 2))
 
 
 def half_oscillations(relative: Relative, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
@@ -317,7 +317,7 @@ def _next_speed(samples: list[_Sample], scale: float, barrier: bool, no_return: 
     slope = (last.lateness - before.lateness) / (last.alpha - before.alpha) if len(samples) > 2 else 0.0
     ahead = 1.2 * last.lateness / max(-slope, 0.3) if slope < 0 else last.lateness / 1.5
     if barrier:
-        ahead = min(ahead, LONGEST_STEP * (scale + last.alpha))
+        ahead = min(ahead, LONGEST_AT_BARRIERS * (scale + last.alpha))
     alpha = last.alpha + max(ahead, SHORTEST_STEP * (scale + last.alpha))
     return alpha if alpha < no_return else 0.5 * (last.alpha + no_return)
 
