@@ -25,7 +25,7 @@ BATCH, IDLE_BATCHES, NEWTON_STEPS = 1024, 6, 20
 # the same, but a root that few starts find with one set of factors is found by many with another.
 LARGEST_FACTOR = 1e3
 # Shares of the times: a start with a smaller step has converged; roots that are closer are one.
-LAST_STEP, SAME_ROOT = 1e-8, 1e-7
+CONVERGED_STEP, SAME_ROOT = 1e-8, 1e-7
 # After so many steps more, without factors, a root is known to rounding; its residual is a share of the largest terms.
 POLISHING_STEPS, LARGEST_RESIDUAL = 3, 1e-9
 # Of half times, as a share of the longest; shorter hops have shrunk to nothing, a root for many contacts.
@@ -159,7 +159,7 @@ class _HopEquations:
             for _ in range(NEWTON_STEPS):
                 change = self._newton_step(times, factors)
                 times = times + np.clip(change, -farthest, farthest)
-                converged = (np.abs(change) < LAST_STEP * np.abs(times)).all(1)
+                converged = (np.abs(change) < CONVERGED_STEP * np.abs(times)).all(1)
                 found.append(times[converged])
                 going = ~converged & (np.abs(times) < 2 * longest).all(1)
                 times, factors = times[going], factors[going]

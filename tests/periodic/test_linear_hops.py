@@ -165,8 +165,8 @@ def test_a_symmetric_machine_hops_symmetrically():
 
 @pytest.mark.slow
 def test_a_hop_whose_mode_turns_at_lift_off():
-    """The top mass of a chain is chosen so that the faster mode of contact takes three quarters of a period to lift-off:
-    its speed as a multiple of its distance from the centre has a pole there, and the hop is found like any other."""
+    """The top mass of a chain is chosen so that the faster mode of contact takes three quarters of a period to
+    lift-off: its speed over its distance from the centre has a pole there, and the hop is found like any other."""
     stretches, gap = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]]), np.array([0.0, 0.0, 1.0])
 
     def matrices(top: float):
