@@ -6,9 +6,9 @@ import pytest
 from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit
+from orbits.model.relative import half_angle
 from orbits.periodic.linear_hops import LinearHop, linear_hops
-from problems.chain import linear_orbits
-from problems.machine import half_angle
+from problems import Chain
 
 GROUND = None
 # The ends of the springs, and the weights of the gap.
@@ -122,8 +122,9 @@ def test_every_hop_of_random_masses_and_springs(topology, seed):
 @pytest.mark.parametrize("ratio", [0.01, 1.0, 100.0])
 def test_two_masses_have_the_roots_of_alpha_equal_to_its_tangent(ratio):
     """The half flight is b / omega with b = tan b; mid-contact, in its own frequency, is opposite to lift-off."""
+    equations = Chain((1.0, ratio)).mechanism.linear_equations()
     hops, omega = (
-        linear_orbits((1.0, ratio), (1.0,), 30.0, 9.0 * np.sqrt(ratio / (1 + ratio)) + 1e-9),
+        linear_hops(*equations, [0.0, 1.0], 30.0, 9.0 * np.sqrt(ratio / (1 + ratio)) + 1e-9),
         np.sqrt(1 + 1 / ratio),
     )
     found = sorted({round(hop.half_flight * omega, 12) for hop in hops})
