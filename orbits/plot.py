@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import InputError
 from .io import check_path
-from .model.units import LAUNCH_SPEED, Units
+from .model.units import LIFTOFF_SPEED, Units
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
 Axes: TypeAlias = Any
@@ -211,7 +211,7 @@ def plot_map(
             web += [(here, there), (there, there)]
             here = there
         axes.plot(*np.transpose(web), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
-    unit = f" ({step.machine.units.text(LAUNCH_SPEED)})" if step.machine.units else ""
+    unit = f" ({step.machine.units.text(LIFTOFF_SPEED)})" if step.machine.units else ""
     labels = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
     return _finished(axes, {"loc": "upper left"}, xlim=(low, high), ylim=(0, high), **labels)
 
@@ -256,7 +256,7 @@ def title(orbit: Any) -> str:
     """The title of an orbit's plot: machine, family and speed in one line, the laws in another."""
     gravity = orbit.machine["gravity"]
     laws = f"spring {orbit.machine['spring']}" + ("" if gravity == "1" else f", gravity {gravity}")
-    speed = f"alpha = {orbit.alpha:.6g}" + (f" {orbit.units.text(LAUNCH_SPEED)}" if orbit.units else "")
+    speed = f"alpha = {orbit.alpha:.6g}" + (f" {orbit.units.text(LIFTOFF_SPEED)}" if orbit.units else "")
     kind = "" if orbit.admissible else " (inadmissible)"
     return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{laws}"
 
