@@ -337,10 +337,11 @@ def test_it_is_a_hopper_with_a_nonlinear_spring(machine, family):
     assert len(knee.violations) == len(plain.violations)
 
 
-def test_energy_over_a_thousand_hops(orbit):
-    run = simulate(MACHINE, orbit.alpha, hops=1000)
+@pytest.mark.parametrize("hops", [50, pytest.param(1000, marks=pytest.mark.slow)])
+def test_energy_over_many_hops(orbit, hops):
+    run = simulate(MACHINE, orbit.alpha, hops=hops)
     assert run.status == "done"
-    assert len(run.launches) == 1001
+    assert len(run.launches) == hops + 1
     start, p = energy(orbit(0.0), MACHINE.values), MACHINE.values
     drift = energy(np.array([event.before for event in run.events]), p) / start - 1
     assert np.abs(drift).max() <= 1e-10
@@ -362,6 +363,22 @@ def test_the_multiplier_of_bounces():
     slope = float(step(alpha + change).next - step(alpha - change).next) / (2 * change)
     assert step(alpha).impacts > 1
     assert multiplier(machine, alpha) == pytest.approx(slope, rel=1e-5)
+
+
+def test_beside_the_orbit_there_is_no_multiplier_but_a_power_law(orbit):
+    c, step, change = orbit.certificate.loss_coefficient, ReturnMap(MACHINE), 1e-4
+    with pytest.raises(NoOrbit, match=rf"alpha [+] d loses {c:.4g} s\^\(1/3\)/rad\^\(1/3\) d\*\*\(4/3\)"):
+        multiplier(MACHINE, orbit.alpha)
+    lost = orbit.alpha + change - float(step(orbit.alpha + change).next)
+    assert lost == pytest.approx(c * change ** (4 / 3), rel=0.05)
+
+
+@pytest.mark.parametrize("method", ["half orbit", "shooting"])
+def test_each_method_comes_to_the_same_orbit(orbit, method):
+    near = {"liftoff": orbit.liftoff_extension, "alpha": 1.01 * orbit.alpha, "duration": 0.5 * orbit.flight_time}
+    found = find(MACHINE, start=near, method=method)
+    assert found.alpha == pytest.approx(orbit.alpha, rel=1e-12)
+    assert find(MACHINE, method=method).alpha == pytest.approx(orbit.alpha, rel=1e-12)
 
 
 def test_its_families_follow_the_link():
