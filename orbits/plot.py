@@ -318,6 +318,15 @@ def _sideways(axes: Axes, below: np.ndarray, above: np.ndarray, link: float) -> 
     return np.sqrt(np.maximum(link**2 - 0.25 * (above - below) ** 2, 0.0)) * across / box.width * box.height / up
 
 
+def _lifted(heights: Mapping, springs) -> dict:
+    """Heights (frames,) by name with room for springs that are long enough, from the lowest mass up."""
+    room = 1.2 * max(map(np.ptp, heights.values()))
+    lifts = {None: 0, springs[-1][0]: 0}
+    for below, above in reversed(springs):
+        lifts[above] = lifts[below] + 1
+    return {name: height + room * lifts.get(name, 1) for name, height in heights.items()}
+
+
 def _animate(
     path, words, states, functions: Mapping, joints: tuple, floating: bool, units: Units | None, progress: Report
 ) -> Path:
@@ -332,12 +341,8 @@ def _animate(
     path, (metres, *_), (springs, knees) = check_animation(path), unit_labels(units), joints
     names = [name for name in functions if name != "centre of mass"]
     heights = {name: functions[name](states) for name in names} | {None: np.zeros(len(words))}
-    if floating:  # room for springs that are long enough, from the lowest mass up
-        room = 1.2 * max(map(np.ptp, heights.values()))
-        lifts = {None: 0, springs[-1][0]: 0}
-        for below, above in reversed(springs):
-            lifts[above] = lifts[below] + 1
-        heights = {name: height + room * lifts.get(name, 1) for name, height in heights.items()}
+    floating &= not knees  # links say how far the masses are apart
+    heights = _lifted(heights, springs) if floating else heights
     axes = new_axes(5.8 if knees else 3.2, 5.2)
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
     high = max([high, *(low + 2 * length for *_, length in knees)])  # room for a knee at the side too

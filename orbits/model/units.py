@@ -100,7 +100,7 @@ class Units:
         return {name: self.text(dimension) for name, dimension in dimensions.items()}
 
     def unusual_texts(self) -> dict[str, str]:
-        """Those of `texts`, hops included, that are another machine's than one whose launch speed is in m/s."""
+        """Those of `texts`, hops included, that differ from the units of a machine whose launch speed is in m/s."""
         known = {**DIMENSIONS, **DIMENSIONS_OF_HOPS}
         return {name: text for name, text in self.texts(known).items() if text != unit_text(known[name])}
 

@@ -489,6 +489,16 @@ def test_units_of_another_system_convert_angles_to_themselves():
     assert feet.without("alpha", {"alpha": 3.0, "liftoff": 1.5}) == {"alpha": 3.0, "liftoff": 1.5}
     body = feet.convert_height(StateFormula("h + 2*link*sin(theta/2)", STATES, {"link": 1.0}), STATES)
     assert float(body(np.array([0.3048, 0.0, 1.0, 0.0]))) == pytest.approx(0.3048 * (1 + 2 * np.sin(0.5)), rel=1e-15)
+    aside = replace(feet, angles=("theta",))
+    assert [aside.text(name) for name in ("h", "theta", "theta'", "alpha", "liftoff")] == [
+        "m",
+        "rad",
+        "rad/s",
+        "m/s",
+        "m",
+    ]
+    assert aside.unusual_texts() == {}
+    assert feet.inverse().inverse() == feet
     lean = feet.convert_height(Affine((1.0, 0.0, 2.0, 0.0), 3.0), STATES)
     assert float(lean(np.array([0.3048, 0.0, 1.0, 0.0]))) == pytest.approx(0.3048 * 6.0, rel=1e-15)
 
