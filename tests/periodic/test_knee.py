@@ -356,6 +356,19 @@ def test_its_map_and_multiplier():
     assert (point.kind, point.alpha) == ("lossless", pytest.approx(find(MACHINE).alpha, rel=1e-12))
 
 
+@pytest.mark.parametrize("restitution", [0.0, 0.3])
+def test_launches_together_go_as_each_alone(restitution):
+    machine, alphas = replace(MACHINE, restitution=restitution), np.array([9.7, 10.8, 11.3, 13.0])
+    hops = ReturnMap(machine)(alphas)
+    runs = [simulate(machine, alpha, hops=1) for alpha in alphas]
+    assert hops.next == pytest.approx([run.launches[-1] for run in runs], rel=1e-11)
+    assert hops.impacts.tolist() == [len(run.events) - 1 for run in runs]
+    starts = np.column_stack([alphas, hops.next])
+    states = np.stack([np.zeros((4, 2)), np.zeros((4, 2)), release(starts, machine.values), starts], axis=-1)
+    lost = -np.diff(energy(states, machine.values))[:, 0]
+    assert [sum(event.loss for event in run.events) for run in runs] == pytest.approx(lost.tolist(), rel=1e-9)
+
+
 def test_the_multiplier_of_bounces():
     """Each impact changes the state along a direction that depends on the knee's angle there."""
     machine, alpha, change = replace(MACHINE, restitution=0.3), 11.0, 1e-6
