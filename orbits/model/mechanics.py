@@ -5,9 +5,10 @@ flight
 
     M y'' = -sum of J f,
 
-M (n, n) being the inertia; where that depends on the configuration, what is quadratic in the speeds is one more force on
-each coordinate. In contact the gap g(y) = weights . y stays closed: one coordinate is eliminated, y = E s with a matrix E
-of numbers, and E^T M E s'' = -sum of E^T J f. The row of the eliminated coordinate gives the force lambda of the contact,
+M (n, n) being the inertia. A mass that moves along a function h of the coordinates which is no straight line adds the
+force m v^T (Hessian of h) v. In contact the gap g(y) = weights . y stays closed: one coordinate is eliminated, y = E s
+with a matrix E of numbers, and E^T M E s'' = -sum of E^T J f. The row of the eliminated coordinate gives the force
+lambda of the contact,
 
     lambda dg/dy = M y'' + sum of J f.
 

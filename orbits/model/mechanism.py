@@ -10,8 +10,8 @@
     )
     find(hopper)
 
-Everything that the engine asks of a machine follows from that: the equations of motion in flight and in contact, launch,
-lift-off and landing, impacts, energy, closed forms, and the extension that moves alone.
+Everything that the engine asks of a machine follows from that: the equations of motion in flight and in contact,
+launch, lift-off and landing, impacts, energy, closed forms, and the extension that moves alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,6 +27,7 @@ from ..io import one_line
 from ..symbolic.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
 from .derived import Structure, derived_launch, derived_model, linear_equations
+from .dimensions import dimensions_of_parameters
 from .elements import Element, Scalar, Spring, fields_of, names_in
 from .features import with_reach
 from .laws import Key, Law, coefficient_of_restitution, key_of, number, stated
@@ -34,7 +35,7 @@ from .linear import LinearEquations
 from .machine import Stated
 from .mechanics import GRAVITY_SHARE
 from .model import Model
-from .units import Units
+from .units import Units, unit_text
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -42,8 +43,8 @@ class Mechanism(Stated):
     """A machine of coordinates and elements.
 
     coordinates : names (n,), from the top
-    elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights are
-        formulas of the coordinates and parameters
+    elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights
+        are formulas of the coordinates and parameters
     gap : the distance that opens in flight and lands plastically, a sum of coordinates with numbers before them
     parameters : values of the names in all formulas and laws
     gravity : acceleration of a height z: a number, a formula, or a law; what it is more or less than at z = 0 is led in
@@ -232,7 +233,12 @@ class Mechanism(Stated):
             "restitution": self.restitution,
             "parameters": {name: self.parameters[name] for name in stated(self.parameters)},
             "laws_in": "SI" if self.in_si else "units of the machine",
+            **({"units": self.units_of_parameters()} if self.in_si else {}),
         }
+
+    def units_of_parameters(self) -> dict[str, str]:
+        """The units of SI of those parameters whose dimension the elements tell."""
+        return {name: unit_text(dimension) for name, dimension in dimensions_of_parameters(self).items()}
 
     def __repr__(self) -> str:
         return one_line(self, {"name": self.name, "coordinates": self.coordinates, **self.parameters})

@@ -1,8 +1,8 @@
 """Launches of machines of two coordinates: the law that holds the contact closed, and the extension that moves alone.
 
-Where all springs act along one extension r, and gravity is constant, that extension moves alone, and the momentum across
-it is thrown up. With (r, w) = apart y, w'' = -1 and y = mix (r, w), the gap's second derivative vanishes at lift-off,
-where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
+Where all springs act along one extension r, and gravity is constant, that extension moves alone, and the momentum
+across it is thrown up. With (r, w) = apart y, w'' = -1 and y = mix (r, w), the gap's second derivative vanishes at
+lift-off, where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
 """
 
 from collections.abc import Callable, Sequence
@@ -38,8 +38,12 @@ class Launch:
 
 
 def launch_of(mechanics: Mechanics, alone: "Alone | None", level: str, rest: Scalar) -> Launch | None:
-    """How a machine is launched, None where its contact has several coordinates; `level` is what lift-off waits for, and
-    `rest` where the coordinate that is launched rests."""
+    """How a machine is launched, None where its contact has several coordinates.
+
+    alone : the extension that moves alone, None where none does
+    level : what lift-off waits for, in words
+    rest : where the coordinate that is launched rests
+    """
     if mechanics.size != 2:
         return None
     return alone.launch(mechanics, level) if alone and rest == 0.0 else _held(mechanics, level, rest)
