@@ -15,12 +15,13 @@ from .units import ACCELERATION, ANGLE, FORCE, LENGTH, MASS, Dimension
 def dimensions_of_parameters(mechanism: Any) -> dict[str, Dimension]:
     """Dimensions of those parameters of a `Mechanism` that stand alone for a mass, a length, a coefficient or gravity,
     or before a power of an extension in a spring's law."""
-    found, angles = dict[str, Dimension](), {*mechanism.angles}
+    found, angles = dict[Any, Dimension](), {*mechanism.angles}
     coordinates = {*mechanism.coordinates, *mechanism.actuators}
     for element in mechanism.elements:
         match element:
             case Mass(height, mass) | Weight(height, mass):
-                found |= {mass: MASS} | _lengths(height, coordinates)
+                found[mass] = MASS
+                found |= _lengths(height, coordinates)
             case Inerter(extension, inertance) if not names_in(extension) & angles:
                 found[inertance] = MASS
             case Damper(extension, coefficient) if not names_in(extension) & angles:

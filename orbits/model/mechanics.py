@@ -108,8 +108,9 @@ class Mechanics:
         )
         return found
 
-    def law_of(self, spring: Spring) -> Key:
+    def law_of(self, spring: Element | None) -> Key:
         """The key of a spring's law."""
+        assert isinstance(spring, Spring)
         return self.laws[spring.force]
 
     def _pulled(self, term: Term) -> Term:
@@ -316,7 +317,7 @@ class Mechanics:
         """The force of the contact, which presses where it is above 0."""
         s, rates = self.positions_and_rates(x, p)
         rows = self.contact_force_coefficients(p, s)
-        return weighted_sum(rows[0], self.forces(self.contact_terms, rows, *self.embedded(s, rates), p, q))
+        return weighted_sum(rows[0], self.forces(self.contact_terms, rows, self.embedded(s, rates), p, q))
 
     def positions_and_rates(self, x: Scalars, p: Parameters) -> tuple[list[Any], list[Any]]:
         """Coordinates with the actuators' displacements, and their rates, of a flight or a contact state."""
@@ -333,16 +334,17 @@ class Mechanics:
 
     @staticmethod
     def forces(
-        terms: Sequence[Term], rows: Sequence[Scalars], y: Scalars, v: Scalars, p: Parameters, q: Scalars
-    ) -> list:
-        """The forces of those terms that have a coefficient in one of the rows; 0 for the others."""
+        terms: Sequence[Term], rows: Sequence[Scalars], place: tuple[Scalars, Scalars], p: Parameters, q: Scalars
+    ) -> list[Any]:
+        """The forces at a place and its rates, of those terms that have a coefficient in one of the rows; 0 for the
+        others."""
         used = [any(is_used(row[j]) for row in rows) for j in range(len(terms))]
-        return [term.force(y, v, p, q) if use else 0.0 for term, use in zip(terms, used, strict=True)]
+        return [term.force(*place, p, q) if use else 0.0 for term, use in zip(terms, used, strict=True)]
 
     def _field(
         self, terms: Sequence[Term], rows: Sequence[Scalars], place: tuple, rates: Scalars, p: Parameters, q: Scalars
     ) -> list[Any]:
-        forces = self.forces(terms, rows, *place, p, q)
+        forces = self.forces(terms, rows, place, p, q)
         changes = [weighted_sum(row, forces) for row in rows]
         pairs = [part for pair in zip(rates, changes, strict=False) for part in pair]
         return [*pairs, *(p[rate] for _, rate in self.actuators)]
@@ -352,7 +354,9 @@ def _one_weight(terms: Sequence[Term]) -> list[Term]:
     """The terms with all weights under constant gravity in one."""
     weights = [term for term in terms if term.what == "constant gravity"]
     others = [term for term in terms if term.what != "constant gravity"]
-    return [*others, *(weights and [weights[0]._replace(gradient=sum(term.gradient for term in weights))])]
+    if weights:
+        others.append(weights[0]._replace(gradient=sum((each.gradient for each in weights[1:]), weights[0].gradient)))
+    return others
 
 
 def is_used(coefficient: Any) -> bool:

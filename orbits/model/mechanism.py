@@ -136,7 +136,13 @@ class Mechanism(Stated):
     def names(self) -> tuple[str, ...]:
         """The names of all parameters."""
         expressions = [value for element in self.elements for value in fields_of(element)]
-        expressions += [*chain(*self.inertia), *self.heights.values(), self.surface_gravity, self.energy_unit, self.gap]
+        expressions += [
+            *chain(*self.inertia),
+            *(self.heights or {}).values(),
+            self.surface_gravity,
+            self.energy_unit,
+            self.gap,
+        ]
         expressions += [value for value in (self.counts, self.separation) if value is not None]
         expressions += [*self.rest.values(), *(length for *_, length in self.knees)]
         found = {name for value in expressions for name in names_in(value)} | {*self.actuators.values()}
@@ -159,9 +165,9 @@ class Mechanism(Stated):
             raise InputError("a mechanism without a spring says what its families are counted by: counts=")
         names = self.names if gravity.degree() == 0 else (*self.names, GRAVITY_SHARE)
         return Structure(
-            self.name, self.coordinates, elements, self.gap, self.inertia, gravity, self.surface_gravity, counts,
-            self.launch, tuple(self.heights.items()), self.separation, self.energy_unit, tuple(self.rest.items()),
-            self.knees, tuple(self.actuators.items()), tuple(self.words.items()), names,
+            self.name, tuple(self.coordinates), tuple(elements), self.gap, self.inertia, gravity, self.surface_gravity,
+            counts, self.launch, tuple((self.heights or {}).items()), self.separation, self.energy_unit,
+            tuple(self.rest.items()), tuple(self.knees), tuple(self.actuators.items()), tuple(self.words.items()), names,
         )  # fmt: skip
 
     @exclusive_property

@@ -72,7 +72,7 @@ class Alone:
         pulls = -(ca.SX(along).T @ m.accelerations) / rate
         columns = [[i for i, term in enumerate(m.terms) if term.element is spring] for spring, *_ in springs]
         self.shares = [self._numbers(pulls[column[0]]) for column in columns]
-        self.load = self._numbers(sum(pulls[i] for i, term in enumerate(m.terms) if term.is_weight))
+        self.load = self._numbers(sum((pulls[i] for i, term in enumerate(m.terms) if term.is_weight), ca.SX(0)))
         self.offsets = [self._numbers(offset) for *_, offset in springs]
         # The contact force is this multiple of phi + load - 1, and each damper adds to it.
         multiple = by_extension * rate / (gap.T @ m.inverse @ gap)
@@ -110,8 +110,8 @@ class Alone:
         falls = Coefficients(ca.SX(across).T @ weight, mechanics.y, mechanics.p) if ca.SX(weight).numel() == 2 else None
         return cls(mechanics, found, along) if falls and falls.constants != [0.0] else None
 
-    def _numbers(self, expression: ca.SX) -> Callable:
-        """p -> the value of an expression; with the attribute `constant`, the number that it is or NaN."""
+    def _numbers(self, expression: ca.SX) -> "_Number":
+        """p -> the value of an expression."""
         return _Number(Coefficients(ca.SX(expression), self.mechanics.y, self.mechanics.p))
 
     def launch(self, mechanics: Mechanics, level: str) -> Launch:
