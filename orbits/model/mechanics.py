@@ -84,6 +84,8 @@ class Mechanics:
         self.ground_gravity = self.scalar(surface) * gravity.expression(ca.SX(0), self.p, [])
         self.elements = tuple(elements)
         self.inertia = self._inertia(inertia)
+        if still := [name for i, name in enumerate(self.coordinates) if self.inertia[i, i].is_zero()]:
+            raise InputError(f"coordinate '{still[0]}' has no inertia: give it a Mass, or state its inertia")
         self.laws: tuple[Key, ...] = ()
         self.conservative = not any(isinstance(element, Damper | Force) for element in elements)
         terms = [term for element in elements for term in self._terms_of(element)]

@@ -111,9 +111,9 @@ class Mechanism(Stated):
         places = {*self.coordinates, *self.actuators}
         if taken := sorted(places & given.keys()):
             raise InputError(f"'{taken[0]}' is a coordinate; call the parameter something else")
-        expressions = [value for element in self.elements for value in fields_of(element)]
-        if unused := [name for name in given if name not in self.names and not any(map(callable, expressions))]:
-            raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], stated(self.names))}")
+        functions = any(callable(value) for element in self.elements for value in vars(element).values())
+        if unused := [name for name in given if name not in self._asked and not functions]:
+            raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], stated(self._asked))}")
 
     @staticmethod
     def _law(law: Any, variable: str, given: Mapping[str, float]) -> tuple[Key, Mapping[str, float]]:
@@ -135,6 +135,11 @@ class Mechanism(Stated):
     @property
     def names(self) -> tuple[str, ...]:
         """The names of all parameters."""
+        return tuple(sorted(self._asked | self.parameters.keys()))
+
+    @property
+    def _asked(self) -> set[str]:
+        """The names that are asked for by formulas and laws."""
         expressions = [value for element in self.elements for value in fields_of(element)]
         expressions += [
             *chain(*self.inertia),
@@ -147,9 +152,8 @@ class Mechanism(Stated):
         expressions += [*self.rest.values(), *(length for *_, length in self.knees)]
         found = {name for value in expressions for name in names_in(value)} | {*self.actuators.values()}
         laws = [self.gravity, *(element.force for element in self.elements if isinstance(element, Spring))]
-        found |= {name for law in laws for name in law.names} | self.parameters.keys()
-        places = {*self.coordinates, *self.actuators}
-        return tuple(sorted(found - places))
+        found |= {name for law in laws for name in law.names}
+        return found - {*self.coordinates, *self.actuators}
 
     @exclusive_property
     def structure(self) -> Structure:
@@ -167,7 +171,8 @@ class Mechanism(Stated):
         return Structure(
             self.name, tuple(self.coordinates), tuple(elements), self.gap, self.inertia, gravity, self.surface_gravity,
             counts, self.launch, tuple((self.heights or {}).items()), self.separation, self.energy_unit,
-            tuple(self.rest.items()), tuple(self.knees), tuple(self.actuators.items()), tuple(self.words.items()), names,
+            tuple(self.rest.items()), tuple(self.knees), tuple(self.actuators.items()), tuple(self.words.items()),
+            names,
         )  # fmt: skip
 
     @exclusive_property

@@ -5,7 +5,7 @@ across it is thrown up. With (r, w) = apart y, w'' = -1 and y = mix (r, w), the 
 lift-off, where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
