@@ -1,7 +1,7 @@
 """What a kind of machine is to the engine: its phases, and what makes a motion of them a lossless orbit."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -102,6 +102,8 @@ class Model:
     units : p -> `Units` of a machine that is stated in SI, whose parameters are in SI; None for a dimensionless one
     gauge : name of a parameter that only sets the units and changes no motion; None where there is none
     search : p -> `Search`; None for a model whose families are not searched for all of their orbits
+    derived : whether nothing in it was written by hand that could contradict the rest, see `as_derived`; others are
+        looked at once before they are used (`orbits.check` says more)
     """
 
     name: str
@@ -135,6 +137,8 @@ class Model:
     gauge: str | None = None
     search: Callable | None = None
     guesses: Callable | None = None
+    # What `dataclasses.replace` makes of a model has to be looked at again.
+    derived: bool = field(default=False, init=False)
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
@@ -152,6 +156,12 @@ class Model:
     def one_speed(self) -> bool:
         """Whether its speed alone fixes a launch; that speed then first vanishes again in mid-contact."""
         return len(self.launch_unknowns) == 2
+
+
+def as_derived(model: Model) -> Model:
+    """A model that was just made, marked as `derived`: its fields follow from mechanics, or tests hold them so."""
+    object.__setattr__(model, "derived", True)
+    return model
 
 
 def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, Any]], **changes: Any) -> Any:
@@ -180,7 +190,8 @@ def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, A
         reduction = replace(reduction, statement=statement, **changed)
     functions = {name: at(place, getattr(model, name)) for name, place in PARAMETERS_AT.items()}
     phases = {"flight": moved(model.flight), "contact": moved(model.contact)}
-    return replace(model, **functions, **phases, reduction=reduction, **changes)
+    found = replace(model, **functions, **phases, reduction=reduction, **changes)
+    return as_derived(found) if model.derived else found
 
 
 # Which argument of a model's functions is the parameters.
