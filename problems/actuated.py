@@ -16,7 +16,7 @@ import numpy as np
 
 from orbits import Input
 from orbits.errors import InputError, finite_number
-from orbits.model.model import Model
+from orbits.model.model import Model, as_derived
 from orbits.model.phase import Affine, Phase
 from orbits.model.units import LENGTH, SPEED, Message, Quantity, Units
 from orbits.symbolic.exclusive import exclusive_property
@@ -141,12 +141,14 @@ def _actuated_model(kind: type[TwoMassMachine], spring: Key, gravity: Key | None
 
     embed = np.zeros(np.add(plain.embed.shape, 1))
     embed[:-1, :-1], embed[-1, -1] = plain.embed, 1.0
-    return replace(
+    actuated = replace(
         plain,
         flight=_driven(plain.flight),
         contact=_driven(plain.contact),
         embed=embed,
         launch=lambda u, p: [*unmoved.launch(u, p), 0.0],
+        touchdown=lambda u, p: [*unmoved.touchdown(u, p), 0.0],
+        tension=lambda x, p, q: moved.expression(along(plain.extension, x[:-1]), {**p, END: x[-1]}, q),
         release=unmoved.release,
         liftoff=unmoved.liftoff,
         flight_gradient=gradient(plain.flight_gradient, plain.extension),
@@ -160,6 +162,7 @@ def _actuated_model(kind: type[TwoMassMachine], spring: Key, gravity: Key | None
         reversor=None,
         reduction=None,
     )
+    return as_derived(actuated)
 
 
 def _driven(phase: Phase) -> Phase:

@@ -23,7 +23,7 @@ from orbits import find, follow
 from orbits.errors import FlowError, InputError, NoOrbit
 from orbits.flow.flow import flow_of
 from orbits.io import one_line
-from orbits.model.model import Model
+from orbits.model.model import Model, as_derived
 from orbits.model.phase import Affine, Phase
 from orbits.symbolic.exclusive import exclusive, exclusive_property
 
@@ -260,7 +260,7 @@ def _chain_model(springs: tuple[Key, ...]) -> Model:
     equations, count = _ChainEquations(springs), len(springs) + 1
     eye, above = np.eye(2 * count), 2 * count - 4  # the state of the mass above the lowest
     others = tuple(name for name in equations.launched if name not in ("liftoff", "alpha"))
-    return Model(
+    model = Model(
         name=f"chain of {count} masses",
         flight=Phase("flight", equations.states, equations.field),
         contact=Phase("contact", equations.states[:-2], equations.field, {"contact force": equations.contact_force}),
@@ -290,6 +290,7 @@ def _chain_model(springs: tuple[Key, ...]) -> Model:
         springs=tuple((f"mass {i + 2}", f"mass {i + 1}") for i in range(count - 1)),
         guess=equations.guess,
     )
+    return as_derived(model)
 
 
 def linear_orbits(

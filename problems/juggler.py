@@ -17,7 +17,7 @@ import numpy as np
 
 from orbits.errors import InputError
 from orbits.model.closed_form import Oscillator
-from orbits.model.model import Model
+from orbits.model.model import Model, as_derived
 from orbits.model.phase import Affine
 
 from .launch import Liftoff
@@ -156,7 +156,7 @@ class HeavyHand(TwoMassMachine):
             watch={"contact force": lambda x, p, q: -force(x[0], p, q)},
             closed_form=oscillator if finite.contact.closed_form else None,
         )
-        return replace(
+        heavy = replace(
             finite,
             name="heavy hand",
             contact=contact,
@@ -165,3 +165,4 @@ class HeavyHand(TwoMassMachine):
             impact_mass=lambda p: 0.0,
             impact=lambda p: np.array([0.0, 1.0, 0.0, 0.0]),
         )
+        return as_derived(heavy)

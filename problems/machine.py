@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from orbits.errors import InputError, NoOrbit
 from orbits.io import one_line
 from orbits.model.closed_form import Oscillator, ThrownOscillator
-from orbits.model.model import Guesses, Model, Reduction, Search
+from orbits.model.model import Guesses, Model, Reduction, Search, as_derived
 from orbits.model.phase import Affine, Arc, Phase, Pieces, Statement
 from orbits.symbolic.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
@@ -402,7 +402,7 @@ def two_mass_model(machine: Any, states: tuple[str, ...], extension: Affine, **o
     fine = machine.gravity and machine.gravity.reach < math.inf
     heights = tuple(((0.0,) * i + (1.0,), machine.gravity.reach) for i in (0, 2)) if fine else ()
     flown, stood = (spring_reach(spring, weights) for weights in (extension.weights, (1.0,)))
-    return Model(
+    model = Model(
         flight=Phase(
             "flight", states[:4], machine.flight, pieces=in_flight, closed_form=closed, reaches=flown + heights
         ),
@@ -425,6 +425,7 @@ def two_mass_model(machine: Any, states: tuple[str, ...], extension: Affine, **o
         search=None if machine.damped else machine.search,
         **own,
     )
+    return as_derived(model)
 
 
 def thrown(times: np.ndarray, count: int, u: Mapping[str, float]) -> np.ndarray:

@@ -5,7 +5,9 @@ them, the other relations tell: a wrong field breaks those that it is in, and th
 that hold.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
+from itertools import combinations
 from weakref import WeakSet
 
 import numpy as np
@@ -15,23 +17,24 @@ from .draws import SEED, Graphs
 from .model import NOISE, Model
 from .relations import KINDS, Relation
 from .shapes import malformed
+from .shortcuts import SHORT_CUTS
 
-# Draws of the parameters, and how far, as a share, those of the second and the third lie from the machine's own.
-DRAWS, PARAMETER_SPREAD = 3, 0.02
+# How far, as a share, the parameters of the second draw lie from the machine's own.
+PARAMETER_SPREAD = 0.02
 
 
 def suspects(relations: list[Relation]) -> tuple[str, ...]:
-    """The fewest fields that explain the relations that do not hold: those that are in most of them, and of these the
-    ones that are in the fewest relations that hold."""
-    broken, found = [each for each in relations if not each.holds], list[str]()
-    while broken:
-        names = {name for each in broken for name in each.fields}
-        hits = {name: sum(name in each.fields for each in broken) for name in names}
-        holds = {name: sum(name in each.fields for each in relations if each.holds) for name in names}
-        most = min(names, key=lambda name: (-hits[name], holds[name], name))
-        found.append(most)
-        broken = [each for each in broken if most not in each.fields]
-    return tuple(found)
+    """The fewest fields that explain all relations that do not hold; of several such sets the one for which the least
+    speaks, where a relation that holds speaks for its fields, the more the fewer they are."""
+    broken = [{*each.fields} for each in relations if not each.holds]
+    names, speaks = sorted(set[str]().union(*broken)), Counter[str]()
+    for each in relations:
+        speaks.update(dict.fromkeys(each.fields, 1 / len(each.fields)) if each.holds else {})
+    for count in range(1, len(broken) + 1):
+        sets = [each for each in combinations(names, count) if all(fields & {*each} for fields in broken)]
+        if sets:
+            return min(sets, key=lambda each: (sum(speaks[name] for name in each), each))
+    return ()
 
 
 def inconsistent(name: str, relations: list[Relation]) -> InconsistentModel:
@@ -68,7 +71,7 @@ def algebraic_relations(model: Model, values: Mapping[str, float]) -> list[Relat
             draw = graphs.draw(p)
         except OrbitsError:
             continue  # parameters that the machine cannot have, nor its laws
-        for each in (relation for kind in KINDS for relation in kind(model, draw)):
+        for each in (relation for kind in (*KINDS, *SHORT_CUTS) for relation in kind(model, draw)):
             if each.words not in found or not each.deviation <= found[each.words].deviation:
                 found[each.words] = each
     if not found:
@@ -78,13 +81,12 @@ def algebraic_relations(model: Model, values: Mapping[str, float]) -> list[Relat
 
 
 def _parameters(model: Model, values: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """The machine's own parameters, then others nearby; the last in the scene of the guess."""
+    """The machine's own parameters, then others nearby, in the scene of the guess."""
     rng = np.random.default_rng(SEED)
     yield dict(values)
-    for i in range(1, DRAWS):
-        moved = 1 + PARAMETER_SPREAD * rng.uniform(-1, 1, len(values))
-        p = {
-            name: value if name.startswith(NOISE) else value * factor
-            for (name, value), factor in zip(values.items(), moved.tolist(), strict=True)
-        }
-        yield {**p, model.homotopy: 0.0} if model.homotopy and i == DRAWS - 1 else p
+    moved = 1 + PARAMETER_SPREAD * rng.uniform(-1, 1, len(values))
+    p = {
+        name: value if name.startswith(NOISE) else value * factor
+        for (name, value), factor in zip(values.items(), moved.tolist(), strict=True)
+    }
+    yield {**p, model.homotopy: 0.0} if model.homotopy else p

@@ -1,6 +1,6 @@
 """A model at a few random states, launches and parameters, as arrays."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,9 +24,13 @@ class Draw:
 
     x, y : flight states (N, n) and contact states (N, m)
     flown, held, stood : values by name at x, in flight at the embedded y, and in contact at y
-    u, launched : unknowns of launches (L, k), where there are some, and values by name there
-    released : whether the model's `release` gives these launches, or else the zeros of `liftoff`
+    mirrored, mirrored_contact : the same at the mirror images of x and y under the reversor
+    roots : unknowns of launches (L, k) with values there, and whether `release` gives them or they are the zeros of
+        `liftoff`; empty where there are none
+    launched : values at these launches and at their mirror images
+    free : any unknowns (L, k) of launches, with values there
     length : the unit of extensions
+    numbers, graphs : the parameters as a vector, and the expressions that gave these values
     """
 
     p: Mapping[str, float]
@@ -39,7 +43,10 @@ class Draw:
     mirrored_contact: Mapping[str, np.ndarray]
     launched: Mapping[str, np.ndarray]
     roots: Mapping[str, np.ndarray]
+    free: Mapping[str, np.ndarray]
     length: float
+    numbers: np.ndarray
+    graphs: "Graphs"
 
 
 class Graphs:
@@ -59,7 +66,7 @@ class Graphs:
         liftoff, launch = ca.SX(model.liftoff(of_u, known, _split(q))), ca.vertcat(*model.launch(of_u, known))
         landing = ca.vertcat(*model.landing(of_u, ca.vertsplit(x), known))
         u_of_liftoff = u[model.launch_unknowns.index("liftoff")]
-        self.flight = _Graph(
+        self.flight = Expressions(
             [x, p, q],
             {
                 "field": field,
@@ -70,7 +77,7 @@ class Graphs:
                 "tension slopes": ca.jacobian(tension, x),
             },
         )
-        self.contact = _Graph(
+        self.contact = Expressions(
             [y, p, stood],
             {
                 "field": ca.vertcat(*model.contact.field(*contact)),
@@ -78,7 +85,7 @@ class Graphs:
                 "force": ca.SX(model.contact.watch[WATCHED_FORCE](*contact)),
             },
         )
-        self.launch = _Graph(
+        self.launch = Expressions(
             [u, p, q],
             {
                 "launch": launch,
@@ -87,16 +94,24 @@ class Graphs:
                 "slope": ca.jacobian(liftoff, u_of_liftoff),
             },
         )
-        self.landing = _Graph([ca.vertcat(u, x), p], {"landing": landing, "slopes": ca.jacobian(landing, x)})
-        self.pieces = [
+        self.landing = Expressions([ca.vertcat(u, x), p], {"landing": landing, "slopes": ca.jacobian(landing, x)})
+        self.names, self.kept = names, dict[str, Any]()
+        self.pieces = self.piece_functions((model.flight, model.contact))
+
+    def piece_functions(self, phases: Sequence[Phase]) -> list[ca.Function | None]:
+        """Of each phase the function p -> (breakpoints, data) of its pieces, None where it has none."""
+        p = ca.SX.sym("p", len(self.names))
+        known = dict(zip(self.names, ca.vertsplit(p), strict=True)) if self.names else {}
+        return [
             ca.Function("pieces", [p], [ca.densify(each) for each in _table(phase, known)]) if phase.pieces else None
-            for phase in (model.flight, model.contact)
+            for phase in phases
         ]
 
     def draw(self, p: Mapping[str, float]) -> Draw:
         """The values at one draw of the parameters; raises `InconsistentModel` where none are numbers."""
         model, numbers = self.model, np.array(list(p.values()))
-        roots = self._launches(p, numbers)
+        free = self._unknowns()
+        roots = self._launches(free.copy(), p, numbers)
         u = roots.get("u", np.zeros((0, len(model.launch_unknowns))))
         rho = np.abs(u[:, model.launch_unknowns.index("liftoff")]).max(initial=0.0)
         length = float(rho) or 1.0
@@ -114,26 +129,43 @@ class Graphs:
         held, stood = self.in_flight(y @ np.asarray(model.embed).T, numbers), self.in_contact(y, numbers)
         back = self.in_contact(y * of_contact, numbers)
         good = np.isfinite(flown["field"]).all(1) & np.isfinite(mirrored["field"]).all(1)
-        fine = np.isfinite(held["field"]).all(1) & np.isfinite(stood["field"]).all(1) & np.isfinite(back["field"]).all(1)
+        fine = (
+            np.isfinite(held["field"]).all(1) & np.isfinite(stood["field"]).all(1) & np.isfinite(back["field"]).all(1)
+        )
         if not (good.any() and fine.any()):
             text = f"the model '{model.name}' is malformed: flight.field gives no numbers near a launch"
             raise InconsistentModel(text, ("flight.field",))
         flown, mirrored = ({name: v[good] for name, v in each.items()} for each in (flown, mirrored))
         held, stood, back = ({name: v[fine] for name, v in each.items()} for each in (held, stood, back))
         launched = self._at_launches(roots, numbers, signs, down) if roots else {}
-        return Draw(p, x[good], y[fine], flown, held, stood, mirrored, back, launched, roots, length)
+        return Draw(
+            p,
+            x[good],
+            y[fine],
+            flown,
+            held,
+            stood,
+            mirrored,
+            back,
+            launched,
+            roots,
+            {"u": free, **self._launch(free, numbers)},
+            length,
+            numbers,
+            self,
+        )
 
     def in_flight(self, x: np.ndarray, p: np.ndarray) -> dict[str, np.ndarray]:
         """Values in flight at states (N, n), not numbers outside the range of a law in pieces."""
-        return self.flight(x, p, self._data(0, x, p))
+        return self.flight(x, p, self.piece_data(self.model.flight, self.pieces[0], x, p))
 
     def in_contact(self, y: np.ndarray, p: np.ndarray) -> dict[str, np.ndarray]:
         """Values in contact at states (N, m)."""
-        return self.contact(y, p, self._data(1, y, p))
+        return self.contact(y, p, self.piece_data(self.model.contact, self.pieces[1], y, p))
 
-    def _data(self, which: int, states: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """The data (N, nq) of the pieces that hold states, NaN outside of all."""
-        phase, function = (self.model.flight, self.model.contact)[which], self.pieces[which]
+    @staticmethod
+    def piece_data(phase: Phase, function: ca.Function | None, states: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """The data (N, nq) of the pieces of a phase that hold states (N, n), NaN outside of all."""
         if function is None or phase.pieces is None:
             return np.zeros((len(states), 0))
         breaks, data = (np.array(each) for each in function(p))
@@ -142,13 +174,18 @@ class Graphs:
         inside = (place >= breaks.min()) & (place <= breaks.max())
         return np.where(inside[:, None], data[index], np.nan)
 
-    def _launches(self, p: Mapping[str, float], numbers: np.ndarray) -> dict[str, np.ndarray]:
-        """Unknowns (L, k) of launches by `release` or as zeros of `liftoff`, with the values there; none where there
-        are none."""
-        model, k = self.model, len(self.model.launch_unknowns)
+    def _unknowns(self) -> np.ndarray:
+        """Unknowns (L, k) of launches, some below 0, but for the launch speed."""
+        k, alpha = len(self.model.launch_unknowns), self.model.launch_unknowns.index("alpha")
         u = self.rng.uniform(0.5, 1.5, (LAUNCHES, k)) * np.where(self.rng.uniform(size=k) < 0.5, -1, 1)
-        at, alpha = model.launch_unknowns.index("liftoff"), model.launch_unknowns.index("alpha")
         u[:, alpha] = np.abs(u[:, alpha])
+        return u
+
+    def _launches(self, u: np.ndarray, p: Mapping[str, float], numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """Unknowns (L, k) of launches by `release` or as zeros of `liftoff`, from others, with the values there; none
+        where there are none."""
+        model = self.model
+        at, alpha = model.launch_unknowns.index("liftoff"), model.launch_unknowns.index("alpha")
         released = np.zeros(0)
         if model.one_speed:
             try:
@@ -167,7 +204,8 @@ class Graphs:
 
     def _launch(self, u: np.ndarray, p: np.ndarray) -> dict[str, np.ndarray]:
         first = self.launch(u, p, np.zeros((len(u), self.launch.sizes[2])))
-        return self.launch(u, p, self._data(0, first["launch"], p)) if self.pieces[0] else first
+        data = self.piece_data(self.model.flight, self.pieces[0], first["launch"], p)
+        return self.launch(u, p, data) if self.pieces[0] else first
 
     def _zeros_of_liftoff(self, u: np.ndarray, at: int, p: np.ndarray) -> np.ndarray:
         """Launches (L, k) at which `liftoff` vanishes, NaN where Newton's method finds none."""
@@ -199,7 +237,7 @@ class Graphs:
         }
 
 
-class _Graph:
+class Expressions:
     """Named expressions, called with points (N, size) and one vector of parameters."""
 
     def __init__(self, symbols: list[ca.SX], results: Mapping[str, ca.SX]):

@@ -2,12 +2,12 @@
 
 y are the positions, v their speeds, a the gap's weights of the positions, d the impact's change of the speeds, M the
 inertia: the derivative of the energy's gradient by v. In a plastic impact, M d = m a with a . d = 1, where m is the
-impact's mass; in contact the ground holds the gap closed, so that its accelerations are those of flight less d times the
-gap's acceleration in flight.
+impact's mass; in contact the ground holds the gap closed, so that its accelerations are those of flight less d times
+the gap's acceleration in flight.
 """
 
 from collections.abc import Callable, Iterator
-from itertools import permutations
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,8 +54,13 @@ def motion(model: Model, draw: Draw) -> Iterator[Relation]:
         words = f"positions in {where.name} change at their speeds"
         yield Relation(words, (f"{where.name}.field",), share(field[:, at] - states[:, rates], states))
     embed, d, a = np.asarray(model.embed), np.asarray(model.impact(draw.p)), _gap_acceleration(model, draw)
+    (at, rates), (stood_at, stood_rates) = coordinates(model.flight), coordinates(model.contact)
+    mixed = np.concatenate([embed[np.ix_(at, stood_rates)].ravel(), embed[np.ix_(rates, stood_at)].ravel()])
+    yield Relation("embed makes no positions of speeds, nor speeds of positions", ("embed",), share(mixed, embed))
+    differ = embed[np.ix_(at, stood_at)] - embed[np.ix_(rates, stood_rates)]
+    yield Relation("embed makes speeds of speeds as it makes positions of positions", ("embed",), share(differ, embed))
     held, stood = draw.held["field"], draw.stood["field"] @ embed.T
-    fields = ("contact.field", "flight.field", "embed", "impact", "gap")
+    fields: tuple[str, ...] = ("contact.field", "flight.field", "embed", "impact", "gap")
     words = "the ground holds the gap closed: contact.field is flight.field along it"
     yield Relation(words, fields, share(stood - (held - np.outer(held @ a, d)), held, stood))
     force, closing = draw.stood["force"][:, 0], -(held @ a)
@@ -68,12 +73,14 @@ def motion(model: Model, draw: Draw) -> Iterator[Relation]:
 
 def energy(model: Model, draw: Draw) -> Iterator[Relation]:
     """The gradients of the energy: along the fields, of each other, and of what impacts change."""
-    for where, at, gradient in (("flight", draw.flown, "flight_gradient"), ("contact", draw.stood, "contact_gradient")):
-        work = at["gradient"] * at["field"]
-        power = work.sum(1) if model.conservative else np.maximum(work.sum(1), 0.0)
-        words = f"energy is conserved in {where}" if model.conservative else f"energy does not grow in {where}"
-        fields = (f"{where}.field", gradient, *(("conservative",) if model.conservative else ()))
-        yield Relation(words, fields, share(power, work))
+    kept, grows = _powers(draw)
+    damped = _loses(draw)
+    if model.conservative:
+        yield Relation("energy is not lost in both phases", ("conservative",), max(kept.values()) if damped else 0.0)
+    steady = model.conservative and not damped
+    for where, gradient in (("flight", "flight_gradient"), ("contact", "contact_gradient")):
+        words = f"energy {'is conserved' if steady else 'does not grow'} in {where}"
+        yield Relation(words, (f"{where}.field", gradient), (kept if steady else grows)[where])
     embed, hessian = np.asarray(model.embed), draw.flown["hessian"]
     words = "contact_gradient is flight_gradient on the ground"
     fields = ("flight_gradient", "contact_gradient", "embed")
@@ -85,6 +92,20 @@ def energy(model: Model, draw: Draw) -> Iterator[Relation]:
     least = np.linalg.eigvalsh(inertia).min(initial=0.0)
     yield Relation("the kinetic energy is not below 0", ("flight_gradient",), share(min(least, 0.0), inertia))
     yield from _impact(model, draw, inertia)
+
+
+def _powers(draw: Draw) -> tuple[dict[str, float], dict[str, float]]:
+    """The largest power by phase, as a share of its terms, and the largest above 0."""
+    terms = {"flight": draw.flown, "contact": draw.stood}
+    works = {where: at["gradient"] * at["field"] for where, at in terms.items()}
+    kept = {where: share(work.sum(1), work) for where, work in works.items()}
+    return kept, {where: share(np.maximum(work.sum(1), 0.0), work) for where, work in works.items()}
+
+
+def _loses(draw: Draw) -> bool:
+    """Whether energy is lost in both phases, and grows in none."""
+    kept, grows = _powers(draw)
+    return max(grows.values()) <= LARGEST_DEVIATION < min(kept.values())
 
 
 def _impact(model: Model, draw: Draw, inertia: np.ndarray) -> Iterator[Relation]:
@@ -105,16 +126,10 @@ def _impact(model: Model, draw: Draw, inertia: np.ndarray) -> Iterator[Relation]
 def launches(model: Model, draw: Draw) -> Iterator[Relation]:
     """The launch set: where the contact force and the gap's acceleration vanish, and its mirror image, where it
     lands."""
+    yield from _any_launch(model, draw)
     if not draw.roots:
         return
-    roots, at, p = draw.roots, draw.launched, draw.p
-    launch, u = roots["launch"], dict(zip(model.launch_unknowns, roots["u"].T, strict=True))
-    embed, gap, a = np.asarray(model.embed, float), model.gap(p), _gap_acceleration(model, draw)
-    down, size = np.linalg.pinv(embed), np.abs(launch).max()
-    scale = max(float(size), draw.length)
-    yield Relation("a launch has a closed gap", ("launch", "gap"), share(gap(launch), scale))
-    speeds = launch @ _rates_of(model, np.array(gap.weights, float))
-    yield Relation("a launch has no gap speed", ("launch", "gap"), share(speeds, scale))
+    roots, at, a = draw.roots, draw.launched, _gap_acceleration(model, draw)
     source = "release" if roots["released"][0] else "liftoff"
     if source == "release":
         off = share(roots["liftoff"], roots["slope"] * draw.length)
@@ -123,53 +138,67 @@ def launches(model: Model, draw: Draw) -> Iterator[Relation]:
     yield Relation(words, (source, "launch", "flight.field", "gap"), share(at["field"] @ a, at["field"]))
     words, forces = f"the contact force vanishes at the launches of {source}", draw.stood["force"]
     yield Relation(words, (source, "launch", "contact.watch", "embed"), share(at["force"], forces))
-    yield Relation("a launch is a contact state", ("launch", "embed"), share(launch @ (down.T @ embed.T) - launch, scale))
-    signs = reversor_of(model)
-    words, fields = "touchdown is the mirror image of launch", ("touchdown", "launch", "embed", "reversor")
-    yield Relation(words, fields, share(roots["touchdown"] @ embed.T - launch * signs, launch))
-    speed, alpha = model.contact_speed, u["alpha"]
+    yield from _landing(model, draw)
+
+
+def _any_launch(model: Model, draw: Draw) -> Iterator[Relation]:
+    """What holds of launches with any unknowns, also where the contact force would not vanish."""
+    u, launch, touchdown = draw.free["u"], draw.free["launch"], draw.free["touchdown"]
+    named = dict(zip(model.launch_unknowns, u.T, strict=True))
+    embed, gap, scale = np.asarray(model.embed, float), model.gap(draw.p), float(np.abs(u).max())
+    down, mirrored = np.linalg.pinv(embed), ("reversor",) if model.reversor else ()
+    yield Relation("a launch has a closed gap", ("launch", "gap"), share(gap(launch), scale))
+    speeds = launch @ _gap_acceleration(model, draw)
+    yield Relation("a launch has no gap speed", ("launch", "gap"), share(speeds, scale))
+    yield Relation(
+        "a launch is a contact state", ("launch", "embed"), share(launch @ (down.T @ embed.T) - launch, scale)
+    )
+    words, fields = "touchdown is the mirror image of launch", ("touchdown", "launch", "embed", *mirrored)
+    yield Relation(words, fields, share(touchdown @ embed.T - launch * reversor_of(model), scale))
+    speed, alpha = model.contact_speed, named["alpha"]
     words, fields = "contact_speed is alpha at launch", ("contact_speed", "launch", "embed")
     yield Relation(words, fields, share(speed(launch @ down.T) - alpha, alpha))
     words, fields = "contact_speed is -alpha at touchdown", ("contact_speed", "touchdown")
-    yield Relation(words, fields, share(speed(roots["touchdown"]) + alpha, alpha))
+    yield Relation(words, fields, share(speed(touchdown) + alpha, alpha))
     words, fields = "liftoff is the extension at launch", ("extension", "launch")
-    yield Relation(words, fields, share(model.extension(launch) - u["liftoff"], scale))
-    for name, place in zip(model.launch_unknowns, range(len(u)), strict=True):
-        if name in model.flight.states:
-            words = f"a launch has the state {name} that it is told"
-            there = launch[:, model.flight.states.index(name)] - roots["u"][:, place]
-            yield Relation(words, ("launch",), share(there, scale))
-    yield from _landing(model, draw)
+    yield Relation(words, fields, share(model.extension(launch) - named["liftoff"], scale))
+    states = {name: model.flight.states.index(name) for name in named if name in model.flight.states}
+    if states:
+        off = np.array([launch[:, place] - named[name] for name, place in states.items()])
+        yield Relation("a launch has the states that it is told", ("launch",), share(off, scale))
 
 
 def _landing(model: Model, draw: Draw) -> Iterator[Relation]:
     """Where `landing` vanishes near the mirror image of a launch, the gap, its speed and its acceleration do."""
     gap, at = np.array(model.gap(draw.p).weights, float), draw.launched
-    a, launch = _gap_acceleration(model, draw), draw.roots["launch"]
+    a, launch, mirrored = _gap_acceleration(model, draw), draw.roots["launch"], ("reversor",) if model.reversor else ()
     scale = max(float(np.abs(launch).max()), draw.length) * np.abs(at["landing slopes"]).max(initial=0.0)
-    yield Relation("landing vanishes at the mirror image of launch", ("landing", "launch"), share(at["landing"], scale))
+    words, fields = "landing vanishes at the mirror image of launch", ("landing", "launch", *mirrored)
+    yield Relation(words, fields, share(at["landing"], scale))
     independent, gaps, accelerations = 0.0, 0.0, 0.0
     for rows, slopes in zip(at["landing slopes"], at["slopes"], strict=True):
         if not np.isfinite(rows).all() or np.linalg.matrix_rank(rows) < 3:
             independent = np.inf
             continue
         within = np.linalg.pinv(rows) @ rows
-        both = np.array([gap, _rates_of(model, gap)])
+        both = np.array([gap, a])
         gaps = max(gaps, share(both - both @ within, both))
         acceleration = a @ slopes
         accelerations = max(accelerations, share(acceleration - acceleration @ within, acceleration))
     yield Relation("the three expressions of landing are independent", ("landing",), independent)
     yield Relation("where landing vanishes the gap is closed and at rest", ("landing", "gap"), gaps)
-    if model.conservative:
+    if model.conservative and not _loses(draw):
         words = "where landing vanishes the gap has no acceleration"
-        yield Relation(words, ("landing", "flight.field"), accelerations)
+        yield Relation(words, ("landing", "flight.field", "gap", *mirrored), accelerations)
 
 
 def reversal(model: Model, draw: Draw) -> Iterator[Relation]:
     """Time reversal turns motions into motions."""
     if model.reversor is None:
         return
-    signs = reversor_of(model)
+    signs, (at, rates) = reversor_of(model), coordinates(model.flight)
+    words = "the reversor gives a speed the sign that its position has not"
+    yield Relation(words, ("reversor",), share(signs[at] + signs[rates], 1.0))
     for where, names, field, back in (
         ("flight", ("reversor", "flight.field"), draw.flown, draw.mirrored),
         ("contact", ("reversor", "contact.field", "embed"), draw.stood, draw.mirrored_contact),
@@ -188,16 +217,20 @@ def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
     positions = {"gap": gap, "extension": model.extension, **({"separation": apart} if apart else {})}
     for name, affine in positions.items():
         weights = np.array(affine.weights, float)
-        yield Relation(f"{name} is a position", (name,), share(weights[rates], weights) + share(0.0 if weights.any() else np.inf))
+        yield Relation(
+            f"{name} is a position", (name,), share(weights[rates], weights) + share(0.0 if weights.any() else np.inf)
+        )
     weights = np.array([height.weights for height in heights.values()], float)
     yield Relation("heights are positions", ("heights",), share(weights[:, rates], weights))
     speed = np.array(model.contact_speed.weights, float)
     words = "contact_speed is the rate of a position"
-    yield Relation(words, ("contact_speed",), share(np.delete(speed, rates_in_contact), speed) + share(model.contact_speed.offset))
+    yield Relation(
+        words, ("contact_speed",), share(np.delete(speed, rates_in_contact), speed) + share(model.contact_speed.offset)
+    )
     closed = np.array(gap.weights, float) @ embed
     yield Relation("embedded states have a closed gap", ("gap", "embed"), share(closed, embed) + share(gap.offset))
     masses = {name: height for name, height in heights.items() if name != CENTRE}
-    differences = [(b, c) for b, c in permutations(masses.values(), 2)]
+    differences = [(b, c) for b, c in combinations(masses.values(), 2)]
     plain = [(b, None) for b in masses.values()]
     words = "the gap is between two of the heights, or one and the ground"
     yield Relation(words, ("gap", "heights"), min(_apart(gap, *pair) for pair in (*plain, *differences)))
@@ -227,9 +260,13 @@ def _centre_of_mass(masses: dict, centre: Affine, hessian: np.ndarray, at: list[
     """The mean of the masses' heights by what they weigh in the kinetic energy of a motion of all together."""
     weights = np.array([height.weights for height in masses.values()], float)[:, at]
     shift, *_ = np.linalg.lstsq(weights, np.ones(len(weights)), rcond=None)
-    if np.linalg.matrix_rank(weights) < len(at) or np.abs(weights @ shift - 1).max() > LARGEST_DEVIATION:
+    rank = np.linalg.matrix_rank(weights)
+    yield Relation("the heights tell the masses apart", ("heights",), np.inf if rank < min(weights.shape) else 0.0)
+    if rank < len(at) or np.abs(weights @ shift - 1).max() > LARGEST_DEVIATION:
         return
     momentum = hessian[0][np.ix_(rates, rates)] @ shift
+    if not momentum @ shift > 0:
+        return
     mean = momentum / (momentum @ shift)
     parts, *_ = np.linalg.lstsq(weights.T, mean, rcond=None)
     offset = parts @ np.array([height.offset for height in masses.values()], float)
@@ -239,37 +276,33 @@ def _centre_of_mass(masses: dict, centre: Affine, hessian: np.ndarray, at: list[
 
 def forces(model: Model, draw: Draw) -> Iterator[Relation]:
     """The spring's force and the contact force have one unit, and the spring's is a function of the extension."""
-    a, held = _gap_acceleration(model, draw), draw.held["field"]
-    unit = _force_of_closing(draw.stood["force"][:, 0], -(held @ a))
-    mass = float(model.impact_mass(draw.p))
+    closing = -(draw.held["field"] @ _gap_acceleration(model, draw))
+    unit, mass = _force_of_closing(draw.stood["force"][:, 0], closing), float(model.impact_mass(draw.p))
     told = mass / unit if unit > 0 and mass > 0 else None  # the unit of energy over those of force and length
+    what = ("contact.watch", "impact_mass", "flight.field", "gap", "embed")
     if model.units and told and (units := model.units(draw.p)).energy:
         stated = units.force * units.length / units.energy
         words = "the contact force is in the unit that units say"
-        yield Relation(words, ("units", "contact.watch"), share(told / stated - 1.0, 1.0))
-    if model.units:
-        units = model.units(draw.p)
-        speed = (units.length / units.time) ** 2
-        del speed
+        yield Relation(words, ("units", *what), share(told / stated - 1.0, 1.0))
     if model.tension is None:
         return
-    slopes, along = draw.flown["tension slopes"], np.array(model.extension.weights, float)
-    slopes = slopes.reshape(len(slopes), -1)
-    across = slopes - np.outer(slopes @ along, along) / (along @ along)
-    yield Relation("the tension is a function of the extension", ("tension", "extension"), share(across, slopes))
-    at, _ = coordinates(model.flight)
+    at, rates = coordinates(model.flight)
+    slopes = draw.flown["tension slopes"].reshape(len(draw.x), -1)[:, [*at, *rates]]
+    along = np.array(model.extension.weights, float)[[*at, *rates]]
+    own = slopes @ along / max(along @ along, np.finfo(float).tiny)
+    words = "the tension is a function of the extension"
+    yield Relation(words, ("tension", "extension"), share(slopes - np.outer(own, along), slopes))
     stiffness = draw.flown["hessian"][np.ix_(range(len(slopes)), at, at)]
-    shape = np.outer(along[at], along[at])
-    size = (stiffness * shape).sum((1, 2)) / (shape**2).sum()
+    shape = np.outer(along[: len(at)], along[: len(at)])
+    size = (stiffness * shape).sum((1, 2)) / max((shape**2).sum(), np.finfo(float).tiny)
     if share(stiffness - size[:, None, None] * shape, stiffness) > LARGEST_DEVIATION:
         return  # something else than the spring stores energy
-    own = slopes @ along / (along @ along)
     factor = _force_of_closing(size, own)
-    words = "the tension is in proportion to the stiffness in flight_gradient"
-    yield Relation(words, ("tension", "flight_gradient"), share(size - factor * own, size) if factor > 0 else np.inf)
+    words, fields = "the tension is in proportion to the stiffness", ("tension", "flight_gradient", "extension")
+    yield Relation(words, fields, share(size - factor * own, size) if factor > 0 else np.inf)
     if told:
-        words, fields = "tension and contact force have one unit", ("tension", "contact.watch", "impact_mass")
-        yield Relation(words, fields, share(told - factor, factor))
+        words = "tension and contact force have one unit"
+        yield Relation(words, (*fields, *what), share(told - factor, factor))
 
 
 def _gap_acceleration(model: Model, draw: Draw) -> np.ndarray:

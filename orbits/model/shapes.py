@@ -1,7 +1,8 @@
 """The fields of a hand-written model, called once: whether each is there, is called as `Model` says, and answers with
 what it should."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from numbers import Real
 from typing import Any
 
@@ -22,7 +23,11 @@ def malformed(model: Model, values: Mapping[str, float]) -> dict[str, str]:
     found = {f"{where}.states": text for where in ("flight", "contact") if (text := _no_phase(getattr(model, where)))}
     if found:
         return found
+    if text := _no_unknowns(model):
+        return {"launch_unknowns": text}
     for name, look in _looks(model, values):
+        if name == "springs" and "heights" in found:
+            continue
         try:
             text = look()
         except OrbitsError as error:
@@ -46,19 +51,18 @@ def _looks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Callable
     """The name of each field with a function that says what is wrong with its form, "" where nothing is."""
     n, m = len(model.flight.states), len(model.contact.states)
     x, y, u = _symbols(model.flight.states), _symbols(model.contact.states), _symbols(model.launch_unknowns)
-    symbols, one = _symbols(p), _named_values(model.launch_unknowns)
-    named = {**dict(zip(model.launch_unknowns, u, strict=True))}
-    known = dict(zip(p, symbols, strict=True))
+    named, known = dict(zip(model.launch_unknowns, u, strict=True)), dict(zip(p, _symbols(p), strict=True))
     q, stood = _symbols(range(_size(model.flight))), _symbols(range(_size(model.contact)))
-    yield "launch_unknowns", lambda: _no_unknowns(model)
     yield "flight.field", lambda: _not_so_many(model.flight.field(x, known, q), n)
     yield "contact.field", lambda: _not_so_many(model.contact.field(y, known, stood), m)
-    for where, phase, state, data in (("flight", model.flight, x, q), ("contact", model.contact, y, stood)):
-        for quantity in phase.watch.values():
-            yield f"{where}.watch", lambda of=quantity, s=state, d=data: _not_so_many([of(s, known, d)], 1)
-        yield f"{where}.pieces", lambda of=phase: _no_pieces(of, known)
-        yield f"{where}.closed_form", lambda of=phase: _no_closed_form(of, p)
-        yield f"{where}.reaches", lambda of=phase: _no_reaches(of)
+    for where, phase, arguments in (
+        ("flight", model.flight, (x, known, q)),
+        ("contact", model.contact, (y, known, stood)),
+    ):
+        yield f"{where}.watch", partial(_no_watch, phase, arguments)
+        yield f"{where}.pieces", partial(_no_pieces, phase, known)
+        yield f"{where}.closed_form", partial(_no_closed_form, phase, p)
+        yield f"{where}.reaches", partial(_no_reaches, phase)
     yield "contact.watch", lambda: "" if WATCHED_FORCE in model.contact.watch else f"it has no '{WATCHED_FORCE}'"
     yield "flight_gradient", lambda: _not_so_many(model.flight_gradient(x, known, q), n)
     yield "contact_gradient", lambda: _not_so_many(model.contact_gradient(y, known, stood), m)
@@ -80,12 +84,11 @@ def _looks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Callable
     yield "violations", lambda: _not_told(model.violations)
     yield "release", lambda: _no_array(model.release(np.ones(2), p), (2,)) if model.one_speed else ""
     for name in ("homotopy", "gauge"):
-        yield name, lambda of=getattr(model, name): "" if of is None or of in p else f"'{of}' is no parameter"
+        yield name, partial(_no_parameter, getattr(model, name), p)
     yield "units", lambda: _no_units(model, p)
-    yield "guess", lambda: "" if callable(model.guess) else "it is no function"
+    yield "guess", lambda: _no_function(model.guess)
     for name in ("guesses", "search"):
-        yield name, lambda of=getattr(model, name): "" if of is None or callable(of) else "it is no function"
-    del one
+        yield name, partial(_no_function, getattr(model, name) or len)
 
 
 def _size(phase: Phase) -> int:
@@ -94,10 +97,6 @@ def _size(phase: Phase) -> int:
 
 def _symbols(names: Any) -> list[ca.SX]:
     return [ca.SX.sym(str(name)) for name in names]
-
-
-def _named_values(names: Sequence[str]) -> dict[str, float]:
-    return dict.fromkeys(names, 1.0)
 
 
 def _not_so_many(values: Any, count: int) -> str:
@@ -129,6 +128,11 @@ def _no_unknowns(model: Model) -> str:
         return f"it has no '{missing[0]}'"
     other = [name for name in model.launch_unknowns if name not in (*own, *model.flight.states)]
     return f"'{other[0]}' is no flight state" if other else ""
+
+
+def _no_watch(phase: Phase, arguments: tuple) -> str:
+    wrong = [text for quantity in phase.watch.values() if (text := _not_so_many([quantity(*arguments)], 1))]
+    return wrong[0] if wrong else ""
 
 
 def _no_pieces(phase: Phase, p: Mapping[str, Any]) -> str:
@@ -182,6 +186,14 @@ def _no_springs(model: Model, p: Mapping[str, float]) -> str:
 def _not_told(violations: Any) -> str:
     missing = [name for name in REASONS if not isinstance(violations.get(name), str)]
     return f"it has no words for '{missing[0]}'" if missing else ""
+
+
+def _no_parameter(name: Any, p: Mapping[str, float]) -> str:
+    return "" if name is None or name in p else f"'{name}' is no parameter"
+
+
+def _no_function(value: Any) -> str:
+    return "" if callable(value) else "it is no function"
 
 
 def _no_units(model: Model, p: Mapping[str, float]) -> str:

@@ -1,14 +1,12 @@
 """What the members of a sweep answer: a chunk of them solved together, and by `find` those that ask for more."""
 
-from typing import cast
-
 import numpy as np
 
 from ..design.many import solved_designs
 from ..design.problem import formula_names, known_formula
 from ..errors import OrbitsError
 from ..hybrid.return_map import ReturnMap
-from ..model.machine import ImpactingMachine, Machine
+from ..model.machine import Machine
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
 from .question import LAUNCH_SPEED, Question, Table, empty_table
@@ -60,7 +58,7 @@ def _machine_at(question: Question, table: Table, row: int) -> Machine:
 
 def _return_map(question: Question, table: Table, row: int) -> ReturnMap:
     """The return map of the machine of a row."""
-    return ReturnMap(cast(ImpactingMachine, _machine_at(question, table, row)))
+    return ReturnMap(_machine_at(question, table, row))
 
 
 def _launched(question: Question, table: Table) -> None:
