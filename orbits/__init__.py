@@ -11,7 +11,8 @@ from .design.optimality import Active, Design
 from .design.optimize import optimize
 from .design.pareto import Front, pareto
 from .design.sensitivities import quantities, sensitivities
-from .errors import FlowError, InputError, NoOrbit, OrbitsError, OutOfRange
+from .errors import FlowError, InconsistentModel, InputError, NoOrbit, OrbitsError, OutOfRange
+from .hybrid.check import Checked, check
 from .hybrid.multiplier import multiplier
 from .hybrid.return_map import FixedPoint, Hops, ReturnMap
 from .hybrid.simulation import Simulation, simulate
@@ -30,12 +31,13 @@ from .sweeps.sweep import SweepProgress, sweep
 from .sweeps.uncertainty import Uncertainty, uncertainty
 
 __all__ = [
-    "METHODS", "Active", "Affine", "Arc", "Certificate", "Control", "Design", "End", "Event", "Existence", "Family",
-    "FixedPoint", "FlowError", "Front", "Guess", "Hops", "Input", "InputError", "Machine", "Model", "NoOrbit", "Orbit",
-    "OrbitsError", "Oscillator", "OutOfRange", "Phase", "Pieces", "Point", "Reduction", "ReturnMap", "Simulation",
-    "Stage", "Statement", "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "__version__", "existence",
-    "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold", "multiplier", "optimize",
-    "orbit_at", "pareto", "quantities", "sensitivities", "simulate", "steer", "sweep", "trace", "uncertainty",
+    "METHODS", "Active", "Affine", "Arc", "Certificate", "Checked", "Control", "Design", "End", "Event", "Existence",
+    "Family", "FixedPoint", "FlowError", "Front", "Guess", "Hops", "InconsistentModel", "Input", "InputError",
+    "Machine", "Model", "NoOrbit", "Orbit", "OrbitsError", "Oscillator", "OutOfRange", "Phase", "Pieces", "Point",
+    "Reduction", "ReturnMap", "Simulation", "Stage", "Statement", "StepControl", "Sweep", "SweepProgress",
+    "Uncertainty", "Units", "__version__", "check", "existence", "find", "find_all", "fold_statement", "follow",
+    "follow_branch", "follow_fold", "multiplier", "optimize", "orbit_at", "pareto", "quantities", "sensitivities",
+    "simulate", "steer", "sweep", "trace", "uncertainty",
 ]  # fmt: skip
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import InconsistentModel, OrbitsError
 from .draws import SEED, Graphs
 from .model import NOISE, Model
-from .relations import KINDS, Relation
+from .relations import MECHANICS, Relation
 from .shapes import malformed
 from .shortcuts import SHORT_CUTS
 
@@ -71,7 +71,7 @@ def algebraic_relations(model: Model, values: Mapping[str, float]) -> list[Relat
             draw = graphs.draw(p)
         except OrbitsError:
             continue  # parameters that the machine cannot have, nor its laws
-        for each in (relation for kind in (*KINDS, *SHORT_CUTS) for relation in kind(model, draw)):
+        for each in (relation for kind in (*MECHANICS, *SHORT_CUTS) for relation in kind(model, draw)):
             if each.words not in found or not each.deviation <= found[each.words].deviation:
                 found[each.words] = each
     if not found:

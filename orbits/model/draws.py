@@ -243,12 +243,15 @@ class Expressions:
     def __init__(self, symbols: list[ca.SX], results: Mapping[str, ca.SX]):
         self.shapes = {name: result.shape for name, result in results.items()}
         self.sizes = [symbol.numel() for symbol in symbols]
+        self.maps = dict[int, ca.Function]()
         self.function = ca.Function("graph", symbols, [ca.densify(result) for result in results.values()])
 
     def __call__(self, points: np.ndarray, p: np.ndarray, *data: np.ndarray) -> dict[str, np.ndarray]:
         count = len(points)
         shared = np.repeat(p[:, None], count, axis=1)
-        found = self.function.map(count)(points.T, shared, *(each.T for each in data))
+        if count not in self.maps:
+            self.maps[count] = self.function.map(count)
+        found = self.maps[count](points.T, shared, *(each.T for each in data))
         found = found if isinstance(found, tuple) else (found,)
         values = {}
         for (name, (rows, columns)), each in zip(self.shapes.items(), found, strict=True):

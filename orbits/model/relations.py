@@ -229,6 +229,10 @@ def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
     )
     closed = np.array(gap.weights, float) @ embed
     yield Relation("embedded states have a closed gap", ("gap", "embed"), share(closed, embed) + share(gap.offset))
+    if model.flight.pieces and model.contact.pieces:
+        own, flown = (np.array(each.coordinate, float) for each in (model.contact.pieces, model.flight.pieces))
+        words, fields = "the pieces in contact are those in flight", ("contact.pieces", "flight.pieces", "embed")
+        yield Relation(words, fields, share(flown @ embed - own, own))
     masses = {name: height for name, height in heights.items() if name != CENTRE}
     differences = [(b, c) for b, c in combinations(masses.values(), 2)]
     plain = [(b, None) for b in masses.values()]
@@ -325,6 +329,6 @@ def _force_of_closing(force: np.ndarray, closing: np.ndarray) -> float:
 
 
 # Every kind of relation, as a function of a model and a draw.
-KINDS: tuple[Callable[[Model, Draw], Iterator[Relation]], ...] = (
+MECHANICS: tuple[Callable[[Model, Draw], Iterator[Relation]], ...] = (
     motion, energy, launches, reversal, geometry, forces,
 )  # fmt: skip

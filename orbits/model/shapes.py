@@ -15,7 +15,7 @@ from .phase import Affine, Phase
 from .units import Units
 
 # The quantity that every contact phase watches, and the four reasons that every model has words for.
-WATCHED_FORCE, REASONS = "contact force", ("gap", "pull", "separation", "end")
+WATCHED_FORCE, TOLD_REASONS = "contact force", ("gap", "pull", "separation", "end")
 
 
 def malformed(model: Model, values: Mapping[str, float]) -> dict[str, str]:
@@ -50,9 +50,13 @@ def _no_phase(phase: Any) -> str:
 def _looks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Callable[[], str]]]:
     """The name of each field with a function that says what is wrong with its form, "" where nothing is."""
     n, m = len(model.flight.states), len(model.contact.states)
-    x, y, u = _symbols(model.flight.states), _symbols(model.contact.states), _symbols(model.launch_unknowns)
-    named, known = dict(zip(model.launch_unknowns, u, strict=True)), dict(zip(p, _symbols(p), strict=True))
-    q, stood = _symbols(range(_size(model.flight))), _symbols(range(_size(model.contact)))
+    x, y, u = (
+        _symbols_named(model.flight.states),
+        _symbols_named(model.contact.states),
+        _symbols_named(model.launch_unknowns),
+    )
+    named, known = dict(zip(model.launch_unknowns, u, strict=True)), dict(zip(p, _symbols_named(p), strict=True))
+    q, stood = _symbols_named(range(_data_count(model.flight))), _symbols_named(range(_data_count(model.contact)))
     yield "flight.field", lambda: _not_so_many(model.flight.field(x, known, q), n)
     yield "contact.field", lambda: _not_so_many(model.contact.field(y, known, stood), m)
     for where, phase, arguments in (
@@ -91,11 +95,11 @@ def _looks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Callable
         yield name, partial(_no_function, getattr(model, name) or len)
 
 
-def _size(phase: Phase) -> int:
+def _data_count(phase: Phase) -> int:
     return phase.pieces.size if phase.pieces else 0
 
 
-def _symbols(names: Any) -> list[ca.SX]:
+def _symbols_named(names: Any) -> list[ca.SX]:
     return [ca.SX.sym(str(name)) for name in names]
 
 
@@ -184,7 +188,7 @@ def _no_springs(model: Model, p: Mapping[str, float]) -> str:
 
 
 def _not_told(violations: Any) -> str:
-    missing = [name for name in REASONS if not isinstance(violations.get(name), str)]
+    missing = [name for name in TOLD_REASONS if not isinstance(violations.get(name), str)]
     return f"it has no words for '{missing[0]}'" if missing else ""
 
 

@@ -67,7 +67,7 @@ def _launched(question: Question, table: Table) -> None:
     values = np.column_stack([table.columns[name] for name in own]) if own else np.zeros((len(table.members), 0))
     _, first, group = np.unique(values, axis=0, return_index=True, return_inverse=True)
     for k in range(len(first)):
-        interrupts.check()
+        interrupts.heed()
         rows = np.flatnonzero(group.ravel() == k)
         try:
             hops = _return_map(question, table, int(first[k]))(table.columns[LAUNCH_SPEED][rows])
@@ -82,7 +82,7 @@ def _fixed(question: Question, table: Table) -> None:
     """The fixed points of the return map: their number, and the lowest stable one, or else the lowest."""
     assert question.between is not None
     for row in range(len(table.members)):
-        interrupts.check()
+        interrupts.heed()
         try:
             found = _return_map(question, table, row).fixed_points(*question.between)
         except OrbitsError as error:

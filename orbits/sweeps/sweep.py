@@ -116,7 +116,7 @@ def _check_domain(machine: Machine, members: Members) -> None:
     if not names or not (refusal(values.min(0)) or refusal(values.max(0))):
         return
     for i, row in enumerate(values):
-        interrupts.check()
+        interrupts.heed()
         if error := refusal(row):
             raise InputError(f"member {i} of the sweep cannot be: {error}")
 
