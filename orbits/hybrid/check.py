@@ -117,6 +117,7 @@ def _along_motions(machine: Machine, start: Any, left_out: list[str]) -> list[Re
     """The relations along an orbit and along hops beside it."""
     model, graphs = machine.model, Graphs(machine.model, tuple(machine.values))
     orbit, found = _orbit_of(machine, start, left_out)
+    found += _of_pieces(machine, graphs)
     if orbit:
         found += [*_of_orbit(machine, orbit, graphs), *_of_search(machine, orbit)]
     if not all(each.holds for each in found):
@@ -177,6 +178,24 @@ def _near(machine: Machine, orbit: Orbit) -> list[Relation]:
         off = share(rows[:, np.asarray(many.own, bool)], orbit.alpha)
         found.append(Relation("guesses of many machines are those of each", ("guesses",), off, LARGEST_MISS))
     return found
+
+
+def _of_pieces(machine: Machine, graphs: Graphs) -> Iterator[Relation]:
+    """At the breakpoints of a field, the pieces on both sides agree."""
+    p, rng = vector(machine.values), np.random.default_rng(1)
+    both = zip(
+        (machine.model.flight, machine.model.contact), graphs.pieces, (graphs.flight, graphs.contact), strict=True
+    )
+    for phase, table, graph in both:
+        if table is None or phase.pieces is None:
+            continue
+        breaks, data = (np.array(each) for each in table(p))
+        along, inner = np.array(phase.pieces.coordinate), breaks.ravel()[1:-1]
+        x = rng.standard_normal((len(inner), len(along)))
+        x += np.outer((inner - x @ along) / (along @ along), along)
+        below, above = (graph(x, p, rows)["field"] for rows in (data[:-1], data[1:])) if len(inner) else (x, x)
+        fields = (f"{phase.name}.pieces", f"{phase.name}.field")
+        yield Relation(f"the {phase.name} is continuous where its pieces meet", fields, share(below - above, below))
 
 
 def _of_orbit(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator[Relation]:
