@@ -116,8 +116,11 @@ def _check_parts(machine: Any) -> None:
 def _along_motions(machine: Machine, start: Any, left_out: list[str]) -> list[Relation]:
     """The relations along an orbit and along hops beside it."""
     model, graphs = machine.model, Graphs(machine.model, tuple(machine.values))
+    pieces = [*_of_pieces(machine, graphs)]
+    if not all(each.holds for each in pieces):
+        return pieces
     orbit, found = _orbit_of(machine, start, left_out)
-    found += _of_pieces(machine, graphs)
+    found += pieces
     if orbit:
         found += [*_of_orbit(machine, orbit, graphs), *_of_search(machine, orbit)]
     if not all(each.holds for each in found):
@@ -172,7 +175,7 @@ def _near(machine: Machine, orbit: Orbit) -> list[Relation]:
         near = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
         off = max(abs(near[name] - guess[name]) / orbit.alpha for name in near)
         found.append(Relation("guess is near the orbit that it leads to", ("guess",), off, LARGEST_MISS))
-    if model.guesses:
+    if model.guesses and all(each.holds for each in found):
         many = model.guesses(1, {name: np.array([value, value]) for name, value in plain.items()})
         rows = np.array([np.asarray(many.unknowns[name], float) - guess[name] for name in names])
         off = share(rows[:, np.asarray(many.own, bool)], orbit.alpha)
@@ -194,8 +197,8 @@ def _of_pieces(machine: Machine, graphs: Graphs) -> Iterator[Relation]:
         x = rng.standard_normal((len(inner), len(along)))
         x += np.outer((inner - x @ along) / (along @ along), along)
         below, above = (graph(x, p, rows)["field"] for rows in (data[:-1], data[1:])) if len(inner) else (x, x)
-        fields = (f"{phase.name}.pieces", f"{phase.name}.field")
-        yield Relation(f"the {phase.name} is continuous where its pieces meet", fields, share(below - above, below))
+        words = f"the {phase.name} is continuous where its pieces meet"
+        yield Relation(words, (f"{phase.name}.pieces",), share(below - above, below))
 
 
 def _of_orbit(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator[Relation]:
@@ -205,7 +208,7 @@ def _of_orbit(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator[Relati
     half = orbit.flight_time / 2
     middle = _integrated(machine, graphs, model.flight, begins, half)
     words = f"the orbit's flight to its middle is that {INTEGRATED}"
-    fields: tuple[str, ...] = ("flight.field", "flight.closed_form", "flight.pieces", "reduction")
+    fields: tuple[str, ...] = ("flight.field", "flight.closed_form", "flight.pieces")
     yield Relation(words, fields, share(middle - orbit(half), begins, middle), LARGEST_DIFFERENCE)
     if orbit.contact is not None and orbit.contact_time is not None:
         stood = np.linalg.pinv(model.embed) @ lands
@@ -218,7 +221,7 @@ def _of_orbit(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator[Relati
         other = find(machine, start=orbit, method="half orbit")
         words, off = "the reduction has the orbit of the whole states", abs(other.alpha - orbit.alpha)
         bound = max(LARGEST_DIFFERENCE, (orbit.error + other.error) / orbit.alpha)
-        yield Relation(words, ("reduction",), off / orbit.alpha, bound)
+        yield Relation(words, ("reduction.statement", "reduction.phase"), off / orbit.alpha, bound)
 
 
 def _of_search(machine: Machine, orbit: Orbit) -> Iterator[Relation]:

@@ -5,7 +5,7 @@ them, the other relations tell: a wrong field breaks those that it is in, and th
 that hold.
 """
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 from weakref import WeakSet
@@ -21,15 +21,21 @@ from .shortcuts import SHORT_CUTS
 
 # How far, as a share, the parameters of the second draw lie from the machine's own.
 PARAMETER_SPREAD = 0.02
+SHORT_CUT = 0.1  # what a relation that holds speaks for a short cut, compared with what it speaks for other fields
+# What is evaluated with the data of a piece.
+IN_FLIGHT = ("flight.field", "flight_gradient", "liftoff", "tension")
+IN_CONTACT = ("contact.field", "contact_gradient", "contact.watch")
 
 
 def suspects(relations: list[Relation]) -> tuple[str, ...]:
     """The fewest fields that explain all relations that do not hold; of several such sets the one for which the least
-    speaks, where a relation that holds speaks for its fields, the more the fewer they are."""
+    speaks: a relation that holds speaks for its fields, the more the fewer they are, and little for short cuts, which
+    are doubted before what they shorten."""
     broken = [{*each.fields} for each in relations if not each.holds]
-    names, speaks = sorted(set[str]().union(*broken)), Counter[str]()
-    for each in relations:
-        speaks.update(dict.fromkeys(each.fields, 1 / len(each.fields)) if each.holds else {})
+    names, speaks = sorted(set[str]().union(*broken)), defaultdict[str, float](float)
+    for each in (each for each in relations if each.holds):
+        for name in each.fields:
+            speaks[name] += (SHORT_CUT if "closed_form" in name or "reduction" in name else 1.0) / len(each.fields)
     for count in range(1, len(broken) + 1):
         sets = [each for each in combinations(names, count) if all(fields & {*each} for fields in broken)]
         if sets:
@@ -71,13 +77,22 @@ def algebraic_relations(model: Model, values: Mapping[str, float]) -> list[Relat
             draw = graphs.draw(p)
         except OrbitsError:
             continue  # parameters that the machine cannot have, nor its laws
-        for each in (relation for kind in (*MECHANICS, *SHORT_CUTS) for relation in kind(model, draw)):
+        for each in (_with_pieces(model, one) for kind in (*MECHANICS, *SHORT_CUTS) for one in kind(model, draw)):
             if each.words not in found or not each.deviation <= found[each.words].deviation:
                 found[each.words] = each
     if not found:
         text = "nothing is a number near a launch at the machine's own parameters"
         raise InconsistentModel(f"the model '{model.name}' is malformed: flight.field: {text}", ("flight.field",))
     return list(found.values())
+
+
+def _with_pieces(model: Model, relation: Relation) -> Relation:
+    """The relation with the pieces of the phases on which its fields are evaluated."""
+    fields = relation.fields
+    for phase, own in ((model.flight, IN_FLIGHT), (model.contact, IN_CONTACT)):
+        name = f"{phase.name}.pieces"
+        fields += (name,) if phase.pieces and {*own} & {*fields} and name not in fields else ()
+    return relation._replace(fields=fields)
 
 
 def _parameters(model: Model, values: Mapping[str, float]) -> Iterator[dict[str, float]]:

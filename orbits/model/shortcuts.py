@@ -12,6 +12,8 @@ from .relations import Relation, share
 
 # A closed form is held against its Taylor series of this order after this time, where these agree to rounding.
 SERIES_ORDER, SERIES_TIME = 16, 0.05
+# A difference quotient of the gap has this error, as a share of it.
+LARGEST_QUOTIENT = 1e-6
 FAMILIES = (1, 2)  # of which the exact orbit is looked at
 NEWTON_STEPS_TO_MIDDLE = 6
 
@@ -32,10 +34,10 @@ def closed_forms(model: Model, draw: Draw) -> Iterator[Relation]:
             yield Relation(f"{name} watches the contact force", (name, "contact.watch"), off)
         after = form.state(x, SERIES_TIME)
         summed = series[0, :n] @ SERIES_TIME ** np.arange(SERIES_ORDER + 1)
-        yield Relation(f"{name} has states on its own series", (name,), share(after - summed, after))
         moved = np.array([form.state(x + unit, SERIES_TIME) - after for unit in np.eye(n)]).T
         transition = form.transition(SERIES_TIME)
-        yield Relation(f"{name} has the transition matrix of its states", (name,), share(transition - moved, moved))
+        off = max(share(after - summed, after), share(transition - moved, moved))
+        yield Relation(f"{name} has the series and the transition matrix of its states", (name,), off)
 
 
 def reductions(model: Model, draw: Draw) -> Iterator[Relation]:
@@ -53,39 +55,50 @@ def _reduced(model: Model, reduction: Reduction, draw: Draw) -> Iterator[Relatio
     u, rng = draw.free["u"], np.random.default_rng(1)
     count, named = len(u), dict(zip(model.launch_unknowns, u.T, strict=True))
     p = {name: np.full(count, value) for name, value in draw.p.items()}
-    z = np.array(own.start(u, draw.numbers)["start"])
-    z = z + np.array([draw.length, *np.ones(z.shape[1] - 1)]) * 0.2 * rng.standard_normal(z.shape)
+    start = own.start(u, draw.numbers)["start"]
+    z = start + np.array([draw.length, *np.ones(start.shape[1] - 1)]) * 0.2 * rng.standard_normal(start.shape)
     times = rng.uniform(0.0, 1.0, count)
+
+    def whole(at_times: Any, states: np.ndarray, field: Any = 0.0, bend: Any = 0.0) -> np.ndarray:
+        """The first two Taylor coefficients (L, n, 2) of flight states from reduced ones (L, k)."""
+        rows = np.stack([states, field + 0 * states, bend + 0 * states], axis=2)
+        return np.array(reduction.complete(at_times, rows, named, p))[:, :, :2]
+
     at = own.states(z, u, draw.numbers)
-    flown = np.array(reduction.complete(times, np.stack([z, at["field"], at["bend"]], axis=2), named, p))
-    whole = draw.graphs.in_flight(flown[:, :, 0], draw.numbers)["field"]
-    good = np.isfinite(whole).all(1)
-    yield Relation("reduction: complete moves by the flight's field", ("reduction", "flight.field"),
-                   share((flown[:, :, 1] - whole)[good], whole[good]))  # fmt: skip
+    flown = whole(times, z, at["field"], at["bend"])
+    rates = draw.graphs.in_flight(flown[:, :, 0], draw.numbers)["field"]
+    good, (positions, speeds) = np.isfinite(rates).all(1), (draw.graphs.positions, draw.graphs.speeds)
+    words = "the completed positions change at their speeds"
+    yield Relation(words, ("reduction.complete",), share(flown[:, positions, 1] - flown[:, speeds, 0], flown))
+    fields: tuple[str, ...] = ("reduction.phase", "reduction.complete", "flight.field")
+    words = "the completed flight moves by the field"
+    yield Relation(words, fields, share((flown[:, :, 1] - rates)[good], rates[good]))
     signs = np.array(reduction.reversor, float)
     back = own.states(z * signs, u, draw.numbers)["field"]
-    yield Relation("reduction: its reversor turns its motions back", ("reduction",),
-                   share(back * signs + at["field"], at["field"]))  # fmt: skip
-    start = own.start(u, draw.numbers)["start"]
-    rows = np.stack([start, 0 * start, 0 * start], axis=2)
-    launched = np.array(reduction.complete(np.zeros(count), rows, named, p))[:, :, 0]
-    yield Relation("reduction: it starts from the launch", ("reduction", "launch"),
-                   share(launched - draw.free["launch"], launched))  # fmt: skip
-    yield Relation("reduction: gap_slope is the derivative of the gap", ("reduction",),
-                   _slope_off(model, reduction, draw, z, times, named, p))  # fmt: skip
-    middle = own.middle(z, u, draw.numbers)
+    words, fields = "the reversor turns reduced motions back", ("reduction.reversor", "reduction.phase")
+    yield Relation(words, fields, share(back * signs + at["field"], at["field"]))
+    words, fields = "the reduced motion starts from the launch", ("reduction.statement", "reduction.complete", "launch")
+    launched = whole(np.zeros(count), start)[:, :, 0]
+    yield Relation(words, fields, share(launched - draw.free["launch"], launched))
+    words, fields = "gap_slope is the derivative of the gap", ("reduction.gap_slope", "reduction.complete")
+    yield Relation(words, fields, _slope_off(model, reduction, draw, z, times, named, p), LARGEST_QUOTIENT)
     durations = np.broadcast_to(np.asarray(arc.duration(named, p), float), (count,))
-    rows = np.stack([middle, 0 * middle, 0 * middle], axis=2)
-    halfway = np.array(reduction.complete(durations, rows, named, p))[:, :, 0]
-    yield Relation("reduction: it ends in the middle of the flight, at rest", ("reduction",),
-                   share(halfway - halfway * reversor_of(model), halfway, u))  # fmt: skip
+    halfway = whole(durations, own.middle(z, u, draw.numbers))[:, :, 0]
+    words = "the reduced motion ends in the middle of the flight, at rest"
+    fields = ("reduction.statement", "reduction.complete")
+    yield Relation(words, fields, share(halfway - halfway * reversor_of(model), halfway, u))
     if draw.roots:
         guard = own.guard(draw.roots["u"], draw.numbers)
-        yield Relation("reduction: its guard vanishes at launches", ("reduction",),
-                       share(guard["guard"], guard["slope"] * draw.length))  # fmt: skip
+        words, off = "the reduced guard vanishes at launches", share(guard["guard"], guard["slope"] * draw.length)
+        yield Relation(words, ("reduction.statement",), off)
+    if arc.phase.closed_form:
+        series = np.array(arc.phase.closed_form(draw.p).series(z.T, 2))[:, : z.shape[1]]
+        off = max(share(series[:, :, 0] - z, z), share(series[:, :, 1] - at["field"], at["field"]))
+        yield Relation("the reduced closed form moves by its field", ("reduction.phase",), off)
     if reduction.exact and arc.phase.closed_form:
         off = max(_exact_off(reduction, draw, family) for family in FAMILIES)
-        yield Relation("reduction: exact solves its statement", ("reduction",), off)
+        words, fields = "the exact orbit solves the statement", ("reduction.exact", "reduction.statement")
+        yield Relation(words, fields, off)
 
 
 class _ReducedGraph:
@@ -154,7 +167,7 @@ def _slope_off(model: Model, reduction: Reduction, draw: Draw, z, times, named, 
         return model.gap(draw.p)(np.array(reduction.complete(times, rows, u, p))[:, :, 0])
 
     difference = (gap(1.0) - gap(-1.0)) / (2 * step)
-    return share(np.asarray(reduction.gap_slope(times, dz.T, p)) - difference, difference, np.ones(1)) * 1e-2
+    return share(np.asarray(reduction.gap_slope(times, dz.T, p)) - difference, difference, np.ones(1))
 
 
 def _exact_off(reduction: Reduction, draw: Draw, family: int) -> float:
