@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, NoOrbit
+from ..errors import InconsistentModel, InputError, NoOrbit
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectory
 from ..io import one_line
@@ -79,6 +79,9 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
     _check_parts(machine)
     relations = algebraic_relations(machine.model, machine.values)
     left_out: list[str] = []
+    if not relations:
+        text = f"the model '{machine.model.name}' is malformed: its flight.field gives no numbers near a launch"
+        raise InconsistentModel(text, ("flight.field",))
     if all(each.holds for each in relations):
         bare = dimensionless(machine)
         if bare is not machine and machine.units is not None:

@@ -19,7 +19,7 @@ from .relations import MECHANICS, Relation
 from .shapes import malformed
 from .shortcuts import SHORT_CUTS
 
-# How far, as a share, the parameters of the second draw lie from the machine's own.
+# How far, as a share, parameters are drawn around the machine's own.
 PARAMETER_SPREAD = 0.02
 SHORT_CUT = 0.1  # what a relation that holds speaks for a short cut, compared with what it speaks for other fields
 # What is evaluated with the data of a piece.
@@ -64,7 +64,8 @@ def check_consistency(model: Model, values: Mapping[str, float]) -> None:
 
 
 def algebraic_relations(model: Model, values: Mapping[str, float]) -> list[Relation]:
-    """The relations among a model's fields, each with its largest deviation over all draws.
+    """The relations among a model's fields, each with its largest deviation over all draws; none where its laws give no
+    numbers near a launch.
 
     Raises `InconsistentModel` where a field has not the form that `Model` says.
     """
@@ -72,17 +73,12 @@ def algebraic_relations(model: Model, values: Mapping[str, float]) -> list[Relat
         told = "; ".join(f"{name}: {text}" for name, text in wrong.items())
         raise InconsistentModel(f"the model '{model.name}' is malformed: {told}", tuple(wrong))
     graphs, found = Graphs(model, tuple(values)), dict[str, Relation]()
-    for p in _parameters(model, values):
-        try:
-            draw = graphs.draw(p)
-        except OrbitsError:
-            continue  # parameters that the machine cannot have, nor its laws
-        for each in (_with_pieces(model, one) for kind in (*MECHANICS, *SHORT_CUTS) for one in kind(model, draw)):
-            if each.words not in found or not each.deviation <= found[each.words].deviation:
-                found[each.words] = each
-    if not found:
-        text = "nothing is a number near a launch at the machine's own parameters"
-        raise InconsistentModel(f"the model '{model.name}' is malformed: flight.field: {text}", ("flight.field",))
+    draws = [_relations_at(model, graphs, p) for p in _parameters(model, values)]
+    if not any(draws):
+        draws = [_relations_at(model, graphs, values)]
+    for each in (relation for draw in draws for relation in draw):
+        if each.words not in found or not each.deviation <= found[each.words].deviation:
+            found[each.words] = each
     return list(found.values())
 
 
@@ -96,12 +92,19 @@ def _with_pieces(model: Model, relation: Relation) -> Relation:
 
 
 def _parameters(model: Model, values: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """The machine's own parameters, then others nearby, in the scene of the guess."""
-    rng = np.random.default_rng(SEED)
-    yield dict(values)
-    moved = 1 + PARAMETER_SPREAD * rng.uniform(-1, 1, len(values))
-    p = {
-        name: value if name.startswith(NOISE) else value * factor
-        for (name, value), factor in zip(values.items(), moved.tolist(), strict=True)
-    }
-    yield {**p, model.homotopy: 0.0} if model.homotopy else p
+    """Parameters near the machine's own, of which no two are equal by chance; the same in the scene of the guess."""
+    moved = 1 + PARAMETER_SPREAD * np.random.default_rng(SEED).uniform(-1, 1, len(values))
+    near = zip(values.items(), moved.tolist(), strict=True)
+    p = {name: value if name.startswith(NOISE) else value * factor for (name, value), factor in near}
+    yield p
+    if model.homotopy:
+        yield {**p, model.homotopy: 0.0}
+
+
+def _relations_at(model: Model, graphs: Graphs, p: Mapping[str, float]) -> list[Relation]:
+    """The relations at one draw of the parameters; none where the machine cannot have them, nor its laws."""
+    try:
+        draw = graphs.draw(p)
+        return [_with_pieces(model, each) for kind in (*MECHANICS, *SHORT_CUTS) for each in kind(model, draw)]
+    except OrbitsError:
+        return []

@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..errors import InconsistentModel, OrbitsError
+from ..errors import OrbitsError, OutOfRange
 from .model import Model
 from .phase import Phase
 from .shapes import WATCHED_FORCE
@@ -15,6 +15,8 @@ from .shapes import WATCHED_FORCE
 # States and launches of a draw. States lie so far around a launch, in units of the extension there and of the unit of
 # speed; the smallest are for laws that are not defined far from it.
 STATES, LAUNCHES, SPREADS, SEED = 12, 3, (1.0, 0.3, 0.1), 20250101
+# Where the laws are not defined so far from it, positions are drawn nearer.
+SHRINKINGS = (1.0, 0.1, 1e-2, 1e-3, 1e-4)
 NEWTON_STARTS, NEWTON_STEPS_TO_LIFTOFF = (0.0, 0.1, -0.1, 1.0, -1.0, 10.0, -10.0), 40
 
 
@@ -108,51 +110,35 @@ class Graphs:
         ]
 
     def draw(self, p: Mapping[str, float]) -> Draw:
-        """The values at one draw of the parameters; raises `InconsistentModel` where none are numbers."""
-        model, numbers = self.model, np.array(list(p.values()))
-        free = self._unknowns()
+        """The values at one draw of the parameters; raises `OutOfRange` where none are numbers."""
+        numbers, free = np.array(list(p.values())), self._unknowns()
         roots = self._launches(free.copy(), p, numbers)
-        u = roots.get("u", np.zeros((0, len(model.launch_unknowns))))
-        rho = np.abs(u[:, model.launch_unknowns.index("liftoff")]).max(initial=0.0)
-        length = float(rho) or 1.0
-        about = roots["launch"].mean(0) if roots else np.zeros(len(model.flight.states))
+        extensions = roots["u"][:, self.model.launch_unknowns.index("liftoff")] if roots else np.zeros(0)
+        length = float(np.abs(extensions).max(initial=0.0)) or 1.0
+        about = roots["launch"].mean(0) if roots else np.zeros(len(self.model.flight.states))
         about[self.speeds] = 0.0
-        size = np.ones(len(about))
-        size[self.positions] = length
-        spread = np.resize(SPREADS, STATES)[:, None]
-        x = about + spread * size * self.rng.standard_normal((STATES, len(about)))
-        down = np.linalg.pinv(np.asarray(model.embed, dtype=float))
-        y = x[self.rng.permutation(STATES)] @ down.T
-        signs = reversor_of(model)
-        of_contact = signs_in_contact(model, signs)
-        flown, mirrored = self.in_flight(x, numbers), self.in_flight(x * signs, numbers)
-        held, stood = self.in_flight(y @ np.asarray(model.embed).T, numbers), self.in_contact(y, numbers)
-        back = self.in_contact(y * of_contact, numbers)
-        good = np.isfinite(flown["field"]).all(1) & np.isfinite(mirrored["field"]).all(1)
-        fine = (
-            np.isfinite(held["field"]).all(1) & np.isfinite(stood["field"]).all(1) & np.isfinite(back["field"]).all(1)
-        )
-        if not (good.any() and fine.any()):
-            text = f"the model '{model.name}' is malformed: flight.field gives no numbers near a launch"
-            raise InconsistentModel(text, ("flight.field",))
-        flown, mirrored = ({name: v[good] for name, v in each.items()} for each in (flown, mirrored))
-        held, stood, back = ({name: v[fine] for name, v in each.items()} for each in (held, stood, back))
+        signs, embed = reversor_of(self.model), np.asarray(self.model.embed, dtype=float)
+        of_contact, down = signs_in_contact(self.model, signs), np.linalg.pinv(embed)
+        for shrunk in SHRINKINGS:
+            size = np.ones(len(about))
+            size[self.positions] = length * shrunk
+            spread = np.resize(SPREADS, STATES)[:, None] * size
+            x = about + spread * self.rng.standard_normal((STATES, len(about)))
+            y = x[self.rng.permutation(STATES)] @ down.T
+            flights = [self.in_flight(each, numbers) for each in (x, x * signs, y @ embed.T)]
+            contacts = [self.in_contact(each, numbers) for each in (y, y * of_contact)]
+            fine = [np.isfinite(each["field"]).all(1) for each in (*flights, *contacts)]
+            good, also = fine[0] & fine[1], fine[2] & fine[3] & fine[4]
+            if good.sum() > 1 and also.sum() > 1:
+                break
+        else:
+            raise OutOfRange(f"the model '{self.model.name}' gives no numbers near a launch")
+        flown, mirrored = ({name: v[good] for name, v in each.items()} for each in flights[:2])
+        held, stood, back = ({name: v[also] for name, v in each.items()} for each in (flights[2], *contacts))
         launched = self._at_launches(roots, numbers, signs, down) if roots else {}
+        unknowns = {"u": free, **self._launch(free, numbers)}
         return Draw(
-            p,
-            x[good],
-            y[fine],
-            flown,
-            held,
-            stood,
-            mirrored,
-            back,
-            launched,
-            roots,
-            {"u": free, **self._launch(free, numbers)},
-            length,
-            numbers,
-            self,
+            p, x[good], y[also], flown, held, stood, mirrored, back, launched, roots, unknowns, length, numbers, self
         )
 
     def in_flight(self, x: np.ndarray, p: np.ndarray) -> dict[str, np.ndarray]:
