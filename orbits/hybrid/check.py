@@ -30,10 +30,10 @@ PARTS = ("model", "values", "with_values", "describe", "units", "restitution", "
 TOLERANCE, LARGEST_DIFFERENCE = 1e-11, 1e-6
 # The launch of the hops that are followed, as a share of an orbit's: on its stable side, with a large loss.
 BESIDE_ORBIT, HOPS = 1.05, 2
-# A guess lies so near to the orbit that it leads to.
-LARGEST_MISS = 0.05
+# A guess lies so near to the orbit that it leads to: it may be one of a machine a little simpler.
+LARGEST_MISS = 0.3
 # The launch speed of the hops of a machine without orbits; and the slowest searched for orbits, in the search's scale.
-WITHOUT_ORBIT, SLOWEST = 2.0, 1e-3
+WITHOUT_ORBIT, SLOWEST_SEARCHED = 2.0, 1e-3
 INTEGRATED = "integrated by DOP853"
 
 
@@ -107,8 +107,8 @@ def _check_parts(machine: Any) -> None:
         values = dict(machine.values)
         try:
             again = machine.with_values()
-            if again.values != values or again.model is not machine.model:
-                wrong["with_values"] = "without values it does not give the same machine, of the same model"
+            if again.values != values or again.model.name != machine.model.name:
+                wrong["with_values"] = "without values it does not give the same machine"
         except Exception as error:
             wrong["with_values"] = f"it cannot be called without values ({type(error).__name__}: {error})"
     if wrong:
@@ -233,7 +233,7 @@ def _of_search(machine: Machine, orbit: Orbit) -> Iterator[Relation]:
     if model.search:
         search = model.search(machine.values)
         fine = isinstance(search, Search) and search.scale > 0 and 0 < search.spacing < search.fastest
-        fine = fine and SLOWEST * search.scale < orbit.alpha < search.scale * search.fastest
+        fine = fine and SLOWEST_SEARCHED * search.scale < orbit.alpha < search.scale * search.fastest
         yield Relation("search has a range with the orbit in it", ("search",), 0.0 if fine else np.inf)
 
 
