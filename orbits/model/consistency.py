@@ -22,6 +22,7 @@ from .shortcuts import SHORT_CUTS
 # How far, as a share, parameters are drawn around the machine's own.
 PARAMETER_SPREAD = 0.02
 SHORT_CUT = 0.1  # what a relation that holds speaks for a short cut, compared with what it speaks for other fields
+MOST_SUSPECTS = 3  # where more fields are wrong, all that do not fit are named
 # What is evaluated with the data of a piece.
 IN_FLIGHT = ("flight.field", "flight_gradient", "liftoff", "tension")
 IN_CONTACT = ("contact.field", "contact_gradient", "contact.watch")
@@ -32,15 +33,17 @@ def suspects(relations: list[Relation]) -> tuple[str, ...]:
     speaks: a relation that holds speaks for its fields, the more the fewer they are, and little for short cuts, which
     are doubted before what they shorten."""
     broken = [{*each.fields} for each in relations if not each.holds]
+    if not broken:
+        return ()
     names, speaks = sorted(set[str]().union(*broken)), defaultdict[str, float](float)
     for each in (each for each in relations if each.holds):
         for name in each.fields:
             speaks[name] += (SHORT_CUT if "closed_form" in name or "reduction" in name else 1.0) / len(each.fields)
-    for count in range(1, len(broken) + 1):
+    for count in range(1, MOST_SUSPECTS + 1):
         sets = [each for each in combinations(names, count) if all(fields & {*each} for fields in broken)]
         if sets:
             return min(sets, key=lambda each: (sum(speaks[name] for name in each), each))
-    return ()
+    return tuple(names)
 
 
 def inconsistent(name: str, relations: list[Relation]) -> InconsistentModel:

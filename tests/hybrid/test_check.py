@@ -7,7 +7,19 @@ import numpy as np
 import pytest
 
 import orbits.model.consistency as consistency
-from orbits import Affine, InconsistentModel, InputError, Oscillator, ReturnMap, check, find, follow, simulate
+from orbits import (
+    Affine,
+    InconsistentModel,
+    InputError,
+    Model,
+    Oscillator,
+    Phase,
+    ReturnMap,
+    check,
+    find,
+    follow,
+    simulate,
+)  # fmt: skip
 from orbits.model.consistency import algebraic_relations, suspects
 from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, hopper_in_si, juggler_in_si, springs
 
@@ -314,6 +326,90 @@ def test_pieces_in_the_wrong_place_are_named():
     phase = replace(model.flight, pieces=replace(model.flight.pieces, coordinate=(1.0, 0.0, 0.0, 0.0)))
     with pytest.raises(InconsistentModel, match=r"by its flight\.pieces: .*continuous where its pieces meet"):
         check(with_model(machine, replace(model, flight=phase)))
+
+
+def inerter_hopper(**changes) -> SimpleNamespace:
+    """A hopper of masses m1 and m2 with a spring k and an inerter b between, gravity 1, written by hand; the inerter's
+    force is b times the acceleration of the extension."""
+
+    def flight(x, p, q):
+        spring = p["k"] * (x[0] - x[2])
+        relative = -spring / (p["m1"] * p["m2"] / (p["m1"] + p["m2"]) + p["b"])
+        share = p["m2"] / (p["m1"] + p["m2"])
+        return [x[1], -1 + share * relative, x[3], -1 - (1 - share) * relative]
+
+    def contact(x, p, q):
+        return [x[1], -(p["k"] * x[0] + p["m1"]) / (p["m1"] + p["b"])]
+
+    def rho(p):
+        return (p["m1"] * p["m2"] + p["b"] * (p["m1"] + p["m2"])) / (p["k"] * p["m1"])
+
+    def gradient(x, p, q):
+        spring, moved = p["k"] * (x[0] - x[2]), p["b"] * (x[1] - x[3])
+        return [spring + p["m1"], p["m1"] * x[1] + moved, p["m2"] - spring, p["m2"] * x[3] - moved]
+
+    def guess(family, p):
+        mu = p["m1"] * p["m2"] / (p["m1"] + p["m2"])
+        half = 4.4934 * np.sqrt((mu + p["b"]) / p["k"])
+        return {"liftoff": rho(p), "alpha": (1 + p["m2"] / p["m1"]) * half, "duration": half}
+
+    p = {"m1": 1.3, "m2": 0.7, "k": 2.0, "b": 0.4}
+    fields = {
+        "name": "hopper with an inerter",
+        "flight": Phase("flight", ("y1", "y1'", "y2", "y2'"), flight),
+        "contact": Phase("contact", ("y1", "y1'"), contact, {"contact force": lambda x, p, q: (
+            p["m2"] - p["k"] * x[0] + p["b"] * (p["k"] * x[0] + p["m1"]) / (p["m1"] + p["b"])
+        )}),
+        "launch": lambda u, p: [u["liftoff"], u["alpha"], 0.0, 0.0],
+        "liftoff": lambda u, p, q: u["liftoff"] - rho(p),
+        "landing": lambda u, x, p: [x[2], x[3], x[0] - u["liftoff"]],
+        "reversor": (1, -1, 1, -1),
+        "release": lambda alpha, p: np.full(np.shape(alpha), rho(p)),
+        "touchdown": lambda u, p: [u["liftoff"], -u["alpha"]],
+        "embed": np.eye(4, 2),
+        "flight_gradient": gradient,
+        "contact_gradient": lambda x, p, q: [p["k"] * x[0] + p["m1"], (p["m1"] + p["b"]) * x[1]],
+        "extension": Affine((1.0, 0.0, -1.0, 0.0)),
+        "gap": lambda p: Affine((0.0, 0.0, 1.0, 0.0)),
+        "separation": lambda p: None,
+        "heights": lambda p: {"body": Affine((1.0, 0.0, 0.0, 0.0)), "foot": Affine((0.0, 0.0, 1.0, 0.0))},
+        "impact_mass": lambda p: p["m2"] + p["b"] * p["m1"] / (p["m1"] + p["b"]),
+        "impact": lambda p: np.array([0.0, p["b"] / (p["m1"] + p["b"]), 0.0, 1.0]),
+        "contact_speed": Affine((0.0, 1.0)),
+        "violations": dict.fromkeys(("gap", "pull", "separation", "end"), "it is no motion"),
+        "springs": (("foot", "body"),),
+        "tension": lambda x, p, q: p["k"] * (x[0] - x[2]),
+        "guess": guess,
+    }  # fmt: skip
+    told = {"machine": "hopper with an inerter", "spring": "k*r", "gravity": "1", "mass_ratio": 1.0, "parameters": p}
+    told |= {"rest_length": None, "restitution": 0.0, "laws_in": "units of the machine"}
+    machine = SimpleNamespace(model=Model(**{**fields, **changes}), values=p, units=None, restitution=0.0)
+    machine.describe, machine.with_values, machine.rest_length = lambda: told, lambda **values: machine, None
+    return machine
+
+
+def test_a_machine_written_by_hand_with_coupled_inertia():
+    """With an inerter the half flight obeys tan x = x, x = omega T/2 with omega**2 = k/(mu + b)."""
+    machine = inerter_hopper()
+    assert check(machine).largest < 0.1
+    p, orbit = machine.values, find(machine)
+    omega = np.sqrt(p["k"] / (p["m1"] * p["m2"] / (p["m1"] + p["m2"]) + p["b"]))
+    assert omega * orbit.flight_time / 2 == pytest.approx(4.493409457909064, rel=1e-13)
+    # What a hopper without an inerter would have.
+    plain = {
+        "impact": lambda p: np.array([0.0, 0.0, 0.0, 1.0]),
+        "impact_mass": lambda p: p["m2"],
+        "liftoff": lambda u, p, q: p["k"] * u["liftoff"] - p["m2"],
+        "contact_gradient": lambda x, p, q: [p["k"] * x[0] + p["m1"], p["m1"] * x[1]],
+        "release": lambda alpha, p: np.full(np.shape(alpha), p["m2"] / p["k"]),
+    }
+    for field, wrong in plain.items():
+        with pytest.raises(InconsistentModel) as error:
+            find(inerter_hopper(**{field: wrong}))
+        assert error.value.fields == (field,)
+    with pytest.raises(InconsistentModel) as error:
+        find(inerter_hopper(**plain))
+    assert len(error.value.fields) > 1
 
 
 def test_a_machine_that_is_damped_and_says_it_is_not():
