@@ -135,7 +135,11 @@ def _along_motions(machine: Machine, start: Any, left_out: list[str]) -> list[Re
         states = dict(zip(model.flight.states, orbit(0.0).tolist(), strict=True))
         own = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha}
         launch = {name: own[name] if name in own else states[name] for name in model.launch_unknowns}
-    run = simulate(machine, launch, hops=HOPS)
+    try:
+        run = simulate(machine, launch, hops=HOPS)
+    except (InputError, NoOrbit) as error:
+        left_out.append(f"no hop was looked at: {error}")
+        return found
     found += _of_hops(machine, run, graphs)
     return [*found, *_of_map(machine, run)] if model.one_speed else found
 
@@ -189,10 +193,8 @@ def _near(machine: Machine, orbit: Orbit) -> list[Relation]:
 def _of_pieces(machine: Machine, graphs: Graphs) -> Iterator[Relation]:
     """At the breakpoints of a field, the pieces on both sides agree."""
     p, rng = vector(machine.values), np.random.default_rng(1)
-    both = zip(
-        (machine.model.flight, machine.model.contact), graphs.pieces, (graphs.flight, graphs.contact), strict=True
-    )
-    for phase, table, graph in both:
+    for where, table, graph in zip(("flight", "contact"), graphs.pieces, (graphs.flight, graphs.contact), strict=True):
+        phase = getattr(machine.model, where)
         if table is None or phase.pieces is None:
             continue
         breaks, data = (np.array(each) for each in table(p))
@@ -200,8 +202,8 @@ def _of_pieces(machine: Machine, graphs: Graphs) -> Iterator[Relation]:
         x = rng.standard_normal((len(inner), len(along)))
         x += np.outer((inner - x @ along) / (along @ along), along)
         below, above = (graph(x, p, rows)["field"] for rows in (data[:-1], data[1:])) if len(inner) else (x, x)
-        words = f"the {phase.name} is continuous where its pieces meet"
-        yield Relation(words, (f"{phase.name}.pieces",), share(below - above, below))
+        words = f"the {where} is continuous where its pieces meet"
+        yield Relation(words, (f"{where}.pieces",), share(below - above, below))
 
 
 def _of_orbit(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator[Relation]:

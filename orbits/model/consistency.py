@@ -88,8 +88,8 @@ def algebraic_relations(model: Model, values: Mapping[str, float]) -> list[Relat
 def _with_pieces(model: Model, relation: Relation) -> Relation:
     """The relation with the pieces of the phases on which its fields are evaluated."""
     fields = relation.fields
-    for phase, own in ((model.flight, IN_FLIGHT), (model.contact, IN_CONTACT)):
-        name = f"{phase.name}.pieces"
+    for where, phase, own in (("flight", model.flight, IN_FLIGHT), ("contact", model.contact, IN_CONTACT)):
+        name = f"{where}.pieces"
         fields += (name,) if phase.pieces and {*own} & {*fields} and name not in fields else ()
     return relation._replace(fields=fields)
 

@@ -46,13 +46,13 @@ def share(residual: Any, *magnitudes: Any) -> float:
 
 def motion(model: Model, draw: Draw) -> Iterator[Relation]:
     """The two fields: their positions, their energy, and how the ground holds the one to make the other."""
-    for where, states, field in (
-        (model.flight, draw.x, draw.flown["field"]),
-        (model.contact, draw.y, draw.stood["field"]),
+    for where, phase, states, field in (
+        ("flight", model.flight, draw.x, draw.flown["field"]),
+        ("contact", model.contact, draw.y, draw.stood["field"]),
     ):
-        at, rates = coordinates(where)
-        words = f"positions in {where.name} change at their speeds"
-        yield Relation(words, (f"{where.name}.field",), share(field[:, at] - states[:, rates], states))
+        at, rates = coordinates(phase)
+        words = f"positions in {where} change at their speeds"
+        yield Relation(words, (f"{where}.field",), share(field[:, at] - states[:, rates], states))
     embed, d, a = np.asarray(model.embed), np.asarray(model.impact(draw.p)), _gap_acceleration(model, draw)
     (at, rates), (stood_at, stood_rates) = coordinates(model.flight), coordinates(model.contact)
     mixed = np.concatenate([embed[np.ix_(at, stood_rates)].ravel(), embed[np.ix_(rates, stood_at)].ravel()])
@@ -89,7 +89,7 @@ def energy(model: Model, draw: Draw) -> Iterator[Relation]:
     yield Relation("flight_gradient is the gradient of a function", ("flight_gradient",), asymmetry)
     _, rates = coordinates(model.flight)
     inertia = hessian[np.ix_(range(len(hessian)), rates, rates)]
-    least = np.linalg.eigvalsh(inertia).min(initial=0.0)
+    least = np.linalg.eigvalsh(inertia).min() if inertia.size and np.isfinite(inertia).all() else np.nan
     yield Relation("the kinetic energy is not below 0", ("flight_gradient",), share(min(least, 0.0), inertia))
     yield from _impact(model, draw, inertia)
 

@@ -86,7 +86,7 @@ def _looks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Callable
     yield "heights", lambda: _no_heights(model.heights(p), n)
     yield "springs", lambda: _no_springs(model, p)
     yield "violations", lambda: _not_told(model.violations)
-    yield "release", lambda: _no_array(model.release(np.ones(2), p), (2,)) if model.one_speed else ""
+    yield "release", lambda: _no_array(np.nan_to_num(model.release(np.ones(2), p)), (2,)) if model.one_speed else ""
     for name in ("homotopy", "gauge"):
         yield name, partial(_no_parameter, getattr(model, name), p)
     yield "units", lambda: _no_units(model, p)
@@ -115,7 +115,9 @@ def _not_so_many(values: Any, count: int) -> str:
 
 def _no_array(value: Any, shape: tuple[int, ...]) -> str:
     array = np.asarray(value, dtype=float)
-    return "" if array.shape == shape else f"it has the shape {array.shape}, not {shape}"
+    if array.shape != shape:
+        return f"it has the shape {array.shape}, not {shape}"
+    return "" if np.isfinite(array).all() else "it has a number that is not finite"
 
 
 def _not_affine(value: Any, count: int) -> str:

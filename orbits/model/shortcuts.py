@@ -20,15 +20,16 @@ NEWTON_STEPS_TO_MIDDLE = 6
 
 def closed_forms(model: Model, draw: Draw) -> Iterator[Relation]:
     """The flows in closed form of both phases, against their fields."""
-    for phase, states, at in ((model.flight, draw.x, draw.flown), (model.contact, draw.y, draw.stood)):
+    for where, states, at in (("flight", draw.x, draw.flown), ("contact", draw.y, draw.stood)):
+        phase = getattr(model, where)
         if phase.closed_form is None:
             continue
-        name, n = f"{phase.name}.closed_form", len(phase.states)
+        name, n = f"{where}.closed_form", len(phase.states)
         form, x = phase.closed_form(draw.p), states[0]
         series = form.series(states.T, SERIES_ORDER)
         value, rate = share(series[:, :n, 0] - states, states), share(series[:, :n, 1] - at["field"], at["field"])
-        yield Relation(f"{name} moves by the field", (name, f"{phase.name}.field"), max(value, rate))
-        watched = [at["force"][:, 0]] if phase is model.contact else []
+        yield Relation(f"{name} moves by the field", (name, f"{where}.field"), max(value, rate))
+        watched = [at["force"][:, 0]] if where == "contact" else []
         for row, force in enumerate(watched, n):
             off = share(series[:, row, 0] - force, force) if series.shape[1] > row else np.inf
             yield Relation(f"{name} watches the contact force", (name, "contact.watch"), off)

@@ -12,6 +12,7 @@ from orbits import (
     InconsistentModel,
     InputError,
     Model,
+    NoOrbit,
     Oscillator,
     Phase,
     ReturnMap,
@@ -19,7 +20,7 @@ from orbits import (
     find,
     follow,
     simulate,
-)  # fmt: skip
+)
 from orbits.model.consistency import algebraic_relations, suspects
 from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, hopper_in_si, juggler_in_si, springs
 
@@ -463,6 +464,34 @@ def test_every_missing_part_of_a_machine_is_named():
         check(machine)
     for name in ("with_values", "describe", "units", "restitution", "rest_length"):
         assert f"{name}" in str(error.value)
+
+
+def test_fields_are_named_whatever_the_phases_are_called():
+    machine = Hopper("r + 0.3*r**3", rest_length=20.0)
+    model = replace(machine.model, reduction=None)
+    flight, contact = replace(model.flight, name="air"), replace(model.contact, name="stance")
+    assert check(with_model(machine, replace(model, flight=flight, contact=contact))).largest < 0.1
+    wrong = replace(model, flight=flight, contact=replace(contact, field=at(contact.field, 1, 1.01)))
+    assert named(machine, wrong) == ("contact.field",)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_what_is_no_number_is_named(value):
+    machine = Hopper("r + 0.3*r**3", rest_length=20.0)
+    model = replace(machine.model, reduction=None)
+    wrong = {
+        "impact_mass": lambda p: value,
+        "impact": lambda p: np.array([0.0, 0.0, 0.0, value]),
+        "embed": np.where(model.embed, value, 0.0),
+        "flight_gradient": at(model.flight_gradient, 3, value),
+    }
+    for field, change in wrong.items():
+        assert named(machine, replace(model, **{field: change})) == (field,)
+    nowhere = replace(model.flight, field=at(model.flight.field, 3, value))
+    with pytest.raises(InconsistentModel, match=r"its flight\.field gives no numbers"):
+        check(with_model(machine, replace(model, flight=nowhere)))
+    with pytest.raises(NoOrbit):
+        find(with_model(machine, replace(model, flight=nowhere)))
 
 
 def test_every_use_of_a_wrong_model_is_refused():
