@@ -107,7 +107,8 @@ def _parameters(model: Model, values: Mapping[str, float]) -> Iterator[dict[str,
 def _relations_at(model: Model, graphs: Graphs, p: Mapping[str, float]) -> list[Relation]:
     """The relations at one draw of the parameters; none where the machine cannot have them, nor its laws."""
     try:
-        draw = graphs.draw(p)
-        return [_with_pieces(model, each) for kind in (*MECHANICS, *SHORT_CUTS) for each in kind(model, draw)]
+        with np.errstate(all="ignore"):  # what is no number deviates without bound
+            draw = graphs.draw(p)
+            return [_with_pieces(model, each) for kind in (*MECHANICS, *SHORT_CUTS) for each in kind(model, draw)]
     except OrbitsError:
         return []
