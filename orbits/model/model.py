@@ -86,7 +86,9 @@ class Model:
     extension : function of the flight state whose stationary points count the family
     gap : p -> height of the contact point above what it lands on, a function of the flight state
     separation : p -> smallest distance within the machine, which must stay positive; None where it is not stated
-    heights : p -> functions of the flight state by name, for plots; first the masses, the upper before the lower
+    heights : p -> functions of the flight state by name, for plots; first the masses, the upper before the lower. Gap,
+        extension and separation lie between two of them, or between one and the ground, with any constant beside; the
+        separation may be less by what is solid
     violations : messages for the four ways in which a root is no motion: the "gap" closes in flight, the contact would
         have to "pull", the "separation" vanishes, the contact does not "end"
     springs : pairs of names of the heights, lower and upper, between which springs are drawn; None is the ground
