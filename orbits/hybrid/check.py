@@ -87,7 +87,7 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
         if bare is not machine and machine.units is not None:
             known = {each.words for each in relations}
             own = algebraic_relations(bare.model, bare.values)
-            relations += [each for each in own if each.words not in known]
+            relations += [each for each in own if each.words not in known or not each.holds]
             start = dimensionless_start(start, machine)
         relations += _along_motions(bare, start, left_out)
     if not all(each.holds for each in relations):

@@ -55,12 +55,13 @@ class Machine(Protocol):
 def check_machine(machine: Any, *also: str) -> None:
     """Raise `InputError` where something is no machine, naming the parts that are missing or malformed; `also` names
     further parts needed. A model that was written by hand is looked at once, as by `check_consistency`."""
-    wrong = wrong_parts(machine, "model", "values", "units", "describe", *also)
-    if wrong:
+    names, model = ("model", "values", "units", "describe", *also), getattr(machine, "model", None)
+    if isinstance(model, Model) and model.derived and all(hasattr(machine, name) for name in names):
+        return
+    if wrong := wrong_parts(machine, *names):
         told = "; ".join(f"it has no '{name}'" if text is None else f"{name}: {text}" for name, text in wrong.items())
         raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): {told}")
-    if not machine.model.derived:
-        check_consistency(machine.model, machine.values)
+    check_consistency(machine.model, machine.values)
 
 
 def wrong_parts(machine: Any, *names: str) -> dict[str, str | None]:
@@ -68,7 +69,7 @@ def wrong_parts(machine: Any, *names: str) -> dict[str, str | None]:
     found: dict[str, str | None] = {name: None for name in names if not hasattr(machine, name)}
     if "model" not in found and not isinstance(machine.model, Model):
         found["model"] = f"it is a {type(machine.model).__name__}, not a Model"
-    if not found and not machine.model.derived:
+    if not found:
         values = machine.values
         if not isinstance(values, Mapping):
             found["values"] = f"it is a {type(values).__name__}, not a mapping of numbers by name"

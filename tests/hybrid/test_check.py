@@ -451,7 +451,7 @@ def test_wrong_guesses_are_told():
     ],
 )
 def test_a_malformed_part_of_a_machine_is_named(name, value, text):
-    machine = with_model(Hopper(), replace(Hopper().model))
+    machine = with_model(Hopper(), Hopper().model)
     setattr(machine, name, value)
     with pytest.raises(InputError, match=text) as error:
         check(machine)
