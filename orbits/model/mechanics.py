@@ -16,6 +16,7 @@ functions of the parameters, and numbers where these make no difference.
 """
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -55,13 +56,15 @@ class Term(NamedTuple):
 
 
 class Mechanics:
-    """The equations of motion of coordinates with elements.
+    """The equations of motion of coordinates with elements, whose springs' laws are told by `with_laws`.
 
     coordinates, actuators : their names; each actuator is the name of a displacement and that of its rate
     inertia : (n, n) scalars beside the elements' own inertia
     gap : weights (n,)
     gravity : key of the law of a height, with `surface` its unit; None where it is 1
-    names : of all parameters
+    names : of all parameters but those of the springs' laws
+
+    The force of a `Spring` is here its place among the laws.
 
     Raises `InputError` for an inertia that is singular, and for a gap that no coordinate closes.
     """
@@ -80,9 +83,12 @@ class Mechanics:
         self.ground_gravity = self.scalar(surface) * gravity.expression(ca.SX(0), self.p, [])
         self.elements = tuple(elements)
         self.inertia = self._inertia(inertia)
+        self.laws: tuple[Key, ...] = ()
         self.conservative = not any(isinstance(element, Damper | Force) for element in elements)
         terms = [term for element in elements for term in self._terms_of(element)]
         self.terms = [*_one_weight(terms), *self._inertial_terms()]
+        dampers = [term.gradient[self.size :] for term in self.terms if term.what == "damper"]
+        self.damped_ends = any(not gradient.is_zero() for gradient in dampers)
         self.gap = self._gap(gap)
         self.eliminated = int(np.argmax(self.gap))
         kept = [i for i in range(self.size) if i != self.eliminated]
@@ -90,6 +96,31 @@ class Mechanics:
         self.embed = np.eye(len(self.moved))[:, self.kept]
         self.embed[self.eliminated, : len(kept)] = -self.gap[kept] / self.gap[self.eliminated]
         self._derive()
+
+    def with_laws(self, laws: Sequence[Key]) -> "Mechanics":
+        """The same mechanics with the keys of the springs' laws."""
+        found = copy(self)
+        found.laws = tuple(laws)
+        found.p = self.p | {name: ca.SX.sym(name) for law in laws for name in law.names if name not in self.p}
+        found.terms, found.contact_terms = (
+            [found._pulled(each) for each in terms] for terms in (self.terms, self.contact_terms)
+        )
+        return found
+
+    def law_of(self, spring: Spring) -> Key:
+        """The key of a spring's law."""
+        return self.laws[spring.force]
+
+    def _pulled(self, term: Term) -> Term:
+        """A term, of a spring with the force of its law."""
+        if not isinstance(term.element, Spring):
+            return term
+        extension, law = term.element.extension, self.law_of(term.element).expression
+        return term._replace(force=lambda y, v, p, q: law(value_of(extension, self._named(y), p), p, q))
+
+    @staticmethod
+    def _pull(y: Scalars, v: Scalars, p: Parameters, q: Scalars) -> Any:
+        raise AssertionError("the springs have no laws yet")
 
     def scalar(self, expression: Scalar) -> ca.SX:
         """An expression of the coordinates and parameters."""
@@ -138,9 +169,7 @@ class Mechanics:
     def _terms_of(self, element: Element) -> list[Term]:
         """The forces of an element."""
         if isinstance(element, Spring):
-            extension, law = element.extension, element.force.expression
-            force = lambda y, v, p, q: law(value_of(extension, self._named(y), p), p, q)  # noqa: E731
-            return [Term(element, force, self.gradient(extension), True, element, extension)]
+            return [Term(element, self._pull, self.gradient(element.extension), True, element, element.extension)]
         if isinstance(element, Mass | Weight):
             return [self._weight(element)]
         if isinstance(element, Damper):
@@ -291,7 +320,8 @@ class Mechanics:
     def positions_and_rates(self, x: Scalars, p: Parameters) -> tuple[list[Any], list[Any]]:
         """Coordinates with the actuators' displacements, and their rates, of a flight or a contact state."""
         ends = len(x) - len(self.actuators)
-        return [*x[:ends:2], *x[ends:]], [*x[1:ends:2], *(p[rate] for _, rate in self.actuators)]
+        moved = [p[rate] if self.damped_ends else 0.0 for _, rate in self.actuators]
+        return [*x[:ends:2], *x[ends:]], [*x[1:ends:2], *moved]
 
     def embedded(self, s: Scalars, rates: Scalars) -> tuple[list[Any], list[Any]]:
         """All coordinates and rates, of those of the contact or of all."""
