@@ -15,8 +15,8 @@ from ..symbolic.exclusive import LOCK
 # alike; a rational function that is constant at random places is constant (Schwartz 1980, Zippel 1979).
 SAMPLES, SAME, DIGITS = 5, 1e-12, 12
 PARAMETERS_BETWEEN, COORDINATES_BETWEEN = (0.6, 1.7), (-0.4, 0.5)
-# Short expressions of these operations are evaluated one by one on Python's numbers and NumPy's arrays, since a call of a
-# compiled function takes as long as fifty of them.
+# Short expressions of these operations are evaluated one by one on Python's numbers and NumPy's arrays, since a call of
+# a compiled function takes as long as fifty of them.
 ARITHMETIC: dict[int, Callable] = {
     ca.OP_ADD: operator.add,
     ca.OP_SUB: operator.sub,

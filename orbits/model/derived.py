@@ -67,8 +67,8 @@ def derived_model(structure: Structure) -> Model:
     still = launch if moves_alone and not mechanics.varying else None
     model = Model(
         name=s.name,
-        flight=parts.flight(linear and linear.flight),
-        contact=parts.contact(linear and linear.contact),
+        flight=parts.flight(linear.flight if linear else None),
+        contact=parts.contact(linear.contact if linear else None),
         launch=parts.launch,
         launch_unknowns=parts.launch_unknowns,
         liftoff=parts.liftoff,
@@ -90,7 +90,7 @@ def derived_model(structure: Structure) -> Model:
         springs=parts.drawn,
         homotopy=GRAVITY_SHARE if mechanics.varying else None,
         conservative=mechanics.conservative and not s.actuators,
-        reduction=still and still.reduction,
+        reduction=still.reduction if still else None,
         tension=parts.tension if parts.counted else None,
         search=launch.relative.search if launch and mechanics.conservative else None,
         relative=launch.relative if launch and moves_alone else None,
@@ -206,11 +206,11 @@ class _Parts:
     def _function(self, expression: Scalar) -> Callable:
         """p -> a height or distance as a function of the flight state."""
         found, ends = self.mechanics.affine(expression), len(self.structure.actuators)
-        if found is None and not isinstance(expression, str):
-            raise InputError("a height that is no sum of coordinates is a formula of coordinates and parameters")
         if found is None:
-            names = names_in(expression) & set(self.structure.parameters)
-            return lambda p: StateFormula(expression, self.states, {name: p[name] for name in names})
+            if not isinstance(expression, str):
+                raise InputError("a height that is no sum of coordinates is a formula of coordinates and parameters")
+            text, names = expression, names_in(expression) & set(self.structure.parameters)
+            return lambda p: StateFormula(text, self.states, {name: p[name] for name in names})
 
         def affine(p: Parameters) -> Affine:
             *weights, offset = found(p)[0]
@@ -330,8 +330,8 @@ class _Parts:
         """What the gradient of the energy in a phase is made of, in a unit of energy."""
         mechanics = self.mechanics
         of_forces = gradients @ ca.SX(np.diag([float(term.conservative) for term in terms])) / unit
-        coefficients = (Coefficients(matrix, place, mechanics.p) for matrix in (of_forces, inertia / unit))
-        return _Slopes(*coefficients, mechanics.turning(inertia / unit, place))
+        forces, rates = (Coefficients(matrix, place, mechanics.p) for matrix in (of_forces, inertia / unit))
+        return _Slopes(forces, rates, mechanics.turning(inertia / unit, place))
 
     def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         """The gradient of the energy in flight."""
@@ -345,7 +345,7 @@ class _Parts:
         mechanics = self.mechanics
         own, v = mechanics.positions_and_rates(x, p)
         rows, masses = slopes.by_forces(p, own), slopes.by_rates(p, own)
-        forces = mechanics.forces(terms, rows, *mechanics.embedded(own, v), p, q)
+        forces = mechanics.forces(terms, rows, mechanics.embedded(own, v), p, q)
         by_place = [weighted_sum(row, forces) + turn for row, turn in zip(rows, slopes.turning(own, v, p), strict=True)]
         by_rate = [weighted_sum(row, v[: len(masses)]) for row in masses]
         pairs = [part for pair in zip(by_place, by_rate, strict=False) for part in pair]
@@ -353,11 +353,11 @@ class _Parts:
 
     def _drawn(self) -> tuple[tuple[str | None, str], ...]:
         """The pairs of heights, lower and upper, that a spring joins; None is the ground."""
-        mechanics, known = self.mechanics, dict[tuple, str | None]()
+        mechanics, known = self.mechanics, dict[tuple, str]()
         for name, height in self.structure.heights:
             if (weights := self._weights(height, np.eye(len(mechanics.moved)), 0)) is not None:
                 known.setdefault(weights, name)
-        pairs = []
+        pairs = list[tuple[str | None, str]]()
         for spring in self.springs:
             weights = self._weights(spring.extension, np.eye(len(mechanics.moved)), 0)
             if weights is None:

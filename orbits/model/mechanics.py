@@ -5,9 +5,10 @@ flight
 
     M y'' = -sum of J f,
 
-M (n, n) being the inertia; where that depends on the configuration, what is quadratic in the speeds is one more force on
-each coordinate. In contact the gap g(y) = weights . y stays closed: one coordinate is eliminated, y = E s with a matrix E
-of numbers, and E^T M E s'' = -sum of E^T J f. The row of the eliminated coordinate gives the force lambda of the contact,
+M (n, n) being the inertia. A mass that moves along a function h of the coordinates which is no straight line adds the
+force m v^T (Hessian of h) v. In contact the gap g(y) = weights . y stays closed: one coordinate is eliminated, y = E s
+with a matrix E of numbers, and E^T M E s'' = -sum of E^T J f. The row of the eliminated coordinate gives the force
+lambda of the contact,
 
     lambda dg/dy = M y'' + sum of J f.
 
@@ -83,6 +84,8 @@ class Mechanics:
         self.ground_gravity = self.scalar(surface) * gravity.expression(ca.SX(0), self.p, [])
         self.elements = tuple(elements)
         self.inertia = self._inertia(inertia)
+        if still := [name for i, name in enumerate(self.coordinates) if self.inertia[i, i].is_zero()]:
+            raise InputError(f"coordinate '{still[0]}' has no inertia: give it a Mass, or state its inertia")
         self.laws: tuple[Key, ...] = ()
         self.conservative = not any(isinstance(element, Damper | Force) for element in elements)
         terms = [term for element in elements for term in self._terms_of(element)]
@@ -107,8 +110,9 @@ class Mechanics:
         )
         return found
 
-    def law_of(self, spring: Spring) -> Key:
+    def law_of(self, spring: Element | None) -> Key:
         """The key of a spring's law."""
+        assert isinstance(spring, Spring)
         return self.laws[spring.force]
 
     def _pulled(self, term: Term) -> Term:
@@ -315,7 +319,7 @@ class Mechanics:
         """The force of the contact, which presses where it is above 0."""
         s, rates = self.positions_and_rates(x, p)
         rows = self.contact_force_coefficients(p, s)
-        return weighted_sum(rows[0], self.forces(self.contact_terms, rows, *self.embedded(s, rates), p, q))
+        return weighted_sum(rows[0], self.forces(self.contact_terms, rows, self.embedded(s, rates), p, q))
 
     def positions_and_rates(self, x: Scalars, p: Parameters) -> tuple[list[Any], list[Any]]:
         """Coordinates with the actuators' displacements, and their rates, of a flight or a contact state."""
@@ -332,16 +336,17 @@ class Mechanics:
 
     @staticmethod
     def forces(
-        terms: Sequence[Term], rows: Sequence[Scalars], y: Scalars, v: Scalars, p: Parameters, q: Scalars
-    ) -> list:
-        """The forces of those terms that have a coefficient in one of the rows; 0 for the others."""
+        terms: Sequence[Term], rows: Sequence[Scalars], place: tuple[Scalars, Scalars], p: Parameters, q: Scalars
+    ) -> list[Any]:
+        """The forces at a place and its rates, of those terms that have a coefficient in one of the rows; 0 for the
+        others."""
         used = [any(is_used(row[j]) for row in rows) for j in range(len(terms))]
-        return [term.force(y, v, p, q) if use else 0.0 for term, use in zip(terms, used, strict=True)]
+        return [term.force(*place, p, q) if use else 0.0 for term, use in zip(terms, used, strict=True)]
 
     def _field(
         self, terms: Sequence[Term], rows: Sequence[Scalars], place: tuple, rates: Scalars, p: Parameters, q: Scalars
     ) -> list[Any]:
-        forces = self.forces(terms, rows, *place, p, q)
+        forces = self.forces(terms, rows, place, p, q)
         changes = [weighted_sum(row, forces) for row in rows]
         pairs = [part for pair in zip(rates, changes, strict=False) for part in pair]
         return [*pairs, *(p[rate] for _, rate in self.actuators)]
@@ -351,7 +356,9 @@ def _one_weight(terms: Sequence[Term]) -> list[Term]:
     """The terms with all weights under constant gravity in one."""
     weights = [term for term in terms if term.what == "constant gravity"]
     others = [term for term in terms if term.what != "constant gravity"]
-    return [*others, *(weights and [weights[0]._replace(gradient=sum(term.gradient for term in weights))])]
+    if weights:
+        others.append(weights[0]._replace(gradient=sum((each.gradient for each in weights[1:]), weights[0].gradient)))
+    return others
 
 
 def is_used(coefficient: Any) -> bool:

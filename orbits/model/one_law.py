@@ -1,11 +1,11 @@
 """Launches of machines of two coordinates: the law that holds the contact closed, and the extension that moves alone.
 
-Where all springs act along one extension r, and gravity is constant, that extension moves alone, and the momentum across
-it is thrown up. With (r, w) = apart y, w'' = -1 and y = mix (r, w), the gap's second derivative vanishes at lift-off,
-where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
+Where all springs act along one extension r, and gravity is constant, that extension moves alone, and the momentum
+across it is thrown up. With (r, w) = apart y, w'' = -1 and y = mix (r, w), the gap's second derivative vanishes at
+lift-off, where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,8 +38,12 @@ class Launch:
 
 
 def launch_of(mechanics: Mechanics, alone: "Alone | None", level: str, rest: Scalar) -> Launch | None:
-    """How a machine is launched, None where its contact has several coordinates; `level` is what lift-off waits for, and
-    `rest` where the coordinate that is launched rests."""
+    """How a machine is launched, None where its contact has several coordinates.
+
+    alone : the extension that moves alone, None where none does
+    level : what lift-off waits for, in words
+    rest : where the coordinate that is launched rests
+    """
     if mechanics.size != 2:
         return None
     return alone.launch(mechanics, level) if alone and rest == 0.0 else _held(mechanics, level, rest)
@@ -68,7 +72,7 @@ class Alone:
         pulls = -(ca.SX(along).T @ m.accelerations) / rate
         columns = [[i for i, term in enumerate(m.terms) if term.element is spring] for spring, *_ in springs]
         self.shares = [self._numbers(pulls[column[0]]) for column in columns]
-        self.load = self._numbers(sum(pulls[i] for i, term in enumerate(m.terms) if term.is_weight))
+        self.load = self._numbers(sum((pulls[i] for i, term in enumerate(m.terms) if term.is_weight), ca.SX(0)))
         self.offsets = [self._numbers(offset) for *_, offset in springs]
         # The contact force is this multiple of phi + load - 1, and each damper adds to it.
         multiple = by_extension * rate / (gap.T @ m.inverse @ gap)
@@ -106,8 +110,8 @@ class Alone:
         falls = Coefficients(ca.SX(across).T @ weight, mechanics.y, mechanics.p) if ca.SX(weight).numel() == 2 else None
         return cls(mechanics, found, along) if falls and falls.constants != [0.0] else None
 
-    def _numbers(self, expression: ca.SX) -> Callable:
-        """p -> the value of an expression; with the attribute `constant`, the number that it is or NaN."""
+    def _numbers(self, expression: ca.SX) -> "_Number":
+        """p -> the value of an expression."""
         return _Number(Coefficients(ca.SX(expression), self.mechanics.y, self.mechanics.p))
 
     def launch(self, mechanics: Mechanics, level: str) -> Launch:
