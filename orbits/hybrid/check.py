@@ -186,8 +186,9 @@ def _near(machine: Machine, orbit: Orbit) -> list[Relation]:
     if not model.homotopy:
         near = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
         off = max(abs(near[name] - one[name]) / orbit.alpha for name in near)
-        found.append(Relation("guess is near the orbit that it leads to", ("guess",), off, LARGEST_MISS))
-    if model.relative and all(each.holds for each in found):
+        fields = ("guess",) if model.guess else ("relative",)
+        found.append(Relation("the guess is near the orbit that it leads to", fields, off, LARGEST_MISS))
+    if model.guess and model.relative and all(each.holds for each in found):
         many = guesses(model.relative, 1, {name: np.array([value, value]) for name, value in plain.items()})
         rows = np.array([np.asarray(many.unknowns[name], float) - one[name] for name in names])
         off = share(rows[:, np.asarray(many.own, bool)], orbit.alpha)

@@ -227,7 +227,6 @@ def chain(machine: Chain) -> Model:
         contact_speed=Affine(tuple(eye[above + 1, :-2])),
         violations=WORDS,
         springs=tuple((f"mass {i + 2}", f"mass {i + 1}") for i in range(count - 1)),
-        tension=lambda x, p, q: springs[-1].expression(x[above] - x[-2], p, q),
     )
 
 

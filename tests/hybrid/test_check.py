@@ -315,12 +315,14 @@ def test_wrong_short_cuts_are_named(kind):
     if model.flight.closed_form is None:
         return
     form = model.flight.closed_form
-    faster = lambda p: replace(form(p), oscillator=Oscillator(1.01 * form(p).square, form(p).oscillator.centre))  # noqa: E731
+    faster = lambda p: replace(form(p), squares=1.01 * form(p).squares)  # noqa: E731
     wrong = replace(model, flight=replace(model.flight, closed_form=faster))
     assert named(machine, wrong) == ("flight.closed_form",)
     stood = model.contact.closed_form
-    for changes in ({"square": 1.01}, {"centre": 0.1}, {"watch": {"contact force": (1.0, 0.0)}}):
-        contact = replace(model.contact, closed_form=lambda p, changes=changes: replace(stood(p), **changes))
+    wrong_parts = {"squares": np.array([1.01]), "loads": np.ones(1), "watch": {"contact force": ((1.0, 0.0), 0.0)}}
+    for name, part in wrong_parts.items():
+        form = lambda p, name=name, part=part: replace(stood(p), **{name: part})  # noqa: E731
+        contact = replace(model.contact, closed_form=form)
         assert named(machine, replace(model, contact=contact)) == ("contact.closed_form",)
 
 
@@ -381,8 +383,8 @@ def inerter_hopper(**changes) -> SimpleNamespace:
         "gap": lambda p: Affine((0.0, 0.0, 1.0, 0.0)),
         "separation": lambda p: None,
         "heights": lambda p: {"body": Affine((1.0, 0.0, 0.0, 0.0)), "foot": Affine((0.0, 0.0, 1.0, 0.0))},
-        "impact_mass": lambda p: p["m2"] + p["b"] * p["m1"] / (p["m1"] + p["b"]),
-        "impact": lambda p: np.array([0.0, p["b"] / (p["m1"] + p["b"]), 0.0, 1.0]),
+        "impact_mass": lambda x, p: p["m2"] + p["b"] * p["m1"] / (p["m1"] + p["b"]),
+        "impact": lambda x, p: [0.0, p["b"] / (p["m1"] + p["b"]), 0.0, 1.0],
         "contact_speed": Affine((0.0, 1.0)),
         "violations": dict.fromkeys(("gap", "pull", "separation", "end"), "it is no motion"),
         "springs": (("foot", "body"),),
@@ -405,8 +407,8 @@ def test_a_machine_written_by_hand_with_coupled_inertia():
     assert omega * orbit.flight_time / 2 == pytest.approx(4.493409457909064, rel=1e-13)
     # What a hopper without an inerter would have.
     plain = {
-        "impact": lambda p: np.array([0.0, 0.0, 0.0, 1.0]),
-        "impact_mass": lambda p: p["m2"],
+        "impact": lambda x, p: [0.0, 0.0, 0.0, 1.0],
+        "impact_mass": lambda x, p: p["m2"],
         "liftoff": lambda u, p, q: p["k"] * u["liftoff"] - p["m2"],
         "contact_gradient": lambda x, p, q: [p["k"] * x[0] + p["m1"], p["m1"] * x[1]],
         "release": lambda alpha, p: np.full(np.shape(alpha), p["m2"] / p["k"]),
@@ -427,14 +429,12 @@ def test_a_machine_that_is_damped_and_says_it_is_not():
 
 def test_wrong_guesses_are_told():
     machine = Hopper("r + 0.3*r**3", rest_length=20.0)
-    model = machine.model
+    model = replace(by_hand(machine), relative=machine.model.relative)
     half = lambda family, p: {name: 0.5 * value for name, value in model.guess(family, p).items()}  # noqa: E731
     none = lambda family, p: {"liftoff": 1.0}  # noqa: E731
-    twice = lambda family, p: model.guesses(family, p)._replace(  # noqa: E731
-        unknowns={name: 2.0 * value for name, value in model.guesses(family, p).unknowns.items()}
-    )
+    faster = replace(machine.model.relative, rate=lambda p: 2.0)
     scale = lambda p: model.search(p)._replace(scale=-1.0)  # noqa: E731
-    for field, wrong in (("guess", half), ("guess", none), ("guesses", twice), ("search", scale)):
+    for field, wrong in (("guess", half), ("guess", none), ("relative", faster), ("search", scale)):
         with pytest.raises(InconsistentModel) as error:
             check(with_model(machine, replace(model, **{field: wrong})))
         assert error.value.fields == (field,)
@@ -487,8 +487,8 @@ def test_what_is_no_number_is_named(value):
     machine = Hopper("r + 0.3*r**3", rest_length=20.0)
     model = replace(machine.model, reduction=None)
     wrong = {
-        "impact_mass": lambda p: value,
-        "impact": lambda p: np.array([0.0, 0.0, 0.0, value]),
+        "impact_mass": lambda x, p: value,
+        "impact": lambda x, p: [0.0, 0.0, 0.0, value],
         "embed": np.where(model.embed, value, 0.0),
         "flight_gradient": at(model.flight_gradient, 3, value),
     }
@@ -503,7 +503,7 @@ def test_what_is_no_number_is_named(value):
 
 def test_every_use_of_a_wrong_model_is_refused():
     machine = Hopper("r + 0.3*r**3", rest_length=20.0)
-    model = replace(machine.model, impact_mass=lambda p: -machine.model.impact_mass(p))
+    model = replace(machine.model, impact_mass=lambda x, p: -machine.model.impact_mass(x, p))
     wrong = with_model(machine, model)
     for use in (
         lambda: ReturnMap(wrong),
