@@ -266,6 +266,10 @@ def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
         apart_by = np.abs(seen[upper] - (seen[lower] if lower else 0.0))[:, 0]
         words = "a knee's ends are at most its two links apart"
         yield Relation(words, ("knees", "heights"), share(np.maximum(apart_by - 2 * length, 0.0), 2 * length))
+    if model.rest:
+        rest = np.asarray(model.rest(p), float)
+        words, off = "at rest the gap is closed and no speed is left", [gap(rest), *rest[rates]]
+        yield Relation(words, ("rest", "gap"), share(off, 1.0))
     if CENTRE in heights:
         yield from _centre_of_mass(np.array(masses), seen[CENTRE], _inertias(draw.flown, rates), at)
 

@@ -38,7 +38,6 @@ class TwoMasses:
 
     def model(self, states, extension, **own) -> Model:
         machine, damped = self.machine, self.machine.damped
-        apart = Affine(extension.weights, machine.rest_length) if machine.rest_length else None
         return Model(
             flight=Phase("flight", states, self.flight),
             contact=Phase("contact", states[:2], self.contact, {"contact force": self.contact_force}),
@@ -49,7 +48,7 @@ class TwoMasses:
             flight_gradient=self.flight_gradient,
             contact_gradient=self.contact_gradient,
             extension=extension,
-            separation=lambda p: apart,
+            separation=lambda p: Affine(extension.weights, p["rest_length"]) if "rest_length" in p else None,
             contact_speed=Affine((0.0, 1.0)),
             violations=WORDS,
             guess=lambda family, p: guess(machine.model, family, p),

@@ -5,12 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from by_hand import by_hand
 
 import orbits.model.consistency as consistency
-from by_hand import by_hand
 from orbits import (
     Affine,
     InconsistentModel,
+    Inerter,
     InputError,
     Mass,
     Mechanism,
@@ -42,8 +43,36 @@ MACHINES = {
     "actuated": Actuated(Hopper("r + 0.1*r**3", mass_ratio=2.0)),
     "actuated juggler": Actuated(Juggler("r", INVERSE_SQUARE, 1.0, 20.0)),
     "in SI": hopper_in_si(10.0, 1.0, stiffness=1e4, rest_length=0.5),
+    "varying heavy hand": HeavyHand("cubic", INVERSE_SQUARE, rest_length=20.0),
     "juggler in SI": juggler_in_si(1.0, 0.2, force="k*r + b*r**3", parameters={"k": 900.0, "b": 4e4}),
 }
+# Its inertia depends on the angle of the knee.
+MACHINES["knee"] = Mechanism(
+    coordinates=("foot", "knee"),
+    elements=[
+        *(Mass("foot + 2*link*sin(knee/2)", "body_mass"), Mass("foot", "foot_mass")),
+        Spring("knee - rest_angle", "stiffness*r"),
+    ],
+    gap="foot",
+    gravity=9.81,
+    counts="knee",
+    angles=("knee",),
+    rest={"knee": "rest_angle"},
+    heights={"body": "foot + 2*link*sin(knee/2)", "foot": "foot"},
+    separation="2*link*sin(knee/2)",
+    knees=[("foot", "body", "link")],
+    parameters={"body_mass": 60.0, "foot_mass": 3.0, "link": 0.5, "stiffness": 600.0, "rest_angle": 2.6},
+    in_si=True,
+)
+MACHINES["inerter"] = Mechanism(
+    coordinates=("body", "foot"),
+    elements=[
+        *(Mass("body", "m1"), Mass("foot", "m2"), Inerter("body - foot", "b")),
+        Spring("body - foot", "k*r + 0.3*r**3"),
+    ],
+    gap="foot",
+    parameters={"m1": 1.3, "m2": 0.7, "k": 2.0, "b": 0.4},
+)
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -67,6 +96,56 @@ def test_a_chain_holds_along_its_own_hop():
     checked = check(chain, start=starts[0])
     assert any("orbit's flight" in each.words for each in checked.relations)
     assert checked.largest < 0.1
+
+
+DERIVED = {
+    **{name: MACHINES[name] for name in ("cubic", "damped", "juggler", "varying juggler", "damped juggler")},
+    "varying": Hopper("tanh(r) + r", INVERSE_SQUARE, 0.7, 20.0),
+    "linear": Hopper(),
+    "chain of 2": MACHINES["chain of 2"],
+    "chain of 4": Chain([1.0, 2.0, 0.7, 1.4], ["r", "r + 0.1*r**3", "sinh(r)"]),
+}
+
+
+@pytest.mark.parametrize("name", DERIVED)
+def test_what_follows_from_mechanics_is_what_one_writes_by_hand(name):
+    machine, rng = DERIVED[name], np.random.default_rng(3)
+    derived, hand = machine.model, by_hand(machine)
+    plain = (
+        "reversor",
+        "embed",
+        "extension",
+        "contact_speed",
+        "launch_unknowns",
+        "springs",
+        "homotopy",
+        "conservative",
+    )
+    for field in plain:
+        assert np.array_equal(getattr(derived, field), getattr(hand, field)), field
+    for _ in range(20):
+        p = {name: value * rng.uniform(0.5, 1.5) for name, value in machine.values.items()}
+        x, y = rng.normal(size=len(hand.flight.states)), rng.normal(size=len(hand.contact.states))
+        u = dict(zip(hand.launch_unknowns, np.abs(rng.normal(size=len(hand.launch_unknowns))), strict=True))
+        closed = hand.embed @ y
+
+        def values(model, x=x, y=y, u=u, p=p, closed=closed):
+            """What each function of a model gives at one state; landings where the gap is closed."""
+            apart = model.separation(p)
+            yield "flight", model.flight.field(x, p, [])
+            yield "contact", [*model.contact.field(y, p, []), model.contact.watch["contact force"](y, p, [])]
+            yield "gradient", [*model.flight_gradient(x, p, []), *model.contact_gradient(y, p, [])]
+            yield "launch", [*model.launch(u, p), *model.touchdown(u, p), model.liftoff(u, p, [])]
+            yield "landing", model.landing(u, closed, p)
+            yield "impact", [*model.impact(x, p), model.impact_mass(x, p)]
+            yield "heights", [height(x) for height in model.heights(p).values()]
+            yield "distances", [model.gap(p)(x), *([apart(x)] if apart else [])]
+            if model.one_speed:
+                yield "release", model.release(np.array([0.5, 2.0]), machine.values)
+
+        for (field, found), (_, known) in zip(values(derived), values(hand), strict=True):
+            assert np.array(found, float) == pytest.approx(np.array(known, float), rel=1e-13, abs=1e-13), field
+        assert derived.heights(p).keys() == hand.heights(p).keys()
 
 
 def random_machines(count: int):
@@ -218,8 +297,11 @@ def of_geometry(model, p):
     yield from ((name, {name: "share"}) for name in ("homotopy", "gauge"))
     yield "guess", {"guess": 1.0}
     yield "rest", {"rest": lambda p: [0.0]}
+    yield "rest", {"rest": lambda p: np.ones(len(model.flight.states))}
     yield "relative", {"relative": model.name}
-    yield "knees", {"knees": lambda p: [("nobody", None, 1.0)]}
+    upper, lower, *_ = model.heights(p)
+    for pair, length in (((lower, "nobody"), 1.0), ((lower, upper), -1.0), ((lower, upper), 1e-3)):
+        yield "knees", {"knees": lambda p, pair=pair, length=length: [(*pair, length)]}
     yield "search", {"search": 1.0}
     if model.tension:
         yield "tension", {"tension": lambda x, p, q: -model.tension(x, p, q)}
