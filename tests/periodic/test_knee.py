@@ -550,7 +550,7 @@ def test_all_orbits_and_those_that_are_not(orbit):
     near = find(MACHINE, start=orbit)
     assert near.alpha == pytest.approx(orbit.alpha, rel=1e-13)
     for machine in (UnsearchedKneeHopper(), UnsearchedKneeHopper(units=None)):
-        with pytest.raises(NoOrbit, match="no guess of its families: give a start"):
+        with pytest.raises(NoOrbit, match="no guess of its families: give `find` a start"):
             find(machine)
         assert find(machine, start=orbit).alpha == pytest.approx(orbit.alpha, rel=1e-13)
 
