@@ -230,9 +230,9 @@ def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
     _, rates_in_contact = coordinates(model.contact)
     p, embed, gap = draw.p, np.asarray(model.embed, float), model.gap(draw.p)
     heights, apart = model.heights(p), model.separation(p)
-    seen = {name: _seen(function, draw) for name, function in heights.items()}
+    seen = {name: _values_and_slopes(function, draw) for name, function in heights.items()}
     positions = {"gap": gap, "extension": model.extension, **({"separation": apart} if apart else {})}
-    of_positions = {name: _seen(function, draw) for name, function in positions.items()}
+    of_positions = {name: _values_and_slopes(function, draw) for name, function in positions.items()}
     for name, (_, *slopes) in ((name, each.T) for name, each in of_positions.items()):
         off = share(np.array(slopes)[rates], slopes) + share(0.0 if np.any(slopes) else np.inf)
         yield Relation(f"{name} is a position", (name,), off)
@@ -268,13 +268,13 @@ def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
         yield Relation(words, ("knees", "heights"), share(np.maximum(apart_by - 2 * length, 0.0), 2 * length))
     if model.rest:
         rest = np.asarray(model.rest(p), float)
-        words, off = "at rest the gap is closed and no speed is left", [gap(rest), *rest[rates]]
-        yield Relation(words, ("rest", "gap"), share(off, 1.0))
+        words = "at rest the gap is closed and no speed is left"
+        yield Relation(words, ("rest", "gap"), share([gap(rest), *rest[rates]], 1.0))
     if CENTRE in heights:
         yield from _centre_of_mass(np.array(masses), seen[CENTRE], _inertias(draw.flown, rates), at)
 
 
-def _seen(function: Affine | StateFormula, draw: Draw) -> np.ndarray:
+def _values_and_slopes(function: Affine | StateFormula, draw: Draw) -> np.ndarray:
     """The values (N, 1 + n) of a function of the flight state at the states of a draw, before its slopes there."""
     if isinstance(function, Affine):
         slopes = np.tile(np.array(function.weights, float), (len(draw.x), 1))
