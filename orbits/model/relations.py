@@ -67,15 +67,9 @@ def motion(model: Model, draw: Draw) -> Iterator[Relation]:
     yield Relation(words, fields, share(stood - (held - (held @ a)[:, None] * d), held, stood))
     masses = _shape_of_masses(draw)
     force, closing = draw.stood["force"][:, 0], -(held @ a) * masses
-    unit = _force_of_closing(force, closing)
-    words = "the contact force is in proportion to what closes the gap"
-    fields = (
-        "contact.watch",
-        "flight.field",
-        "embed",
-        "gap",
-        *(["impact_mass"] if np.ptp(masses) > LARGEST_DEVIATION else []),
-    )
+    unit, told = _force_of_closing(force, closing), ("impact_mass",) if np.ptp(masses) > LARGEST_DEVIATION else ()
+    words, fields = "the contact force is in proportion to what closes the gap", ("contact.watch", "flight.field")
+    fields += ("embed", "gap", *told)
     deviation = share(force - unit * closing, force) if unit > 0 else np.inf
     yield Relation(words, fields, deviation)
 
@@ -188,24 +182,25 @@ def _landing(model: Model, draw: Draw) -> Iterator[Relation]:
     yield Relation(words, fields, share(at["landing"], scale))
     independent, gaps, accelerations = 0.0, 0.0, 0.0
     _, rates = coordinates(model.flight)
-    for rows, slopes, gradient in zip(at["landing slopes"], at["slopes"], at["gradient"], strict=True):
+    for rows, accelerates, gradient in zip(at["landing slopes"], a @ at["slopes"], at["gradient"], strict=True):
         if not np.isfinite(rows).all() or np.linalg.matrix_rank(rows) < 3:
             independent = np.inf
             continue
-        # The speed on which the acceleration may depend is that of the launch, as the energy is.
-        turns = np.abs(a @ slopes)[rates].max() > LARGEST_DEVIATION * np.abs(a @ slopes).max()
-        within = np.linalg.pinv(rows) @ rows
-        kept_energy = np.vstack([rows, gradient]) if turns else rows
-        kept = np.linalg.pinv(kept_energy) @ kept_energy
-        both = np.array([gap, a])
-        gaps = max(gaps, share(both - both @ within, both))
-        acceleration = a @ slopes
-        accelerations = max(accelerations, share(acceleration - acceleration @ kept, acceleration))
+        gaps = max(gaps, _beyond(np.array([gap, a]), rows))
+        # Where the acceleration depends on speeds, these are those of the launch, as the energy is that of the launch.
+        by_speeds = share(accelerates[rates], accelerates) > LARGEST_DEVIATION
+        known = np.vstack([rows, gradient]) if by_speeds else rows
+        accelerations = max(accelerations, _beyond(accelerates, known))
     yield Relation("the three expressions of landing are independent", ("landing",), independent)
     yield Relation("where landing vanishes the gap is closed and at rest", ("landing", "gap"), gaps)
     if model.conservative and not _loses(draw):
         words = "where landing vanishes the gap has no acceleration"
         yield Relation(words, ("landing", "flight.field", "gap", *mirrored), accelerations)
+
+
+def _beyond(slopes: np.ndarray, known: np.ndarray) -> float:
+    """By which share slopes (..., n) do not vanish with those (k, n) of what is known to vanish."""
+    return share(slopes - slopes @ (np.linalg.pinv(known) @ known), slopes)
 
 
 def reversal(model: Model, draw: Draw) -> Iterator[Relation]:
@@ -225,19 +220,17 @@ def reversal(model: Model, draw: Draw) -> Iterator[Relation]:
 
 
 def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
-    """Gap, extension, separation, heights and springs are positions, and fit together."""
-    at, rates = coordinates(model.flight)
-    _, rates_in_contact = coordinates(model.contact)
+    """What is a position, what is a speed, and where the gap is closed."""
+    (_, rates), (_, rates_in_contact) = coordinates(model.flight), coordinates(model.contact)
     p, embed, gap = draw.p, np.asarray(model.embed, float), model.gap(draw.p)
-    heights, apart = model.heights(p), model.separation(p)
-    seen = {name: _values_and_slopes(function, draw) for name, function in heights.items()}
-    positions = {"gap": gap, "extension": model.extension, **({"separation": apart} if apart else {})}
-    of_positions = {name: _values_and_slopes(function, draw) for name, function in positions.items()}
-    for name, (_, *slopes) in ((name, each.T) for name, each in of_positions.items()):
-        off = share(np.array(slopes)[rates], slopes) + share(0.0 if np.any(slopes) else np.inf)
-        yield Relation(f"{name} is a position", (name,), off)
-    risen = np.array([*seen.values()])
-    yield Relation("heights are positions", ("heights",), share(risen[:, :, 1:][:, :, rates], risen[:, :, 1:]))
+    positions = {"gap": gap, "extension": model.extension, "separation": model.separation(p)}
+    for name, function in positions.items():
+        if function:
+            slopes = _values_and_slopes(function, draw)[:, 1:]
+            off = share(slopes[:, rates], slopes) + share(0.0 if slopes.any() else np.inf)
+            yield Relation(f"{name} is a position", (name,), off)
+    risen = np.array([_values_and_slopes(height, draw)[:, 1:] for height in model.heights(p).values()])
+    yield Relation("heights are positions", ("heights",), share(risen[:, :, rates], risen))
     speed = np.array(model.contact_speed.weights, float)
     words = "contact_speed is the rate of a position"
     yield Relation(
@@ -249,28 +242,36 @@ def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
         own, flown = (np.array(each.coordinate, float) for each in (model.contact.pieces, model.flight.pieces))
         words, fields = "the pieces in contact are those in flight", ("contact.pieces", "flight.pieces", "embed")
         yield Relation(words, fields, share(flown @ embed - own, own))
-    masses = [each for name, each in seen.items() if name != CENTRE]
-    pairs = [*masses, *(upper - lower for upper, lower in combinations(masses, 2))]
-    words = "the gap is between two of the heights, or one and the ground"
-    yield Relation(words, ("gap", "heights"), min(_apart(of_positions["gap"], each) for each in pairs))
-    if apart:
-        words = "the separation is at most that of two of the heights, or of one and the ground"
-        most = min(_apart(of_positions["separation"], each, most=True) for each in pairs)
-        yield Relation(words, ("separation", "heights"), most)
-    ends = [seen[upper] - (seen[lower] if lower else 0.0) for lower, upper in model.springs]
-    if ends and not model.derived:
-        words = "the extension is that between the ends of one of the springs"
-        least = min(_apart(of_positions["extension"], each) for each in ends)
-        yield Relation(words, ("extension", "heights", "springs"), least)
-    for lower, upper, length in model.knees(p) if model.knees else ():
-        apart_by = np.abs(seen[upper] - (seen[lower] if lower else 0.0))[:, 0]
-        words = "a knee's ends are at most its two links apart"
-        yield Relation(words, ("knees", "heights"), share(np.maximum(apart_by - 2 * length, 0.0), 2 * length))
     if model.rest:
         rest = np.asarray(model.rest(p), float)
         words = "at rest the gap is closed and no speed is left"
         yield Relation(words, ("rest", "gap"), share([gap(rest), *rest[rates]], 1.0))
-    if CENTRE in heights:
+
+
+def distances(model: Model, draw: Draw) -> Iterator[Relation]:
+    """Gap, separation, extension and knees lie between heights."""
+    p, (at, rates) = draw.p, coordinates(model.flight)
+    seen = {name: _values_and_slopes(height, draw) for name, height in model.heights(p).items()}
+    masses = [each for name, each in seen.items() if name != CENTRE]
+    pairs = [*masses, *(upper - lower for upper, lower in combinations(masses, 2))]
+    words = "the gap is between two of the heights, or one and the ground"
+    yield Relation(
+        words, ("gap", "heights"), min(_apart(_values_and_slopes(model.gap(p), draw), each) for each in pairs)
+    )
+    if apart := model.separation(p):
+        words = "the separation is at most that of two of the heights, or of one and the ground"
+        most = min(_apart(_values_and_slopes(apart, draw), each, most=True) for each in pairs)
+        yield Relation(words, ("separation", "heights"), most)
+    ends = [seen[upper] - (seen[lower] if lower else 0.0) for lower, upper in model.springs]
+    if ends and not model.derived:
+        words = "the extension is that between the ends of one of the springs"
+        least = min(_apart(_values_and_slopes(model.extension, draw), each) for each in ends)
+        yield Relation(words, ("extension", "heights", "springs"), least)
+    for lower, upper, length in model.knees(p) if model.knees else ():
+        by = np.abs(seen[upper] - (seen[lower] if lower else 0.0))[:, 0]
+        words = "a knee's ends are at most its two links apart"
+        yield Relation(words, ("knees", "heights"), share(np.maximum(by - 2 * length, 0.0), 2 * length))
+    if CENTRE in seen:
         yield from _centre_of_mass(np.array(masses), seen[CENTRE], _inertias(draw.flown, rates), at)
 
 
@@ -281,9 +282,8 @@ def _values_and_slopes(function: Affine | StateFormula, draw: Draw) -> np.ndarra
         return np.column_stack([function(draw.x), slopes])
     x = ca.SX.sym("x", draw.x.shape[1])
     value = function.at(ca.vertsplit(x))
-    return Expressions([x, ca.SX(0, 1)], {"seen": ca.horzcat(value, ca.jacobian(value, x)).T})(draw.x, np.zeros(0))[
-        "seen"
-    ]
+    seen = Expressions([x, ca.SX(0, 1)], {"seen": ca.horzcat(value, ca.jacobian(value, x)).T})
+    return seen(draw.x, np.zeros(0))["seen"]
 
 
 def _apart(seen: np.ndarray, between: np.ndarray, most: bool = False) -> float:
@@ -381,5 +381,5 @@ def _force_of_closing(force: np.ndarray, closing: np.ndarray) -> float:
 
 # Every kind of relation, as a function of a model and a draw.
 MECHANICS: tuple[Callable[[Model, Draw], Iterator[Relation]], ...] = (
-    motion, energy, launches, reversal, geometry, forces,
+    motion, energy, launches, reversal, geometry, distances, forces,
 )  # fmt: skip
