@@ -25,10 +25,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import (
+    InconsistentModel,
     InputError,
     NoOrbit,
     Orbit,
     ReturnMap,
+    check,
     existence,
     find,
     find_all,
@@ -204,6 +206,29 @@ class UnsearchedKneeHopper(KneeHopper):
     """One whose orbits need a start."""
 
     model = replace(MODEL, search=None)
+
+
+def test_it_holds_against_mechanics_and_wrong_fields_are_named():
+    assert check(MACHINE).largest < 0.1
+    flight, contact = MODEL.flight, MODEL.contact
+    without_bend = lambda x, p, q: [x[1], contact_rates([x[0], 0.0], p, q)[1]]  # noqa: E731
+    wrong = {
+        "impact": {"impact": lambda x, p: [0.0, 1.0, 0.0, -1.0 / slopes(p["rest_angle"], p)[0]]},
+        "impact_mass": {"impact_mass": lambda x, p: p["foot_mass"] * (1 + 0.01 * x[2])},
+        "contact.field": {"contact": replace(contact, field=without_bend)},
+        "flight.field": {"flight": replace(flight, field=lambda x, p, q: flight_rates([*x[:3], 0.9 * x[3]], p, q))},
+        "separation": {"separation": lambda p: StateFormula("2.1*link*sin(theta/2)", STATES, p)},
+        "heights": {"heights": lambda p: {**heights(p), "body": Affine((1.0, 0.1, 0.0, 0.0))}},
+        "knees": {"knees": lambda p: [("foot", "body", 0.2 * p["link"])]},
+        "rest": {"rest": lambda p: [0.1, 0.0, p["rest_angle"], 0.0]},
+    }
+
+    for field, changes in wrong.items():
+        machine = type("WrongKneeHopper", (KneeHopper,), {"model": replace(MODEL, **changes)})()
+        for use in (check, find):
+            with pytest.raises(InconsistentModel) as error:
+                use(machine)
+            assert error.value.fields == (field,)
 
 
 def lagrange_in_flight(t, x, p):
