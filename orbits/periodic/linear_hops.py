@@ -80,7 +80,7 @@ def linear_hops(
 def _distinct(roots: Array) -> Array:
     """Pairs of times (r, 2) without those that repeat an earlier one but for rounding."""
     near = (np.abs(roots[:, None] - roots) <= SAME_ROOT * roots).all(2)
-    return roots[near.argmax(axis=1) == np.arange(len(roots))]
+    return roots[~np.tril(near, -1).any(axis=1)]
 
 
 class _Solved(NamedTuple):
