@@ -83,6 +83,8 @@ class Mechanics:
         self.conservative = not any(isinstance(element, Damper | Force) for element in elements)
         terms = [term for element in elements for term in self._terms_of(element)]
         self.terms = [*_one_weight(terms), *self._inertial_terms()]
+        dampers = [term.gradient[self.size :] for term in self.terms if term.what == "damper"]
+        self.damped_ends = any(not gradient.is_zero() for gradient in dampers)
         self.gap = self._gap(gap)
         self.eliminated = int(np.argmax(self.gap))
         kept = [i for i in range(self.size) if i != self.eliminated]
@@ -291,7 +293,8 @@ class Mechanics:
     def positions_and_rates(self, x: Scalars, p: Parameters) -> tuple[list[Any], list[Any]]:
         """Coordinates with the actuators' displacements, and their rates, of a flight or a contact state."""
         ends = len(x) - len(self.actuators)
-        return [*x[:ends:2], *x[ends:]], [*x[1:ends:2], *(p[rate] for _, rate in self.actuators)]
+        moved = [p[rate] if self.damped_ends else 0.0 for _, rate in self.actuators]
+        return [*x[:ends:2], *x[ends:]], [*x[1:ends:2], *moved]
 
     def embedded(self, s: Scalars, rates: Scalars) -> tuple[list[Any], list[Any]]:
         """All coordinates and rates, of those of the contact or of all."""
