@@ -162,7 +162,7 @@ def _mass_names(count: int) -> tuple[str, ...]:
 
 
 def mass_parameters(masses: Sequence[float], fewest: int, most: int) -> dict[str, float]:
-    """The masses of a column by name; raises `InputError` for what is no list of masses above 0, fewest to most of them."""
+    """The masses of a column by name; raises `InputError` for what is no list of so many masses above 0."""
     if np.ndim(masses) != 1:
         raise InputError(f"masses = {masses!r}; they are a list of masses, from the top")
     if not fewest <= len(masses) <= most:

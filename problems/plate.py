@@ -1,8 +1,9 @@
-"""A hopper that lands on a sprung plate: a body and a foot joined by a spring, and the plate on a spring to the ground.
+"""A hopper that lands on a sprung plate: a body and a foot joined by a spring, and the plate on a spring to the
+ground.
 
-Units: whatever the masses, the springs' forces and their extensions are stated in, with gravity 1. Places y1, y2, y3 of
-body, foot and plate are counted from where both springs are unloaded and the foot is on the plate; with the force phi of
-the leg and psi of the plate's spring, in flight
+Units: whatever the masses, the springs' forces and their extensions are stated in, with gravity 1. Places y1, y2, y3
+of body, foot and plate are counted from where both springs are unloaded and the foot is on the plate; with the force
+phi of the leg and psi of the plate's spring, in flight
 
     m1 y1'' = -phi(y1 - y2) - m1        m2 y2'' = phi(y1 - y2) - m2        m3 y3'' = -psi(y3) - m3,
 
@@ -15,11 +16,11 @@ and of contact S, alpha_0 the plain hopper's launch speed and x0 = tan x0 that o
     heavy:  alpha/alpha_0 = 1 + m2/m3 + O(1/m3^2), with a flight time that is off by O(1/m3^2) only
     stiff:  alpha/alpha_0 = 1 + k alpha_0 / (x0^2 m3 W (tan W T + sqrt(1 + m2/m3) tan V S)) + O(1/W^2)
 
-with W = sqrt(K/m3) and V = sqrt(K/(m2 + m3)), the plate's frequencies in flight and in contact. A heavy plate is pressed
-up by the hopper's weight all the time, so that in flight it accelerates by (m1 + m2)/m3, as if gravity were so much
-larger. A stiff one is left vibrating at lift-off: before, its place follows the leg's pull, and afterwards it does not.
-Its phases W T and V S turn fast as the stiffness grows, so that there are ever more hops near the plain one; those near
-a zero of the denominator shake the plate hard.
+with W = sqrt(K/m3) and V = sqrt(K/(m2 + m3)), the plate's frequencies in flight and in contact. A heavy plate is
+pressed up by the hopper's weight all the time, so that in flight it accelerates by (m1 + m2)/m3, as if gravity were so
+much larger. A stiff one is left vibrating at lift-off: before, its place follows the leg's pull, and afterwards it
+does not. Its phases W T and V S turn fast as the stiffness grows, so that there are ever more hops near the plain one;
+those near a zero of the denominator shake the plate hard.
 """
 
 from collections.abc import Mapping, Sequence

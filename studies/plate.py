@@ -1,16 +1,19 @@
 """Where a hopper hops on a sprung plate without loss: along the plate's stiffness, and along its mass.
 
 A body and a foot of mass 1 on a spring of stiffness 1, on a plate of mass m3 with stiffness K. At every stiffness that
-was asked for there are lossless hops that are motions, of some length. Towards a soft plate there is one for each
-family of the plain hopper, whose flight tends to a limit. On a stiff plate a motion near the plain hop is found
-everywhere, but not always the same one: followed in the stiffness, each turns with the plate's vibration, departs from
-the plain hop, and ends as a motion when the plate would have to pull the foot, while another one has come near. Others end
-as their flight shrinks to nothing.
+is asked for there are lossless hops that are motions, but no family of them goes all the way. On a stiff plate there is
+one near the plain hop at every stiffness, each time another: followed in the stiffness, its times change with the
+plate's vibration, it departs from the plain hop, and it ends as a motion where the plate would have to pull the foot.
+On softer plates families end where the two frequencies of flight are as 1 : 1 or 1 : 2 (K = 4 and 1 for m3 = 2), with a
+launch speed that grows without bound, or where those of contact are as 1 : 2 or 1 : 3, (4 + K)^2 = 3 (n + 1/n)^2 K for
+m3 = 2, with a flight that shrinks to nothing.
 Run: python studies/plate.py [--output FOLDER] [--quick]
 """
 
 import argparse
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,15 +24,23 @@ from problems import Hopper, plate_hopper
 ALONG = {"plate_stiffness": (0.1, 200.0), "m3": (0.1, 200.0)}
 # Stiffnesses at which hops are taken and followed, with a plate of mass 2, and masses with a plate of stiffness 10.
 FROM = {"plate_stiffness": (0.3, 3.0, 10.0, 30.0, 100.0), "m3": (0.3, 2.0, 10.0, 50.0)}
-MOST_POINTS = 600
+MOST_POINTS = 1500
 
 
-class Plain:
-    """The plain hopper of two masses 1 on a stiffness 1: its launch speed, and half its times."""
+class Plain(NamedTuple):
+    """The plain hopper of two masses 1 on a stiffness 1: its launch speed and half times, and x0 = tan x0."""
 
-    orbit = find(Hopper())
-    x0 = orbit.alpha
-    alpha, half_flight, half_contact = np.array([2 * x0, orbit.flight_time / 2, orbit.contact_time / 2]) / np.sqrt(2)
+    alpha: float
+    half_flight: float
+    half_contact: float
+    x0: float
+
+
+@cache
+def plain() -> Plain:
+    """The plain hopper, whose own units are those of mass, stiffness and gravity 1 but for a clock by sqrt(2) faster."""
+    orbit, clock = find(Hopper()), np.sqrt(2)
+    return Plain(orbit.alpha * clock, orbit.flight_time / 2 / clock, orbit.contact_time / 2 / clock, orbit.alpha)
 
 
 def plate(stiffness: float = 10.0, mass: float = 2.0):
@@ -39,26 +50,26 @@ def plate(stiffness: float = 10.0, mass: float = 2.0):
 
 def near_plain(stiffness: float, mass: float, sink: float) -> Orbit:
     """The hop on a stiff or heavy plate to which the plain one leads, on a plate that rests so low."""
-    guess = {"liftoff": 1 + sink, "alpha": Plain.alpha, "plate": sink, "plate'": 0.0}
-    times = {"duration": Plain.half_flight, "contact_duration": Plain.half_contact}
+    guess = {"liftoff": 1 + sink, "alpha": plain().alpha, "plate": sink, "plate'": 0.0}
+    times = {"duration": plain().half_flight, "contact_duration": plain().half_contact}
     return find(plate(stiffness, mass), start=guess | times)
 
 
 def stiff_limit(n: int) -> tuple[float, float]:
     """How far alpha is from the plain hopper's, as a share, and what the law for stiff plates gives, where the plate
     vibrates about n/2 + 1/8 times in the plain hopper's flight, and n/4 + 1/8 times in its contact."""
-    flown, stood = (n + 0.25) * np.pi / Plain.half_flight, (n / 2 + 0.25) * np.pi / Plain.half_contact
+    flown, stood = (n + 0.25) * np.pi / plain().half_flight, (n / 2 + 0.25) * np.pi / plain().half_contact
     mass = stood**2 / (flown**2 - stood**2)
     orbit = near_plain(mass * flown**2, mass, -1 / flown**2)
     phases = np.tan([flown * orbit.flight_time / 2, stood * orbit.contact_time / 2])
-    law = Plain.alpha / (Plain.x0**2 * mass * flown * (phases[0] + np.sqrt(1 + 1 / mass) * phases[1]))
-    return orbit.alpha / Plain.alpha - 1, law
+    law = plain().alpha / (plain().x0 ** 2 * mass * flown * (phases[0] + np.sqrt(1 + 1 / mass) * phases[1]))
+    return orbit.alpha / plain().alpha - 1, law
 
 
 def motions(stiffness: float, mass: float, longest: float) -> list[Orbit]:
     """The lossless hops that are motions, with times up to so many of the plain hopper's."""
     machine = plate(stiffness, mass)
-    found = starts(machine, longest * Plain.half_contact, longest * Plain.half_flight)
+    found = starts(machine, longest * plain().half_contact, longest * plain().half_flight)
     try:
         return [orbit for orbit in find_all(machine, found) if orbit.admissible]
     except NoOrbit:
@@ -77,7 +88,7 @@ def both_ways(along: str, value: float, orbit: Orbit) -> list[Family]:
 def shares(items) -> np.ndarray:
     """The times (2, m) of flight and of contact of orbits or points, in those of the plain hopper."""
     each = np.array([(item.flight_time / 2, item.contact_time / 2) for item in items]).reshape(-1, 2)
-    return (each / (Plain.half_flight, Plain.half_contact)).T
+    return (each / (plain().half_flight, plain().half_contact)).T
 
 
 def draw_map(panels, quick: bool) -> dict[str, float]:
@@ -118,13 +129,14 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         print(f"  stiff plate, n = {n}: alpha/alpha_0 - 1 = {found:.4e}, {found / law:.5f} of the law")
     for mass in (100.0, 1e4) if quick else (10.0, 100.0, 1e3, 1e4):
         orbit = near_plain(5.0, mass, -(mass + 2) / 5)
-        numbers[f"heavy {mass:g}"] = (orbit.alpha / Plain.alpha - 1) * mass
+        numbers[f"heavy {mass:g}"] = (orbit.alpha / plain().alpha - 1) * mass
         print(f"  heavy plate, m3 = {mass:g}: alpha/alpha_0 - 1 = {numbers[f'heavy {mass:g}']:.5f} m2/m3")
     panels = new_row(2, 5.5, 3.8, rows=2)
     numbers |= draw_map(panels[0], quick)
     print(f"  at every stiffness at least {numbers['fewest motions']} motions; on stiff plates times of one of them")
     print(f"  are within {numbers['farthest from the plain hop']:.1%} of the plain hopper's")
-    for row, (along, label) in zip(panels, (("plate_stiffness", "stiffness K, m3 = 2"), ("m3", "mass m3, K = 10"))):
+    labels = {"plate_stiffness": "stiffness K, m3 = 2", "m3": "mass m3, K = 10"}
+    for row, (along, label) in zip(panels, labels.items(), strict=True):
         reasons = draw_families(row, along, quick)
         numbers |= {f"{along}: {reason}": count for reason, count in reasons.items()}
         for axes, what in zip(row, ("flight", "contact"), strict=True):

@@ -19,7 +19,7 @@ from .follow import follow
 # The springs' own laws are brought in along this parameter, from 0 to 1.
 LAW_SHARE = "share_of_the_springs_own_law"
 # The longest step along it, as a share, and the most points: hops that need more are left out.
-LONGEST_LAW_STEP, MOST_LAW_POINTS = 0.1, 100
+LONGEST_LAW_STEP, MOST_LAW_POINTS = 0.1, 200
 
 
 def starts(machine: Mechanism, half_contact: float, half_flight: float, seed: int = 0) -> list[dict[str, float]]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from orbits import InputError, Orbit, find, find_all, simulate, starts
+from orbits import InputError, Orbit, find, find_all, follow, simulate, starts
 from orbits.periodic.linear_hops import linear_hops
 from problems import Hopper, plate_hopper
 
@@ -128,7 +128,7 @@ class TestEquationsByHand:
             assert orbit.admissible == bool((gap[2] - gap[4]).min() > -1e-9 and force.min() > -1e-9)
 
     def test_a_simulated_hop_and_an_impact(self, machine, orbits):
-        orbit, (m1, m2, m3) = next(o for o in orbits if o.admissible), self.m
+        orbit, (_, m2, m3) = next(o for o in orbits if o.admissible), self.m
         launch = dict(zip(("liftoff", "alpha", "plate", "plate'"), orbit(0.0)[[0, 1, 4, 5]], strict=True))
         run = simulate(machine, launch, hops=3)
         assert run.status == "done"
@@ -144,6 +144,45 @@ class TestEquationsByHand:
         together = (m2 * x[3] + m3 * x[5]) / (m2 + m3)
         np.testing.assert_allclose(landing.after, [x[0], x[1], x[2], together, x[4], together], atol=1e-9)
         assert landing.loss == pytest.approx(0.5 * m2 * m3 / (m2 + m3) * (x[3] - x[5]) ** 2, rel=1e-9)
+
+
+class TestEndsOfFamilies:
+    """Closed forms for masses 1, 1, 2 and a leg of stiffness 1. Where the plate's frequency is that of the leg, K = 4,
+    foot and plate may swing alike without a force between them, however far: the launch speed grows without bound, of
+    either sign. Where the two frequencies of contact are as 1 : 2 or 1 : 3, all comes to rest at once there, and no flight is
+    left: with the sum (4 + K)/3 and the product K/3 of their squares, (4 + K)^2 = 3 (n + 1/n)^2 K for 1 : n."""
+
+    @staticmethod
+    def family(half_flight, half_contact, stiffness, stop):
+        machine = linear_plate(2.0, stiffness)
+        found = starts(machine, 1.1 * half_contact, 1.1 * half_flight)
+        near = min(found, key=lambda s: abs(s["duration"] - half_flight) + abs(s["contact_duration"] - half_contact))
+        return follow(machine, "plate_stiffness", stop, orbit=find(machine, start=near), longest=0.2)
+
+    @staticmethod
+    def at_rest_together(n: int) -> np.ndarray:
+        """The stiffnesses at which the frequencies of contact are as 1 : n."""
+        return np.sort(np.roots([1, 8 - 3 * (n + 1 / n) ** 2, 16]))
+
+    @pytest.mark.parametrize(
+        ("stiffness", "half_flight", "half_contact"), [(3.0, 2.5430, 2.1551), (10.0, 3.2741, 1.9534)]
+    )
+    def test_foot_and_plate_swing_alike(self, stiffness, half_flight, half_contact):
+        family = self.family(half_flight, half_contact, stiffness, 3.99 if stiffness > 4 else 4.01)
+        assert family.end.limit == pytest.approx(4.0, abs=1e-7)
+        assert abs(family[-1].alpha) > 100
+        assert np.sign(family[-1].alpha) == np.sign(4 - stiffness)  # its sign changes on the way from above
+
+    @pytest.mark.parametrize(
+        ("n", "which", "stiffness", "half_flight", "half_contact"),
+        [(2, 0, 3.0, 2.5430, 2.1551), (3, 0, 3.0, 3.4294, 2.6275), (3, 1, 8.0, 2.4787, 2.3733)],
+    )
+    def test_no_flight_is_left(self, n, which, stiffness, half_flight, half_contact):
+        expected = self.at_rest_together(n)[which]
+        family = self.family(half_flight, half_contact, stiffness, 0.1 if expected < stiffness else 30.0)
+        assert family.end.kind == "degenerate"
+        assert "shrinks to nothing" in family.end.reason
+        assert family.end.limit == pytest.approx(expected, abs=1e-6)
 
 
 def test_all_linear_hops_by_their_equations():
