@@ -9,8 +9,10 @@ _HOMES = {
     "HeavyHand": ".juggler",
     "Hopper": ".hopper",
     "Juggler": ".juggler",
+    "chain_hand": ".hand",
     "hopper_in_si": ".units",
     "juggler_in_si": ".units",
+    "plate_hopper": ".plate",
 }
 _MODULES = ("gravity", "springs", "steering")
 
