@@ -10,7 +10,9 @@ _HOMES = {
     "Hopper": ".hopper",
     "Juggler": ".juggler",
     "hopper_in_si": ".units",
+    "inerter_hopper": ".inerter",
     "juggler_in_si": ".units",
+    "knee_hopper": ".knee",
 }
 _MODULES = ("gravity", "springs", "steering")
 

@@ -97,6 +97,7 @@ def derived_model(structure: Structure) -> Model:
     )
 
 
+@lru_cache(maxsize=64)
 def derived_launch(structure: Structure) -> str:
     """The coordinate that is launched."""
     return _Parts(structure, _mechanics_of(structure)).launched_name
