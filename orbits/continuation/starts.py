@@ -51,7 +51,9 @@ def starts(machine: Mechanism, half_contact: float, half_flight: float, seed: in
     found = [start_from(machine, dict(zip(names, hop.liftoff.tolist(), strict=True)), *hop[:2]) for hop in hops]
     if all(spring.force.degree() == 1 for spring in springs):
         return found
-    mixed = _with_laws(machine, [_mixed(each.force, slope, machine.values) for each, slope in zip(springs, slopes, strict=True)])
+    mixed = _with_laws(
+        machine, [_mixed(each.force, slope, machine.values) for each, slope in zip(springs, slopes, strict=True)]
+    )
     return [led for start in found if (led := _led_to_own_laws(mixed, start))]
 
 

@@ -22,7 +22,7 @@ from .relative import pieces_along, reach_along
 from .state_formula import StateFormula
 
 # What a model says where the mechanism has no words of its own.
-WORDS = {
+USUAL_WORDS = {
     "liftoff": "the force at which the contact opens",
     "gap": "the gap closes in flight",
     "pull": "the contact would have to pull",
@@ -124,7 +124,7 @@ class _Parts:
 
     def __init__(self, structure: Structure, mechanics: Mechanics):
         self.structure, self.mechanics, self.size = structure, mechanics, mechanics.size
-        self.words = {**WORDS, **dict(structure.words)}
+        self.words = {**USUAL_WORDS, **dict(structure.words)}
         places = [state for name in structure.coordinates for state in (name, f"{name}'")]
         self.states = (*places, *(name for name, _ in structure.actuators))
         self.springs = [element for element in structure.elements if isinstance(element, Spring)]

@@ -234,6 +234,8 @@ def linear_modes(
     if f.ndim != 1 or not f.size or m.shape != k.shape or m.shape != 2 * f.shape:
         shapes = f"{m.shape}, {k.shape} and {f.shape}"
         raise InputError(f"inertia, stiffness and load have shapes {shapes}; they are (n, n), (n, n) and (n,)")
+    if not np.isfinite(f).all():
+        raise InputError(f"the load is not finite: {f.tolist()}")
     for name, matrix in (("inertia", m), ("stiffness", k)):
         if not np.abs(matrix - matrix.T).max() <= SLOWEST_SQUARE * np.abs(matrix).max():
             raise InputError(f"the {name} is not a symmetric matrix of finite numbers")

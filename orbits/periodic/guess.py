@@ -61,7 +61,7 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
         return model.guess(family, p)
     relative = model.relative
     if relative is None:
-        raise NoOrbit(f"the model of a {model.name} has no guess of its families: give a start")
+        raise NoOrbit(f"the model of a {model.name} has no guess of its families: give `find` a start")
     p = relative.own(p)
     law = from_key(relative.law, p)
     extension = relative.liftoff.extension(law)

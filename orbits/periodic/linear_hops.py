@@ -1,12 +1,12 @@
 """All lossless hops of a linear mechanism with one plastic gap, from two equations in two times.
 
-In flight M y'' = -K y + f. In contact the gap g = weights . y is held at 0 until the force that holds it vanishes, where
-the gap would have no acceleration in flight either. A lossless hop is its own mirror image in time, from rest in
-mid-contact to rest in mid-flight. With half the time of contact, s, and of flight, T, both phases are sums of modes, and
-everything at lift-off is linear in the n - 1 amplitudes c of the modes of contact. That the n modes of flight are at
-rest after T, and that the gap has no acceleration at lift-off, are n + 1 equations A(s, T) c + r(s, T) = 0. The two of
-them that no amplitudes solve are left for s and T (Pankov 2021, section 1). They have no poles: A and r are made of
-sines and cosines, whatever modes turn at the same time.
+In flight M y'' = -K y + f. In contact the gap g = weights . y is held at 0 until the force that holds it vanishes: it
+has no acceleration in flight then either. A lossless hop is its own mirror image in time, from rest in mid-contact to
+rest in mid-flight. Both phases are sums of modes, so that everything at lift-off, half the time of contact s later, is
+linear in the n - 1 amplitudes c of the modes of contact. That the n modes of flight come to rest after half its time T,
+and that the gap has no acceleration at lift-off, are n + 1 equations A(s, T) c + r(s, T) = 0. The two of them that no
+amplitudes solve are left for s and T (Pankov 2021, section 1). A and r are made of sines and cosines, so that they have
+no poles, whatever modes turn at the same time.
 """
 
 from typing import NamedTuple
@@ -21,12 +21,12 @@ from ..numerics.roots import Array
 # Newton's method starts together from this many quasi-random pairs of half times, and is repeated until so many batches
 # in a row bring no new root. After this many steps hardly any start still converges.
 BATCH, IDLE_BATCHES, NEWTON_STEPS = 1024, 6, 20
-# Each start weighs the equations by its own random factors, up to this one and down to its reciprocal: the roots are the
-# same, but a root that few starts find with one set of factors is found by many with another.
+# Each start weighs the equations by its own random factors, up to this one and down to its reciprocal: the roots are
+# the same, but a root that few starts find with one set of factors is found by many with another.
 LARGEST_FACTOR = 1e3
 # Shares of the times: a start with a smaller step has converged; roots that are closer are one.
-LAST_STEP, SAME_ROOT = 1e-8, 1e-7
-# After so many steps more, without factors, a root is known to rounding; its residual is a share of the terms.
+CONVERGED_STEP, SAME_ROOT = 1e-8, 1e-7
+# After so many steps more, without factors, a root is known to rounding; its residual is a share of the largest terms.
 POLISHING_STEPS, LARGEST_RESIDUAL = 3, 1e-9
 # Of half times, as a share of the longest; shorter hops have shrunk to nothing, a root for many contacts.
 SHORTEST_PHASE = 1e-3
@@ -49,8 +49,8 @@ def linear_hops(
     half_flight: float,
     seed: int = 0,
 ) -> list[LinearHop]:
-    """The lossless hops of M y'' = -K y + f, by their times. They are roots of the equations: whether the gap stays open
-    in flight, and is pressed together in contact, is not asked.
+    """The lossless hops of M y'' = -K y + f, by their times. They are roots of the equations: whether the gap stays
+    open in flight, and is pressed together in contact, is not asked.
 
     inertia, stiffness, load : M, K (n, n) and f (n,), as for `linear_modes`
     gap : weights (n,) of the gap weights . y
@@ -74,13 +74,14 @@ def linear_hops(
         idle = idle + 1 if len(roots) == before else 0
     roots = roots[np.lexsort(roots.T[::-1])]
     states, opens = equations.liftoffs(roots)
-    return [LinearHop(*times, state) for times, state in zip(roots[opens].tolist(), states[opens], strict=True)]
+    found = zip(*roots[opens].T.tolist(), states[opens], strict=True)
+    return [LinearHop(contact, flight, state) for contact, flight, state in found]
 
 
 def _distinct(roots: Array) -> Array:
     """Pairs of times (r, 2) without those that repeat an earlier one but for rounding."""
     near = (np.abs(roots[:, None] - roots) <= SAME_ROOT * roots).all(2)
-    return roots[near.argmax(axis=1) == np.arange(len(roots))]
+    return roots[~np.tril(near, -1).any(1)]
 
 
 class _Solved(NamedTuple):
@@ -89,7 +90,7 @@ class _Solved(NamedTuple):
     coordinates, speeds : (m, n) of the modes of flight at lift-off
     left, slopes : (m, 2) and (m, 2, 2), the two equations that are left, and, where they hold, their derivatives by the
         two times
-    error : (m,), the largest residual of all equations, as a share of its terms
+    error : (m,), the largest residual of all equations, as a share of the largest sum of terms
     """
 
     coordinates: Array
@@ -112,7 +113,7 @@ class _HopEquations:
         self.squares, self.loads, self.size = flight.squares, flight.loads, len(flight.squares)
         weights = np.array(gap, dtype=float)
         if weights.shape != (self.size,) or not np.isfinite(weights).all() or not weights.any():
-            raise InputError(f"gap = {gap}: it is told by one weight for each of the {self.size} coordinates")
+            raise InputError(f"gap = {gap!r}: it is told by one weight for each of the {self.size} coordinates")
         of_gap = weights @ flight.shapes
         closed = np.linalg.qr(of_gap[:, None], mode="complete")[0][:, 1:]
         squares, turned = np.linalg.eigh(closed.T * self.squares @ closed)
@@ -147,7 +148,7 @@ class _HopEquations:
         slopes[:, :n, 0] = -c * (q_by * self.rates**2 @ amplitudes)[..., 0] - pushed * v
         slopes[:, n, 0], slopes[:, :n, 1] = v @ self.pull, c * (self.loads - self.squares * q) - pushed * v
         terms = np.abs(matrix) @ np.abs(amplitudes) + np.abs(right)
-        error = (np.abs(matrix @ amplitudes + right) / np.where(terms == 0, 1.0, terms)).max((1, 2))
+        error = np.abs(matrix @ amplitudes + right).max((1, 2)) / terms.max((1, 2))
         left = turn[:, :, n - 1 :].swapaxes(1, 2) @ (factors * slopes)
         return _Solved(q, v, turned[:, n - 1 :, 0], left, error)
 
@@ -158,7 +159,7 @@ class _HopEquations:
             for _ in range(NEWTON_STEPS):
                 change = self._newton_step(times, factors)
                 times = times + np.clip(change, -farthest, farthest)
-                converged = (np.abs(change) < LAST_STEP * np.abs(times)).all(1)
+                converged = (np.abs(change) < CONVERGED_STEP * np.abs(times)).all(1)
                 found.append(times[converged])
                 going = ~converged & (np.abs(times) < 2 * longest).all(1)
                 times, factors = times[going], factors[going]
