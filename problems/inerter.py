@@ -1,7 +1,7 @@
 """The hopper with an inerter between its masses: a force b r'' against the second derivative of the extension.
 
-Body m1 and foot m2 at the heights y1 and y2, extension r = y1 - y2, spring force phi(r), inertance b, mu = m1 m2/(m1 + m2)
-the reduced mass, M = m2/m1. In flight
+Body m1 and foot m2 at the heights y1 and y2, extension r = y1 - y2, spring force phi(r), inertance b, mu = m1 m2/(m1 +
+m2) the reduced mass, M = m2/m1. In flight
 
     m1 y1'' = -phi(r) - b r'' - m1 g        m2 y2'' = phi(r) + b r'' - m2 g,
 
@@ -10,11 +10,10 @@ whose difference, divided by the masses, is (mu + b) r'' = -phi(r): the inerter 
 
     phi(rho) = (m2 + b (1 + M)) g.
 
-The centre of mass is thrown at the speed alpha/(1 + M), alpha = y1' at lift-off, so half the flight takes
-alpha/((1 + M) g). An orbit is a hop whose extension stands still then. For a linear spring phi = k r and
-omega^2 = k/(mu + b), r = rho cos omega t + (alpha/omega) sin omega t stands still where
-tan omega t = alpha/(omega rho). Since omega^2 rho = phi(rho)/(mu + b) = (1 + M) g, that is the half flight's own time
-again: with x = omega alpha/((1 + M) g)
+The centre of mass is thrown at the speed alpha/(1 + M), alpha = y1' at lift-off, so half the flight takes alpha/((1 +
+M) g). An orbit is a hop whose extension stands still then. For a linear spring phi = k r and omega^2 = k/(mu + b), r =
+rho cos omega t + (alpha/omega) sin omega t stands still where tan omega t = alpha/(omega rho). Since omega^2 rho =
+phi(rho)/(mu + b) = (1 + M) g, that is the half flight's own time again: with x = omega alpha/((1 + M) g)
 
     tan x = x,
 
@@ -27,6 +26,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from orbits import Inerter, Mass, Mechanism, Spring
+
+UNITS_WITH_INERTERS = {
+    **dict.fromkeys(("body_mass", "foot_mass", "inertance"), "kg"),
+    **{"surface_gravity": "m/s^2", "rest_length": "m"},
+}
 
 
 def inerter_hopper(
@@ -61,6 +65,7 @@ def inerter_hopper(
         separation=f"{body} - foot" if length else None,
         restitution=restitution,
         in_si=in_si,
+        parameter_units=UNITS_WITH_INERTERS if in_si else {},
         words={
             "liftoff": "the weights of foot and inerter",
             "gap": "foot below ground",

@@ -1,16 +1,17 @@
 """A leg with a knee: a body on two massless links, bent by a torsional spring, that hops vertically.
 
 Coordinates are the foot's height h and the knee's angle theta, from 0 (folded) to pi (straight). Two links of length l
-join the foot to the hip, which stays above it, at the height h + L with the leg's length L(theta) = 2 l sin(theta/2); the
-knee's spring turns with the torque tau(theta - theta0), theta0 the angle of rest. Masses m1 at the hip, m2 at the foot. As
-the links have no mass, the leg pushes with the force -F along its own line, F = tau/L' with L' = l cos(theta/2), so that
+join the foot to the hip, which stays above it, at the height h + L with the leg's length L(theta) = 2 l sin(theta/2);
+the knee's spring turns with the torque tau(theta - theta0), theta0 the angle of rest. Masses m1 at the hip, m2 at the
+foot. As the links have no mass, the leg pushes with the force -F along its own line, F = tau/L' with L' = l
+cos(theta/2), so that
 
     m1 (h + L)'' = -F - m1 g        m2 h'' = F - m2 g
 
-in flight; in contact h = 0 and the ground carries m2 g - F, which vanishes at lift-off. Hence body and foot are a hopper
-whose spring is the leg: F over the length L, which stiffens beyond all bounds towards the straight knee and softens as
-it folds. The launch speed alpha is theta' at lift-off, in rad/s; the body is thrown with L' alpha. A straight knee has
-L' = 0, no lever, and the angle's equation of motion ends there.
+in flight; in contact h = 0 and the ground carries m2 g - F, which vanishes at lift-off. Hence body and foot are a
+hopper whose spring is the leg: F over the length L, which stiffens beyond all bounds towards the straight knee and
+softens as it folds. The launch speed alpha is theta' at lift-off, in rad/s; the body is thrown with L' alpha. A
+straight knee has L' = 0, no lever, and the angle's equation of motion ends there.
 """
 
 from collections.abc import Mapping
@@ -22,6 +23,10 @@ from orbits.errors import InputError
 from orbits.model.laws import number
 
 LEG = "2*link*sin(knee/2)"
+UNITS_OF_KNEES = {
+    "body_mass": "kg", "foot_mass": "kg", "link": "m", "stiffness": "N m/rad", "rest_angle": "rad",
+    "surface_gravity": "m/s^2", "rest_length": "m",
+}  # fmt: skip
 WORDS_OF_KNEES = {
     "liftoff": "the foot's weight",
     "gap": "foot below ground",
@@ -67,6 +72,7 @@ def knee_hopper(
         separation=LEG,
         restitution=restitution,
         in_si=True,
+        parameter_units=UNITS_OF_KNEES,
         rest={"knee": "rest_angle"},
         angles=("knee",),
         knees=[("foot", "body", "link")],

@@ -272,7 +272,7 @@ class _Parts:
 
     def knees(self, p: Parameters) -> list[Knee]:
         """The pairs of heights that a knee joins."""
-        return [(lower, upper, value_of(length, {}, p)) for lower, upper, length in self.structure.knees]
+        return [(lower, upper, float(value_of(length, {}, p))) for lower, upper, length in self.structure.knees]
 
     def heights(self, p: Parameters) -> dict[str, Affine | StateFormula]:
         """The heights by name."""

@@ -58,6 +58,7 @@ class Mechanism(Stated):
     separation : a distance that must stay positive
     restitution : of the impacts, 0 <= e <= 1
     in_si : whether all numbers are in SI, and results then have units
+    parameter_units : those of parameters, in words, as {"stiffness": "N/m"}
     name : of the kind of machine
     energy_unit : in units of force and length
     rest : of coordinates that are not 0 where the machine rests with its springs unloaded
@@ -82,6 +83,7 @@ class Mechanism(Stated):
     separation: Scalar | None = None
     restitution: float = 0.0
     in_si: bool = False
+    parameter_units: Mapping[str, str] = field(default_factory=dict)
     name: str = "mechanism"
     energy_unit: Scalar = 1.0
     rest: Mapping[str, Scalar] = field(default_factory=dict)
@@ -104,7 +106,7 @@ class Mechanism(Stated):
             coordinates=tuple(self.coordinates), elements=tuple(elements), gravity=laws[0][0], inertia=self._rows(),
             parameters={**own, **given}, heights=dict(self.heights or {name: name for name in self.coordinates}),
             actuators=dict(self.actuators), words=dict(self.words), rest=dict(self.rest), angles=tuple(self.angles),
-            knees=tuple(map(tuple, self.knees)),
+            parameter_units=dict(self.parameter_units), knees=tuple(map(tuple, self.knees)),
             restitution=coefficient_of_restitution(self.restitution),
         )  # fmt: skip
         places = {*self.coordinates, *self.actuators}
@@ -217,8 +219,11 @@ class Mechanism(Stated):
 
     @property
     def rest_length(self) -> float | None:
-        """The parameter of that name, if there is one."""
-        return self.parameters.get("rest_length")
+        """The distance that must stay positive, where the machine rests with its springs unloaded; None without one."""
+        if self.separation is None:
+            return None
+        at_rest = self.model.rest(self.values) if self.model.rest else np.zeros(len(self.model.flight.states))
+        return float(self.model.separation(self.values)(at_rest))
 
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""
@@ -232,6 +237,7 @@ class Mechanism(Stated):
             "restitution": self.restitution,
             "parameters": {name: self.parameters[name] for name in stated(self.parameters)},
             "laws_in": "SI" if self.in_si else "units of the machine",
+            **({"units": dict(self.parameter_units)} if self.parameter_units else {}),
         }
 
     def __repr__(self) -> str:
