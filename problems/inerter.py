@@ -1,7 +1,7 @@
 """The hopper with an inerter between its masses: a force b r'' against the second derivative of the extension.
 
-Body m1 and foot m2 at the heights y1 and y2, extension r = y1 - y2, spring force phi(r), inertance b, mu = m1 m2/(m1 +
-m2) the reduced mass, M = m2/m1. In flight
+Body m1 and foot m2 have the heights y1 and y2, the extension is r = y1 - y2, the spring's force phi(r), the inertance
+b; mu = m1 m2/(m1 + m2) is the reduced mass and M = m2/m1. In flight
 
     m1 y1'' = -phi(r) - b r'' - m1 g        m2 y2'' = phi(r) + b r'' - m2 g,
 
@@ -10,10 +10,11 @@ whose difference, divided by the masses, is (mu + b) r'' = -phi(r): the inerter 
 
     phi(rho) = (m2 + b (1 + M)) g.
 
-The centre of mass is thrown at the speed alpha/(1 + M), alpha = y1' at lift-off, so half the flight takes alpha/((1 +
-M) g). An orbit is a hop whose extension stands still then. For a linear spring phi = k r and omega^2 = k/(mu + b), r =
-rho cos omega t + (alpha/omega) sin omega t stands still where tan omega t = alpha/(omega rho). Since omega^2 rho =
-phi(rho)/(mu + b) = (1 + M) g, that is the half flight's own time again: with x = omega alpha/((1 + M) g)
+The centre of mass is thrown at the speed alpha/(1 + M), alpha = y1' at lift-off, so half the flight takes the time
+alpha/((1 + M) g). An orbit is a hop whose extension stands still then. For a linear spring phi = k r, with
+omega^2 = k/(mu + b), the extension rho cos(omega t) + (alpha/omega) sin(omega t) stands still where
+tan(omega t) = alpha/(omega rho). Since omega^2 rho = phi(rho)/(mu + b) = (1 + M) g, the right side is omega times half
+the time of flight: with x = omega alpha/((1 + M) g)
 
     tan x = x,
 

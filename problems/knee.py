@@ -2,9 +2,8 @@
 
 Coordinates are the foot's height h and the knee's angle theta, from 0 (folded) to pi (straight). Two links of length l
 join the foot to the hip, which stays above it, at the height h + L with the leg's length L(theta) = 2 l sin(theta/2);
-the knee's spring turns with the torque tau(theta - theta0), theta0 the angle of rest. Masses m1 at the hip, m2 at the
-foot. As the links have no mass, the leg pushes with the force -F along its own line, F = tau/L' with L' = l
-cos(theta/2), so that
+the knee's spring has the torque tau(theta - theta0), theta0 the angle of rest. The hip has the mass m1, the foot m2. As
+the links have none, the leg pulls hip and foot together with the force F = tau/L', where L' = l cos(theta/2), so that
 
     m1 (h + L)'' = -F - m1 g        m2 h'' = F - m2 g
 

@@ -363,6 +363,26 @@ def test_it_is_a_hopper_with_a_nonlinear_spring(machine, family):
     assert len(knee.violations) == len(plain.violations)
 
 
+@pytest.mark.parametrize("family", [1, 2])
+@pytest.mark.parametrize("rest_angle", [1.2, 2.0])
+def test_stiff_knees_are_linear_springs(family, rest_angle):
+    """Their launch speed in rad/s, x (1 + M) g (mu/kappa)^(1/2) with tan x = x, depends neither on the links nor on
+    the angle; it is approached with the square of the compliance."""
+    x = float(mp.findroot(lambda x: mp.sin(x) - x * mp.cos(x), (family + 0.5) * np.pi - 0.1))
+    off = []
+    for stiffness in (4e3, 16e3, 64e3):
+        leg = knee_hopper(stiffness=stiffness, rest_angle=rest_angle)
+        m1, m2, g = (leg.values[name] for name in ("body_mass", "foot_mass", "surface_gravity"))
+        off.append(find(leg, family).alpha / (x * (1 + m2 / m1) * g * np.sqrt(m1 * m2 / (m1 + m2) / stiffness)) - 1)
+    assert np.divide(off[:-1], off[1:]) == pytest.approx([16, 16], rel=0.02)
+    assert abs(off[-1]) < 2e-7
+
+
+def test_an_angle_of_rest_that_is_none():
+    with pytest.raises(InputError, match=r"rest_angle = 3\.2 rad: a knee rests between folded \(0\) and straight"):
+        knee_hopper(rest_angle=3.2)
+
+
 def test_energy_over_a_thousand_hops(orbit):
     run = simulate(MACHINE, orbit.alpha, hops=1000)
     assert run.status == "done"
