@@ -1,10 +1,10 @@
 """A leg with a knee that carries 60 kg: its lossless hops over the length of its links and the knee's stiffness.
 
-Near its rest the knee is a linear spring along the leg, of stiffness kappa/L'^2, and the body is launched with the speed
-L' alpha, where L' is the leg's lever. Both cancel: the launch speed of family n, alpha = x (1 + M) g (mu/kappa)^(1/2)
-with the n-th root of tan x = x, depends neither on the links nor on the angle of rest, and that of the hops below
-differs from it by half a percent at most. The height goes with the square of the lever. What ends the motions towards long links is the body's
-weight on the knee: the crouch becomes so deep that the knee folds through.
+Near its rest the knee is a linear spring along the leg, of stiffness kappa/L'^2, and the body is launched with the
+speed L' alpha, where L' is the leg's lever. Both cancel: the launch speed of family n, alpha = x (1 + M) g
+(mu/kappa)^(1/2) with the n-th root of tan x = x, depends neither on the links nor on the angle of rest, and that of the
+hops below differs from it by half a percent at most. The height goes with the square of the lever. What ends the
+motions towards long links is the body's weight on the knee: the crouch becomes so deep that the knee folds through.
 Run: python studies/knee.py [--output FOLDER] [--quick]
 """
 
