@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import InputError
 from .io import check_path
-from .model.units import LAUNCH_SPEED, Units
+from .model.units import LIFTOFF_SPEED, Units
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
 Axes: TypeAlias = Any
@@ -211,7 +211,7 @@ def plot_map(
             web += [(here, there), (there, there)]
             here = there
         axes.plot(*np.transpose(web), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
-    unit = f" ({step.machine.units.text(LAUNCH_SPEED)})" if step.machine.units else ""
+    unit = f" ({step.machine.units.text(LIFTOFF_SPEED)})" if step.machine.units else ""
     labels = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
     return _finished(axes, {"loc": "upper left"}, xlim=(low, high), ylim=(0, high), **labels)
 
@@ -256,7 +256,7 @@ def title(orbit: Any) -> str:
     """The title of an orbit's plot: machine, family and speed in one line, the laws in another."""
     gravity = orbit.machine["gravity"]
     laws = f"spring {orbit.machine['spring']}" + ("" if gravity == "1" else f", gravity {gravity}")
-    speed = f"alpha = {orbit.alpha:.6g}" + (f" {orbit.units.text(LAUNCH_SPEED)}" if orbit.units else "")
+    speed = f"alpha = {orbit.alpha:.6g}" + (f" {orbit.units.text(LIFTOFF_SPEED)}" if orbit.units else "")
     kind = "" if orbit.admissible else " (inadmissible)"
     return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{laws}"
 
@@ -318,6 +318,15 @@ def _sideways(axes: Axes, below: np.ndarray, above: np.ndarray, link: float) -> 
     return np.sqrt(np.maximum(link**2 - 0.25 * (above - below) ** 2, 0.0)) * across / box.width * box.height / up
 
 
+def _lifted(heights: Mapping, springs) -> dict:
+    """Heights (frames,) by name with room for springs that are long enough, from the lowest mass up."""
+    room = 1.2 * max(map(np.ptp, heights.values()))
+    lifts = {None: 0, springs[-1][0]: 0}
+    for below, above in reversed(springs):
+        lifts[above] = lifts[below] + 1
+    return {name: height + room * lifts.get(name, 1) for name, height in heights.items()}
+
+
 def _animate(
     path, words, states, functions: Mapping, joints: tuple, floating: bool, units: Units | None, progress: Report
 ) -> Path:
@@ -332,12 +341,8 @@ def _animate(
     path, (metres, *_), (springs, knees) = check_animation(path), unit_labels(units), joints
     names = [name for name in functions if name != "centre of mass"]
     heights = {name: functions[name](states) for name in names} | {None: np.zeros(len(words))}
-    if floating:  # room for springs that are long enough, from the lowest mass up
-        room = 1.2 * max(map(np.ptp, heights.values()))
-        lifts = {None: 0, springs[-1][0]: 0}
-        for below, above in reversed(springs):
-            lifts[above] = lifts[below] + 1
-        heights = {name: height + room * lifts.get(name, 1) for name, height in heights.items()}
+    floating &= not knees  # links say how far the masses are apart
+    heights = _lifted(heights, springs) if floating else heights
     axes = new_axes(5.8 if knees else 3.2, 5.2)
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
     high = max([high, *(low + 2 * length for *_, length in knees)])  # room for a knee at the side too

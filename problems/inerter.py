@@ -28,11 +28,6 @@ from typing import Any
 
 from orbits import Inerter, Mass, Mechanism, Spring
 
-UNITS_WITH_INERTERS = {
-    **dict.fromkeys(("body_mass", "foot_mass", "inertance"), "kg"),
-    **{"surface_gravity": "m/s^2", "rest_length": "m"},
-}
-
 
 def inerter_hopper(
     spring: Any = "r", *, body_mass: float = 1.0, foot_mass: float = 1.0, inertance: float = 0.2,
@@ -66,7 +61,6 @@ def inerter_hopper(
         separation=f"{body} - foot" if length else None,
         restitution=restitution,
         in_si=in_si,
-        parameter_units=UNITS_WITH_INERTERS if in_si else {},
         words={
             "liftoff": "the weights of foot and inerter",
             "gap": "foot below ground",

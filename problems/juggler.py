@@ -38,14 +38,12 @@ class Juggler(TwoMassMachine):
     def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool, moved: bool = False) -> Mechanism:
         """The mechanism of the keys of the laws, see `TwoMassMachine.mechanism`."""
         ball, hand = ("rest_length + w1", "rest_length + w2") if has_length else ("w1", "w2")
+        masses = [Mass(ball, "1/mass_ratio"), Mass(hand, 1.0)]
         dampers = [Damper("w2", "damping"), Damper("w1", "drag"), Damper("w2", "drag")]
         return Mechanism(
             name="juggler",
             coordinates=("w1", "w2"),
-            elements=[
-                *(Mass(ball, "1/mass_ratio"), Mass(hand, 1.0)),
-                *(Spring(f"w2 - {END}" if moved else "w2", spring), *(dampers if damped else [])),
-            ],
+            elements=[*masses, Spring(f"w2 - {END}" if moved else "w2", spring), *(dampers if damped else [])],
             gap="w1 - w2",
             gravity=gravity or "1",
             energy_unit="1/mass_ratio",

@@ -22,10 +22,6 @@ from orbits.errors import InputError
 from orbits.model.laws import number
 
 LEG = "2*link*sin(knee/2)"
-UNITS_OF_KNEES = {
-    "body_mass": "kg", "foot_mass": "kg", "link": "m", "stiffness": "N m/rad", "rest_angle": "rad",
-    "surface_gravity": "m/s^2", "rest_length": "m",
-}  # fmt: skip
 WORDS_OF_KNEES = {
     "liftoff": "the foot's weight",
     "gap": "foot below ground",
@@ -71,7 +67,6 @@ def knee_hopper(
         separation=LEG,
         restitution=restitution,
         in_si=True,
-        parameter_units=UNITS_OF_KNEES,
         rest={"knee": "rest_angle"},
         angles=("knee",),
         knees=[("foot", "body", "link")],

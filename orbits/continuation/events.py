@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number
-from ..model.units import LAUNCH_SPEED
+from ..model.units import LIFTOFF_SPEED
 from ..numerics.roots import bracketed_root
 from ..periodic.orbit import Orbit
 from .corrector import correct
@@ -160,5 +160,5 @@ def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: 
     try:
         return None if value is None else finite_number(name, value)
     except InputError:
-        place = f"at alpha = {orbit.alpha:.6g}{f' {orbit.units.text(LAUNCH_SPEED)}' if orbit.units else ''}"
+        place = f"at alpha = {orbit.alpha:.6g}{f' {orbit.units.text(LIFTOFF_SPEED)}' if orbit.units else ''}"
         raise InputError(f"watch '{name}' gives {value!r} {place}: it must give a finite number") from None

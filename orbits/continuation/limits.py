@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import OrbitsError
-from ..model.units import LAUNCH_SPEED, Message, Quantity, in_units
+from ..model.units import LIFTOFF_SPEED, Message, Quantity, in_units
 from .curve import Curve, CurvePoint
 from .events import Segment
 from .family import End, Point
@@ -140,7 +140,7 @@ class Endings:
         """The end of a curve that cannot be followed beyond its last point. The reason is the error of a curve that
         stays bounded; of one that escapes the limit says more."""
         alpha, value = last.point.alpha, last.value
-        units, speed = self.curve.units_at(last.point), Quantity(alpha, LAUNCH_SPEED)
+        units, speed = self.curve.units_at(last.point), Quantity(alpha, LIFTOFF_SPEED)
         where = Message("{name} = {value:.10g}, alpha = {alpha:.10g}", name=self.curve.along, value=value, alpha=speed)
         where = in_units(where, units)
         if alpha > self.control.running_ratio * self.origin.alpha and (found := limit(history, self.bounds, -1)):

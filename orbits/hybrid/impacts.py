@@ -20,7 +20,7 @@ from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import MOST_CLOSED_STEPS, first_zeros
 from ..model.machine import ImpactingMachine, check_machine
 from ..model.phase import Affine
-from ..model.units import LAUNCH_SPEED, Message, Quantity
+from ..model.units import LIFTOFF_SPEED, Message, Quantity
 from ..numerics.bernstein import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..periodic.certificate import gradients
@@ -356,7 +356,7 @@ def status_of_failure(error: FlowError, phase: str) -> str:
 def no_launch(alpha: float) -> Message:
     """Why a machine does not leave the ground at a launch speed."""
     text = "alpha = {alpha:g} is no launch: the damper is too strong for the contact to open"
-    return Message(text, alpha=Quantity(alpha, LAUNCH_SPEED))
+    return Message(text, alpha=Quantity(alpha, LIFTOFF_SPEED))
 
 
 def injected(inject: object, unit: float = 1.0) -> float:

@@ -13,7 +13,7 @@ from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
 from ..model.machine import ImpactingMachine, dimensionless
-from ..model.units import DIMENSIONS, LAUNCH_SPEED, SPEED, Message, Quantity, without_units
+from ..model.units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, without_units
 from ..periodic.local_law import loss_coefficient
 from ..symbolic.exclusive import exclusive
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts, no_launch
@@ -32,7 +32,7 @@ def multiplier(machine: ImpactingMachine, alpha: float) -> float:
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
     if units := getattr(machine, "units", None):
         with without_units(units):
-            return multiplier(dimensionless(machine), alpha / units.of(LAUNCH_SPEED))
+            return multiplier(dimensionless(machine), alpha / units.of(LIFTOFF_SPEED))
     impacts = Impacts(machine)
     x, order = impacts.launch(np.array([alpha]))[0], LIFTOFF_ORDER
     step = 1e-5 * alpha  # The extension of the launch state depends on the launch speed too where there is damping.

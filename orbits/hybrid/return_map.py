@@ -18,7 +18,7 @@ from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
 from ..io import fields_in_line, one_line
 from ..model.machine import ImpactingMachine, dimensionless
-from ..model.units import DIMENSIONS_OF_HOPS, LAUNCH_SPEED, Units, without_units
+from ..model.units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Units, without_units
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
 from ..periodic.find import Progress, certified_orbit, find
@@ -100,7 +100,7 @@ class ReturnMap:
     def __init__(self, machine: ImpactingMachine, inject: float = 0.0, cap: int = CAP):
         self.machine, self._units = machine, getattr(machine, "units", None) or Units(1.0, 1.0, 1.0)
         self._bare: ReturnMap | None = None  # of the dimensionless machine, where this one has units
-        self._speed: float = self._units.of(LAUNCH_SPEED)
+        self._speed: float = self._units.of(LIFTOFF_SPEED)
         self.inject, self.cap = injected(inject, self._speed), whole_number("cap", cap, "impacts")
         if getattr(machine, "units", None):
             self._bare = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap)

@@ -24,8 +24,8 @@ from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..model.units import (
     ENERGY,
-    LAUNCH_SPEED,
     LENGTH,
+    LIFTOFF_SPEED,
     TIME,
     Message,
     Quantity,
@@ -54,7 +54,7 @@ from .schedule import Inputs, Schedule, check_scheduled, parsed_schedule
 TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
 DIMENSIONS_OF_SIMULATIONS = {
-    "launches": LAUNCH_SPEED,
+    "launches": LIFTOFF_SPEED,
     **dict.fromkeys(("end", "time"), TIME),
     "smallest_separation": LENGTH,
     **dict.fromkeys(("energy", "loss"), ENERGY),
@@ -234,7 +234,7 @@ def simulate(
     """
     check_machine(machine)
     units = getattr(machine, "units", None)
-    inject, cap = injected(inject, units.of(LAUNCH_SPEED) if units else 1.0), whole_number("cap", cap, "impacts")
+    inject, cap = injected(inject, units.of(LIFTOFF_SPEED) if units else 1.0), whole_number("cap", cap, "impacts")
     hops = None if hops is None else whole_number("hops", hops, "lift-offs")
     if not (isinstance(time, Real) and time > 0):
         raise InputError(f"time = {time!r}; it is a number above 0")
@@ -268,7 +268,7 @@ def _checked_state(machine: ImpactingMachine, state: ArrayLike) -> np.ndarray:
 
 def _simulate_in(units: Units, machine, alpha, state, hops, time, inject, cap, inputs: Inputs | None) -> Simulation:
     """The simulation of a machine with units: that of its dimensionless self, its arguments and results converted."""
-    speed = units.of(LAUNCH_SPEED)
+    speed = units.of(LIFTOFF_SPEED)
     if isinstance(alpha, Mapping):
         alpha = units.without("alpha", alpha)
     elif alpha is not None:
@@ -293,7 +293,7 @@ def run_in_units(run: Simulation, units: Units, machine: ImpactingMachine) -> Si
     states = [{"before": event.before * size, "after": event.after * size} for event in run.events]
     pairs = zip(run.events, states, strict=True)
     events = tuple(replace(units.convert(event, **energies), **changed) for event, changed in pairs)
-    launches, end = run.launches * units.of(LAUNCH_SPEED), run.end * units.time
+    launches, end = run.launches * units.of(LIFTOFF_SPEED), run.end * units.time
     reason = in_units(run.reason, units)
     return replace(run, legs=legs, events=events, launches=launches, end=end, machine=machine, reason=reason)
 
@@ -331,7 +331,7 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
         return np.array([impacts.model.launch(named, impacts.values)], dtype=float), named["alpha"]
     if not 0 < (alpha := finite_number("alpha", launch)) <= FASTEST_LAUNCH:
         text = "alpha = {alpha:g}; a launch speed is above 0 and at most {most:g}"
-        speed, most = (Quantity(number, LAUNCH_SPEED) for number in (alpha, FASTEST_LAUNCH))
+        speed, most = (Quantity(number, LIFTOFF_SPEED) for number in (alpha, FASTEST_LAUNCH))
         raise InputError(Message(text, alpha=speed, most=most))
     return impacts.launch(np.array([alpha])), alpha
 

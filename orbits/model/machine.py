@@ -90,7 +90,7 @@ def check_parameters(machine: Machine, *names: str) -> None:
 
 
 def machine_in_words(machine: Machine) -> dict[str, Any]:
-    """What describes a machine, with the units of those results that are not in the usual ones, as angles are."""
+    """What describes a machine, with the units of those results that have others because a coordinate is an angle."""
     words = machine.describe()
     unusual = machine.units.unusual_texts() if machine.units else {}
     return words | {"units": {**words.get("units", {}), **unusual}} if unusual else words

@@ -10,8 +10,8 @@
     )
     find(hopper)
 
-Everything that the engine asks of a machine follows from that: the equations of motion in flight and in contact, launch,
-lift-off and landing, impacts, energy, closed forms, and the extension that moves alone.
+Everything that the engine asks of a machine follows from that: the equations of motion in flight and in contact,
+launch, lift-off and landing, impacts, energy, closed forms, and the extension that moves alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,6 +27,7 @@ from ..io import one_line
 from ..symbolic.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
 from .derived import Structure, derived_launch, derived_model, linear_equations
+from .dimensions import dimensions_of_parameters
 from .elements import Element, Scalar, Spring, fields_of, names_in
 from .features import with_reach
 from .laws import Key, Law, coefficient_of_restitution, key_of, number, stated
@@ -34,7 +35,7 @@ from .linear import LinearEquations
 from .machine import Stated
 from .mechanics import GRAVITY_SHARE
 from .model import Model
-from .units import Units
+from .units import LENGTH, Units, unit_text
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -42,8 +43,8 @@ class Mechanism(Stated):
     """A machine of coordinates and elements.
 
     coordinates : names (n,), from the top
-    elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights are
-        formulas of the coordinates and parameters
+    elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights
+        are formulas of the coordinates and parameters
     gap : the distance that opens in flight and lands plastically, a sum of coordinates with numbers before them
     parameters : values of the names in all formulas and laws
     gravity : acceleration of a height z: a number, a formula, or a law; what it is more or less than at z = 0 is led in
@@ -58,7 +59,6 @@ class Mechanism(Stated):
     separation : a distance that must stay positive
     restitution : of the impacts, 0 <= e <= 1
     in_si : whether all numbers are in SI, and results then have units
-    parameter_units : those of parameters, in words, as {"stiffness": "N/m"}
     name : of the kind of machine
     energy_unit : in units of force and length
     rest : of coordinates that are not 0 where the machine rests with its springs unloaded
@@ -83,7 +83,6 @@ class Mechanism(Stated):
     separation: Scalar | None = None
     restitution: float = 0.0
     in_si: bool = False
-    parameter_units: Mapping[str, str] = field(default_factory=dict)
     name: str = "mechanism"
     energy_unit: Scalar = 1.0
     rest: Mapping[str, Scalar] = field(default_factory=dict)
@@ -106,15 +105,15 @@ class Mechanism(Stated):
             coordinates=tuple(self.coordinates), elements=tuple(elements), gravity=laws[0][0], inertia=self._rows(),
             parameters={**own, **given}, heights=dict(self.heights or {name: name for name in self.coordinates}),
             actuators=dict(self.actuators), words=dict(self.words), rest=dict(self.rest), angles=tuple(self.angles),
-            parameter_units=dict(self.parameter_units), knees=tuple(map(tuple, self.knees)),
+            knees=tuple(map(tuple, self.knees)),
             restitution=coefficient_of_restitution(self.restitution),
         )  # fmt: skip
         places = {*self.coordinates, *self.actuators}
         if taken := sorted(places & given.keys()):
             raise InputError(f"'{taken[0]}' is a coordinate; call the parameter something else")
-        expressions = [value for element in self.elements for value in fields_of(element)]
-        if unused := [name for name in given if name not in self.names and not any(map(callable, expressions))]:
-            raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], stated(self.names))}")
+        functions = any(callable(value) for element in self.elements for value in vars(element).values())
+        if unused := [name for name in given if name not in self._asked and not functions]:
+            raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], stated(self._asked))}")
 
     @staticmethod
     def _law(law: Any, variable: str, given: Mapping[str, float]) -> tuple[Key, Mapping[str, float]]:
@@ -136,15 +135,25 @@ class Mechanism(Stated):
     @property
     def names(self) -> tuple[str, ...]:
         """The names of all parameters."""
+        return tuple(sorted(self._asked | self.parameters.keys()))
+
+    @property
+    def _asked(self) -> set[str]:
+        """The names that are asked for by formulas and laws."""
         expressions = [value for element in self.elements for value in fields_of(element)]
-        expressions += [*chain(*self.inertia), *self.heights.values(), self.surface_gravity, self.energy_unit, self.gap]
+        expressions += [
+            *chain(*self.inertia),
+            *(self.heights or {}).values(),
+            self.surface_gravity,
+            self.energy_unit,
+            self.gap,
+        ]
         expressions += [value for value in (self.counts, self.separation) if value is not None]
         expressions += [*self.rest.values(), *(length for *_, length in self.knees)]
         found = {name for value in expressions for name in names_in(value)} | {*self.actuators.values()}
         laws = [self.gravity, *(element.force for element in self.elements if isinstance(element, Spring))]
-        found |= {name for law in laws for name in law.names} | self.parameters.keys()
-        places = {*self.coordinates, *self.actuators}
-        return tuple(sorted(found - places))
+        found |= {name for law in laws for name in law.names}
+        return found - {*self.coordinates, *self.actuators}
 
     @exclusive_property
     def structure(self) -> Structure:
@@ -160,9 +169,10 @@ class Mechanism(Stated):
             raise InputError("a mechanism without a spring says what its families are counted by: counts=")
         names = self.names if gravity.degree() == 0 else (*self.names, GRAVITY_SHARE)
         return Structure(
-            self.name, self.coordinates, elements, self.gap, self.inertia, gravity, self.surface_gravity, counts,
-            self.launch, tuple(self.heights.items()), self.separation, self.energy_unit, tuple(self.rest.items()),
-            self.knees, tuple(self.actuators.items()), tuple(self.words.items()), names,
+            self.name, tuple(self.coordinates), tuple(elements), self.gap, self.inertia, gravity, self.surface_gravity,
+            counts, self.launch, tuple((self.heights or {}).items()), self.separation, self.energy_unit,
+            tuple(self.rest.items()), tuple(self.knees), tuple(self.actuators.items()), tuple(self.words.items()),
+            names,
         )  # fmt: skip
 
     @exclusive_property
@@ -228,6 +238,7 @@ class Mechanism(Stated):
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""
         springs = [element.force.text for element in self.elements if isinstance(element, Spring)]
+        length = {} if self.separation is None else {"rest_length": unit_text(LENGTH)}
         return {
             "machine": self.name,
             "spring": ", ".join(dict.fromkeys(springs)),
@@ -237,8 +248,12 @@ class Mechanism(Stated):
             "restitution": self.restitution,
             "parameters": {name: self.parameters[name] for name in stated(self.parameters)},
             "laws_in": "SI" if self.in_si else "units of the machine",
-            **({"units": dict(self.parameter_units)} if self.parameter_units else {}),
+            **({"units": {**length, **self.units_of_parameters()}} if self.in_si else {}),
         }
+
+    def units_of_parameters(self) -> dict[str, str]:
+        """The units of SI of those parameters whose dimension the elements tell."""
+        return {name: unit_text(dimension) for name, dimension in dimensions_of_parameters(self).items()}
 
     def __repr__(self) -> str:
         return one_line(self, {"name": self.name, "coordinates": self.coordinates, **self.parameters})

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 
 # A squared frequency below this share of the largest one is 0: eigenvalues come with an error of a few roundings,
-# 2e-16, of the largest one. A mode as slow as that would take 1e6 periods of the fastest for one of its own.
+# 2e-16, of the largest one. One period of a mode as slow as that is 3e6 of the fastest.
 SLOWEST_SQUARE = 1e-13
 # What holds until a time is only relied on for this share of the time, far from rounding.
 CLEARLY = 0.99

@@ -41,8 +41,8 @@ class StateFormula:
         if unknown := sorted(formula.names - known):
             raise InputError(f"the height '{self.text}' needs a value for '{unknown[0]}': it is no state or parameter")
         if formula.pieces:
-            raise InputError(f"the height '{self.text}' has a corner where '{formula.pieces[0]}' changes: it is smooth")
-        used = {name: value for name, value in self.values.items() if name in formula.names}
+            raise InputError(f"the height '{self.text}' has a corner, by '{formula.pieces[0]}': heights are smooth")
+        used = {name: value for name, value in self.values.items() if name in formula.names - {*self.states}}
         object.__setattr__(self, "values", used)
 
     @property

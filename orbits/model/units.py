@@ -25,12 +25,12 @@ Record = TypeVar("Record")
 LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
 SPEED, SPEED_SQUARED, ACCELERATION, JERK = (1, -1, 0), (2, -2, 0), (1, -2, 0), (1, -3, 0)
 MASS, STIFFNESS = (-1, 2, 1), (-1, 0, 1)
-EXTENSION, LAUNCH_SPEED, LAUNCH_SPEED_SQUARED = (0, 0, 0, 0, 1), (0, -1, 0, 0, 1), (0, -2, 0, 0, 2)
+EXTENSION, LIFTOFF_SPEED, LIFTOFF_SPEED_SQUARED = (0, 0, 0, 0, 1), (0, -1, 0, 0, 1), (0, -2, 0, 0, 2)
 ANGLE, ANGULAR_SPEED = (0, 0, 0, 0, 0, 1), (0, -1, 0, 0, 0, 1)
 # Dimensions of results by name. The loss coefficient is a loss of speed per speed to the power 4/3; the loss of a hop
 # of the map is one of the speed's square.
 DIMENSIONS: dict[str, Dimension] = {
-    **dict.fromkeys(("alpha", "error", "alpha_noise"), LAUNCH_SPEED),
+    **dict.fromkeys(("alpha", "error", "alpha_noise"), LIFTOFF_SPEED),
     **dict.fromkeys(("flight_time", "contact_time", "period"), TIME),
     **dict.fromkeys(("liftoff_extension", "stroke"), EXTENSION),
     **dict.fromkeys(("clearance", "smallest_separation"), LENGTH),
@@ -41,12 +41,12 @@ DIMENSIONS: dict[str, Dimension] = {
 }
 # Those of the hops of a return map.
 DIMENSIONS_OF_HOPS: dict[str, Dimension] = {
-    **{"alpha": LAUNCH_SPEED, "next": LAUNCH_SPEED, "loss": LAUNCH_SPEED_SQUARED},
+    **{"alpha": LIFTOFF_SPEED, "next": LIFTOFF_SPEED, "loss": LIFTOFF_SPEED_SQUARED},
 }
 # Dimensions of unknowns, beside the flight states, that a launch or half an orbit is told by.
 UNKNOWNS: dict[str, Dimension] = {
     **dict.fromkeys(("duration", "contact_duration"), TIME),
-    **{"alpha": LAUNCH_SPEED, "liftoff": EXTENSION, "unfolding": ()},
+    **{"alpha": LIFTOFF_SPEED, "liftoff": EXTENSION, "unfolding": ()},
 }
 # A power is told as a fraction where one with such a denominator is the same: those of formulas have nine digits.
 LARGEST_DENOMINATOR, SAME_POWER = 12, 2e-9
@@ -100,7 +100,7 @@ class Units:
         return {name: self.text(dimension) for name, dimension in dimensions.items()}
 
     def unusual_texts(self) -> dict[str, str]:
-        """Those of `texts`, hops included, that are another machine's than one whose launch speed is in m/s."""
+        """Those of `texts`, hops included, that differ from the units of a machine whose launch speed is in m/s."""
         known = {**DIMENSIONS, **DIMENSIONS_OF_HOPS}
         return {name: text for name, text in self.texts(known).items() if text != unit_text(known[name])}
 

@@ -8,7 +8,7 @@ from ..errors import NoOrbit
 from ..flow.flow import Flow
 from ..flow.trajectory import Trajectories, Trajectory
 from ..flow.vector_field import runge_kutta
-from ..model.units import LAUNCH_SPEED, Message, Quantity
+from ..model.units import LIFTOFF_SPEED, Message, Quantity
 from ..numerics.bernstein import powers
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
@@ -76,7 +76,7 @@ def error_bounds(
     floor = shared + np.spacing(alpha)
     for i in (found > np.maximum(WORST_ERROR * alpha, DOUBTFUL_RATIO * floor)).nonzero()[0].tolist():
         text = "the orbit cannot be certified: launch speed {alpha:.6g} may be off by {error:.1e}{narrow}"
-        numbers = {"alpha": Quantity(alpha[i], LAUNCH_SPEED), "error": Quantity(found[i], LAUNCH_SPEED)}
+        numbers = {"alpha": Quantity(alpha[i], LIFTOFF_SPEED), "error": Quantity(found[i], LIFTOFF_SPEED)}
         refused.setdefault(i, NoOrbit(Message(text, **numbers, narrow=NARROW)))
     return found + floor, refused
 

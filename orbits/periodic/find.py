@@ -11,7 +11,7 @@ from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.laws import NOISE
 from ..model.machine import Machine, check_machine, dimensionless
 from ..model.model import Model
-from ..model.units import LAUNCH_SPEED, TIME, Message, Quantity, in_units, without_units
+from ..model.units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units, without_units
 from ..numerics.roots import solve
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
@@ -120,7 +120,7 @@ def find_all(
             raise InputError(f"fastest = {fastest:g} is no launch speed; it lies above 0")
         family, method = _family_number(1 if family is None else family), _possible_method(machine.model, method)
         if (units := machine.units) is not None:
-            speed = None if fastest is None else fastest / units.of(LAUNCH_SPEED)
+            speed = None if fastest is None else fastest / units.of(LIFTOFF_SPEED)
             with without_units(units):
                 bare = dimensionless(machine)
                 whole = find_all(bare, family=family, fastest=speed, method=method, progress=progress)
@@ -193,7 +193,7 @@ def _all_of_family(
             raise NoOrbit(another_family(family, only.family))
         if fastest is not None and only.alpha > fastest:
             text = "the only orbit of family {family} has the launch speed {alpha:.6g}, above {fastest:g}"
-            speeds = {"alpha": Quantity(only.alpha, LAUNCH_SPEED), "fastest": Quantity(fastest, LAUNCH_SPEED)}
+            speeds = {"alpha": Quantity(only.alpha, LIFTOFF_SPEED), "fastest": Quantity(fastest, LIFTOFF_SPEED)}
             raise NoOrbit(Message(text, family=family, **speeds))
         return (replace(only, known_in_family=1),)
     solved_by = "relative" if method == "relative" else "half orbit"
@@ -209,7 +209,7 @@ def _all_of_family(
                 found.append(orbit)
         except NoOrbit as error:
             text = "; the one near {about:.6g} is refused" + ("" if in_units(error, None) in refusal else ": {error}")
-            refused = Message(text, about=Quantity(float(about), LAUNCH_SPEED), error=error)
+            refused = Message(text, about=Quantity(float(about), LIFTOFF_SPEED), error=error)
     if not found:
         raise none_found(cells, refused)
     return tuple(replace(orbit, known_in_family=len(found)) for orbit in found)
@@ -219,7 +219,7 @@ def none_found(cells: Cells, refused: str = "") -> NoOrbit:
     """The error of a search that finds no orbit; `refused` is what it says of those that it had to refuse."""
     text = "a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}"
     stopped = f", stopped after {cells.launches} launches," if cells.stopped else ""
-    low, high = (Quantity(speed, LAUNCH_SPEED) for speed in cells.searched)
+    low, high = (Quantity(speed, LIFTOFF_SPEED) for speed in cells.searched)
     return NoOrbit(Message(text, low=low, high=high, stopped=stopped, refused=refused))
 
 
@@ -414,7 +414,7 @@ def _solve_by_homotopy(model: Model, equations: Shooting, correct, family: int, 
                         "no lossless orbit of family {family}: with {percent:.3g}% of gravity's variation it is at "
                         "alpha = {alpha:.6g}, and it cannot be followed further ({error})"
                     )
-                    alpha = Quantity(float(u[unknowns.index("alpha")]), LAUNCH_SPEED)
+                    alpha = Quantity(float(u[unknowns.index("alpha")]), LIFTOFF_SPEED)
                     raise NoOrbit(
                         Message(text, family=family, percent=100 * reached, alpha=alpha, error=error)
                     ) from None

@@ -19,8 +19,8 @@ from ..model.modes import SLOWEST_SQUARE, linear_modes
 from ..numerics.roots import Array
 
 # Newton's method starts together from this many quasi-random pairs of half times, and is repeated until so many batches
-# in a row bring no new root. After this many steps hardly any start still converges.
-BATCH, IDLE_BATCHES, NEWTON_STEPS = 1024, 6, 20
+# for each coordinate, in a row, bring no new root. After this many steps hardly any start still converges.
+BATCH, IDLE_BATCHES, NEWTON_STEPS = 1024, 2, 20
 # Each start weighs the equations by its own random factors, up to this one and down to its reciprocal: the roots are
 # the same, but a root that few starts find with one set of factors is found by many with another.
 LARGEST_FACTOR = 1e3
@@ -67,7 +67,7 @@ def linear_hops(
         raise InputError(f"half_contact = {half_contact}, half_flight = {half_flight}: both are above 0")
     equations, roots, idle = _HopEquations(inertia, stiffness, load, gap), np.zeros((0, 2)), 0
     pairs, rng = qmc.Sobol(2, seed=seed), np.random.default_rng(seed)
-    while idle < IDLE_BATCHES:
+    while idle < IDLE_BATCHES * equations.size:
         factors = LARGEST_FACTOR ** rng.uniform(-1, 1, (BATCH, equations.size + 1))
         times = equations.roots(pairs.random(BATCH) * longest, factors, longest)
         before, roots = len(roots), _distinct(np.concatenate([roots, times]))

@@ -11,7 +11,7 @@ from ..hybrid.return_map import ReturnMap
 from ..model.machine import ImpactingMachine, Machine
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
-from .question import LAUNCH_COLUMN, Question, Table, empty_table
+from .question import LAUNCH_SPEED, Question, Table, empty_table
 
 
 @exclusive
@@ -54,7 +54,7 @@ def _found(question: Question, table: Table) -> None:
 
 def _machine_at(question: Question, table: Table, row: int) -> Machine:
     """The machine of a row."""
-    names = (name for name in question.members.names if name != LAUNCH_COLUMN)
+    names = (name for name in question.members.names if name != LAUNCH_SPEED)
     return question.machine.with_values(**{name: float(table.columns[name][row]) for name in names})
 
 
@@ -65,14 +65,14 @@ def _return_map(question: Question, table: Table, row: int) -> ReturnMap:
 
 def _launched(question: Question, table: Table) -> None:
     """The next launch: launches of the same machine are mapped together."""
-    own = [name for name in question.members.names if name != LAUNCH_COLUMN]
+    own = [name for name in question.members.names if name != LAUNCH_SPEED]
     values = np.column_stack([table.columns[name] for name in own]) if own else np.zeros((len(table.members), 0))
     _, first, group = np.unique(values, axis=0, return_index=True, return_inverse=True)
     for k in range(len(first)):
         interrupts.check()
         rows = np.flatnonzero(group.ravel() == k)
         try:
-            hops = _return_map(question, table, int(first[k]))(table.columns[LAUNCH_COLUMN][rows])
+            hops = _return_map(question, table, int(first[k]))(table.columns[LAUNCH_SPEED][rows])
         except OrbitsError as error:
             table.columns["status"][rows], table.columns["reason"][rows] = "no orbit", str(error)
             continue

@@ -19,7 +19,7 @@ OUTCOMES = ("find", "map", "fixed_points")
 # The members of a chunk, which is solved together and stored at once: enough that calls of machine code are full, few
 # enough that a crash costs seconds. It is part of the question, since the last digit of an answer might depend on it.
 CHUNK = 1024
-LAUNCH_COLUMN = "alpha"  # the name by which a sweep of the return map asks for a launch speed
+LAUNCH_SPEED = "alpha"  # the name by which a sweep of the return map asks for a launch speed
 # Columns of every answer, by outcome, with their types; an integer that is missing is NaN.
 COLUMNS_OF: dict[str, dict[str, type]] = {
     "find": {"alpha": float, "flight_time": float, "error": float, "family": int},
@@ -112,8 +112,8 @@ def question_of(
         raise InputError(f"quantities are a list: ['{quantities}']")
     if outcome != "find" and (quantities or families != (1,)):
         raise InputError(f"outcome = {outcome!r} has no families and no quantities: leave them out")
-    if (outcome == "map") != (LAUNCH_COLUMN in members.names):
-        raise InputError(f"'{LAUNCH_COLUMN}', a launch speed, is swept over with outcome = 'map', and only then")
+    if (outcome == "map") != (LAUNCH_SPEED in members.names):
+        raise InputError(f"'{LAUNCH_SPEED}', a launch speed, is swept over with outcome = 'map', and only then")
     if (outcome == "fixed_points") != (between is not None):
         raise InputError("between = (low, high), two launch speeds, belongs to outcome = 'fixed_points'")
     _check_quantities(machine, quantities)

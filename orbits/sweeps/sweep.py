@@ -15,7 +15,7 @@ from ..symbolic.exclusive import exclusive
 from .answer import Sweep
 from .designs import Members, members_of
 from .execute import check_executor, chunks_of, solved_chunks
-from .question import LAUNCH_COLUMN, Question, Table, empty_table, question_of
+from .question import LAUNCH_SPEED, Question, Table, empty_table, question_of
 from .show import on_screen
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def sweep(
     """
     check_machine(machine, "with_values")
     allowed = [*free_parameters(machine), *(name for name in DAMPING if hasattr(machine, name))]
-    allowed = list(dict.fromkeys([*allowed, LAUNCH_COLUMN] if outcome == "map" else allowed))
+    allowed = list(dict.fromkeys([*allowed, LAUNCH_SPEED] if outcome == "map" else allowed))
     members = members_of(over, samples, sampling, seed, allowed)
     _check_domain(machine, members)
     question = question_of(machine, members, family, quantities, outcome, between)
@@ -102,7 +102,7 @@ def sweep(
 @exclusive
 def _check_domain(machine: Machine, members: Members) -> None:
     """Raise `InputError` for a member whose parameters the machine cannot have."""
-    names = [name for name in members.names if name != LAUNCH_COLUMN]
+    names = [name for name in members.names if name != LAUNCH_SPEED]
     values = members.values[:, [members.names.index(name) for name in names]]
 
     def refusal(row: np.ndarray) -> OrbitsError | None:

@@ -383,10 +383,11 @@ def test_an_angle_of_rest_that_is_none():
         knee_hopper(rest_angle=3.2)
 
 
-def test_energy_over_a_thousand_hops(orbit):
-    run = simulate(MACHINE, orbit.alpha, hops=1000)
+@pytest.mark.parametrize("hops", [50, pytest.param(1000, marks=pytest.mark.slow)])
+def test_energy_over_many_hops(orbit, hops):
+    run = simulate(MACHINE, orbit.alpha, hops=hops)
     assert run.status == "done"
-    assert len(run.launches) == 1001
+    assert len(run.launches) == hops + 1
     start, p = energy(orbit(0.0), MACHINE.values), MACHINE.values
     drift = energy(np.array([event.before for event in run.events]), p) / start - 1
     assert np.abs(drift).max() <= 1e-10
@@ -401,6 +402,19 @@ def test_its_map_and_multiplier():
     assert (point.kind, point.alpha) == ("lossless", pytest.approx(find(MACHINE).alpha, rel=1e-12))
 
 
+@pytest.mark.parametrize("restitution", [0.0, 0.3])
+def test_launches_together_go_as_each_alone(restitution):
+    machine, alphas = replace(MACHINE, restitution=restitution), np.array([9.7, 10.8, 11.3, 13.0])
+    hops = ReturnMap(machine)(alphas)
+    runs = [simulate(machine, alpha, hops=1) for alpha in alphas]
+    assert hops.next == pytest.approx([run.launches[-1] for run in runs], rel=1e-11)
+    assert hops.impacts.tolist() == [len(run.events) - 1 for run in runs]
+    starts = np.column_stack([alphas, hops.next])
+    states = np.stack([np.zeros((4, 2)), np.zeros((4, 2)), release(starts, machine.values), starts], axis=-1)
+    lost = -np.diff(energy(states, machine.values))[:, 0]
+    assert [sum(event.loss for event in run.events) for run in runs] == pytest.approx(lost.tolist(), rel=1e-9)
+
+
 def test_the_multiplier_of_bounces():
     """Each impact changes the state along a direction that depends on the knee's angle there."""
     machine, alpha, change = replace(MACHINE, restitution=0.3), 11.0, 1e-6
@@ -408,6 +422,22 @@ def test_the_multiplier_of_bounces():
     slope = float(step(alpha + change).next - step(alpha - change).next) / (2 * change)
     assert step(alpha).impacts > 1
     assert multiplier(machine, alpha) == pytest.approx(slope, rel=1e-5)
+
+
+def test_beside_the_orbit_there_is_no_multiplier_but_a_power_law(orbit):
+    c, step, change = orbit.certificate.loss_coefficient, ReturnMap(MACHINE), 1e-4
+    with pytest.raises(NoOrbit, match=rf"alpha [+] d loses {c:.4g} s\^\(1/3\)/rad\^\(1/3\) d\*\*\(4/3\)"):
+        multiplier(MACHINE, orbit.alpha)
+    lost = orbit.alpha + change - float(step(orbit.alpha + change).next)
+    assert lost == pytest.approx(c * change ** (4 / 3), rel=0.05)
+
+
+@pytest.mark.parametrize("method", ["half orbit", "shooting"])
+def test_each_method_comes_to_the_same_orbit(orbit, method):
+    near = {"liftoff": orbit.liftoff_extension, "alpha": 1.01 * orbit.alpha, "duration": 0.5 * orbit.flight_time}
+    found = find(MACHINE, start=near, method=method)
+    assert found.alpha == pytest.approx(orbit.alpha, rel=1e-12)
+    assert find(MACHINE, method=method).alpha == pytest.approx(orbit.alpha, rel=1e-12)
 
 
 def test_its_families_follow_the_link():
@@ -521,6 +551,16 @@ def test_units_of_another_system_convert_angles_to_themselves():
     assert feet.without("alpha", {"alpha": 3.0, "liftoff": 1.5}) == {"alpha": 3.0, "liftoff": 1.5}
     body = feet.convert_height(StateFormula(BODY, STATES, {"link": 1.0}), STATES)
     assert float(body(np.array([0.3048, 0.0, 1.0, 0.0]))) == pytest.approx(0.3048 * (1 + 2 * np.sin(0.5)), rel=1e-15)
+    aside = replace(feet, angles=("theta",))
+    assert [aside.text(name) for name in ("h", "theta", "theta'", "alpha", "liftoff")] == [
+        "m",
+        "rad",
+        "rad/s",
+        "m/s",
+        "m",
+    ]
+    assert aside.unusual_texts() == {}
+    assert feet.inverse().inverse() == feet
     lean = feet.convert_height(Affine((1.0, 0.0, 2.0, 0.0), 3.0), STATES)
     assert float(lean(np.array([0.3048, 0.0, 1.0, 0.0]))) == pytest.approx(0.3048 * 6.0, rel=1e-15)
 
