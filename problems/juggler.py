@@ -16,7 +16,7 @@ from typing import Any
 from orbits import Damper, Mass, Mechanism, Spring
 from orbits.errors import InputError
 from orbits.model.laws import Key, Parameters, Scalars
-from orbits.model.model import Model
+from orbits.model.model import Model, as_derived
 from orbits.model.modes import Modes, linear_modes
 from orbits.model.relative import straight_line
 
@@ -109,7 +109,7 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         closed_form=oscillator if finite.contact.closed_form else None,
     )
     hand = lambda x, p, q: [-finite.flight.field(x, p, q)[3], x[3]]  # noqa: E731
-    return replace(
+    heavy = replace(
         finite,
         name="heavy hand",
         contact=contact,
@@ -119,3 +119,4 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         impact_mass=lambda x, p: 0.0,
         impact=lambda x, p: [0.0, 1.0, 0.0, 0.0],
     )
+    return as_derived(heavy)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,7 @@ from .elements import Element, Scalar, Spring, fields_of, names_in, value_of
 from .laws import Key, Parameters, Scalars
 from .linear import Linear, LinearEquations
 from .mechanics import GRAVITY_SHARE, Mechanics, Term, weighted_sum
-from .model import Knee, Model
+from .model import Knee, Model, as_derived
 from .one_law import Alone, launch_of
 from .phase import Affine, Phase
 from .relative import pieces_along, reach_along
@@ -65,7 +65,7 @@ def derived_model(structure: Structure) -> Model:
     linear = Linear.of(mechanics)
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
     still = launch if moves_alone and not mechanics.varying else None
-    return Model(
+    model = Model(
         name=s.name,
         flight=parts.flight(linear.flight if linear else None),
         contact=parts.contact(linear.contact if linear else None),
@@ -91,12 +91,13 @@ def derived_model(structure: Structure) -> Model:
         homotopy=GRAVITY_SHARE if mechanics.varying else None,
         conservative=mechanics.conservative and not s.actuators,
         reduction=still.reduction if still else None,
-        tension=parts.tension,
+        tension=parts.tension if parts.counted else None,
         search=launch.relative.search if launch and mechanics.conservative else None,
         relative=launch.relative if launch and moves_alone else None,
         rest=parts.rest if s.rest else None,
         knees=parts.knees if s.knees else None,
     )
+    return as_derived(model)
 
 
 @lru_cache(maxsize=64)
@@ -177,6 +178,7 @@ class _Parts:
         self.gap = Affine(_interleaved([*mechanics.gap.tolist(), *[0.0] * ends], ends))
         self.gap_speed = Affine(_interleaved(mechanics.gap.tolist(), ends, 1))
         self.extension = self._numbers(structure.counts, "counts")
+        self.counted = next((spring for spring in self.springs if self._is_counted(spring)), None)
         self.contact_speed = Affine(tuple(float(i == self.launched + 1) for i in range(len(self.contact_states))))
         self._heights = [(name, self._function(height)) for name, height in structure.heights]
         self._distance = None if structure.separation is None else self._function(structure.separation)
@@ -258,6 +260,11 @@ class _Parts:
             return None
         return _interleaved((np.array(found.constants[:-1]) @ embed).tolist(), ends)
 
+    def _is_counted(self, spring: Spring) -> bool:
+        """Whether a spring's extension is the one that is counted, however long at rest."""
+        weights = self._weights(spring.extension, np.eye(len(self.mechanics.moved)), 0)
+        return weights is not None and weights[: 2 * self.size] == self.extension.weights[: 2 * self.size]
+
     def launch(self, u: Parameters, p: Parameters) -> list[Any]:
         """The flight state at lift-off."""
         return [weighted_sum(row, self._released(u)) for row in self.embed.tolist()]
@@ -315,8 +322,8 @@ class _Parts:
         return {name: height(p) for name, height in self._heights}
 
     def tension(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
-        """The force of the first spring in a flight state."""
-        spring, (y, _) = self.springs[0], self.mechanics.positions_and_rates(x, p)
+        """The force of the spring whose extension is counted, in a flight state."""
+        spring, (y, _) = cast(Spring, self.counted), self.mechanics.positions_and_rates(x, p)
         place = dict(zip(self.mechanics.moved, y, strict=True))
         return self.mechanics.law_of(spring).expression(value_of(spring.extension, place, p), p, q)
 

@@ -34,7 +34,7 @@ from .laws import Key, Law, coefficient_of_restitution, key_of, number, stated
 from .linear import LinearEquations
 from .machine import Stated
 from .mechanics import GRAVITY_SHARE
-from .model import Model
+from .model import Model, as_derived
 from .units import LENGTH, Units, unit_text
 
 
@@ -262,4 +262,4 @@ class Mechanism(Stated):
 @lru_cache(maxsize=64)
 def _with_units(model: Model, units: Units) -> Model:
     """The same model, its results in units."""
-    return replace(model, units=lambda p: units)
+    return as_derived(replace(model, units=lambda p: units))

@@ -27,10 +27,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import (
+    InconsistentModel,
     InputError,
     NoOrbit,
     Orbit,
     ReturnMap,
+    check,
     existence,
     find,
     find_all,
@@ -178,6 +180,29 @@ class KneeByHand:
 MACHINE = knee_hopper(body_mass=6.0, foot_mass=1.0, link=0.25, stiffness=20.0, rest_angle=1.8)
 OTHER = knee_hopper(body_mass=4.0, foot_mass=2.0, link=0.4, stiffness=70.0, rest_angle=2.0)
 LINK = MACHINE.values["link"]
+
+
+def test_it_holds_against_mechanics_and_wrong_fields_are_named():
+    assert max(check(MACHINE).largest, check(KneeByHand()).largest) < 0.1
+    flight, contact = MODEL.flight, MODEL.contact
+    without_bend = lambda x, p, q: [x[1], contact_rates([x[0], 0.0], p, q)[1]]  # noqa: E731
+    wrong = {
+        "impact": {"impact": lambda x, p: [0.0, 1.0, 0.0, -1.0 / slopes(p["rest_angle"], p)[0]]},
+        "impact_mass": {"impact_mass": lambda x, p: p["foot_mass"] * (1 + 0.01 * x[2])},
+        "contact.field": {"contact": replace(contact, field=without_bend)},
+        "flight.field": {"flight": replace(flight, field=lambda x, p, q: flight_rates([*x[:3], 0.9 * x[3]], p, q))},
+        "separation": {"separation": lambda p: StateFormula("2.1*link*sin(knee/2)", STATES, p)},
+        "heights": {"heights": lambda p: {**heights(p), "body": Affine((1.0, 0.1, 0.0, 0.0))}},
+        "knees": {"knees": lambda p: [("foot", "body", 0.2 * p["link"])]},
+        "rest": {"rest": lambda p: [0.1, 0.0, p["rest_angle"], 0.0]},
+    }
+
+    for field, changes in wrong.items():
+        machine = type("WrongKneeHopper", (KneeByHand,), {"model": replace(MODEL, **changes)})()
+        for use in (check, find):
+            with pytest.raises(InconsistentModel) as error:
+                use(machine)
+            assert error.value.fields == (field,)
 
 
 def lagrange_in_flight(t, x, p):
