@@ -35,7 +35,7 @@ from .linear import LinearEquations
 from .machine import Stated
 from .mechanics import GRAVITY_SHARE
 from .model import Model, as_derived
-from .units import Units, unit_text
+from .units import LENGTH, Units, unit_text
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -240,12 +240,16 @@ class Mechanism(Stated):
 
     @property
     def rest_length(self) -> float | None:
-        """The parameter of that name, if there is one."""
-        return self.parameters.get("rest_length")
+        """The distance that must stay positive, where the machine rests with its springs unloaded; None without one."""
+        if self.separation is None:
+            return None
+        at_rest = self.model.rest(self.values) if self.model.rest else np.zeros(len(self.model.flight.states))
+        return float(self.model.separation(self.values)(at_rest))
 
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""
         springs = [element.force.text for element in self.elements if isinstance(element, Spring)]
+        length = {} if self.separation is None else {"rest_length": unit_text(LENGTH)}
         return {
             "machine": self.name,
             "spring": ", ".join(dict.fromkeys(springs)),
@@ -255,7 +259,7 @@ class Mechanism(Stated):
             "restitution": self.restitution,
             "parameters": {name: self.parameters[name] for name in stated(self.parameters)},
             "laws_in": "SI" if self.in_si else "units of the machine",
-            **({"units": self.units_of_parameters()} if self.in_si else {}),
+            **({"units": {**length, **self.units_of_parameters()}} if self.in_si else {}),
         }
 
     def units_of_parameters(self) -> dict[str, str]:
