@@ -175,8 +175,8 @@ class TestAnotherMachine:
         assert run.y[:, -1] == pytest.approx([0.5 / 3, -orbit.alpha, 0.0, 0.0], abs=1e-10)
 
     def test_a_body_that_is_held_up(self):
-        """A fifth of the foot's weight lifts the body: the centre of mass falls at nine tenths of gravity where body and
-        foot weigh the same, and so does the scale of the hop."""
+        """A fifth of the foot's weight lifts the body: where body and foot weigh the same, the centre of mass falls at
+        nine tenths of gravity, and the hop has nine tenths of the size."""
         values = {"m1": 1.0, "m2": 1.0}
         plain = leg(Spring("body - foot", "r"), parameters=values)
         held = leg(Spring("body - foot", "r"), Potential("-0.2*m2*body"), parameters=values)
