@@ -160,8 +160,11 @@ class Impacts:
         return held, state, loss, wait
 
     def direction(self, x: np.ndarray) -> np.ndarray:
-        """The change (m, n) of flight states (m, n) per change of the gap's speed in an impact."""
+        """The change (m, n) of flight states (m, n) per change of the gap's speed in an impact; (1, n) where it is the
+        same for all."""
         rows = self.model.impact(list(x.T), self.values)
+        if not any(map(np.ndim, rows)):
+            return np.array([rows], dtype=float)
         return np.stack(np.broadcast_arrays(*rows, x[:, 0])[:-1], axis=1)
 
     @cached_property
