@@ -95,10 +95,12 @@ def start_from(
 
 
 def _with_laws(machine: Mechanism, laws: Sequence[Law]) -> Mechanism:
-    """The mechanism with other laws of its springs."""
+    """The mechanism with other laws of its springs, without the parameters that only those before had."""
     new = iter(laws)
     elements = [replace(each, force=next(new)) if isinstance(each, Spring) else each for each in machine.elements]
-    return replace(machine, elements=elements)
+    names = replace(machine, elements=elements, parameters={}).names
+    kept = {name: value for name, value in machine.parameters.items() if name in names}
+    return replace(machine, elements=elements, parameters=kept)
 
 
 def _mixed(key: Key, slope: float, p: Mapping[str, float]) -> Law:
