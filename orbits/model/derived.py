@@ -100,6 +100,7 @@ def derived_model(structure: Structure) -> Model:
     return as_derived(model)
 
 
+@lru_cache(maxsize=64)
 def derived_launch(structure: Structure) -> str:
     """The coordinate that is launched."""
     return _parts_of(structure).launched_name
@@ -314,7 +315,7 @@ class _Parts:
 
     def knees(self, p: Parameters) -> list[Knee]:
         """The pairs of heights that a knee joins."""
-        return [(lower, upper, value_of(length, {}, p)) for lower, upper, length in self.structure.knees]
+        return [(lower, upper, float(value_of(length, {}, p))) for lower, upper, length in self.structure.knees]
 
     def heights(self, p: Parameters) -> dict[str, Affine | StateFormula]:
         """The heights by name."""

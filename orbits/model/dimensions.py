@@ -33,6 +33,8 @@ def dimensions_of_parameters(mechanism: Any) -> dict[str, Dimension]:
     found |= {length: LENGTH for *_, length in mechanism.knees}
     if mechanism.gravity.text in mechanism.gravity.names:
         found[mechanism.gravity.text] = ACCELERATION
+    if isinstance(mechanism.surface_gravity, str):
+        found[mechanism.surface_gravity] = ACCELERATION
     if mechanism.separation is not None:
         found |= _lengths(mechanism.separation, coordinates)
     return {name: found[name] for name in mechanism.parameters if name in found}

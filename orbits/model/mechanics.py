@@ -240,13 +240,26 @@ class Mechanics:
         n, y, p = self.size, self.y, self.p
         self.gradients = ca.horzcat(*(term.gradient for term in self.terms))
         self.inverse = inverse = _inverse(self.inertia)
-        self.accelerations = -inverse @ self.gradients[:n, :]
+        self.accelerations = -self._accelerated(self.gradients[:n, :])
         self.flight_coefficients = Coefficients(self.accelerations, y, p)
         gap = ca.SX(self.gap)
         compliance = gap.T @ inverse @ gap
         self.impact = Coefficients((inverse @ gap).T / compliance, y, p)
         self.impact_mass = 1 / compliance
         self._derive_contact()
+
+    def _accelerated(self, forces: ca.SX) -> ca.SX:
+        """The inverse of the inertia times forces (n, k). Where as many masses as coordinates are all that moves, each
+        is accelerated alone, and what its own gradient is in the forces cancels."""
+        moving = self._moving_masses()
+        if len(moving) != self.size or not self.stated_inertia.is_zero():
+            return self.inverse @ forces
+        places, masses = zip(*moving, strict=True)
+        columns = ca.horzcat(*(ca.sparsify(self.gradient(place)[: self.size]) for place in places))
+        alone = ca.solve(columns, ca.sparsify(forces)) / ca.repmat(
+            ca.vertcat(*map(self.scalar, masses)), 1, forces.shape[1]
+        )
+        return ca.sparsify(ca.solve(columns.T, alone))
 
     def _derive_contact(self) -> None:
         n, m = self.size, self.size - 1

@@ -27,7 +27,20 @@ from orbits import (
     starts,
 )
 from orbits.model.consistency import algebraic_relations, suspects
-from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, hopper_in_si, juggler_in_si, springs
+from problems import (
+    Actuated,
+    Chain,
+    HeavyHand,
+    Hopper,
+    Juggler,
+    chain_hand,
+    hopper_in_si,
+    inerter_hopper,
+    juggler_in_si,
+    knee_hopper,
+    plate_hopper,
+    springs,
+)
 
 INVERSE_SQUARE = "1/(1 + z/90)**2"
 MACHINES = {
@@ -84,6 +97,18 @@ def test_machines_hold(name):
     table = str(checked).splitlines()
     assert table[0].endswith(f"{len(checked.relations)} relations hold")
     assert len(table) == 1 + len(checked.relations) + len(checked.left_out)
+
+
+@pytest.mark.parametrize(
+    "machine",
+    [inerter_hopper("r + 0.3*r**3"), knee_hopper(), plate_hopper(), chain_hand()],
+    ids=lambda machine: machine.name,
+)
+def test_new_machines_hold(machine):
+    start = None if machine.model.one_speed else starts(machine, 4.0, 4.0)[0]
+    checked = check(machine, start=start)
+    assert any("orbit's flight" in each.words for each in checked.relations)
+    assert checked.largest < 0.1
 
 
 def test_a_table_of_measurements_holds():
