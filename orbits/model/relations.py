@@ -182,6 +182,8 @@ def _landing(model: Model, draw: Draw) -> Iterator[Relation]:
     yield Relation(words, fields, share(at["landing"], scale))
     independent, gaps, accelerations = 0.0, 0.0, 0.0
     _, rates = coordinates(model.flight)
+    # The states that a launch is told are those of its mirror image too.
+    told = [np.eye(len(gap))[i] for i, name in enumerate(model.flight.states) if name in model.launch_unknowns]
     for rows, accelerates, gradient in zip(at["landing slopes"], a @ at["slopes"], at["gradient"], strict=True):
         if not np.isfinite(rows).all() or np.linalg.matrix_rank(rows) < 3:
             independent = np.inf
@@ -189,7 +191,7 @@ def _landing(model: Model, draw: Draw) -> Iterator[Relation]:
         gaps = max(gaps, _beyond(np.array([gap, a]), rows))
         # Where the acceleration depends on speeds, these are those of the launch, as the energy is that of the launch.
         by_speeds = share(accelerates[rates], accelerates) > LARGEST_DEVIATION
-        known = np.vstack([rows, gradient]) if by_speeds else rows
+        known = np.vstack([rows, *told, gradient] if by_speeds else [rows, *told])
         accelerations = max(accelerations, _beyond(accelerates, known))
     yield Relation("the three expressions of landing are independent", ("landing",), independent)
     yield Relation("where landing vanishes the gap is closed and at rest", ("landing", "gap"), gaps)

@@ -24,9 +24,23 @@ from orbits import (
     find,
     follow,
     simulate,
+    starts,
 )
 from orbits.model.consistency import algebraic_relations, suspects
-from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, hopper_in_si, juggler_in_si, springs
+from problems import (
+    Actuated,
+    Chain,
+    HeavyHand,
+    Hopper,
+    Juggler,
+    chain_hand,
+    hopper_in_si,
+    inerter_hopper,
+    juggler_in_si,
+    knee_hopper,
+    plate_hopper,
+    springs,
+)
 
 INVERSE_SQUARE = "1/(1 + z/90)**2"
 MACHINES = {
@@ -85,6 +99,18 @@ def test_machines_hold(name):
     assert len(table) == 1 + len(checked.relations) + len(checked.left_out)
 
 
+@pytest.mark.parametrize(
+    "machine",
+    [inerter_hopper("r + 0.3*r**3"), knee_hopper(), plate_hopper(), chain_hand()],
+    ids=lambda machine: machine.name,
+)
+def test_new_machines_hold(machine):
+    start = None if machine.model.one_speed else starts(machine, 4.0, 4.0)[0]
+    checked = check(machine, start=start)
+    assert any("orbit's flight" in each.words for each in checked.relations)
+    assert checked.largest < 0.1
+
+
 def test_a_table_of_measurements_holds():
     x = np.linspace(-5, 5, 41)
     assert check(Hopper(springs.table((x, x + 0.05 * x**3)), rest_length=20.0)).largest < 0.1
@@ -92,8 +118,30 @@ def test_a_table_of_measurements_holds():
 
 def test_a_chain_holds_along_its_own_hop():
     chain = Chain([1.0, 2.0, 0.7], ["r", "r + 0.1*r**3"])
-    starts = chain.starts(4.0, 4.0)
-    checked = check(chain, start=starts[0])
+    checked = check(chain, start=chain.starts(4.0, 4.0)[0])
+    assert any("orbit's flight" in each.words for each in checked.relations)
+    assert checked.largest < 0.1
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "gap", "springs"),
+    [
+        (("body", "foot", "plate"), "foot - plate", ("body - foot", "plate")),
+        (("ball", "hand", "carrier"), "ball - hand", ("hand - carrier", "carrier")),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_machines_of_three_masses_hold_along_their_own_hops(coordinates, gap, springs):
+    machine = Mechanism(
+        coordinates=coordinates,
+        elements=[
+            *(Mass(name, f"m{i}") for i, name in enumerate(coordinates, 1)),
+            *(Spring(springs[0], "k*r"), Spring(springs[1], "K*r")),
+        ],
+        gap=gap,
+        parameters={"m1": 1.0, "m2": 0.5, "m3": 2.0, "k": 1.0, "K": 8.0},
+    )
+    checked = check(machine, start=starts(machine, 4.0, 4.0)[0])
     assert any("orbit's flight" in each.words for each in checked.relations)
     assert checked.largest < 0.1
 
