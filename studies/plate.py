@@ -1,8 +1,8 @@
 """Where a hopper hops on a sprung plate without loss: along the plate's stiffness, and along its mass.
 
 A body and a foot of mass 1 on a spring of stiffness 1, on a plate of mass m3 with stiffness K. At every stiffness that
-is asked for there are lossless hops that are motions, but no family of them goes all the way. On a stiff plate there is
-one near the plain hop at every stiffness, each time another: followed in the stiffness, its times change with the
+is tried there are lossless hops that are motions, but no family of them goes all the way. On a stiff plate one of them
+is near the plain hop, but not always the same: followed in the stiffness, its times change with the
 plate's vibration, it departs from the plain hop, and it ends as a motion where the plate would have to pull the foot.
 On softer plates families end where the two frequencies of flight are as 1 : 1 or 1 : 2 (K = 4 and 1 for m3 = 2), with a
 launch speed that grows without bound, or where those of contact are as 1 : 2 or 1 : 3, (4 + K)^2 = 3 (n + 1/n)^2 K for
@@ -38,7 +38,7 @@ class Plain(NamedTuple):
 
 @cache
 def plain() -> Plain:
-    """The plain hopper, whose own units are those of mass, stiffness and gravity 1 but for a clock by sqrt(2) faster."""
+    """The plain hopper, whose own units are those of mass, stiffness and gravity 1 but for the clock."""
     orbit, clock = find(Hopper()), np.sqrt(2)
     return Plain(orbit.alpha * clock, orbit.flight_time / 2 / clock, orbit.contact_time / 2 / clock, orbit.alpha)
 
