@@ -95,7 +95,7 @@ def draw_map(panels, quick: bool) -> dict[str, float]:
     """Draw the times of all motions against the plate's stiffness; the fewest motions at a stiffness, and how far the
     nearest to the plain hop is on stiff plates."""
     fewest, farthest = np.inf, 0.0
-    for stiffness in np.geomspace(*ALONG["plate_stiffness"], 12 if quick else 80):
+    for stiffness in np.geomspace(*((0.1, 50.0) if quick else ALONG["plate_stiffness"]), 8 if quick else 80):
         found = motions(stiffness, 2.0, 3.0 if stiffness < 5 else 1.5)
         fewest, times = min(fewest, len(found)), shares(found)
         if stiffness > 10:
@@ -108,7 +108,7 @@ def draw_map(panels, quick: bool) -> dict[str, float]:
 def draw_families(panels, along: str, quick: bool) -> dict[str, int]:
     """Draw the families of the hops nearest to the plain one; how many of them end for which reason."""
     reasons: dict[str, int] = {}
-    for value, colour in zip(FROM[along][-2:] if quick else FROM[along], COLOURS, strict=False):
+    for value, colour in zip(FROM[along][-1:] if quick else FROM[along], COLOURS, strict=False):
         found = motions(*((value, 2.0) if along == "plate_stiffness" else (10.0, value)), 1.5)
         found.sort(key=lambda orbit: np.abs(shares([orbit]) - 1).max())
         for orbit in found[:1]:
