@@ -36,6 +36,20 @@ class InputError(OrbitsError, ValueError):
     """A number, formula, file or option that the user gave has no meaning."""
 
 
+class InconsistentModel(InputError):
+    """A model whose fields contradict each other, or have not the form that they should.
+
+    fields : names of those that are wrong
+    """
+
+    def __init__(self, message: str, fields: tuple[str, ...] = ()):
+        super().__init__(message)
+        self.fields = fields
+
+    def __str__(self) -> str:  # every field that is wrong is named
+        return Exception.__str__(self)
+
+
 class NoOrbit(OrbitsError):
     """The machine has no such orbit, or none could be certified; the message gives the reason."""
 

@@ -16,7 +16,7 @@ from typing import Any
 from orbits import Damper, Mass, Mechanism, Spring
 from orbits.errors import InputError
 from orbits.model.laws import Key, Parameters, Scalars
-from orbits.model.model import Model
+from orbits.model.model import Model, as_derived
 from orbits.model.modes import Modes, linear_modes
 from orbits.model.relative import straight_line
 
@@ -38,14 +38,12 @@ class Juggler(TwoMassMachine):
     def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool, moved: bool = False) -> Mechanism:
         """The mechanism of the keys of the laws, see `TwoMassMachine.mechanism`."""
         ball, hand = ("rest_length + w1", "rest_length + w2") if has_length else ("w1", "w2")
+        masses = [Mass(ball, "1/mass_ratio"), Mass(hand, 1.0)]
         dampers = [Damper("w2", "damping"), Damper("w1", "drag"), Damper("w2", "drag")]
         return Mechanism(
             name="juggler",
             coordinates=("w1", "w2"),
-            elements=[
-                *(Mass(ball, "1/mass_ratio"), Mass(hand, 1.0)),
-                *(Spring(f"w2 - {END}" if moved else "w2", spring), *(dampers if damped else [])),
-            ],
+            elements=[*masses, Spring(f"w2 - {END}" if moved else "w2", spring), *(dampers if damped else [])],
             gap="w1 - w2",
             gravity=gravity or "1",
             energy_unit="1/mass_ratio",
@@ -111,7 +109,7 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         closed_form=oscillator if finite.contact.closed_form else None,
     )
     hand = lambda x, p, q: [-finite.flight.field(x, p, q)[3], x[3]]  # noqa: E731
-    return replace(
+    heavy = replace(
         finite,
         name="heavy hand",
         contact=contact,
@@ -121,3 +119,4 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         impact_mass=lambda x, p: 0.0,
         impact=lambda x, p: [0.0, 1.0, 0.0, 0.0],
     )
+    return as_derived(heavy)

@@ -5,16 +5,14 @@ m2 g, times in sqrt(m2/k) and, for the hopper, over sqrt(1 + m2/m1) (eq. 2). The
 these change; k is the spring's stiffness at rest as first stated, and stays, since it is free to choose.
 """
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Self, TypeAlias
 
-import casadi as ca
-
 from orbits.errors import InputError
-from orbits.model.laws import UNIT_FORCE, UNIT_LENGTH, Key, Law, number, stated
+from orbits.model.dimensions import coefficient_dimensions
+from orbits.model.laws import UNIT_FORCE, UNIT_LENGTH, Law, number, stated
 from orbits.model.model import Model, reparametrised
 from orbits.model.units import ACCELERATION, LENGTH, MASS, Dimension, Units, unit_text
 from orbits.symbolic.exclusive import exclusive, exclusive_property
@@ -245,23 +243,6 @@ class MachineInSI(TwoMasses):
         laws = {} if self.spring is None else coefficient_dimensions(self.spring.key)
         known = {**laws, **DIMENSIONS_OF_PARAMETERS}
         return {name: unit_text(known[name]) for name in self.values if name in known}
-
-
-@exclusive
-@lru_cache(maxsize=256)
-def coefficient_dimensions(spring: Key) -> dict[str, Dimension]:
-    """Dimensions of those parameters of a spring's law in SI that are coefficients of powers of the extension."""
-    x, p = ca.SX.sym("x"), {name: ca.SX.sym(name) for name in spring.names}
-    found: dict[str, Dimension] = {}
-    if spring.pieces is None:
-        for name, symbol in p.items():
-            power = ca.jacobian(ca.SX(spring.expression(x, p, [])), symbol)
-            if ca.depends_on(power, ca.vertcat(*p.values())):
-                continue
-            low, middle, high = (float(ca.evalf(ca.substitute(power, x, place))) for place in (0.5, 1.0, 2.0))
-            if low > 0 and middle > 0 and abs(high * low / middle**2 - 1) < 1e-12:
-                found[name] = (-round(math.log2(high / middle), 9), 0, 1)
-    return found
 
 
 AnyMachine: TypeAlias = TwoMassMachine | MachineInSI

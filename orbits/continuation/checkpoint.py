@@ -44,7 +44,7 @@ def collect_family(
                     print(json_line(line), file=file, flush=True)
             if progress and isinstance(item, CurvePoint):
                 progress((item.value - tracer.start) / (tracer.stop - tracer.start))
-            interrupts.check()
+            interrupts.heed()
     return replace(family, points=tuple(points), events=tuple(events), end=end)
 
 

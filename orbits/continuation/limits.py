@@ -20,8 +20,8 @@ CLEAR, ARRIVED = 0.1, 1e-6
 POWERS = ([0, 1, 2, 3, 4, 5], [0, 2, 3, 4, 5, 6])
 # The error is taken as this many times the change by the last term, since the terms left out may be larger.
 CAUTION = 3
-# A flight that shrinks to nothing with the launch speed has less than this share of its time when the speed has less than
-# the reciprocal of `StepControl.escape_ratio`.
+# A flight that shrinks to nothing with the launch speed has less than this share of its time when the speed has less
+# than the reciprocal of `StepControl.escape_ratio`.
 SHRUNK = 0.3
 # The curve may pass its first point on a chord that begins within this many lengths of the step from it, in the
 # parameter; these are about the chord's.

@@ -28,10 +28,10 @@ def starts(machine: Mechanism, half_contact: float, half_flight: float, seed: in
     half_contact, half_flight : the longest half times of contact and of flight
     seed : of the quasi-random pairs of times from which they are searched; another one may find some more
 
-    For linear springs they are those of `linear_hops`, which rise at lift-off. Other springs are brought in step by step,
-    from the linear ones with their slopes where they are not extended, and each hop is followed. Hops that end on the way
-    are left out, as are hops that no linear one leads to. Raises `InputError` for a mechanism that is not linear with
-    linear springs, under constant gravity.
+    For linear springs they are those of `linear_hops`. Other springs are brought in step by step, from the linear ones
+    with their slopes where they are not extended, and each hop is followed. Hops that end on the way are left out, as
+    are hops that no linear one leads to. Raises `InputError` for a mechanism that is not linear with linear springs,
+    under constant gravity.
     """
     if not isinstance(machine, Mechanism):
         raise InputError(f"starts are those of a Mechanism, not of a {type(machine).__name__}")

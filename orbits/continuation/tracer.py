@@ -167,7 +167,8 @@ class Tracer:
         """The state after a batch: longer batches if nothing was rejected, else shorter steps one at a time."""
         control, size, rejections = self.control, 1, state.rejections
         if batch.rejection:
-            # A change of family is approached by halving the step some twenty times, however well the curve is followed.
+            # A change of family is approached by halving the step some twenty times, however well the curve is
+            # followed.
             worse = 0 if isinstance(batch.rejection, AnotherFamily) else 1
             rejections = max(rejections - len(batch.certified) / control.recovery, 0.0) + worse
             ends = ends if ends[-1] is state.last else [*ends, state.last]

@@ -131,7 +131,7 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) 
     first, iterations = current.problem.unpack(current.x), 0
     motion: MotionRollout | None = None
     for rounds in range(1, STEER_OPTIONS.rounds + 1):
-        interrupts.check()
+        interrupts.heed()
         found = _minimum(current, fixed, bounds)
         iterations += found.iterations
         if found.kind != "minimum":

@@ -101,7 +101,7 @@ def local_optimum(machine: Machine, orbit: Orbit, problem: DesignProblem) -> Des
     """The local optimum that an orbit leads to; raises `NoOrbit` with the reason when it leads to none."""
     search = _initial_search(machine, orbit, problem)
     for _ in range(MOST_ROUNDS):
-        interrupts.check()
+        interrupts.heed()
         result = _next(search)
         if isinstance(result, Design):
             return result

@@ -46,7 +46,7 @@ def solved_designs(
     numbers = {name: np.full(count, np.nan) for name in columns}
     designs = Designs(tuple(names), values, numbers, *np.full((2, count), "", dtype=object))
     for i in _solved_in_lanes(machine, designs, family, formulas).tolist():
-        interrupts.check()
+        interrupts.heed()
         _solve_alone(machine, designs, i, family, formulas)
     return designs
 

@@ -118,7 +118,7 @@ def best_design(
     """
     began, tried, optima, errors = time.perf_counter(), list[Start](), list[Design](), list[OrbitsError]()
     for i, point in enumerate(points):
-        interrupts.check()
+        interrupts.heed()
         values = {name: point[name] for name in problem.names}
         try:
             varied = machine.with_values(**values)

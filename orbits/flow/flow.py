@@ -114,7 +114,7 @@ class Flow:
         count = int(np.clip(np.ceil(duration / step * (1 - STEP_ROUNDING)), 1, control.max_steps))
         blocks, halt, end, first = [], None, duration, 0
         while first < count:
-            interrupts.check()
+            interrupts.heed()
             # The further a motion has come, the more steps are searched in one call.
             block = min(max(first, control.look_ahead), LARGEST_BLOCK) if stop else count
             times = step * np.arange(first, first := min(first + block, count))
@@ -139,7 +139,7 @@ class Flow:
         coefficients, slopes, times, h, taken = [], [], [0.0], None, 0
         block = 1 if self.phase.pieces else self.control.look_ahead if stop else self.control.max_block
         while times[-1] < duration:
-            interrupts.check()
+            interrupts.heed()
             left = duration - times[-1]
             steps, c, dc = stepper.advance(x, piece.data, variations, piece.seeds, block, left, h)
             steps, c = self._accepted_steps(steps, c, times[-1], taken)

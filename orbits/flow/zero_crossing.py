@@ -119,7 +119,7 @@ class _ZeroSearch:
         for _ in range(self.flow.control.max_calls):
             if not len(remaining):
                 break
-            interrupts.check()
+            interrupts.heed()
             times = began[:, None] + length * np.arange(block)
             c = form.along(self.quantity.weights, self.starts[remaining].T[:, :, None], times, CLOSED_ORDER)
             c[:, 0] += self.quantity.offset
@@ -158,7 +158,7 @@ class _ZeroSearch:
             pieces.keep(inside)
             if not len(remaining):
                 return
-            interrupts.check()
+            interrupts.heed()
             p = pieces.data if flow.phase.pieces else self.ps[remaining] if len(self.ps) > 1 else self.ps
             turns = self.over[1] if self.over else 0
             limits, tests = self.limit[remaining], self._tests(pieces)

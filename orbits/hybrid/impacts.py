@@ -18,7 +18,7 @@ from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway, fi
 from ..flow.flow import Flow, flow_of
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import MOST_CLOSED_STEPS, first_zeros
-from ..model.machine import ImpactingMachine, check_machine
+from ..model.machine import Machine, check_machine
 from ..model.phase import Affine
 from ..model.units import LIFTOFF_SPEED, Message, Quantity
 from ..numerics.bernstein import Crossings
@@ -115,7 +115,7 @@ class Impacts:
     Raises `InputError` for what is no machine with a restitution.
     """
 
-    def __init__(self, machine: ImpactingMachine, values: Mapping | None = None, options: ImpactOptions | None = None):
+    def __init__(self, machine: Machine, values: Mapping | None = None, options: ImpactOptions | None = None):
         check_machine(machine, "restitution")
         self.machine, self.options = machine, options or ImpactOptions()
         model, self.restitution = machine.model, float(machine.restitution)
@@ -160,8 +160,11 @@ class Impacts:
         return held, state, loss, wait
 
     def direction(self, x: np.ndarray) -> np.ndarray:
-        """The change (m, n) of flight states (m, n) per change of the gap's speed in an impact."""
+        """The change (m, n) of flight states (m, n) per change of the gap's speed in an impact; (1, n) where it is the
+        same for all."""
         rows = self.model.impact(list(x.T), self.values)
+        if not any(map(np.ndim, rows)):
+            return np.array([rows], dtype=float)
         return np.stack(np.broadcast_arrays(*rows, x[:, 0])[:-1], axis=1)
 
     @cached_property

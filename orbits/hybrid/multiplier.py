@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
-from ..model.machine import ImpactingMachine, dimensionless
+from ..model.machine import Machine, dimensionless
 from ..model.units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, without_units
 from ..periodic.local_law import loss_coefficient
 from ..symbolic.exclusive import exclusive
@@ -22,7 +22,7 @@ TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, i
 
 
 @exclusive
-def multiplier(machine: ImpactingMachine, alpha: float) -> float:
+def multiplier(machine: Machine, alpha: float) -> float:
     """d(next launch speed)/d(launch speed) over the hop that starts with `alpha`.
 
     Raises `NoOrbit` where there is none: the machine does not lift off again, or lands tangentially.

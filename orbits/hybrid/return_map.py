@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import flow_of
 from ..io import fields_in_line, one_line
-from ..model.machine import ImpactingMachine, dimensionless
+from ..model.machine import Machine, dimensionless
 from ..model.units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Units, without_units
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
@@ -97,7 +97,7 @@ class ReturnMap:
     """
 
     @exclusive
-    def __init__(self, machine: ImpactingMachine, inject: float = 0.0, cap: int = CAP):
+    def __init__(self, machine: Machine, inject: float = 0.0, cap: int = CAP):
         self.machine, self._units = machine, getattr(machine, "units", None) or Units(1.0, 1.0, 1.0)
         self._bare: ReturnMap | None = None  # of the dimensionless machine, where this one has units
         self._speed: float = self._units.of(LIFTOFF_SPEED)
@@ -111,7 +111,7 @@ class ReturnMap:
     def __repr__(self) -> str:
         return fields_in_line(self, "machine", "inject", "cap")
 
-    def __reduce__(self) -> tuple[type, tuple[ImpactingMachine, float, int]]:
+    def __reduce__(self) -> tuple[type, tuple[Machine, float, int]]:
         return type(self), (self.machine, self.inject, self.cap)
 
     @exclusive

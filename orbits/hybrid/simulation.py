@@ -18,7 +18,7 @@ from ..errors import FlowError, InputError, finite_number, whole_number
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
 from ..io import fields_in_line
-from ..model.machine import ImpactingMachine, check_machine, dimensionless
+from ..model.machine import Machine, check_machine, dimensionless
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
@@ -110,7 +110,7 @@ class Simulation:
     status: str
     launches: np.ndarray
     end: float
-    machine: ImpactingMachine
+    machine: Machine
     reason: str = ""
 
     @cached_property
@@ -211,7 +211,7 @@ class Simulation:
 
 @exclusive
 def simulate(
-    machine: ImpactingMachine, alpha: float | Mapping[str, float] | None = None, *, state: ArrayLike | None = None,
+    machine: Machine, alpha: float | Mapping[str, float] | None = None, *, state: ArrayLike | None = None,
     hops: int | None = None, time: float = np.inf, inject: float = 0.0, cap: int = CAP,
     schedule: tuple[ArrayLike, Mapping[str, ArrayLike]] | None = None,
 ) -> Simulation:  # fmt: skip
@@ -256,7 +256,7 @@ def simulate(
         return _Run(impacts, inject, hops, float(time), cap, known).simulate(x, order, launch_speed)
 
 
-def _checked_state(machine: ImpactingMachine, state: ArrayLike) -> np.ndarray:
+def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
     """A flight state (n,); raises `InputError` where it is none."""
     names = machine.model.flight.states
     with suppress(TypeError, ValueError):
@@ -285,7 +285,7 @@ def _simulate_in(units: Units, machine, alpha, state, hops, time, inject, cap, i
     return run_in_units(run, units, machine)
 
 
-def run_in_units(run: Simulation, units: Units, machine: ImpactingMachine) -> Simulation:
+def run_in_units(run: Simulation, units: Units, machine: Machine) -> Simulation:
     """A dimensionless simulation in these units, of the machine that has them."""
     size = units.of_states(machine.model.flight.states)
     legs = tuple(replace(leg, start=leg.start * units.time, path=units.convert_motion(leg.path)) for leg in run.legs)

@@ -2,30 +2,31 @@
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ..symbolic.calls import ElementwiseFunction, Instruction, single_assignment
+from ..symbolic.calls import ElementwiseFunction, single_assignment
 from ..symbolic.exclusive import LOCK
 
 # A coefficient that is the same at so many random parameters and configurations is a number, to the digits that are
 # alike; a rational function that is constant at random places is constant (Schwartz 1980, Zippel 1979).
 SAMPLES, SAME, DIGITS = 5, 1e-12, 12
 PARAMETERS_BETWEEN, COORDINATES_BETWEEN = (0.6, 1.7), (-0.4, 0.5)
-# Short expressions of these operations are evaluated one by one on Python's numbers and NumPy's arrays, since a call of a
-# compiled function takes as long as fifty of them.
+# Short expressions of these operations, of two arguments or of one given twice, are evaluated one by one on Python's
+# numbers and NumPy's arrays, since a call of a compiled function takes as long as fifty of them.
 ARITHMETIC: dict[int, Callable] = {
     ca.OP_ADD: operator.add,
     ca.OP_SUB: operator.sub,
     ca.OP_MUL: operator.mul,
     ca.OP_DIV: operator.truediv,
-    ca.OP_NEG: operator.neg,
-    ca.OP_SQ: lambda x: x * x,
-    ca.OP_TWICE: lambda x: x + x,
-    ca.OP_INV: lambda x: 1.0 / x,
+    ca.OP_NEG: lambda x, _: -x,
+    ca.OP_SQ: operator.mul,
+    ca.OP_TWICE: operator.add,
+    ca.OP_INV: lambda x, _: 1.0 / x,
 }
 MOST_OPERATIONS = 60
 
@@ -45,20 +46,30 @@ class Coefficients:
 
     def __call__(self, p: Mapping[str, Any], y: Sequence[Any] = ()) -> list[list[Any]]:
         """The rows of the matrix at parameters and coordinates that are expressions, numbers, or arrays (m,)."""
+        if not self.places:
+            return self._numbers
         values = list(self.constants)
-        if self.places:
-            for place, value in zip(self.places, self._values([p[name] for name in self.names], y), strict=True):
-                values[place] = value
-        rows, columns = self.shape
-        return [[values[i + rows * j] for j in range(columns)] for i in range(rows)]
+        for place, value in zip(self.places, self._values([p[name] for name in self.names], y), strict=True):
+            values[place] = value
+        return self._matrix(values)
+
+    def _matrix(self, values: list[Any]) -> list[list[Any]]:
+        """The rows of the matrix with these values, which go down its columns."""
+        return [values[i :: self.shape[0]] for i in range(self.shape[0])]
+
+    @cached_property
+    def _numbers(self) -> list[list[Any]]:
+        """The rows of a matrix of numbers."""
+        return self._matrix(self.constants)
 
     def _values(self, p: list[Any], y: Sequence[Any]) -> list[Any]:
         """Those that are not constant."""
-        place = list(y) if self.by_coordinates else [0.0] * self.function.numel_in(0)
-        if any(isinstance(value, ca.SX | ca.MX) for value in (*p, *place)):
-            return ca.vertsplit(self.function(ca.vertcat(*place), ca.vertcat(*p)))
-        if self._instructions is not None:
-            return _evaluated(self._instructions, (place, p), len(self.places))
+        place = list(y) if self.by_coordinates else self._nowhere
+        for value in (*p, *place):
+            if isinstance(value, ca.SX | ca.MX):
+                return ca.vertsplit(self.function(ca.vertcat(*place), ca.vertcat(*p)))
+        if self._program:
+            return self._program([*place, *p])
         arrays = np.broadcast_arrays(*place, *p, np.zeros(()))[:-1]
         columns, count = [np.ravel(array) for array in arrays], len(place)
         size = max((len(column) for column in columns), default=1)
@@ -66,14 +77,15 @@ class Coefficients:
         return list(found.T) if arrays and arrays[0].ndim else found[0].tolist()
 
     @cached_property
-    def _instructions(self) -> list[Instruction] | None:
+    def _nowhere(self) -> list[float]:
+        """Coordinates on which nothing depends."""
+        return [0.0] * self.function.numel_in(0)
+
+    @cached_property
+    def _program(self) -> "Program | None":
         """The operations one after the other, None where there are many or others than those of arithmetic."""
-        if self.function.n_instructions() > MOST_OPERATIONS:
-            return None
         with LOCK:
-            instructions = single_assignment(self.function)
-        known = {*ARITHMETIC, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
-        return instructions if all(operation in known for operation, *_ in instructions) else None
+            return program_of(self.function) if self.function.n_instructions() <= MOST_OPERATIONS else None
 
     @cached_property
     def _numeric(self) -> ElementwiseFunction:
@@ -81,20 +93,53 @@ class Coefficients:
             return ElementwiseFunction(self.function)
 
 
-def _evaluated(instructions: Sequence[Instruction], arguments: Sequence[Sequence[Any]], count: int) -> list[Any]:
-    """The results of operations on numbers and arrays."""
-    values, results = list[Any](), [0.0] * count
-    for operation, places, constant in instructions:
+@dataclass(frozen=True)
+class Program:
+    """Operations on numbers and arrays.
+
+    constants : that follow after the arguments in the list of values
+    steps : each operation with the places of its two arguments; its result is added to the list
+    results : their places
+    """
+
+    constants: tuple[float, ...]
+    steps: tuple[tuple[Callable, int, int], ...]
+    results: tuple[int, ...]
+
+    def __call__(self, arguments: list[Any]) -> list[Any]:
+        values = [*arguments, *self.constants]
+        for operation, i, j in self.steps:
+            values.append(operation(values[i], values[j]))
+        return [values[i] for i in self.results]
+
+
+def program_of(function: ca.Function) -> Program | None:
+    """The operations of a function of vectors with one result; None where some are no arithmetic."""
+    instructions = single_assignment(function)
+    if not {operation for operation, *_ in instructions} <= {*ARITHMETIC, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
+        return None
+    starts = (0, function.numel_in(0))
+    constants = [float(constant) for *_, constant in instructions if constant is not None]
+    first = sum(function.numel_in(i) for i in range(function.n_in()))
+    position, steps, results, known = (
+        list[int](),
+        list[tuple[Callable, int, int]](),
+        dict[int, int](),
+        iter(range(first, first + len(constants))),
+    )
+    for operation, places, _ in instructions:
         if operation == ca.OP_INPUT:
-            values.append(arguments[places[0]][places[1]])
-        elif operation == ca.OP_OUTPUT:
-            results[places[2]] = values[places[0]]
-            values.append(None)
+            position.append(starts[places[0]] + places[1])
         elif operation == ca.OP_CONST:
-            values.append(constant)
+            position.append(next(known))
+        elif operation == ca.OP_OUTPUT:
+            results[places[2]] = position[places[0]]
+            position.append(-1)
         else:
-            values.append(ARITHMETIC[operation](*(values[place] for place in places)))
-    return results
+            i, j = position[places[0]], position[places[-1]]
+            position.append(first + len(constants) + len(steps))
+            steps.append((ARITHMETIC[operation], i, j))
+    return Program(tuple(constants), tuple(steps), tuple(results[i] for i in range(len(results))))
 
 
 def _constants(function: ca.Function) -> np.ndarray:

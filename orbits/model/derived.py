@@ -1,8 +1,10 @@
 """The whole `Model` of a mechanism, derived from its mechanics."""
 
 from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import casadi as ca
 import numpy as np
@@ -11,12 +13,12 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..symbolic.exclusive import exclusive
 from .coefficients import Coefficients
-from .elements import Element, Scalar, Spring, names_in, value_of
+from .elements import Element, Scalar, Spring, fields_of, names_in, value_of
 from .laws import Key, Parameters, Scalars
 from .linear import Linear, LinearEquations
-from .mechanics import GRAVITY_SHARE, Mechanics, weighted_sum
-from .model import Knee, Model
-from .one_law import launch_of
+from .mechanics import GRAVITY_SHARE, Mechanics, Term, weighted_sum
+from .model import Knee, Model, as_derived
+from .one_law import Alone, launch_of
 from .phase import Affine, Phase
 from .relative import pieces_along, reach_along
 from .state_formula import StateFormula
@@ -57,16 +59,16 @@ class Structure(NamedTuple):
 @lru_cache(maxsize=64)
 def derived_model(structure: Structure) -> Model:
     """The model of a mechanism; raises `InputError` for what is no mechanism."""
-    s, mechanics = structure, _mechanics_of(structure)
-    parts = _Parts(structure, mechanics)
-    launch = launch_of(mechanics, parts.words["liftoff"], dict(s.rest).get(parts.launched_name, 0.0))
+    s, parts = structure, _parts_of(structure)
+    mechanics = parts.mechanics
+    launch = launch_of(mechanics, parts.alone, parts.words["liftoff"], dict(s.rest).get(parts.launched_name, 0.0))
     linear = Linear.of(mechanics)
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
     still = launch if moves_alone and not mechanics.varying else None
-    return Model(
+    model = Model(
         name=s.name,
-        flight=parts.flight(linear and linear.flight),
-        contact=parts.contact(linear and linear.contact),
+        flight=parts.flight(linear.flight if linear else None),
+        contact=parts.contact(linear.contact if linear else None),
         launch=parts.launch,
         launch_unknowns=parts.launch_unknowns,
         liftoff=parts.liftoff,
@@ -88,34 +90,67 @@ def derived_model(structure: Structure) -> Model:
         springs=parts.drawn,
         homotopy=GRAVITY_SHARE if mechanics.varying else None,
         conservative=mechanics.conservative and not s.actuators,
-        reduction=still and still.reduction,
-        tension=parts.tension,
+        reduction=still.reduction if still else None,
+        tension=parts.tension if parts.counted else None,
         search=launch.relative.search if launch and mechanics.conservative else None,
         relative=launch.relative if launch and moves_alone else None,
         rest=parts.rest if s.rest else None,
         knees=parts.knees if s.knees else None,
     )
+    return as_derived(model)
 
 
+@lru_cache(maxsize=64)
 def derived_launch(structure: Structure) -> str:
     """The coordinate that is launched."""
-    return _Parts(structure, _mechanics_of(structure)).launched_name
+    return _parts_of(structure).launched_name
 
 
 @exclusive
 def linear_equations(structure: Structure, p: Parameters) -> LinearEquations:
     """The matrices of a mechanism whose springs are straight lines; raises `InputError` for another."""
-    linear = Linear.of(_mechanics_of(structure))
+    linear = Linear.of(_parts_of(structure).mechanics)
     if linear is None:
         raise InputError(f"the {structure.name} is not linear: a law or an extension of it is no straight line")
     return linear.equations(p)
 
 
+def _parts_of(structure: Structure) -> "_Parts":
+    """The parts of a model. All of them but the laws of the springs are built once for structures that differ in these
+    alone."""
+    springs = [element for element in structure.elements if isinstance(element, Spring)]
+    places = iter(range(len(springs)))
+    elements = tuple(replace(e, force=next(places)) if isinstance(e, Spring) else e for e in structure.elements)
+    laws = [spring.force for spring in springs]
+    own = {name for law in laws for name in law.names} - _names_beside_laws(structure)
+    names = tuple(name for name in structure.parameters if name not in own)
+    return _parts_without_laws(structure._replace(elements=elements, parameters=names)).with_laws(laws)
+
+
+def _names_beside_laws(s: Structure) -> set[str]:
+    """The names that a structure asks for beside the laws of its springs."""
+    expressions = [value for element in s.elements for value in fields_of(element)]
+    expressions += [value for row in s.inertia for value in row]
+    expressions += [value for _, value in (*s.heights, *s.rest)] + [value for *_, value in s.knees]
+    expressions += [s.gap, s.surface_gravity, s.counts, s.separation, s.energy_unit]
+    if any(map(callable, expressions)):
+        return set(s.parameters)  # a function may ask for any of them
+    return {name for value in expressions for name in names_in(value)} | {*s.gravity.names, GRAVITY_SHARE}
+
+
 @lru_cache(maxsize=64)
-def _mechanics_of(s: Structure) -> Mechanics:
-    return Mechanics(
-        s.coordinates, s.actuators, s.elements, s.inertia, s.gap, s.gravity, s.surface_gravity, s.parameters
-    )
+def _parts_without_laws(s: Structure) -> "_Parts":
+    places = s.coordinates, s.actuators, s.elements
+    return _Parts(s, Mechanics(*places, s.inertia, s.gap, s.gravity, s.surface_gravity, s.parameters))
+
+
+class _Slopes(NamedTuple):
+    """What the gradient of an energy is made of: the coefficients of forces and of rates, and the slopes of the kinetic
+    energy by the coordinates."""
+
+    by_forces: Coefficients
+    by_rates: Coefficients
+    turning: Callable
 
 
 class _Parts:
@@ -143,18 +178,23 @@ class _Parts:
         self.gap = Affine(_interleaved([*mechanics.gap.tolist(), *[0.0] * ends], ends))
         self.gap_speed = Affine(_interleaved(mechanics.gap.tolist(), ends, 1))
         self.extension = self._numbers(structure.counts, "counts")
+        self.counted = next((spring for spring in self.springs if self._is_counted(spring)), None)
         self.contact_speed = Affine(tuple(float(i == self.launched + 1) for i in range(len(self.contact_states))))
         self._heights = [(name, self._function(height)) for name, height in structure.heights]
         self._distance = None if structure.separation is None else self._function(structure.separation)
         unit = mechanics.scalar(structure.energy_unit)
         self._impact_mass = Coefficients(mechanics.impact_mass / unit, mechanics.y, mechanics.p)
-        self.flight_gradient = self._gradient(
-            mechanics.terms, mechanics.gradients, mechanics.inertia, mechanics.y, unit
-        )
-        self.contact_gradient = self._gradient(
+        self._in_flight = self._slopes(mechanics.terms, mechanics.gradients, mechanics.inertia, mechanics.y, unit)
+        self._in_contact = self._slopes(
             mechanics.contact_terms, mechanics.contact_gradients, mechanics.contact_inertia, mechanics.s, unit
         )
-        self.drawn = self._drawn()
+        self.drawn, self.alone = self._drawn(), Alone.of(mechanics)
+
+    def with_laws(self, laws: Sequence[Key]) -> "_Parts":
+        """The parts with the laws of the springs."""
+        found = copy(self)
+        found.mechanics = self.mechanics.with_laws(laws)
+        return found
 
     def _embed(self) -> np.ndarray:
         """The matrix from contact states to flight states."""
@@ -167,11 +207,11 @@ class _Parts:
     def _function(self, expression: Scalar) -> Callable:
         """p -> a height or distance as a function of the flight state."""
         found, ends = self.mechanics.affine(expression), len(self.structure.actuators)
-        if found is None and not isinstance(expression, str):
-            raise InputError("a height that is no sum of coordinates is a formula of coordinates and parameters")
         if found is None:
-            names = names_in(expression) & set(self.structure.parameters)
-            return lambda p: StateFormula(expression, self.states, {name: p[name] for name in names})
+            if not isinstance(expression, str):
+                raise InputError("a height that is no sum of coordinates is a formula of coordinates and parameters")
+            text, names = expression, names_in(expression) & set(self.structure.parameters)
+            return lambda p: StateFormula(text, self.states, {name: p[name] for name in names})
 
         def affine(p: Parameters) -> Affine:
             *weights, offset = found(p)[0]
@@ -203,13 +243,12 @@ class _Parts:
         pieces, reaches, ends = None, list[tuple](), len(self.structure.actuators)
         for spring in self.springs:
             weights = self._weights(spring.extension, embed, ends)
-            if spring.force.pieces and (pieces or weights is None):
-                raise InputError(
-                    f"spring '{spring.force.text}': one law in pieces can be taken, along a sum of coordinates"
-                )
+            law = self.mechanics.law_of(spring)
+            if law.pieces and (pieces or weights is None):
+                raise InputError(f"spring '{law.text}': one law in pieces can be taken, along a sum of coordinates")
             if weights:
-                pieces = pieces or pieces_along(spring.force, weights)
-                reaches += reach_along(spring.force, weights)
+                pieces = pieces or pieces_along(law, weights)
+                reaches += reach_along(law, weights)
         for term in self.mechanics.terms if self.mechanics.varying else ():
             if term.what == "gravity" and (weights := self._weights(term.place, embed, ends)) and any(weights):
                 reaches += reach_along(self.mechanics.gravity, weights)
@@ -220,6 +259,11 @@ class _Parts:
         if found is None or np.isnan(found.constants[:-1]).any():
             return None
         return _interleaved((np.array(found.constants[:-1]) @ embed).tolist(), ends)
+
+    def _is_counted(self, spring: Spring) -> bool:
+        """Whether a spring's extension is the one that is counted, however long at rest."""
+        weights = self._weights(spring.extension, np.eye(len(self.mechanics.moved)), 0)
+        return weights is not None and weights[: 2 * self.size] == self.extension.weights[: 2 * self.size]
 
     def launch(self, u: Parameters, p: Parameters) -> list[Any]:
         """The flight state at lift-off."""
@@ -271,46 +315,50 @@ class _Parts:
 
     def knees(self, p: Parameters) -> list[Knee]:
         """The pairs of heights that a knee joins."""
-        return [(lower, upper, value_of(length, {}, p)) for lower, upper, length in self.structure.knees]
+        return [(lower, upper, float(value_of(length, {}, p))) for lower, upper, length in self.structure.knees]
 
     def heights(self, p: Parameters) -> dict[str, Affine | StateFormula]:
         """The heights by name."""
         return {name: height(p) for name, height in self._heights}
 
     def tension(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
-        """The force of the first spring in a flight state."""
-        spring, (y, _) = self.springs[0], self.mechanics.positions_and_rates(x, p)
+        """The force of the spring whose extension is counted, in a flight state."""
+        spring, (y, _) = cast(Spring, self.counted), self.mechanics.positions_and_rates(x, p)
         place = dict(zip(self.mechanics.moved, y, strict=True))
-        return spring.force.expression(value_of(spring.extension, place, p), p, q)
+        return self.mechanics.law_of(spring).expression(value_of(spring.extension, place, p), p, q)
 
-    def _gradient(self, terms: Sequence, gradients: ca.SX, inertia: ca.SX, place: ca.SX, unit: ca.SX) -> Callable:
-        """(x, p, q) -> the gradient of the energy in a phase, in a unit of energy."""
-        mechanics, (rates, columns) = self.mechanics, (inertia.shape[0], len(terms))
-        slopes = gradients @ ca.SX(np.diag([float(term.conservative) for term in terms])) / unit
-        of_forces = Coefficients(slopes, place, mechanics.p)
-        of_rates = Coefficients(inertia / unit, place, mechanics.p)
-        assert of_forces.shape[1] == columns
-        turning = mechanics.turning(inertia / unit, place)
+    def _slopes(self, terms: Sequence[Term], gradients: ca.SX, inertia: ca.SX, place: ca.SX, unit: ca.SX) -> _Slopes:
+        """What the gradient of the energy in a phase is made of, in a unit of energy."""
+        mechanics = self.mechanics
+        of_forces = gradients @ ca.SX(np.diag([float(term.conservative) for term in terms])) / unit
+        forces, rates = (Coefficients(matrix, place, mechanics.p) for matrix in (of_forces, inertia / unit))
+        return _Slopes(forces, rates, mechanics.turning(inertia / unit, place))
 
-        def gradient(x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
-            own, v = mechanics.positions_and_rates(x, p)
-            y, all_rates = mechanics.embedded(own, v)
-            rows, masses = of_forces(p, own), of_rates(p, own)
-            forces = mechanics.forces(terms, rows, y, all_rates, p, q)
-            by_place = [weighted_sum(row, forces) + turn for row, turn in zip(rows, turning(own, v, p), strict=True)]
-            by_rate = [weighted_sum(row, v[:rates]) for row in masses]
-            pairs = [part for pair in zip(by_place, by_rate, strict=False) for part in pair]
-            return [*pairs, *by_place[rates:]]
+    def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+        """The gradient of the energy in flight."""
+        return self._gradient(self._in_flight, self.mechanics.terms, x, p, q)
 
-        return gradient
+    def contact_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+        """The gradient of the energy in contact."""
+        return self._gradient(self._in_contact, self.mechanics.contact_terms, x, p, q)
+
+    def _gradient(self, slopes: _Slopes, terms: Sequence[Term], x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+        mechanics = self.mechanics
+        own, v = mechanics.positions_and_rates(x, p)
+        rows, masses = slopes.by_forces(p, own), slopes.by_rates(p, own)
+        forces = mechanics.forces(terms, rows, mechanics.embedded(own, v), p, q)
+        by_place = [weighted_sum(row, forces) + turn for row, turn in zip(rows, slopes.turning(own, v, p), strict=True)]
+        by_rate = [weighted_sum(row, v[: len(masses)]) for row in masses]
+        pairs = [part for pair in zip(by_place, by_rate, strict=False) for part in pair]
+        return [*pairs, *by_place[len(masses) :]]
 
     def _drawn(self) -> tuple[tuple[str | None, str], ...]:
         """The pairs of heights, lower and upper, that a spring joins; None is the ground."""
-        mechanics, known = self.mechanics, dict[tuple, str | None]()
+        mechanics, known = self.mechanics, dict[tuple, str]()
         for name, height in self.structure.heights:
             if (weights := self._weights(height, np.eye(len(mechanics.moved)), 0)) is not None:
                 known.setdefault(weights, name)
-        pairs = []
+        pairs = list[tuple[str | None, str]]()
         for spring in self.springs:
             weights = self._weights(spring.extension, np.eye(len(mechanics.moved)), 0)
             if weights is None:

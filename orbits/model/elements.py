@@ -1,7 +1,7 @@
 """The elements of a mechanism: what has inertia, and what exerts a force along an extension or a height.
 
-Extensions, heights, masses and coefficients are expressions: formulas of the coordinates and the parameters, numbers, or
-Python functions (y, p) of both by name, written with operators and NumPy or CasADi functions.
+Extensions, heights, masses and coefficients are formulas of the coordinates and the parameters, numbers, or Python
+functions (y, p) of both by name, written with operators and NumPy or CasADi functions.
 """
 
 from collections.abc import Callable, Mapping

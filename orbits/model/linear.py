@@ -54,7 +54,7 @@ class Linear:
         load = -np.ravel(self._weight(p)).astype(float)
         stiffness = np.zeros(inertia.shape)
         for (_, term), direction, offset in zip(self.springs, along.T, self._offsets(p)[0], strict=True):
-            k, zero = straight_line(term.element.force, p)
+            k, zero = straight_line(self.mechanics.law_of(term.element), p)
             stiffness += k * np.outer(direction, direction)
             load -= k * (offset - zero) * direction
         return LinearEquations(inertia, stiffness, load)
@@ -68,12 +68,12 @@ class Linear:
         (inertia, stiffness, load), embed, m = self.equations(p), self.embed, self.mechanics
         weights, value = np.zeros(m.size - 1), 0.0
         along, offsets = np.array(self._along(p), dtype=float), self._offsets(p)[0]
-        place = {id(term): j for j, (_, term) in enumerate(self.springs)}
+        place = {id(term.element): j for j, (_, term) in enumerate(self.springs)}
         for coefficient, term in zip(m.contact_force_coefficients(p)[0], m.contact_terms, strict=True):
-            if (j := place.get(id(term))) is None:
+            if (j := place.get(id(term.element))) is None:
                 value += coefficient
                 continue
-            k, zero = straight_line(term.element.force, p)
+            k, zero = straight_line(self.mechanics.law_of(term.element), p)
             weights += coefficient * k * (along[:, j] @ embed)
             value += coefficient * k * (offsets[j] - zero)
         force = np.kron(weights, [1.0, 0.0]), float(value)
@@ -87,7 +87,7 @@ def _is_straight(mechanics: Mechanics) -> Callable[[Term], bool]:
 
     def is_straight(term: Term) -> bool:
         if isinstance(term.element, Spring):
-            return term.element.force.degree() == 1 and mechanics.affine(term.place) is not None
+            return mechanics.law_of(term.element).degree() == 1 and mechanics.affine(term.place) is not None
         return term.is_weight
 
     return is_straight

@@ -2,10 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import fields
+from math import isfinite
+from numbers import Real
 from types import MappingProxyType
 from typing import Any, Protocol, Self, cast, runtime_checkable
 
 from ..errors import InputError
+from .consistency import check_consistency
 from .laws import NOISE
 from .model import Model
 from .units import Units
@@ -15,9 +18,10 @@ from .units import Units
 class Machine(Protocol):
     """A machine of a certain kind with certain numbers, as `problems.Hopper` makes them.
 
-    Nothing of it changes once it is made. `find` and `find_all` need all of the parts below but `with_values`; those
-    that vary parameters (`follow`, `existence`, `sensitivities`, `optimize`, `pareto`) need that too; `ReturnMap`,
-    `simulate` and `multiplier` need an `ImpactingMachine`. `steer` takes no machine but the phases of one.
+    Nothing of it changes once it is made. `find` and `find_all` need its model, values, units and description; those
+    that vary parameters (`follow`, `existence`, `sensitivities`, `optimize`, `pareto`) need `with_values` too; and
+    `ReturnMap`, `simulate` and `multiplier` its restitution. `steer` takes no machine but the phases of one. `check`
+    looks at all of it.
     """
 
     @property
@@ -42,14 +46,9 @@ class Machine(Protocol):
     def describe(self) -> dict[str, Any]:
         """The machine in words and numbers for JSON, with the keys of `orbits.periodic.orbit.MACHINE_FIELDS`."""
 
-
-@runtime_checkable
-class ImpactingMachine(Machine, Protocol):
-    """A machine whose impacts have a coefficient of restitution, from 0 (plastic) to 1."""
-
     @property
     def restitution(self) -> float:
-        """The coefficient of restitution."""
+        """The coefficient of restitution of its impacts, from 0 (plastic) to 1."""
 
     @property
     def rest_length(self) -> float | None:
@@ -74,10 +73,43 @@ class Stated:
 
 
 def check_machine(machine: Any, *also: str) -> None:
-    """Raise `InputError`, naming what is missing, where something is no machine; `also` names further parts needed."""
-    for name in ("model", "values", "units", "describe", *also):
-        if not hasattr(machine, name):
-            raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): it has no '{name}'")
+    """Raise `InputError` where something is no machine, naming the parts that are missing or malformed; `also` names
+    further parts needed. A model that was written by hand is looked at once, as by `check_consistency`."""
+    names, model = ("model", "values", "units", "describe", *also), getattr(machine, "model", None)
+    if isinstance(model, Model) and model.derived and all(hasattr(machine, name) for name in names):
+        return
+    if wrong := wrong_parts(machine, *names):
+        told = "; ".join(f"it has no '{name}'" if text is None else f"{name}: {text}" for name, text in wrong.items())
+        raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): {told}")
+    check_consistency(machine.model, machine.values)
+
+
+def wrong_parts(machine: Any, *names: str) -> dict[str, str | None]:
+    """What is wrong with the parts of a machine, in words by name; None where one is missing."""
+    found: dict[str, str | None] = {name: None for name in names if not hasattr(machine, name)}
+    if "model" not in found and not isinstance(machine.model, Model):
+        found["model"] = f"it is a {type(machine.model).__name__}, not a Model"
+    if not found:
+        values = machine.values
+        if not isinstance(values, Mapping):
+            found["values"] = f"it is a {type(values).__name__}, not a mapping of numbers by name"
+        elif wrong := [name for name, value in values.items() if not _is_number(value)]:
+            found["values"] = f"{wrong[0]!r} = {values[wrong[0]]!r} is no finite number"
+        if not isinstance(machine.units, Units | None):
+            found["units"] = f"it is a {type(machine.units).__name__}, neither Units nor None"
+        if "with_values" in names and not callable(machine.with_values):
+            found["with_values"] = "it is no method"
+        if not callable(machine.describe):
+            found["describe"] = "it is no method"
+        if "restitution" in names and not (_is_number(machine.restitution) and 0 <= machine.restitution <= 1):
+            found["restitution"] = f"{machine.restitution!r} does not lie between 0 and 1"
+        if "rest_length" in names and not (machine.rest_length is None or _is_number(machine.rest_length)):
+            found["rest_length"] = f"{machine.rest_length!r} is neither a length nor None"
+    return found
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and isfinite(value)
 
 
 def check_parameters(machine: Machine, *names: str) -> None:

@@ -5,9 +5,10 @@ flight
 
     M y'' = -sum of J f,
 
-M (n, n) being the inertia; where that depends on the configuration, what is quadratic in the speeds is one more force on
-each coordinate. In contact the gap g(y) = weights . y stays closed: one coordinate is eliminated, y = E s with a matrix E
-of numbers, and E^T M E s'' = -sum of E^T J f. The row of the eliminated coordinate gives the force lambda of the contact,
+M (n, n) being the inertia. A mass that moves along a function h of the coordinates which is no straight line adds the
+force m v^T (Hessian of h) v. In contact the gap g(y) = weights . y stays closed: one coordinate is eliminated, y = E s
+with a matrix E of numbers, and E^T M E s'' = -sum of E^T J f. The row of the eliminated coordinate gives the force
+lambda of the contact,
 
     lambda dg/dy = M y'' + sum of J f.
 
@@ -16,6 +17,7 @@ functions of the parameters, and numbers where these make no difference.
 """
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -55,13 +57,15 @@ class Term(NamedTuple):
 
 
 class Mechanics:
-    """The equations of motion of coordinates with elements.
+    """The equations of motion of coordinates with elements, whose springs' laws are told by `with_laws`.
 
     coordinates, actuators : their names; each actuator is the name of a displacement and that of its rate
     inertia : (n, n) scalars beside the elements' own inertia
     gap : weights (n,)
     gravity : key of the law of a height, with `surface` its unit; None where it is 1
-    names : of all parameters
+    names : of all parameters but those of the springs' laws
+
+    The force of a `Spring` is here its place among the laws.
 
     Raises `InputError` for an inertia that is singular, and for a gap that no coordinate closes.
     """
@@ -80,6 +84,9 @@ class Mechanics:
         self.ground_gravity = self.scalar(surface) * gravity.expression(ca.SX(0), self.p, [])
         self.elements = tuple(elements)
         self.inertia = self._inertia(inertia)
+        if still := [name for i, name in enumerate(self.coordinates) if self.inertia[i, i].is_zero()]:
+            raise InputError(f"coordinate '{still[0]}' has no inertia: give it a Mass, or state its inertia")
+        self.laws: tuple[Key, ...] = ()
         self.conservative = not any(isinstance(element, Damper | Force) for element in elements)
         terms = [term for element in elements for term in self._terms_of(element)]
         self.terms = [*_one_weight(terms), *self._inertial_terms()]
@@ -92,6 +99,32 @@ class Mechanics:
         self.embed = np.eye(len(self.moved))[:, self.kept]
         self.embed[self.eliminated, : len(kept)] = -self.gap[kept] / self.gap[self.eliminated]
         self._derive()
+
+    def with_laws(self, laws: Sequence[Key]) -> "Mechanics":
+        """The same mechanics with the keys of the springs' laws."""
+        found = copy(self)
+        found.laws = tuple(laws)
+        found.p = self.p | {name: ca.SX.sym(name) for law in laws for name in law.names if name not in self.p}
+        found.terms, found.contact_terms = (
+            [found._pulled(each) for each in terms] for terms in (self.terms, self.contact_terms)
+        )
+        return found
+
+    def law_of(self, spring: Element | None) -> Key:
+        """The key of a spring's law."""
+        assert isinstance(spring, Spring)
+        return self.laws[spring.force]
+
+    def _pulled(self, term: Term) -> Term:
+        """A term, of a spring with the force of its law."""
+        if not isinstance(term.element, Spring):
+            return term
+        extension, law = term.element.extension, self.law_of(term.element).expression
+        return term._replace(force=lambda y, v, p, q: law(value_of(extension, self._named(y), p), p, q))
+
+    @staticmethod
+    def _pull(y: Scalars, v: Scalars, p: Parameters, q: Scalars) -> Any:
+        raise AssertionError("the springs have no laws yet")
 
     def scalar(self, expression: Scalar) -> ca.SX:
         """An expression of the coordinates and parameters."""
@@ -140,9 +173,7 @@ class Mechanics:
     def _terms_of(self, element: Element) -> list[Term]:
         """The forces of an element."""
         if isinstance(element, Spring):
-            extension, law = element.extension, element.force.expression
-            force = lambda y, v, p, q: law(value_of(extension, self._named(y), p), p, q)  # noqa: E731
-            return [Term(element, force, self.gradient(extension), True, element, extension)]
+            return [Term(element, self._pull, self.gradient(element.extension), True, element, element.extension)]
         if isinstance(element, Mass | Weight):
             return [self._weight(element)]
         if isinstance(element, Damper):
@@ -209,13 +240,26 @@ class Mechanics:
         n, y, p = self.size, self.y, self.p
         self.gradients = ca.horzcat(*(term.gradient for term in self.terms))
         self.inverse = inverse = _inverse(self.inertia)
-        self.accelerations = -inverse @ self.gradients[:n, :]
+        self.accelerations = -self._accelerated(self.gradients[:n, :])
         self.flight_coefficients = Coefficients(self.accelerations, y, p)
         gap = ca.SX(self.gap)
         compliance = gap.T @ inverse @ gap
         self.impact = Coefficients((inverse @ gap).T / compliance, y, p)
         self.impact_mass = 1 / compliance
         self._derive_contact()
+
+    def _accelerated(self, forces: ca.SX) -> ca.SX:
+        """The inverse of the inertia times forces (n, k). Where as many masses as coordinates are all that moves, each
+        is accelerated alone, and what its own gradient is in the forces cancels."""
+        moving = self._moving_masses()
+        if len(moving) != self.size or not self.stated_inertia.is_zero():
+            return self.inverse @ forces
+        places, masses = zip(*moving, strict=True)
+        columns = ca.horzcat(*(ca.sparsify(self.gradient(place)[: self.size]) for place in places))
+        alone = ca.solve(columns, ca.sparsify(forces)) / ca.repmat(
+            ca.vertcat(*map(self.scalar, masses)), 1, forces.shape[1]
+        )
+        return ca.sparsify(ca.solve(columns.T, alone))
 
     def _derive_contact(self) -> None:
         n, m = self.size, self.size - 1
@@ -288,7 +332,7 @@ class Mechanics:
         """The force of the contact, which presses where it is above 0."""
         s, rates = self.positions_and_rates(x, p)
         rows = self.contact_force_coefficients(p, s)
-        return weighted_sum(rows[0], self.forces(self.contact_terms, rows, *self.embedded(s, rates), p, q))
+        return weighted_sum(rows[0], self.forces(self.contact_terms, rows, self.embedded(s, rates), p, q))
 
     def positions_and_rates(self, x: Scalars, p: Parameters) -> tuple[list[Any], list[Any]]:
         """Coordinates with the actuators' displacements, and their rates, of a flight or a contact state."""
@@ -305,16 +349,17 @@ class Mechanics:
 
     @staticmethod
     def forces(
-        terms: Sequence[Term], rows: Sequence[Scalars], y: Scalars, v: Scalars, p: Parameters, q: Scalars
-    ) -> list:
-        """The forces of those terms that have a coefficient in one of the rows; 0 for the others."""
+        terms: Sequence[Term], rows: Sequence[Scalars], place: tuple[Scalars, Scalars], p: Parameters, q: Scalars
+    ) -> list[Any]:
+        """The forces at a place and its rates, of those terms that have a coefficient in one of the rows; 0 for the
+        others."""
         used = [any(is_used(row[j]) for row in rows) for j in range(len(terms))]
-        return [term.force(y, v, p, q) if use else 0.0 for term, use in zip(terms, used, strict=True)]
+        return [term.force(*place, p, q) if use else 0.0 for term, use in zip(terms, used, strict=True)]
 
     def _field(
         self, terms: Sequence[Term], rows: Sequence[Scalars], place: tuple, rates: Scalars, p: Parameters, q: Scalars
     ) -> list[Any]:
-        forces = self.forces(terms, rows, *place, p, q)
+        forces = self.forces(terms, rows, place, p, q)
         changes = [weighted_sum(row, forces) for row in rows]
         pairs = [part for pair in zip(rates, changes, strict=False) for part in pair]
         return [*pairs, *(p[rate] for _, rate in self.actuators)]
@@ -324,7 +369,9 @@ def _one_weight(terms: Sequence[Term]) -> list[Term]:
     """The terms with all weights under constant gravity in one."""
     weights = [term for term in terms if term.what == "constant gravity"]
     others = [term for term in terms if term.what != "constant gravity"]
-    return [*others, *(weights and [weights[0]._replace(gradient=sum(term.gradient for term in weights))])]
+    if weights:
+        others.append(weights[0]._replace(gradient=sum((each.gradient for each in weights[1:]), weights[0].gradient)))
+    return others
 
 
 def is_used(coefficient: Any) -> bool:

@@ -10,8 +10,8 @@
     )
     find(hopper)
 
-Everything that the engine asks of a machine follows from that: the equations of motion in flight and in contact, launch,
-lift-off and landing, impacts, energy, closed forms, and the extension that moves alone.
+Everything that the engine asks of a machine follows from that: the equations of motion in flight and in contact,
+launch, lift-off and landing, impacts, energy, closed forms, and the extension that moves alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,14 +27,15 @@ from ..io import one_line
 from ..symbolic.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
 from .derived import Structure, derived_launch, derived_model, linear_equations
+from .dimensions import dimensions_of_parameters
 from .elements import Element, Force, Scalar, Spring, fields_of, names_in
 from .features import with_reach
 from .laws import Key, Law, coefficient_of_restitution, key_of, number, stated
 from .linear import LinearEquations
 from .machine import Stated
 from .mechanics import GRAVITY_SHARE
-from .model import Model
-from .units import Units
+from .model import Model, as_derived
+from .units import LENGTH, Units, unit_text
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -42,8 +43,8 @@ class Mechanism(Stated):
     """A machine of coordinates and elements.
 
     coordinates : names (n,), from the top
-    elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights are
-        formulas of the coordinates and parameters
+    elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights
+        are formulas of the coordinates and parameters
     gap : the distance that opens in flight and lands plastically, a sum of coordinates with numbers before them
     parameters : values of the names in all formulas and laws
     gravity : acceleration of a height z: a number, a formula, or a law; what it is more or less than at z = 0 is led in
@@ -137,7 +138,7 @@ class Mechanism(Stated):
         elements += [element.force for element in self.elements if isinstance(element, Force)]
         optional = [value for value in (self.counts, self.separation) if value is not None]
         lengths = [length for *_, length in self.knees]
-        whole = [self.gap, self.surface_gravity, self.energy_unit, *self.heights.values(), *self.rest.values()]
+        whole = [self.gap, self.surface_gravity, self.energy_unit, *(self.heights or {}).values(), *self.rest.values()]
         return [*elements, *chain(*self.inertia), *optional, *lengths, *whole]
 
     @property
@@ -171,9 +172,10 @@ class Mechanism(Stated):
             raise InputError("a mechanism without a spring says what its families are counted by: counts=")
         names = self.names if gravity.degree() == 0 else (*self.names, GRAVITY_SHARE)
         return Structure(
-            self.name, self.coordinates, elements, self.gap, self.inertia, gravity, self.surface_gravity, counts,
-            self.launch, tuple(self.heights.items()), self.separation, self.energy_unit, tuple(self.rest.items()),
-            self.knees, tuple(self.actuators.items()), tuple(self.words.items()), names,
+            self.name, tuple(self.coordinates), tuple(elements), self.gap, self.inertia, gravity, self.surface_gravity,
+            counts, self.launch, tuple((self.heights or {}).items()), self.separation, self.energy_unit,
+            tuple(self.rest.items()), tuple(self.knees), tuple(self.actuators.items()), tuple(self.words.items()),
+            names,
         )  # fmt: skip
 
     @exclusive_property
@@ -238,12 +240,16 @@ class Mechanism(Stated):
 
     @property
     def rest_length(self) -> float | None:
-        """The parameter of that name, if there is one."""
-        return self.parameters.get("rest_length")
+        """The distance that must stay positive, where the machine rests with its springs unloaded; None without one."""
+        if self.separation is None:
+            return None
+        at_rest = self.model.rest(self.values) if self.model.rest else np.zeros(len(self.model.flight.states))
+        return float(self.model.separation(self.values)(at_rest))
 
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""
         springs = [element.force.text for element in self.elements if isinstance(element, Spring)]
+        length = {} if self.separation is None else {"rest_length": unit_text(LENGTH)}
         return {
             "machine": self.name,
             "spring": ", ".join(dict.fromkeys(springs)),
@@ -253,7 +259,12 @@ class Mechanism(Stated):
             "restitution": self.restitution,
             "parameters": {name: self.parameters[name] for name in stated(self.parameters)},
             "laws_in": "SI" if self.in_si else "units of the machine",
+            **({"units": {**length, **self.units_of_parameters()}} if self.in_si else {}),
         }
+
+    def units_of_parameters(self) -> dict[str, str]:
+        """The units of SI of those parameters whose dimension the elements tell."""
+        return {name: unit_text(dimension) for name, dimension in dimensions_of_parameters(self).items()}
 
     def __repr__(self) -> str:
         return one_line(self, {"name": self.name, "coordinates": self.coordinates, **self.parameters})
@@ -262,4 +273,4 @@ class Mechanism(Stated):
 @lru_cache(maxsize=64)
 def _with_units(model: Model, units: Units) -> Model:
     """The same model, its results in units."""
-    return replace(model, units=lambda p: units)
+    return as_derived(replace(model, units=lambda p: units))

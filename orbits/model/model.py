@@ -1,7 +1,7 @@
 """What a kind of machine is to the engine: its phases, and what makes a motion of them a lossless orbit."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -77,7 +77,9 @@ class Model:
     gap : p -> height of the contact point above what it lands on, an affine function of the flight state
     separation : p -> smallest distance within the machine, which must stay positive, a function of the flight state,
         `Affine` or a `StateFormula`; None where it is not stated
-    heights : p -> such functions by name, for plots and rises; first the masses, the upper before the lower
+    heights : p -> such functions by name, for plots and rises; first the masses, the upper before the lower. Gap and
+        separation lie between two of them, or between one and the ground, with any constant beside; the separation may
+        be less by what is solid
     violations : messages for the four ways in which a root is no motion: the "gap" closes in flight, the contact would
         have to "pull", the "separation" vanishes, the contact does not "end"
     springs : pairs of names of the heights, lower and upper, between which springs are drawn; None is the ground
@@ -101,6 +103,8 @@ class Model:
     search : p -> `Search`; None for a model whose families are not searched for all of their orbits
     rest : p -> flight state at rest in contact, with the springs unloaded, from which a simulation counts the energy;
         None where all of its coordinates are 0
+    derived : whether nothing in it was written by hand that could contradict the rest, see `as_derived`; others are
+        looked at once before they are used (`orbits.check` says more)
     """
 
     name: str
@@ -136,6 +140,8 @@ class Model:
     relative: Any = None
     rest: Callable | None = None
     knees: Callable | None = None
+    # What `dataclasses.replace` makes of a model has to be looked at again.
+    derived: bool = field(default=False, init=False)
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
@@ -167,6 +173,12 @@ class Model:
         return len(self.launch_unknowns) == 2
 
 
+def as_derived(model: Model) -> Model:
+    """A model that was just made, marked as `derived`: its fields follow from mechanics, or tests hold them so."""
+    object.__setattr__(model, "derived", True)
+    return model
+
+
 def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, Any]], **changes: Any) -> Any:
     """A model whose parameters are functions `own`, p -> parameters of the model given, of other parameters."""
 
@@ -194,7 +206,8 @@ def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, A
     functions = {name: at(place, getattr(model, name)) for name, place in PARAMETERS_AT.items()}
     relative = model.relative and replace(model.relative, own=own)
     phases = {"flight": moved(model.flight), "contact": moved(model.contact)}
-    return replace(model, **functions, **phases, reduction=reduction, relative=relative, **changes)
+    found = replace(model, **functions, **phases, reduction=reduction, relative=relative, **changes)
+    return as_derived(found) if model.derived else found
 
 
 # Which argument of a model's functions is the parameters.

@@ -142,16 +142,18 @@ class Modes:
         w, rise, x, v = q[:k], u[:k], q[k:] - self.centres[:, None], u[k:]
         if t is None:
             return w, rise, x, v
-        w, rise, x, v, pull, omega = (
-            values.reshape(len(values), *(tail if values.ndim == 2 else (1,) * len(tail)))
-            for values in (w, rise, x, v, self.loads[:k], self.rates)
-        )
+        pull, omega = self.loads[:k, None], self.rates[:, None]
+        if len(tail) > 1:  # one column for each motion, whose times are further axes
+            w, rise, x, v = (values.reshape(len(values), *tail) for values in (w, rise, x, v))
+            pull, omega = (values.reshape(len(values), *(1,) * len(tail)) for values in (pull, omega))
         angles = omega * t
         c, s = np.cos(angles), np.sin(angles)
         moved = w + t * (rise + 0.5 * t * pull), rise + t * pull, x * c + v * (s / omega), v * c - x * (omega * s)
-        count = math.prod(moved[0].shape[1:])
-        w, rise, x, v = (values.reshape(len(values), count) for values in moved)
-        return w, rise, x, v
+        if len(tail) > 1:
+            count = math.prod(moved[0].shape[1:])
+            w, rise, x, v = (values.reshape(len(values), count) for values in moved)
+            return w, rise, x, v
+        return moved
 
     def _seen(self, weights: ArrayLike, start: Any, t: Any = None) -> "_Seen":
         """weights . (state, watched ...) at N times `t` (...) after `start`, (2n,) or (2n, ...)."""

@@ -1,11 +1,11 @@
 """Launches of machines of two coordinates: the law that holds the contact closed, and the extension that moves alone.
 
-Where all springs act along one extension r, and gravity is constant, that extension moves alone, and the momentum across
-it is thrown up. With (r, w) = apart y, w'' = -1 and y = mix (r, w), the gap's second derivative vanishes at lift-off,
-where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
+Where all springs act along one extension r, and gravity is constant, that extension moves alone, and the momentum
+across it is thrown up. With (r, w) = apart y, w'' = -1 and y = mix (r, w), the gap's second derivative vanishes at
+lift-off, where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,17 +37,20 @@ class Launch:
     reduction: Reduction | None = None
 
 
-def launch_of(mechanics: Mechanics, level: str, rest: Scalar) -> Launch | None:
-    """How a machine is launched, None where its contact has several coordinates; `level` is what lift-off waits for, and
-    `rest` where the coordinate that is launched rests."""
+def launch_of(mechanics: Mechanics, alone: "Alone | None", level: str, rest: Scalar) -> Launch | None:
+    """How a machine is launched, None where its contact has several coordinates.
+
+    alone : the extension that moves alone, None where none does
+    level : what lift-off waits for, in words
+    rest : where the coordinate that is launched rests
+    """
     if mechanics.size != 2:
         return None
-    alone = _Alone.of(mechanics)
-    return alone.launch(level) if alone and rest == 0.0 else _held(mechanics, level, rest)
+    return alone.launch(mechanics, level) if alone and rest == 0.0 else _held(mechanics, level, rest)
 
 
-class _Alone:
-    """The extension that moves alone.
+class Alone:
+    """The extension that moves alone, whatever the laws are.
 
     springs : the springs, each with how its own extension follows from that one: a factor, and an offset
     """
@@ -69,7 +72,7 @@ class _Alone:
         pulls = -(ca.SX(along).T @ m.accelerations) / rate
         columns = [[i for i, term in enumerate(m.terms) if term.element is spring] for spring, *_ in springs]
         self.shares = [self._numbers(pulls[column[0]]) for column in columns]
-        self.load = self._numbers(sum(pulls[i] for i, term in enumerate(m.terms) if term.is_weight))
+        self.load = self._numbers(sum((pulls[i] for i, term in enumerate(m.terms) if term.is_weight), ca.SX(0)))
         self.offsets = [self._numbers(offset) for *_, offset in springs]
         # The contact force is this multiple of phi + load - 1, and each damper adds to it.
         multiple = by_extension * rate / (gap.T @ m.inverse @ gap)
@@ -80,11 +83,17 @@ class _Alone:
         )
 
     @classmethod
-    def of(cls, mechanics: Mechanics) -> "_Alone | None":
+    def of(cls, mechanics: Mechanics) -> "Alone | None":
         """That of a machine; None where there is none."""
         springs = [element for element in mechanics.elements if isinstance(element, Spring)]
         unusual = any(isinstance(element, Potential | Force) for element in mechanics.elements)
-        if not springs or unusual or mechanics.flight_coefficients.by_coordinates or not _is_level(mechanics):
+        if (
+            mechanics.size != 2
+            or not springs
+            or unusual
+            or mechanics.flight_coefficients.by_coordinates
+            or not _is_level(mechanics)
+        ):
             return None
         found, along = list[tuple[Spring, float, ca.SX]](), np.zeros(2)
         for spring in springs:
@@ -101,39 +110,38 @@ class _Alone:
         falls = Coefficients(ca.SX(across).T @ weight, mechanics.y, mechanics.p) if ca.SX(weight).numel() == 2 else None
         return cls(mechanics, found, along) if falls and falls.constants != [0.0] else None
 
-    def _numbers(self, expression: ca.SX) -> Callable:
-        """p -> the value of an expression; with the attribute `constant`, the number that it is or NaN."""
+    def _numbers(self, expression: ca.SX) -> "_Number":
+        """p -> the value of an expression."""
         return _Number(Coefficients(ca.SX(expression), self.mechanics.y, self.mechanics.p))
 
-    def launch(self, level: str) -> Launch:
-        """What follows."""
-        law, load = self._law()
+    def launch(self, mechanics: Mechanics, level: str) -> Launch:
+        """What follows with the laws of the mechanics."""
+        law, load = self._law(mechanics)
         rate = None if self.rate.constant == 1.0 else self.rate
         damping = self.damping if self.damping.constant != 0.0 else (lambda p: 0.0)
         gravity = self.mechanics.gravity if self.mechanics.varying else None
         relative = Relative(law, gravity, Liftoff(load, level), rate, damping)
         return Launch(relative, relative.reduction(self.complete, self.gap_slope))
 
-    def _law(self) -> tuple[Key, float]:
+    def _law(self, mechanics: Mechanics) -> tuple[Key, float]:
         """The law phi and the load of the extension's motion r'' = -rate (phi + load)."""
-        (spring, factor, _), load = self.springs[0], self.load.constant
+        laws, load = [mechanics.law_of(spring) for spring, *_ in self.springs], self.load.constant
+        (_, factor, _), law = self.springs[0], laws[0]
         plain = len(self.springs) == 1 and factor == 1.0 and self.offsets[0].constant == 0.0
         if plain and self.shares[0].constant == 1.0 and load == load:
-            return spring.force, load
-        if any(spring.force.pieces for spring, *_ in self.springs) and not plain:
-            raise InputError(f"spring '{spring.force.text}' is in pieces: state it alone, along what is launched")
-        parts = [
-            (spring.force.expression, factor, share, offset)
-            for (spring, factor, _), share, offset in zip(self.springs, self.shares, self.offsets, strict=True)
-        ]
+            return law, load
+        if any(law.pieces for law in laws) and not plain:
+            raise InputError(f"spring '{law.text}' is in pieces: state it alone, along what is launched")
+        each = zip(laws, self.springs, self.shares, self.offsets, strict=True)
+        parts = [(law.expression, factor, share, offset) for law, (_, factor, _), share, offset in each]
 
         def expression(r: Any, p: Parameters, q: Scalars) -> Any:
             forces = [share(p) * law(factor * r + offset(p), p, q) for law, factor, share, offset in parts]
             return sum(forces, self.load(p))
 
-        texts, names = [spring.force.text for spring, *_ in self.springs], tuple(self.mechanics.p)
-        reach = min(spring.force.reach / abs(factor) for spring, factor, _ in self.springs)
-        return Key(" + ".join(texts), "r", expression, names, spring.force.pieces, reach), 0.0
+        texts, names = [law.text for law in laws], tuple(mechanics.p)
+        reach = min(law.reach / abs(factor) for law, (_, factor, _) in zip(laws, self.springs, strict=True))
+        return Key(" + ".join(texts), "r", expression, names, law.pieces, reach), 0.0
 
     def complete(self, times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
         """The Taylor coefficients of all flight states, see `Reduction`."""
@@ -201,7 +209,7 @@ def _held(mechanics: Mechanics, level: str, rest: Scalar) -> Launch:
     """The launch of a machine whose contact force is a function of the coordinate that is launched and of its rate."""
     m, start = mechanics, mechanics.scalar(rest)
     numbers = Coefficients(ca.horzcat(*_scales_at(mechanics, start), start), m.y, m.p)
-    if any(isinstance(element, Spring) and element.force.pieces for element in m.elements):
+    if any(law.pieces for law in m.laws):
         raise InputError("a law in pieces can be taken where all springs act along one sum of two coordinates")
 
     def expression(r: Any, p: Parameters, q: Scalars) -> Any:

@@ -1,10 +1,10 @@
 """Machines of two coordinates that are launched by one law: their lift-off, their relative motion, their search.
 
 Under constant gravity the extension r moves alone, r'' = -rate (phi(r) + load), where phi is the law and phi + load = 1
-at lift-off. A sum of the coordinates is thrown up with it, w'' = -1, and at lift-off r' = alpha and w' = alpha/rate: only
-then is the gap's second derivative 0. So half the flight takes the time alpha/rate, and an orbit is a root of r' there:
-a problem in two states. For the hopper and the juggler in their own units the rate is 1 (section 8 of the paper, for a
-linear spring).
+at lift-off. A sum of the coordinates is thrown up with it, w'' = -1, and at lift-off r' = alpha and w' = alpha/rate:
+only then is the gap's second derivative 0. So half the flight takes the time alpha/rate, and an orbit is a root of r'
+there: a problem in two states. For the hopper and the juggler in their own units the rate is 1 (section 8 of the paper,
+for a linear spring).
 """
 
 import math

@@ -32,6 +32,9 @@ BEND_SAFETY = 4.0
 NARROWEST_CELL, TOUCHING_ZERO = 1e-6, 1e-9
 # The cell in which the extension begins to escape is narrower than this share of its speed before it is judged.
 NARROW_ESCAPE = 1e-3
+# On the way to launches that have no turn any more the lateness may grow without bounds: as a logarithm by at most 50
+# times what it changes in the cell before, down to neighbouring numbers, and as a fourth root by at most 1e4 times.
+STEEPEST_END = 1e4
 # After so many launches no cell is halved any more.
 MOST_SEARCHED = 20_000
 # A turn that does not come within this time, in multiples of the scale and the launch speed together, is that late.
@@ -219,7 +222,7 @@ def _cells_of(
     changes, _ = _judged(owners, speeds, late)
     least = np.minimum(np.abs(late[1:]), np.abs(late[:-1]))
     touches = (least < TOUCHING_ZERO * (scales[owners[1:]] + speeds[1:])) & (owners[1:] == owners[:-1])
-    i = np.flatnonzero(changes | touches)
+    i = np.flatnonzero((changes & ~_breaks_off(owners, speeds, late, scales)) | touches)
     a, b, fa, fb = speeds[i], speeds[i + 1], late[i], late[i + 1]
     secant = changes[i] & np.isfinite(fa) & np.isfinite(fb)
     about = 0.5 * (a + b)
@@ -230,6 +233,15 @@ def _cells_of(
         ends = speeds[np.searchsorted(owners, [machine, machine + 1]) - [0, 1]]
         found.append(Cells(cells[mine], about[mine], (float(ends[0]), float(ends[1])), count, stop))
     return found
+
+
+def _breaks_off(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    """Between which launches (N,), as near to each other as they are sampled, a turn that is too early ceases to come
+    without being late before, as where a flight ends at a singularity: there the lateness jumps over zero."""
+    never, near = late > 0.99 * LATEST_TURN * (scales[owners] + speeds), np.diff(speeds) <= NARROWEST_CELL * speeds[1:]
+    within = (owners[1:] == owners[:-1]) & np.isfinite(late[1:]) & np.isfinite(late[:-1])
+    change = np.append(np.inf, np.abs(np.subtract(late[1:], late[:-1], out=np.full(len(within), np.inf), where=within)))
+    return near & within & ~never[:-1] & never[1:] & (late[:-1] < -STEEPEST_END * change[:-1])
 
 
 def _judged(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..errors import FlowError, InconsistentModel, InputError, NoOrbit, finite_number
 from ..model.laws import NOISE
 from ..model.machine import Machine, check_machine, dimensionless
 from ..model.model import Model
@@ -76,7 +76,7 @@ def find(
     number = None if family is None else _family_number(family)
     if machine.units is not None:
         _possible_method(machine.model, method)
-        start = _dimensionless_start(start, machine)
+        start = dimensionless_start(start, machine)
         with without_units(machine.units):
             orbit = find(dimensionless(machine), family, start=start, method=method, progress=progress)
         return orbit_of(machine, orbit)
@@ -264,7 +264,7 @@ def solve_family(machine: Machine, family: int, method: str | None, progress: Pr
 def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> tuple[str, Root]:
     """The method, and the solution that it finds from a start, as in `find`."""
     method, equations, correct = _opening(machine, method, closed_form="relative")
-    stated = _stated_unknowns(machine.model, _dimensionless_start(start, machine))
+    stated = _stated_unknowns(machine.model, dimensionless_start(start, machine))
     names = equations.statement.unknowns
     if missing := [name for name in names if name not in stated]:
         raise InputError(f"start has no '{missing[0]}'; the unknowns are {', '.join(names)}")
@@ -353,7 +353,7 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
     return stated
 
 
-def _dimensionless_start(start: Any, machine: Machine) -> Any:
+def dimensionless_start(start: Any, machine: Machine) -> Any:
     """A start in the units of the engine: those of a machine in SI are in SI."""
     if isinstance(start, Orbit):
         return start.dimensionless()
@@ -391,6 +391,8 @@ def _solve_by_homotopy(model: Model, equations: Shooting, correct, family: int, 
     `correct`, (u, parameters) -> the solution near u and the equations there, is the corrector."""
     unknowns, homotopy = equations.statement.unknowns, model.homotopy
     start = {**guess(model, family, {**p, homotopy: 0.0} if homotopy else p), "unfolding": 0.0}
+    if missing := [name for name in ("duration", *unknowns) if name not in start]:
+        raise InconsistentModel(f"the model '{model.name}' is malformed: its guess has no '{missing[0]}'", ("guess",))
     start["duration"] *= 2 if "unfolding" in unknowns else 1
     u = np.array([start[name] for name in unknowns])
     if homotopy is None:

@@ -66,7 +66,7 @@ def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, worker
     """
     if executor is None:
         for chunk in chunks:
-            interrupts.check()
+            interrupts.heed()
             yield solve_chunk(question, chunk.members, question.values_of(chunk.members))
         return
     # Every call has the parameters of its own members; with those of all, a million of them would be sent every time.
@@ -241,7 +241,7 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
 
     waiting, suspects, running = deque(chunks), deque[Chunk](), dict[Any, Chunk]()
     while waiting or running or suspects:
-        interrupts.check()
+        interrupts.heed()
         alone = not waiting and not running
         source, most = (suspects, 1) if alone else (waiting, QUEUED * pool.size)
         crashed = False

@@ -266,7 +266,7 @@ def _located(
     parts = np.column_stack([statuses[tuple(at.T)] for at in (nodes, nodes + steps)])
     began, done, told = perf_counter(), 0, Counter[str]()
     while len(wide := np.flatnonzero(((high - low).max(axis=1, initial=0) > LOCATED_TO) & (in_row | both_ways))):
-        interrupts.check()
+        interrupts.heed()
         middle = 0.5 * (low[wide] + high[wide])
         found = statuses_at(middle)
         before, behind = (found == parts[wide, side] for side in (0, 1))

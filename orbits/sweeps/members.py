@@ -1,14 +1,12 @@
 """What the members of a sweep answer: a chunk of them solved together, and by `find` those that ask for more."""
 
-from typing import cast
-
 import numpy as np
 
 from ..design.many import solved_designs
 from ..design.problem import formula_names, known_formula
 from ..errors import OrbitsError
 from ..hybrid.return_map import ReturnMap
-from ..model.machine import ImpactingMachine, Machine
+from ..model.machine import Machine
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
 from .question import LAUNCH_SPEED, Question, Table, empty_table
@@ -60,7 +58,7 @@ def _machine_at(question: Question, table: Table, row: int) -> Machine:
 
 def _return_map(question: Question, table: Table, row: int) -> ReturnMap:
     """The return map of the machine of a row."""
-    return ReturnMap(cast(ImpactingMachine, _machine_at(question, table, row)))
+    return ReturnMap(_machine_at(question, table, row))
 
 
 def _launched(question: Question, table: Table) -> None:
@@ -69,7 +67,7 @@ def _launched(question: Question, table: Table) -> None:
     values = np.column_stack([table.columns[name] for name in own]) if own else np.zeros((len(table.members), 0))
     _, first, group = np.unique(values, axis=0, return_index=True, return_inverse=True)
     for k in range(len(first)):
-        interrupts.check()
+        interrupts.heed()
         rows = np.flatnonzero(group.ravel() == k)
         try:
             hops = _return_map(question, table, int(first[k]))(table.columns[LAUNCH_SPEED][rows])
@@ -84,7 +82,7 @@ def _fixed(question: Question, table: Table) -> None:
     """The fixed points of the return map: their number, and the lowest stable one, or else the lowest."""
     assert question.between is not None
     for row in range(len(table.members)):
-        interrupts.check()
+        interrupts.heed()
         try:
             found = _return_map(question, table, row).fixed_points(*question.between)
         except OrbitsError as error:

@@ -79,7 +79,7 @@ def sweep(
     A member does not depend on the others, nor on where it is computed: the answer is the same to the last bit.
     Raises `InputError` that names what cannot be meant, before anything is computed.
     """
-    check_machine(machine, "with_values")
+    exclusive(check_machine)(machine, "with_values")
     allowed = [*free_parameters(machine), *(name for name in DAMPING if hasattr(machine, name))]
     allowed = list(dict.fromkeys([*allowed, LAUNCH_SPEED] if outcome == "map" else allowed))
     members = members_of(over, samples, sampling, seed, allowed)
@@ -116,7 +116,7 @@ def _check_domain(machine: Machine, members: Members) -> None:
     if not names or not (refusal(values.min(0)) or refusal(values.max(0))):
         return
     for i, row in enumerate(values):
-        interrupts.check()
+        interrupts.heed()
         if error := refusal(row):
             raise InputError(f"member {i} of the sweep cannot be: {error}")
 

@@ -13,7 +13,7 @@ pending = _noted.is_set  # whether an interrupt has been noted
 
 @contextmanager
 def deferred() -> Iterator[None]:
-    """Note interrupts until `check` or the end of the block; nothing changes where another handler is installed or
+    """Note interrupts until `heed` or the end of the block; nothing changes where another handler is installed or
     outside the main thread."""
     inside = threading.current_thread() is threading.main_thread()
     if not inside or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
@@ -25,10 +25,10 @@ def deferred() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        check()
+        heed()
 
 
-def check() -> None:
+def heed() -> None:
     """Raise the interrupt that was noted, if any. Long computations come here often, and say here that they go on."""
     if _noted.is_set():
         _noted.clear()

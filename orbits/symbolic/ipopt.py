@@ -89,7 +89,7 @@ def solve_equations(unknowns: ca.MX, equations: ca.MX, guess: Array, lower: Arra
             answer = solver(x0=guess / scale, lbx=lower / scale, ubx=np.inf, lbg=0, ubg=0)
     except RuntimeError as error:
         raise NoOrbit("multiple shooting cannot be evaluated; state the machine in units nearer to 1") from error
-    interrupts.check()
+    interrupts.heed()
     status = solver.stats()["return_status"]
     # Ipopt may report a failure when its step vanishes at rounding: the recomputed residual decides.
     violation = float(ca.norm_inf(answer["g"]))
@@ -163,7 +163,7 @@ class Minimiser:
                 answer = solver(x0=guess, p=p, lbx=low, ubx=high, lbg=least, ubg=most, **warm_start)
         except RuntimeError:
             return replace(nowhere, kind="undefined")
-        interrupts.check()
+        interrupts.heed()
         x, lam_x, lam_g = (np.array(answer[name]).ravel() for name in ("x", "lam_x", "lam_g"))
         cost, gradient, values = (np.array(value).ravel() for value in self.conditions(x, p, lam_g))
         off = np.maximum(np.maximum(least - values, values - most), 0.0)

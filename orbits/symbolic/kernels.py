@@ -173,7 +173,7 @@ class Kernel:
             records, count, tried, going = np.empty((most, len(values))), 0, 0, True
             while going and count < most and tried < longest:
                 if tried % CHECKED == 0:
-                    interrupts.check()
+                    interrupts.heed()
                 trigger()
                 tried += 1
                 before[:] = after
@@ -216,7 +216,7 @@ class Kernel:
         with futures.ThreadPoolExecutor(workers) if workers > 1 else nullcontext() as pool:
             for records in (pool.map if pool else map)(run, firsts):
                 parts.append(records)
-                interrupts.check()
+                interrupts.heed()
         return parts
 
     def _chunk(

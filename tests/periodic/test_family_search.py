@@ -9,9 +9,10 @@ import studies.search
 from orbits import InputError, NoOrbit, Orbit, find, find_all
 from orbits.errors import LONGEST_MESSAGE
 from orbits.model.features import features, unit_of_length
-from orbits.periodic.family_search import Lateness
+from orbits.model.model import Search
+from orbits.periodic.family_search import LATEST_TURN, Lateness
 from orbits.periodic.many import lowest_orbits
-from problems import Chain, Hopper, Juggler
+from problems import Chain, Hopper, Juggler, knee_hopper
 from studies.search import Case
 
 
@@ -230,3 +231,40 @@ def test_random_bumps_and_wiggles_against_a_scan():
         assert found.keys() <= {"lowest", "none, as scanned"}
     assert counts["bumps"]["lowest"] == 1
     assert counts["wiggles"]["lowest"] >= 2
+
+
+class Given(Lateness):
+    """A lateness that is a function of the launch speed up to 59.37, beyond which no turn comes."""
+
+    def __init__(self, function):
+        self.function, self.family, self.reduction = function, 1, None
+        self.searches, self.scales = [Search(1.0, 0.1, 100.0, True)], np.ones(1)
+
+    def _values(self, alphas, which):
+        with np.errstate(invalid="ignore"):
+            return np.where(alphas < 59.37, self.function(alphas), LATEST_TURN * (1 + alphas))
+
+
+def test_flights_that_break_off_are_no_orbits():
+    """A lateness that jumps over zero is passed over; one that crosses it as a logarithm or as a root is not, however
+    near to where it ends."""
+    (cells,) = Given(lambda a: -1 - 0.1 * a).cells()
+    assert not len(cells.cells)
+    for function, root in (
+        (lambda a: -1 - 0.06 * np.log(59.37 - a), 59.37 - np.exp(-1 / 0.06)),
+        (lambda a: -1 + 0.008 * (59.37 - a) ** -0.25, 59.37 - 0.008**4),
+        (lambda a: -100 * (a - 59.359), 59.359),
+    ):
+        (cells,) = Given(function).cells()
+        assert ((cells.cells[:, 0] <= root) & (root <= cells.cells[:, 1])).sum() == 1
+
+
+def test_a_knee_that_is_straightened_is_no_orbit():
+    """Beyond a launch speed the knee of a flight becomes straight, where its equation of motion ends."""
+    machine = knee_hopper(link=0.25, stiffness=20.0, rest_angle=1.8, body_mass=6.0, foot_mass=1.0).dimensionless()
+    p = machine.values
+    lateness = Lateness(machine.model, "half orbit", tuple(p), np.array([[*p.values()]]), 1, [machine.model.search(p)])
+    (cells,) = lateness.cells()
+    assert len(cells.cells) == 1
+    assert np.isnan(lateness(np.array([43.7]))[1][0])
+    assert find(machine).known_in_family == 1

@@ -1,4 +1,4 @@
-"""A machine whose inertia depends on its configuration: a body on a massless knee, hopping vertically.
+"""A machine whose inertia depends on its configuration: `problems.knee_hopper`, against equations written by hand.
 
 Coordinates are the foot's height h and the knee's angle theta. Two links of length l join the foot to the hip, which
 stays above it, at the height h + L with L(theta) = 2 l sin(theta / 2); a torsional spring of torque tau(theta) bends
@@ -11,13 +11,15 @@ with the ground force lambda, 0 in flight and m2 g - tau / L' in contact, where 
 matrix is m1 m2 L'^2, and its inverse times the gradient (1, 0) of the gap h is (1, -1 / L') / m2: an impact changes
 (h', theta') along (1, -1 / L'), which leaves the body's speed as it is, and its mass is m2.
 
-The machine is stated in SI, and its launch speed is theta' at lift-off, in rad/s.
+The machine is stated in SI, and its launch speed is theta' at lift-off, in rad/s. The model by hand, `MODEL`, is what
+the derived one is held against, field by field; Lagrange's equations are solved by SciPy.
 """
 
 import json
 import pickle
 from dataclasses import asdict, dataclass, replace
 
+import casadi as ca
 import mpmath as mp
 import numpy as np
 import pytest
@@ -25,10 +27,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import (
+    InconsistentModel,
     InputError,
     NoOrbit,
     Orbit,
     ReturnMap,
+    check,
     existence,
     find,
     find_all,
@@ -38,17 +42,17 @@ from orbits import (
     sensitivities,
     simulate,
 )
-from orbits.model.model import Model, Search
+from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 from orbits.model.state_formula import StateFormula
 from orbits.model.units import Units
 from orbits.sweeps.sweep import sweep
 from orbits.symbolic.formula import parse
-from problems import hopper_in_si
+from problems import hopper_in_si, knee_hopper
 
-SI = Units(1.0, 1.0, 1.0, 1.0, ("theta", "liftoff"))
-LEG, BODY = "2*link*sin(theta/2)", "h + 2*link*sin(theta/2)"
-STATES = ("h", "h'", "theta", "theta'")
+SI = Units(1.0, 1.0, 1.0, 1.0, ("knee", "liftoff"))
+LEG, BODY = "2*link*sin(knee/2)", "foot + 2*link*sin(knee/2)"
+STATES = ("foot", "foot'", "knee", "knee'")
 COSINE_AND_SINE = parse("cos(half)"), parse("sin(half)")  # of numbers, arrays and expressions alike
 
 
@@ -100,14 +104,6 @@ def release(alpha, p):
     return np.full(np.shape(alpha), angle)
 
 
-def search(p):
-    """Scales of the small oscillation about the knee's rest."""
-    m1, m2, along = p["body_mass"], p["foot_mass"], slopes(p["rest_angle"], p)[0]
-    time = along * np.sqrt(m1 * m2 / (m1 + m2) / p["stiffness"])
-    scale = m2 * p["surface_gravity"] * along / p["stiffness"] / time
-    return Search(float(scale), 0.05, 30.0, True, float(time / scale))
-
-
 def heights(p):
     return {"body": StateFormula(BODY, STATES, p), "foot": Affine((1.0, 0.0, 0.0, 0.0))}
 
@@ -122,7 +118,7 @@ MODEL = Model(
         {"contact force": lambda x, p, q: p["foot_mass"] * p["surface_gravity"] - tension(x[0], p)},
     ),
     launch=lambda u, p: [0.0, 0.0, u["liftoff"], u["alpha"]],
-    liftoff=lambda u, p, q: tension(u["liftoff"], p) - p["foot_mass"] * p["surface_gravity"],
+    liftoff=lambda u, p, q: p["foot_mass"] * p["surface_gravity"] - tension(u["liftoff"], p),
     landing=lambda u, x, p: [x[0], x[1], x[2] - u["liftoff"]],
     reversor=(1, -1, 1, -1),
     release=release,
@@ -146,15 +142,14 @@ MODEL = Model(
     springs=(),
     knees=lambda p: [("foot", "body", p["link"])],
     guess=None,
-    search=search,
     rest=lambda p: [0.0, 0.0, p["rest_angle"], 0.0],
     units=lambda p: SI,
 )
 
 
 @dataclass(frozen=True)
-class KneeHopper:
-    """Masses in kg, link in m, stiffness in N m/rad, angle in rad, gravity in m/s^2."""
+class KneeByHand:
+    """The machine of `MODEL`, in kg, m, N m/rad, rad and m/s^2; it has no search of its families."""
 
     body_mass: float = 6.0
     foot_mass: float = 1.0
@@ -162,19 +157,15 @@ class KneeHopper:
     stiffness: float = 20.0
     rest_angle: float = 1.8
     surface_gravity: float = 9.81
-    restitution: float = 0.0
     units: Units | None = SI
 
     model = MODEL
+    restitution = 0.0
+    rest_length = None
 
     @property
     def values(self):
-        kept = asdict(replace(self, units=None))
-        return {name: value for name, value in kept.items() if name not in ("restitution", "units")}
-
-    @property
-    def rest_length(self):
-        return float(2 * self.link * np.sin(self.rest_angle / 2))
+        return {name: value for name, value in asdict(replace(self, units=None)).items() if name != "units"}
 
     def with_values(self, **values):
         return replace(self, **values)
@@ -183,27 +174,35 @@ class KneeHopper:
         return replace(self, units=None)
 
     def describe(self):
-        units = ("kg", "kg", "m", "N m/rad", "rad", "m/s^2")
-        return {
-            "machine": "knee hopper",
-            "spring": "stiffness*(theta - rest_angle)",
-            "gravity": "1",
-            "mass_ratio": self.foot_mass / self.body_mass,
-            "rest_length": self.rest_length,
-            "restitution": self.restitution,
-            "parameters": self.values,
-            "laws_in": "SI",
-            "units": dict(zip(self.values, units, strict=True)),
-        }
+        return {**MACHINE.describe(), "parameters": self.values}
 
 
-MACHINE = KneeHopper()
+MACHINE = knee_hopper(body_mass=6.0, foot_mass=1.0, link=0.25, stiffness=20.0, rest_angle=1.8)
+OTHER = knee_hopper(body_mass=4.0, foot_mass=2.0, link=0.4, stiffness=70.0, rest_angle=2.0)
+LINK = MACHINE.values["link"]
 
 
-class UnsearchedKneeHopper(KneeHopper):
-    """One whose orbits need a start."""
+def test_it_holds_against_mechanics_and_wrong_fields_are_named():
+    assert max(check(MACHINE).largest, check(KneeByHand()).largest) < 0.1
+    flight, contact = MODEL.flight, MODEL.contact
+    without_bend = lambda x, p, q: [x[1], contact_rates([x[0], 0.0], p, q)[1]]  # noqa: E731
+    wrong = {
+        "impact": {"impact": lambda x, p: [0.0, 1.0, 0.0, -1.0 / slopes(p["rest_angle"], p)[0]]},
+        "impact_mass": {"impact_mass": lambda x, p: p["foot_mass"] * (1 + 0.01 * x[2])},
+        "contact.field": {"contact": replace(contact, field=without_bend)},
+        "flight.field": {"flight": replace(flight, field=lambda x, p, q: flight_rates([*x[:3], 0.9 * x[3]], p, q))},
+        "separation": {"separation": lambda p: StateFormula("2.1*link*sin(knee/2)", STATES, p)},
+        "heights": {"heights": lambda p: {**heights(p), "body": Affine((1.0, 0.1, 0.0, 0.0))}},
+        "knees": {"knees": lambda p: [("foot", "body", 0.2 * p["link"])]},
+        "rest": {"rest": lambda p: [0.1, 0.0, p["rest_angle"], 0.0]},
+    }
 
-    model = replace(MODEL, search=None)
+    for field, changes in wrong.items():
+        machine = type("WrongKneeHopper", (KneeByHand,), {"model": replace(MODEL, **changes)})()
+        for use in (check, find):
+            with pytest.raises(InconsistentModel) as error:
+                use(machine)
+            assert error.value.fields == (field,)
 
 
 def lagrange_in_flight(t, x, p):
@@ -242,6 +241,56 @@ def travelled(rates, start, duration, p, **options):
     return solve_ivp(
         rates, (0.0, duration), start, "DOP853", args=(p,), rtol=1e-13, atol=1e-15, dense_output=True, **options
     )
+
+
+def value_at(function, *given):
+    """The numbers (k,) of a function of expressions, (lists or mappings of them) -> a list or one, at numbers."""
+    flat = [list(part.values()) if isinstance(part, dict) else list(part) for part in given]
+    symbols = [ca.SX.sym("x", len(part)) for part in flat]
+    named = [
+        dict(zip(part, ca.vertsplit(symbol), strict=True)) if isinstance(part, dict) else ca.vertsplit(symbol)
+        for part, symbol in zip(given, symbols, strict=True)
+    ]
+    found = function(*named)
+    return ca.Function("f", symbols, [ca.vertcat(*found) if isinstance(found, list) else found])(*flat).full().ravel()
+
+
+PLACED = {
+    "flight field": lambda m, x, p: value_at(lambda x, p: m.flight.field(x, p, []), x, p),
+    "contact field": lambda m, x, p: value_at(lambda x, p: m.contact.field(x, p, []), x[2:], p),
+    "contact force": lambda m, x, p: value_at(lambda x, p: m.contact.watch["contact force"](x, p, []), x[2:], p),
+    "flight gradient": lambda m, x, p: value_at(lambda x, p: m.flight_gradient(x, p, []), x, p),
+    "contact gradient": lambda m, x, p: value_at(lambda x, p: m.contact_gradient(x, p, []), x[2:], p),
+    "impact": lambda m, x, p: value_at(m.impact, x, p),
+    "impact mass": lambda m, x, p: value_at(lambda x, p: ca.SX(m.impact_mass(x, p)), x, p),
+    "launch": lambda m, x, p: value_at(m.launch, {"liftoff": x[2], "alpha": x[3]}, p),
+    "lift-off": lambda m, x, p: value_at(lambda u, p: m.liftoff(u, p, []), {"liftoff": x[2], "alpha": x[3]}, p),
+    "landing": lambda m, x, p: value_at(m.landing, {"liftoff": x[2], "alpha": x[3]}, [*x[:2], x[2] + 0.1, x[3]], p),
+    "touchdown": lambda m, x, p: value_at(m.touchdown, {"liftoff": x[2], "alpha": x[3]}, p),
+    "release": lambda m, x, p: m.release(x[3:], p),
+    "extension's rate": lambda m, x, p: m.extension(x),
+    "gap": lambda m, x, p: m.gap(p)(x),
+    "separation": lambda m, x, p: m.separation(p)(x),
+    "heights": lambda m, x, p: [height(x) for height in m.heights(p).values()],
+    "contact speed": lambda m, x, p: m.contact_speed(x[2:]),
+    "rest": lambda m, x, p: m.rest(p),
+    "links": lambda m, x, p: [length for *_, length in m.knees(p)],
+    "embedding": lambda m, x, p: m.embed @ x[2:],
+    "reversor": lambda m, x, p: m.reversor,
+}
+
+
+@pytest.mark.parametrize("name", PLACED)
+def test_what_is_derived_is_what_is_written_by_hand(name):
+    """Every part of the model, at random states and parameters."""
+    random = np.random.default_rng(7)
+    for _ in range(20):
+        x = random.uniform([-0.5, -3.0, 0.4, -9.0], [2.0, 3.0, 2.9, 9.0])
+        p = {each: value * random.uniform(0.7, 1.4) for each, value in MACHINE.values.items()}
+        derived, by_hand = (np.ravel(PLACED[name](model, x, p)) for model in (MACHINE.model, MODEL))
+        assert derived == pytest.approx(by_hand, rel=1e-12, abs=1e-12 * (1 + np.abs(by_hand).max()))
+    assert MACHINE.model.violations == MODEL.violations
+    assert MACHINE.values.keys() == KneeByHand().values.keys()
 
 
 @pytest.fixture(scope="module")
@@ -306,25 +355,26 @@ def hopper_with_the_same_leg(machine):
     """The plain hopper whose spring is phi(r) = tau(theta) dtheta/dr, with the leg's length L + r."""
     angle, slope = "2*asin((leg + r)/(2*link))", "sqrt(link**2 - (leg + r)**2/4)"
     p = machine.values
+    leg = 2 * p["link"] * np.sin(p["rest_angle"] / 2)
     return hopper_in_si(
         body_mass=p["body_mass"],
         foot_mass=p["foot_mass"],
         surface_gravity=p["surface_gravity"],
-        rest_length=machine.rest_length,
+        rest_length=leg,
         force=f"torque*({angle} - rest_angle)/{slope}",
         parameters={
             "torque": p["stiffness"],
             "rest_angle": p["rest_angle"],
-            "leg": machine.rest_length,
+            "leg": leg,
             "link": p["link"],
         },
     )
 
 
-@pytest.mark.parametrize(("machine", "family"), [(MACHINE, 1), (MACHINE, 2), (KneeHopper(4.0, 2.0, 0.4, 70.0, 2.0), 1)])
+@pytest.mark.parametrize(("machine", "family"), [(MACHINE, 1), (MACHINE, 2), (OTHER, 1)])
 def test_it_is_a_hopper_with_a_nonlinear_spring(machine, family):
     knee, plain = find(machine, family), find(hopper_with_the_same_leg(machine), family)
-    along = machine.link * np.cos(knee.liftoff_extension / 2)
+    along = machine.values["link"] * np.cos(knee.liftoff_extension / 2)
     assert knee.alpha * along == pytest.approx(plain.alpha, rel=1e-12)
     assert knee.flight_time == pytest.approx(plain.flight_time, rel=1e-12)
     assert knee.contact_time == pytest.approx(plain.contact_time, rel=1e-12)
@@ -336,6 +386,26 @@ def test_it_is_a_hopper_with_a_nonlinear_spring(machine, family):
     assert c.smallest_separation == pytest.approx(other.smallest_separation, abs=1e-11)
     assert c.largest_contact_force == pytest.approx(other.largest_contact_force, rel=1e-11)
     assert len(knee.violations) == len(plain.violations)
+
+
+@pytest.mark.parametrize("family", [1, 2])
+@pytest.mark.parametrize("rest_angle", [1.2, 2.0])
+def test_stiff_knees_are_linear_springs(family, rest_angle):
+    """Their launch speed in rad/s, x (1 + M) g (mu/kappa)^(1/2) with tan x = x, depends neither on the links nor on
+    the angle; it is approached with the square of the compliance."""
+    x = float(mp.findroot(lambda x: mp.sin(x) - x * mp.cos(x), (family + 0.5) * np.pi - 0.1))
+    off = []
+    for stiffness in (4e3, 16e3, 64e3):
+        leg = knee_hopper(stiffness=stiffness, rest_angle=rest_angle)
+        m1, m2, g = (leg.values[name] for name in ("body_mass", "foot_mass", "surface_gravity"))
+        off.append(find(leg, family).alpha / (x * (1 + m2 / m1) * g * np.sqrt(m1 * m2 / (m1 + m2) / stiffness)) - 1)
+    assert np.divide(off[:-1], off[1:]) == pytest.approx([16, 16], rel=0.02)
+    assert abs(off[-1]) < 2e-7
+
+
+def test_an_angle_of_rest_that_is_none():
+    with pytest.raises(InputError, match=r"rest_angle = 3\.2 rad: a knee rests between folded \(0\) and straight"):
+        knee_hopper(rest_angle=3.2)
 
 
 @pytest.mark.parametrize("hops", [50, pytest.param(1000, marks=pytest.mark.slow)])
@@ -414,7 +484,7 @@ def test_its_families_follow_the_link():
 
 def test_sensitivities_of_heights_that_are_no_straight_lines(orbit):
     step, slopes_found = 1e-4, sensitivities(MACHINE, orbit, ["link"])
-    low, high = (find(MACHINE.with_values(link=MACHINE.link + change)) for change in (-step, step))
+    low, high = (find(MACHINE.with_values(link=LINK + change)) for change in (-step, step))
     for name, values in {
         "body_rise": [one.rises["body"] for one in (low, high)],
         "smallest_separation": [one.certificate.smallest_separation for one in (low, high)],
@@ -453,26 +523,26 @@ def test_a_file_and_a_pickle_bring_its_heights_back(orbit, tmp_path):
         assert other.document() == orbit.document()
         assert str(other) == str(orbit)
         assert other.rises == orbit.rises
-        assert other.shape.knees == (("foot", "body", MACHINE.link),)
+        assert other.shape.knees == (("foot", "body", LINK),)
         assert dict(other.machine) == dict(orbit.machine)
         x = orbit(0.3 * orbit.flight_time)
-        body = x[0] + 2 * MACHINE.link * np.sin(x[2] / 2)
+        body = x[0] + 2 * LINK * np.sin(x[2] / 2)
         assert float(other.shape.heights["body"](x)) == pytest.approx(body, rel=1e-14)
 
 
 def test_damaged_files_are_refused(orbit, tmp_path):
     data = json.loads(orbit.save(tmp_path / "knee.json").read_text())
     for damage, message in {
-        "h + sqrt(link": "no closing parenthesis",
-        "__import__(h)": "unknown function",
-        "h + height": "needs a value for 'height'",
-        "abs(h)": "has a corner",
+        "foot + sqrt(link": "no closing parenthesis",
+        "__import__(foot)": "unknown function",
+        "foot + height": "needs a value for 'height'",
+        "abs(foot)": "has a corner",
     }.items():
         data["motion"]["shape"]["heights"]["body"]["formula"] = damage
         (tmp_path / "damaged.json").write_text(json.dumps(data))
         with pytest.raises(InputError, match=message):
             Orbit.load(tmp_path / "damaged.json")
-    data["motion"]["shape"]["heights"]["body"] = {"formula": "h", "values": {"link": "long"}}
+    data["motion"]["shape"]["heights"]["body"] = {"formula": "foot", "values": {"link": "long"}}
     (tmp_path / "damaged.json").write_text(json.dumps(data))
     with pytest.raises(InputError, match="'long'; it is a finite number"):
         Orbit.load(tmp_path / "damaged.json")
@@ -480,6 +550,9 @@ def test_damaged_files_are_refused(orbit, tmp_path):
 
 def test_results_have_their_units(orbit):
     units = orbit.document()["units"]
+    assert (units["link"], units["stiffness"], units["surface_gravity"]) == ("m", "N m/rad", "m/s^2")
+    assert MACHINE.rest_length == pytest.approx(2 * LINK * np.sin(0.9), rel=1e-15)
+    assert "rest_length = 0.391663 m, body_mass = 6 kg" in str(orbit)
     assert {units[name] for name in ("alpha", "error")} == {"rad/s"}
     assert units["liftoff_extension"] == "rad"
     assert units["loss_coefficient"] == "s^(1/3)/rad^(1/3)"
@@ -491,17 +564,17 @@ def test_results_have_their_units(orbit):
     run = simulate(MACHINE, 11.3, hops=1)
     assert run.document()["units"]["launches"] == "rad/s"
     assert " rad/s\n" in str(run)
-    with pytest.raises(InputError, match=r"theta = 1\.8 rad, theta' = 0 rad/s"):
+    with pytest.raises(InputError, match=r"knee = 1\.8 rad, knee' = 0 rad/s"):
         simulate(MACHINE, state=[-1.0, 0.0, 1.8, 0.0], time=1.0)
     with pytest.raises(InputError, match=r"most 1e\+15 rad/s"):
         simulate(MACHINE, 1e16, hops=1)
 
 
 def test_units_of_another_system_convert_angles_to_themselves():
-    feet = Units(0.3048, 1.0, 1.0, 1.0, ("theta", "liftoff"))
+    feet = Units(0.3048, 1.0, 1.0, 1.0, ("knee", "liftoff"))
     assert feet.of_states(STATES).tolist() == [0.3048, 0.3048, 1.0, 1.0]
     assert feet.without("alpha", {"alpha": 3.0, "liftoff": 1.5}) == {"alpha": 3.0, "liftoff": 1.5}
-    body = feet.convert_height(StateFormula("h + 2*link*sin(theta/2)", STATES, {"link": 1.0}), STATES)
+    body = feet.convert_height(StateFormula(BODY, STATES, {"link": 1.0}), STATES)
     assert float(body(np.array([0.3048, 0.0, 1.0, 0.0]))) == pytest.approx(0.3048 * (1 + 2 * np.sin(0.5)), rel=1e-15)
     aside = replace(feet, angles=("theta",))
     assert [aside.text(name) for name in ("h", "theta", "theta'", "alpha", "liftoff")] == [
@@ -524,8 +597,8 @@ def test_all_orbits_and_those_that_are_not(orbit):
         find_all(MACHINE, fastest=5.0)
     near = find(MACHINE, start=orbit)
     assert near.alpha == pytest.approx(orbit.alpha, rel=1e-13)
-    for machine in (UnsearchedKneeHopper(), UnsearchedKneeHopper(units=None)):
-        with pytest.raises(NoOrbit, match="no guess of its families: give a start"):
+    for machine in (KneeByHand(), KneeByHand(units=None)):
+        with pytest.raises(NoOrbit, match="no guess of its families: give `find` a start"):
             find(machine)
         assert find(machine, start=orbit).alpha == pytest.approx(orbit.alpha, rel=1e-13)
 
@@ -535,10 +608,10 @@ def test_its_pictures(orbit, tmp_path):
     body = next(line for line in axes.lines if line.get_label() == "body")
     t, height = body.get_data()
     x = orbit(t)
-    assert height == pytest.approx(x[:, 0] + 2 * MACHINE.link * np.sin(x[:, 2] / 2), rel=1e-12)
+    assert height == pytest.approx(x[:, 0] + 2 * LINK * np.sin(x[:, 2] / 2), rel=1e-12)
     axes = orbit.plot_phase_portrait()
     height, speed = axes.lines[0].get_data()
-    along = MACHINE.link * np.cos(x[:, 2] / 2)
+    along = LINK * np.cos(x[:, 2] / 2)
     assert speed == pytest.approx(x[:, 1] + along * x[:, 3], abs=1e-6)
     assert orbit.animate(tmp_path / "knee.gif", frames=3).stat().st_size > 1000
 

@@ -149,8 +149,9 @@ class TestEquationsByHand:
 class TestEndsOfFamilies:
     """Closed forms for masses 1, 1, 2 and a leg of stiffness 1. Where the plate's frequency is that of the leg, K = 4,
     foot and plate may swing alike without a force between them, however far: the launch speed grows without bound, of
-    either sign. Where the two frequencies of contact are as 1 : 2 or 1 : 3, all comes to rest at once there, and no flight
-    is left: with the sum (4 + K)/3 and the product K/3 of their squares, (4 + K)^2 = 3 (n + 1/n)^2 K for 1 : n."""
+    either sign. Where the two frequencies of contact are as 1 : 2 or 1 : 3, all comes to rest at once there, and no
+    flight is left: with the sum (4 + K)/3 and the product K/3 of their squares, (4 + K)^2 = 3 (n + 1/n)^2 K for
+    1 : n."""
 
     @staticmethod
     def family(half_flight, half_contact, stiffness, stop):

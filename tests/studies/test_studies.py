@@ -24,6 +24,8 @@ from studies import (
     figure_7,
     figure_8,
     gravity_families,
+    inerter,
+    knee,
     mutations,
     paper,
     plate,
@@ -309,6 +311,37 @@ def test_chain(tmp_path):
     for name in ("y1", "y1'"):
         assert numbers[f"exponent {name}"] == pytest.approx(4 / 3, abs=5e-3)
     assert (tmp_path / "chain.png").stat().st_size > 10_000
+
+
+def test_inerter(tmp_path):
+    """With a linear spring the rise is x^2 g (mu + b)/(2 k), x = tan x: that of an oscillation in the time of flight. A
+    softer spring reaches the same rise with more than the stroke."""
+    numbers = inerter.main(tmp_path, quick=True)
+    x = mp.findroot(lambda x: mp.tan(x) - x, 4.5)
+    per_mass = float(x**2 * inerter.GRAVITY / (2 * inerter.STIFFNESS))
+    assert numbers["rise over mu + b"] == pytest.approx(per_mass, rel=1e-12)
+    assert numbers["spread of it"] < 1e-12 * per_mass
+    assert numbers["stroke, inerter, linear spring"] < 0.65 * numbers["stroke, softer linear spring, no inerter"]
+    assert (tmp_path / "inerter.png").stat().st_size > 20_000
+
+
+@pytest.mark.slow
+def test_knee(tmp_path):
+    """The launch speed is that of small swings, whatever the links; where the knee folds through in mid-contact, the
+    energy of lift-off has become height and torque: theta = 0 at rest."""
+    numbers = knee.main(tmp_path, quick=True)
+    assert [numbers[f"off {n}"] < 0.006 for n in (1, 2, 3)] == [True] * 3
+    p = knee.LEG.values
+    for family in (2, 3):
+        link = numbers[f"folds {family}"]
+        orbit = find(knee.LEG.with_values(link=link), family)
+        theta, alpha = orbit.liftoff_extension, orbit.alpha
+        standing = p["body_mass"] * (link * np.cos(theta / 2) * alpha) ** 2 / 2
+        standing += p["body_mass"] * p["surface_gravity"] * 2 * link * np.sin(theta / 2)
+        turned = p["stiffness"] * (p["rest_angle"] ** 2 - (theta - p["rest_angle"]) ** 2) / 2
+        assert standing == pytest.approx(turned, rel=1e-9)
+    for name in ("knee.png", "knee.gif"):
+        assert (tmp_path / name).stat().st_size > 10_000
 
 
 @pytest.mark.slow

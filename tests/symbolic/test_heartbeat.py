@@ -22,7 +22,7 @@ def clock(monkeypatch):
 def test_a_function_says_once_a_minute_that_it_still_computes(clock, caplog):
     @exclusive
     def inner():
-        interrupts.check()
+        interrupts.heed()
 
     @exclusive
     def outer():
@@ -33,7 +33,7 @@ def test_a_function_says_once_a_minute_that_it_still_computes(clock, caplog):
         outer()
         clock[0] = 500.0
         inner()  # another call, which has only begun
-        interrupts.check()  # outside of any
+        interrupts.heed()  # outside of any
     name = outer.__qualname__
     assert caplog.messages == [f"{name} has been computing for {after} s" for after in (61, 122)]
 
@@ -46,7 +46,7 @@ def test_a_function_that_fails_is_no_longer_running(clock, caplog):
     with pytest.raises(ValueError, match="no"):
         failing()
     clock[0] = 100.0
-    interrupts.check()
+    interrupts.heed()
     assert not caplog.messages
 
 

@@ -1,0 +1,84 @@
+"""Dimensions of the parameters of a mechanism in SI, as far as its elements tell them."""
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+
+from ..symbolic.exclusive import exclusive
+from .elements import Damper, Inerter, Mass, Spring, Weight, names_in, value_of
+from .laws import Key
+from .units import ACCELERATION, ANGLE, FORCE, LENGTH, MASS, Dimension
+
+
+def dimensions_of_parameters(mechanism: Any) -> dict[str, Dimension]:
+    """Dimensions of those parameters of a `Mechanism` that stand alone for a mass, a length, a coefficient or gravity,
+    or before a power of an extension in a spring's law."""
+    found, angles = dict[Any, Dimension](), {*mechanism.angles}
+    coordinates = {*mechanism.coordinates, *mechanism.actuators}
+    for element in mechanism.elements:
+        match element:
+            case Mass(height, mass) | Weight(height, mass):
+                found[mass] = MASS
+                found |= _lengths(height, coordinates)
+            case Inerter(extension, inertance) if not names_in(extension) & angles:
+                found[inertance] = MASS
+            case Damper(extension, coefficient) if not names_in(extension) & angles:
+                found[coefficient] = (-1, 1, 1)
+            case Spring(extension, law):
+                turned = bool(names_in(extension) & angles)
+                found |= {name: _of_power(power, turned) for name, power in powers_of_coefficients(law).items()}
+    found |= {place: ANGLE if name in angles else LENGTH for name, place in mechanism.rest.items()}
+    found |= {length: LENGTH for *_, length in mechanism.knees}
+    if mechanism.gravity.text in mechanism.gravity.names:
+        found[mechanism.gravity.text] = ACCELERATION
+    if isinstance(mechanism.surface_gravity, str):
+        found[mechanism.surface_gravity] = ACCELERATION
+    if mechanism.separation is not None:
+        found |= _lengths(mechanism.separation, coordinates)
+    return {name: found[name] for name in mechanism.parameters if name in found}
+
+
+def coefficient_dimensions(law: Key) -> dict[str, Dimension]:
+    """Dimensions of those parameters of a spring's law that are coefficients of powers of the extension."""
+    return {name: _of_power(power, turned=False) for name, power in powers_of_coefficients(law).items()}
+
+
+def _of_power(power: float, turned: bool) -> Dimension:
+    """The dimension of what makes a force of this power of a length, or where it is `turned` a torque of an angle's."""
+    return (1, 0, 1, 0, 0, -power) if turned else (-power, *FORCE[1:])
+
+
+def _lengths(height: Any, coordinates: set[str]) -> dict[str, Dimension]:
+    """The parameters that are added to coordinates in a formula of a height."""
+    if not isinstance(height, str):
+        return {}
+    names = sorted(names_in(height) - coordinates)
+    return {name: LENGTH for name in names if _is_added(height, name)}
+
+
+@exclusive
+@lru_cache(maxsize=256)
+def _is_added(height: str, name: str) -> bool:
+    """Whether the derivative of a formula by a name is a number."""
+    symbols = {each: ca.SX.sym(each) for each in names_in(height)}
+    slope = ca.jacobian(ca.SX(value_of(height, symbols, {})), symbols[name])
+    return not ca.depends_on(slope, ca.vertcat(*symbols.values())) and abs(float(ca.evalf(slope))) == 1.0
+
+
+@exclusive
+@lru_cache(maxsize=256)
+def powers_of_coefficients(law: Key) -> dict[str, float]:
+    """Those parameters of a spring's law that are coefficients of powers of the extension, with the powers."""
+    x, p = ca.SX.sym("x"), {name: ca.SX.sym(name) for name in law.names}
+    found: dict[str, float] = {}
+    if law.pieces is None:
+        for name, symbol in p.items():
+            power = ca.jacobian(ca.SX(law.expression(x, p, [])), symbol)
+            if ca.depends_on(power, ca.vertcat(*p.values())):
+                continue
+            low, middle, high = (float(ca.evalf(ca.substitute(power, x, place))) for place in (0.5, 1.0, 2.0))
+            if low > 0 and middle > 0 and abs(high * low / middle**2 - 1) < 1e-12:
+                found[name] = round(math.log2(high / middle), 9)
+    return found

@@ -1,0 +1,280 @@
+"""Machines stated by their mechanics, against closed forms, other statements of the same machine, and DOP853."""
+
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from orbits import (
+    Damper,
+    Force,
+    Inerter,
+    InputError,
+    Mass,
+    Mechanism,
+    NoOrbit,
+    Orbit,
+    Potential,
+    ReturnMap,
+    Spring,
+    Weight,
+    find,
+    find_all,
+    follow,
+    simulate,
+    sweep,
+)
+from problems import Hopper, Juggler, hopper_in_si, springs
+
+MASSES = [Mass("body", "m1"), Mass("foot", "m2")]
+VALUES = {"m1": 2.0, "m2": 0.5, "k": 3.0}
+
+
+def leg(*elements, **more) -> Mechanism:
+    """A body and a foot with these elements beside their masses."""
+    given = {"gap": "foot", "parameters": VALUES, **more}
+    return Mechanism(coordinates=("body", "foot"), elements=[*MASSES, *elements], **given)
+
+
+def same(a, b, rel=1e-13):
+    """Whether two orbits are the same motion."""
+    for name in ("alpha", "flight_time", "contact_time", "liftoff_extension"):
+        assert getattr(a, name) == pytest.approx(getattr(b, name), rel=rel), name
+    assert a.certificate.loss_coefficient == pytest.approx(b.certificate.loss_coefficient, rel=1e-9)
+    assert a.admissible == b.admissible
+
+
+class TestTheSameMachine:
+    @pytest.mark.parametrize("force", ["k*r", "k*r + c*r**3", "k*sinh(r)"])
+    def test_in_si_and_by_its_mechanics(self, force):
+        own = {"k": 3.0} | ({"c": 0.4} if "c*" in force else {})
+        stated = hopper_in_si(2.0, 0.5, force=force, parameters=own, surface_gravity=1.7)
+        derived = leg(Spring("body - foot", force), parameters={"m1": 2.0, "m2": 0.5, **own}, gravity=1.7)
+        same(find(derived), find(stated))
+        same(find(derived, family=3), find(stated, family=3))
+        alpha = np.linspace(0.5, 4.0, 9) * find(stated).alpha / 2
+        ours, theirs = ReturnMap(derived)(alpha), ReturnMap(stated)(alpha)
+        assert ours.status.tolist() == theirs.status.tolist()
+        assert ours.next == pytest.approx(theirs.next, rel=1e-11, nan_ok=True)
+
+    @pytest.mark.parametrize(
+        "element",
+        [
+            Spring("body - foot", "k*r"),
+            Spring("body - foot", springs.formula("k*r", k=3.0)),
+            Spring("body - foot", lambda r, k: k * r),
+            Spring("body - foot", "potential:k*r**2/2"),
+            Spring("2*(body - foot)", "k/4*r"),  # along a lever
+            Spring("body - foot + 0.3", "k*(r - 0.3)"),
+            Potential("k*(body - foot)**2/2"),
+        ],
+        ids=["formula", "law", "function", "potential law", "lever", "offset", "potential"],
+    )
+    def test_with_its_spring_in_other_words(self, element):
+        counts = {"counts": "body - foot"}
+        same(find(leg(element, **counts)), find(leg(Spring("body - foot", "k*r"))), rel=1e-12)
+
+    def test_with_two_springs_side_by_side(self):
+        two = leg(Spring("body - foot", "k*r"), Spring("body - foot", "c*r**3"), parameters={**VALUES, "c": 0.7})
+        one = leg(Spring("body - foot", "k*r + c*r**3"), parameters={**VALUES, "c": 0.7})
+        same(find(two), find(one))
+        assert find(two).method == find(one).method == "relative"
+
+    def test_with_its_inertia_as_a_matrix(self):
+        weights = [Weight("body", "m1"), Weight("foot", "m2"), Spring("body - foot", "k*r")]
+        for inertia in ({"body": "m1", "foot": "m2"}, [["m1", 0], [0, "m2"]]):
+            stated = Mechanism(("body", "foot"), weights, "foot", parameters=VALUES, inertia=inertia)
+            same(find(stated), find(leg(Spring("body - foot", "k*r"))))
+
+    def test_in_other_coordinates(self):
+        """The leg's length in place of the body's height: its inertia is then no diagonal matrix."""
+        length = Mechanism(
+            ("length", "foot"), [Mass("foot + length", "m1"), Mass("foot", "m2"), Spring("length", "k*r")], "foot",
+            parameters=VALUES,
+        )  # fmt: skip
+        same(find(length), find(leg(Spring("body - foot", "k*r"))))
+
+    def test_with_gravity_that_varies(self):
+        gravity = "1/(1 + z/R)**2"
+        elements = [Mass("L + body", "m1"), Mass("foot", "m2"), Spring("body - foot", "r")]
+        values = {"m1": 2.0, "m2": 0.5, "R": 60.0, "L": 9.0}
+        far = Mechanism(("body", "foot"), elements, "foot", values, gravity=gravity)
+        stated = hopper_in_si(
+            2.0, 0.5, stiffness=1.0, rest_length=9.0, surface_gravity=1.0, gravity=gravity, parameters={"R": 60.0}
+        )
+        assert find(far).alpha == pytest.approx(find(stated).alpha, rel=1e-12)
+
+    def test_with_a_law_in_pieces(self):
+        law = springs.end_stops(gap=1.5, stop=20.0)
+        derived = leg(Spring("body - foot", law), parameters={"m1": 1.0, "m2": 1.0})
+        same(find(derived), find(hopper_in_si(1.0, 1.0, force=law, surface_gravity=1.0)), rel=1e-12)
+
+    def test_with_losses(self):
+        damped = leg(Spring("body - foot", "k*r"), Damper("body - foot", "d"), parameters={**VALUES, "d": 0.02})
+        forced = leg(
+            Spring("body - foot", "k*r"), Force("body - foot", lambda y, v, p: -p["d"] * (v["body"] - v["foot"])),
+            parameters={**VALUES, "d": 0.02},
+        )  # fmt: skip
+        stated = hopper_in_si(2.0, 0.5, stiffness=3.0, surface_gravity=1.0, damping=0.02)
+        speeds = [2.0, 3.0, 4.0]
+        assert ReturnMap(damped)(speeds).next == pytest.approx(ReturnMap(stated)(speeds).next, rel=1e-10)
+        assert ReturnMap(forced)(speeds).next == pytest.approx(ReturnMap(stated)(speeds).next, rel=1e-10)
+        with pytest.raises(NoOrbit, match="loses energy"):
+            find(damped)
+
+
+class TestAnInerter:
+    @pytest.mark.parametrize("inertance", [0.0, 0.1, 1.0, 30.0])
+    @pytest.mark.parametrize("family", [1, 2])
+    def test_half_the_flight_obeys_tan_x_equal_to_x(self, inertance, family):
+        machine = leg(Spring("body - foot", "k*r"), Inerter("body - foot", "b"), parameters={**VALUES, "b": inertance})
+        orbit = find(machine, family=family)
+        frequency = np.sqrt(3.0 / (2.0 * 0.5 / 2.5 + inertance))
+        x = frequency * orbit.flight_time / 2
+        assert x == pytest.approx([4.493409457909064, 7.725251836937707][family - 1], rel=1e-13)
+        assert orbit.liftoff_extension == pytest.approx((0.5 + inertance * 2.5 / 2.0) / 3.0, rel=1e-13)
+        assert orbit.method == "closed form"
+        same(orbit, find(machine, family=family, method="half orbit"), rel=1e-12)
+
+    def test_its_family_along_the_inertance_by_another_integrator(self):
+        machine = leg(
+            Spring("body - foot", "k*r + c*r**3"), Inerter("body - foot", "b"),
+            parameters={**VALUES, "c": 0.5, "b": 0.0},
+        )  # fmt: skip
+        for point in follow(machine, "b", 1.0, at=[0.3, 1.0]).events:
+            b, m1, m2 = point.point.value, 2.0, 0.5
+            mass = m1 * m2 / (m1 + m2) + b
+
+            def rates(t, x, mass=mass):
+                return [x[1], -(3 * x[0] + 0.5 * x[0] ** 3) / mass]
+
+            level = m2 + b * (m1 + m2) / m1
+            roots = np.roots([0.5, 0.0, 3.0, -level])
+            start = float(roots[np.abs(roots.imag) < 1e-12].real[0])
+            alpha = point.point.alpha
+            half = alpha * m1 / (m1 + m2)
+            run = solve_ivp(rates, (0, half), [start, alpha], "DOP853", rtol=1e-13, atol=1e-13)
+            assert run.y[1, -1] == pytest.approx(0.0, abs=1e-10)
+
+
+class TestAnotherMachine:
+    def test_a_body_that_is_also_held_by_the_ground(self):
+        """A second spring, from the body to the ground: no extension moves alone. The hop is a mirror image in time."""
+        machine = leg(Spring("body - foot", "k*r"), Spring("body", "h*r"), parameters={**VALUES, "h": 0.2}, gravity=1.0)
+        orbit = find(machine)
+        assert orbit.method == "half orbit"
+        assert find_all(machine, family=1)[0].alpha == pytest.approx(orbit.alpha, rel=1e-12)
+
+        def rates(t, x):
+            pull = 3 * (x[0] - x[2])
+            return [x[1], (-pull - 0.2 * x[0]) / 2.0 - 1, x[3], pull / 0.5 - 1]
+
+        start = [0.5 / 3, orbit.alpha, 0.0, 0.0]
+        run = solve_ivp(rates, (0, orbit.flight_time), start, "DOP853", rtol=1e-13, atol=1e-13)
+        assert run.y[:, -1] == pytest.approx([0.5 / 3, -orbit.alpha, 0.0, 0.0], abs=1e-10)
+
+    def test_a_body_that_is_held_up(self):
+        """A fifth of the foot's weight lifts the body: where body and foot weigh the same, the centre of mass falls at
+        nine tenths of gravity, and the hop has nine tenths of the size."""
+        values = {"m1": 1.0, "m2": 1.0}
+        plain = leg(Spring("body - foot", "r"), parameters=values)
+        held = leg(Spring("body - foot", "r"), Potential("-0.2*m2*body"), parameters=values)
+        assert find(held).alpha == pytest.approx(0.9 * find(plain).alpha, rel=1e-12)
+
+    def test_a_knee_with_a_moment_of_inertia(self):
+        """What turns with the knee is slowed by the ground's force: lift-off depends on the launch speed."""
+        height = "foot + 2*l*sin(knee/2)"
+        values = {"m1": 3.0, "m2": 0.4, "j": 0.02, "l": 0.5, "k": 30.0, "rest": 2.2}
+        elements = [Mass(height, "m1"), Mass("foot", "m2"), Inerter("knee", "j"), Spring("knee - rest", "k*r")]
+        machine = Mechanism(
+            ("foot", "knee"), elements, "foot", values, gravity=9.81, rest={"knee": "rest"}, angles=("knee",),
+            heights={"body": height, "foot": "foot"},
+        )  # fmt: skip
+        m1, m2, j, link, k, rest = values.values()
+
+        def rates(t, x):
+            """Lagrange's equations with T = m1 (h' + s t')^2/2 + m2 h'^2/2 + j t'^2/2, s = l cos(t/2)."""
+            s, bend = link * np.cos(x[2] / 2), -link / 2 * np.sin(x[2] / 2)
+            matrix = np.array([[m1 + m2, m1 * s], [m1 * s, m1 * s**2 + j]])
+            pull = m1 * (bend * x[3] ** 2 + 9.81)
+            up, turn = np.linalg.solve(matrix, [-pull - m2 * 9.81, -pull * s - k * (x[2] - rest)])
+            return [x[1], up, x[3], turn]
+
+        orbit = find(machine)
+        start = [0.0, 0.0, orbit.liftoff_extension, orbit.alpha]
+        assert rates(0, start)[1] == pytest.approx(0.0, abs=1e-9)  # the foot is about to leave
+        run = solve_ivp(rates, (0, orbit.flight_time), start, "DOP853", rtol=1e-13, atol=1e-13)
+        assert run.y[:, -1] == pytest.approx([0.0, 0.0, start[2], -orbit.alpha], abs=1e-9)
+        slow, fast = machine.model.release(np.array([0.1, 4.0]), machine.values)
+        assert abs(fast - slow) > 1e-4
+        assert find_all(machine, family=1)[0].alpha == pytest.approx(orbit.alpha, rel=1e-11)
+
+
+class TestWhatItIs:
+    def test_numbers_share_a_model(self):
+        machine = leg(Spring("body - foot", "k*r"))
+        assert machine.with_values(k=4.0).model is machine.model
+        assert leg(Spring("body - foot", "k*r"), parameters={**VALUES, "m1": 1.0}).model is machine.model
+
+    def test_it_is_pickled_and_swept_in_processes(self):
+        machine = leg(Spring("body - foot", "k*r + c*r**3"), parameters={**VALUES, "c": 0.1})
+        assert find(pickle.loads(pickle.dumps(machine))).alpha == find(machine).alpha
+        alone, together = (
+            sweep(machine, {"k": (2.0, 4.0)}, samples=8, executor=executor) for executor in (None, "processes")
+        )
+        assert alone["alpha"].tolist() == together["alpha"].tolist()
+        assert alone["alpha"][0] == pytest.approx(find(machine.with_values(k=alone["k"][0])).alpha, rel=1e-12)
+
+    def test_results_have_units_in_si(self, tmp_path):
+        machine = leg(Spring("body - foot", "k*r"), in_si=True, gravity="g", parameters={**VALUES, "g": 9.81})
+        assert machine.describe()["units"] == {"m1": "kg", "m2": "kg", "k": "N/m", "g": "m/s^2"}
+        orbit = find(machine)
+        assert "m/s" in str(orbit)
+        orbit.save(tmp_path / "orbit.json")
+        assert Orbit.load(tmp_path / "orbit.json").alpha == orbit.alpha
+        assert find(machine.dimensionless()).alpha == orbit.alpha
+
+    def test_energy_over_many_hops(self):
+        machine = leg(
+            Spring("body - foot", "k*r + c*r**3"),
+            Inerter("body - foot", "b"),
+            parameters={**VALUES, "c": 0.5, "b": 0.2},
+        )
+        orbit = find(machine)
+        run = simulate(machine, orbit.alpha, hops=60)
+        energies = [event.energy for event in run.events]
+        assert np.ptp(energies) <= 1e-11 * max(energies)
+
+    @pytest.mark.parametrize(
+        ("change", "telling"),
+        [
+            ({"gap": "foot*foot"}, "gap 'foot\\*foot' is no sum of coordinates"),
+            ({"gap": "foot - 0.1"}, "is no sum of coordinates"),
+            ({"parameters": {"m1": 1.0, "m2": 1.0}}, "'k' has no value"),
+            ({"parameters": {**VALUES, "q": 1.0}}, "no element has a parameter 'q'"),
+            ({"parameters": {**VALUES, "k": float("nan")}}, "k = nan is not a finite number"),
+            ({"parameters": {**VALUES, "body": 1.0}}, "'body' is a coordinate"),
+            ({"launch": "foot"}, "launch 'foot' is no coordinate of the contact"),
+            ({"counts": "body**2"}, "counts = 'body\\*\\*2' is no sum of coordinates"),
+            ({"restitution": 2.0}, "restitution = 2 is out of bounds"),
+            ({"inertia": {"hip": 1.0}}, "inertia of 'hip'"),
+        ],
+    )
+    def test_what_is_no_mechanism_is_refused(self, change, telling):
+        with pytest.raises(InputError, match=telling):
+            find(leg(Spring("body - foot", "k*r"), **change))
+
+    def test_a_mechanism_without_inertia_is_refused(self):
+        with pytest.raises(InputError, match="foot"):
+            find(Mechanism(("body", "foot"), [Mass("body", "m1"), Spring("body - foot", "r")], "foot", {"m1": 1.0}))
+
+
+@pytest.mark.parametrize("machine", [Hopper("cubic", mass_ratio=0.4), Juggler("cubic", mass_ratio=0.4)])
+def test_the_relative_motion_is_found(machine):
+    """The hopper's and the juggler's own units make the rate of their relative motion 1, and no parameter is in it."""
+    relative = machine.model.relative
+    assert relative.rate is None
+    assert relative.liftoff.load == (0.0 if isinstance(machine, Hopper) else 1.0)
+    assert relative.law is not None
+    assert set(relative.law.names) == {"beta"}
