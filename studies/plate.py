@@ -76,11 +76,11 @@ def motions(stiffness: float, mass: float, longest: float) -> list[Orbit]:
         return []
 
 
-def both_ways(along: str, value: float, orbit: Orbit) -> list[Family]:
+def both_ways(along: str, value: float, orbit: Orbit, most: int) -> list[Family]:
     """The family of a hop towards both bounds of a parameter, as long as it is one of motions."""
     machine = plate(**{"stiffness" if along == "plate_stiffness" else "mass": value})
     return [
-        follow(machine, along, stop, orbit=orbit, stop_inadmissible=True, most=MOST_POINTS, longest=0.02)
+        follow(machine, along, stop, orbit=orbit, stop_inadmissible=True, most=most, longest=0.02)
         for stop in ALONG[along]
     ]
 
@@ -112,7 +112,7 @@ def draw_families(panels, along: str, quick: bool) -> dict[str, int]:
         found = motions(*((value, 2.0) if along == "plate_stiffness" else (10.0, value)), 1.5)
         found.sort(key=lambda orbit: np.abs(shares([orbit]) - 1).max())
         for orbit in found[:1]:
-            for family in both_ways(along, value, orbit):
+            for family in both_ways(along, value, orbit, 200 if quick else MOST_POINTS):
                 for axes, row in zip(panels, shares(family), strict=True):
                     axes.plot(family.column(along), row, color=colour, lw=1.2)
                 reason = family.end.reason.split(" at ")[0].split(" near ")[0]

@@ -2,9 +2,9 @@
 
 Body and foot of mass 1 on springs of stiffness 3/2 above and 3 below, whose compliances add to 1. A small mass e
 between moves with body and foot by the shares 1/3 and 2/3, so that to first order it adds to their masses, less an
-inertance of 2/9 e between them; what is left is its own vibration, of order e^(3/2), which grows where it turns as the hop does.
-With a heavier mass there are hops near the plain one at most masses, but each ends as a motion nearby: the ground would
-have to pull.
+inertance of 2/9 e between them; what is left is its own vibration, of order e^(3/2), which grows where it turns as the
+hop does. With a heavier mass there are hops near the plain one at most masses, but each ends as a motion nearby: the
+ground would have to pull.
 Run: python studies/series.py [--output FOLDER] [--quick]
 """
 
