@@ -1,10 +1,9 @@
 """A juggler whose hand is a chain: a ball on a hand, a spring below it, a mass, and a spring to the ground.
 
-The lossless throws of three masses 1 on springs of stiffness 1, along the mass between the springs, the stiffness of the
-lower one, and the hardness of the upper one. As the mass between vanishes, there is a throw near the plain juggler's on
-both springs in series (dots): its launch speed is larger by the share s^2 m3/(2 m2), with s the share of the hand's
-motion that the mass makes. The families of the throws of equal masses tend to other ones there, since each keeps the
-number of times that the mass between turns.
+The lossless throws of three masses 1 on springs of stiffness 1, along the mass between the springs, the stiffness of
+the lower one, and the hardness of the upper one. As the mass between vanishes, there is a throw near the plain
+juggler's on both springs in series (dots): its launch speed is larger by the share s^2 m3/(2 m2), with s the share of
+the hand's motion that the mass makes. The families of the throws of equal masses do not lead there.
 Run: python studies/chain_hand.py [--output FOLDER] [--quick]
 """
 

@@ -1,8 +1,8 @@
 """Where a hopper hops on a sprung plate without loss: along the plate's stiffness, and along its mass.
 
 A body and a foot of mass 1 on a spring of stiffness 1, on a plate of mass m3 with stiffness K. At every stiffness that
-is asked for there are lossless hops that are motions, but no family of them goes all the way. On a stiff plate there is
-one near the plain hop at every stiffness, each time another: followed in the stiffness, its times change with the
+is tried there are lossless hops that are motions, but no family of them goes all the way. On a stiff plate one of them
+is near the plain hop, but not always the same: followed in the stiffness, its times change with the
 plate's vibration, it departs from the plain hop, and it ends as a motion where the plate would have to pull the foot.
 On softer plates families end where the two frequencies of flight are as 1 : 1 or 1 : 2 (K = 4 and 1 for m3 = 2), with a
 launch speed that grows without bound, or where those of contact are as 1 : 2 or 1 : 3, (4 + K)^2 = 3 (n + 1/n)^2 K for
@@ -38,7 +38,7 @@ class Plain(NamedTuple):
 
 @cache
 def plain() -> Plain:
-    """The plain hopper, whose own units are those of mass, stiffness and gravity 1 but for a clock by sqrt(2) faster."""
+    """The plain hopper, whose own units are those of mass, stiffness and gravity 1 but for the clock."""
     orbit, clock = find(Hopper()), np.sqrt(2)
     return Plain(orbit.alpha * clock, orbit.flight_time / 2 / clock, orbit.contact_time / 2 / clock, orbit.alpha)
 
@@ -76,11 +76,11 @@ def motions(stiffness: float, mass: float, longest: float) -> list[Orbit]:
         return []
 
 
-def both_ways(along: str, value: float, orbit: Orbit) -> list[Family]:
+def both_ways(along: str, value: float, orbit: Orbit, most: int) -> list[Family]:
     """The family of a hop towards both bounds of a parameter, as long as it is one of motions."""
     machine = plate(**{"stiffness" if along == "plate_stiffness" else "mass": value})
     return [
-        follow(machine, along, stop, orbit=orbit, stop_inadmissible=True, most=MOST_POINTS, longest=0.02)
+        follow(machine, along, stop, orbit=orbit, stop_inadmissible=True, most=most, longest=0.02)
         for stop in ALONG[along]
     ]
 
@@ -95,7 +95,7 @@ def draw_map(panels, quick: bool) -> dict[str, float]:
     """Draw the times of all motions against the plate's stiffness; the fewest motions at a stiffness, and how far the
     nearest to the plain hop is on stiff plates."""
     fewest, farthest = np.inf, 0.0
-    for stiffness in np.geomspace(*ALONG["plate_stiffness"], 12 if quick else 80):
+    for stiffness in np.geomspace(*((0.1, 50.0) if quick else ALONG["plate_stiffness"]), 8 if quick else 80):
         found = motions(stiffness, 2.0, 3.0 if stiffness < 5 else 1.5)
         fewest, times = min(fewest, len(found)), shares(found)
         if stiffness > 10:
@@ -108,11 +108,11 @@ def draw_map(panels, quick: bool) -> dict[str, float]:
 def draw_families(panels, along: str, quick: bool) -> dict[str, int]:
     """Draw the families of the hops nearest to the plain one; how many of them end for which reason."""
     reasons: dict[str, int] = {}
-    for value, colour in zip(FROM[along][-2:] if quick else FROM[along], COLOURS, strict=False):
+    for value, colour in zip(FROM[along][-1:] if quick else FROM[along], COLOURS, strict=False):
         found = motions(*((value, 2.0) if along == "plate_stiffness" else (10.0, value)), 1.5)
         found.sort(key=lambda orbit: np.abs(shares([orbit]) - 1).max())
         for orbit in found[:1]:
-            for family in both_ways(along, value, orbit):
+            for family in both_ways(along, value, orbit, 200 if quick else MOST_POINTS):
                 for axes, row in zip(panels, shares(family), strict=True):
                     axes.plot(family.column(along), row, color=colour, lw=1.2)
                 reason = family.end.reason.split(" at ")[0].split(" near ")[0]

@@ -1,10 +1,10 @@
 """A hopper with two springs in series and an unsprung mass between: how it departs from the hopper on one spring.
 
-Body and foot of mass 1 on springs of stiffness 3/2 above and 3 below, whose compliances add to 1. A small mass e between
-moves with body and foot by the shares 1/3 and 2/3, so that to first order it adds to their masses, less an inertance of
-2/9 e between them; what is left is its own vibration, of order e^(3/2), which grows where it turns as the hop does.
-With a heavier mass there are hops near the plain one at most masses, but each ends as a motion nearby: the ground would
-have to pull.
+Body and foot of mass 1 on springs of stiffness 3/2 above and 3 below, whose compliances add to 1. A small mass e
+between moves with body and foot by the shares 1/3 and 2/3, so that to first order it adds to their masses, less an
+inertance of 2/9 e between them; what is left is its own vibration, of order e^(3/2), which grows where it turns as the
+hop does. With a heavier mass there are hops near the plain one at most masses, but each ends as a motion nearby: the
+ground would have to pull.
 Run: python studies/series.py [--output FOLDER] [--quick]
 """
 
@@ -77,10 +77,10 @@ def draw_map(axes, quick: bool) -> dict[str, float]:
     """Draw the flight times of all motions against the unsprung mass, and the families of those nearest to the plain
     hop from some masses; the heaviest mass to which each was followed as a motion."""
     half_flight, heaviest = plain()[2], {}
-    for mass in np.geomspace(0.02, 10.0, 8 if quick else 50):
+    for mass in np.geomspace(*((0.2, 5.0, 4) if quick else (0.02, 10.0, 50))):
         times = [orbit.flight_time / 2 / half_flight for orbit in motions(mass)]
         axes.plot(np.full(len(times), mass), times, ".", color="0.75", ms=3)
-    for mass, colour in zip(FOLLOWED_FROM[:1] if quick else FOLLOWED_FROM, COLOURS, strict=False):
+    for mass, colour in zip(FOLLOWED_FROM[1:2] if quick else FOLLOWED_FROM, COLOURS, strict=False):
         orbit = min(motions(mass), key=lambda orbit: abs(orbit.flight_time / 2 / half_flight - 1))
         for stop in (10.0, 0.02):
             family = follow(series(mass), "m2", stop, orbit=orbit, stop_inadmissible=True)

@@ -104,8 +104,8 @@ class TestNonlinear:
         assert rates[1] == pytest.approx(rates[2], rel=0.2)
 
     def test_a_cycle_by_another_integrator(self):
-        orbit, *_ = self.near_limit(0.02)
-        m1, m2, m3 = self.MASSES[0], 0.02, self.MASSES[1]
+        orbit, *_ = self.near_limit(0.01)
+        m1, m2, m3 = self.MASSES[0], 0.01, self.MASSES[1]
 
         def flight(t, x):
             top, low = self.upper(x[0] - x[2]), self.lower(x[2] - x[4])

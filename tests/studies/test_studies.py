@@ -13,6 +13,7 @@ from studies import (
     asteroid,
     attraction,
     chain,
+    chain_hand,
     damped_hopper,
     design,
     existence,
@@ -27,7 +28,9 @@ from studies import (
     knee,
     mutations,
     paper,
+    plate,
     robot_leg,
+    series,
     spring_families,
     start_up,
     stress,
@@ -361,3 +364,31 @@ def test_mutations_name_tests_in_classes_as_pytest_does(tmp_path):
     for name in ("test_endings.py::TestStatuses::test_a", "test_return_map.py::test_b[1.0-x]"):
         *place, test = f"tests/hybrid/{name}".replace(".py", "").split("::")
         assert copy._named(".".join(place).replace("/", "."), test) == f"tests/hybrid/{name}"
+
+
+def test_plate(tmp_path, capsys):
+    """The limits of a heavy and of a stiff plate by their laws, and a motion at every stiffness that is tried."""
+    numbers = plate.main(tmp_path, quick=True)
+    assert numbers["heavy 10000"] == pytest.approx(1.0, abs=2e-3)
+    assert 1 - numbers["stiff 64"] == pytest.approx((1 - numbers["stiff 16"]) / 4, rel=0.1)
+    assert numbers["fewest motions"] >= 1
+    assert numbers["farthest from the plain hop"] < 0.15
+    assert (tmp_path / "plate.png").stat().st_size > 10_000
+    assert "the plate would have to pull the foot" in capsys.readouterr().out
+
+
+def test_chain_hand(tmp_path, capsys):
+    """The share s^2 m3/(2 m2) by which a small mass between the springs makes the launch faster."""
+    numbers = chain_hand.main(tmp_path, quick=True)
+    assert numbers["series 0.001"] == pytest.approx(1.0, abs=2e-3)
+    assert numbers["throws"] == 2
+    assert (tmp_path / "chain_hand.png").stat().st_size > 10_000
+    assert "to b = 0.3: reached" in capsys.readouterr().out
+
+
+def test_series(tmp_path, capsys):
+    """What a small unsprung mass changes beyond the first order goes with the power 3/2 of it."""
+    numbers = series.main(tmp_path, quick=True)
+    assert numbers["largest vibration"] < 1.0
+    assert (tmp_path / "series.png").stat().st_size > 10_000
+    assert "the ground would have to pull" in capsys.readouterr().out
