@@ -9,10 +9,12 @@ _HOMES = {
     "HeavyHand": ".juggler",
     "Hopper": ".hopper",
     "Juggler": ".juggler",
+    "chain_hand": ".hand",
     "hopper_in_si": ".units",
     "inerter_hopper": ".inerter",
     "juggler_in_si": ".units",
     "knee_hopper": ".knee",
+    "plate_hopper": ".plate",
 }
 _MODULES = ("gravity", "springs", "steering")
 

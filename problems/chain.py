@@ -57,12 +57,9 @@ class Chain(Stated):
 
     @exclusive
     def __post_init__(self) -> None:
-        if np.ndim(self.masses) != 1 or not isinstance(self.parameters, Mapping):
-            told = "a list of masses, from the top, and a mapping of its springs' parameters"
-            raise InputError(f"a chain is told by {told}")
-        masses = tuple(number(f"m{i}", m, low=0) for i, m in enumerate(self.masses, 1))
-        if not 2 <= len(masses) <= MOST_MASSES:
-            raise InputError(f"a chain has from 2 to {MOST_MASSES} masses, not {len(masses)}")
+        if not isinstance(self.parameters, Mapping):
+            raise InputError(f"parameters = {self.parameters!r}; they are a mapping of names to numbers")
+        masses = tuple(mass_parameters(self.masses, 2, MOST_MASSES).values())
         coefficient_of_restitution(self.restitution)
         given = self.springs if isinstance(self.springs, list | tuple) else [self.springs] * (len(masses) - 1)
         if len(given) != len(masses) - 1:
@@ -162,3 +159,13 @@ class Chain(Stated):
 
 def _mass_names(count: int) -> tuple[str, ...]:
     return tuple(f"m{i}" for i in range(1, count + 1))
+
+
+def mass_parameters(masses: Sequence[float], fewest: int, most: int) -> dict[str, float]:
+    """The masses of a column by name; raises `InputError` for what is no list of so many masses above 0."""
+    if np.ndim(masses) != 1:
+        raise InputError(f"masses = {masses!r}; they are a list of masses, from the top")
+    if not fewest <= len(masses) <= most:
+        bounds = f"from {fewest} to {most}" if fewest < most else f"{most}"
+        raise InputError(f"there are {bounds} masses, not {len(masses)}")
+    return {name: number(name, m, low=0) for name, m in zip(_mass_names(len(masses)), masses, strict=True)}

@@ -20,6 +20,9 @@ CLEAR, ARRIVED = 0.1, 1e-6
 POWERS = ([0, 1, 2, 3, 4, 5], [0, 2, 3, 4, 5, 6])
 # The error is taken as this many times the change by the last term, since the terms left out may be larger.
 CAUTION = 3
+# A flight that shrinks to nothing with the launch speed has less than this share of its time when the speed has less
+# than the reciprocal of `StepControl.escape_ratio`.
+SHRUNK = 0.3
 # The curve may pass its first point on a chord that begins within this many lengths of the step from it, in the
 # parameter; these are about the chord's.
 CLOSING = 3
@@ -77,7 +80,8 @@ class Endings:
         grown = [point.amplification for point in points[1:]]
         ends = (values[1:] <= self.bounds[0]) | (values[1:] >= self.bounds[1])
         ends |= np.abs(self.start - values[:-1]) <= CLOSING * lengths[1:] * self.curve.span
-        ends |= (alpha > ratio * first.alpha) | (time > ratio * first.flight_time) | (alpha < first.alpha / ratio)
+        speed = np.abs(alpha / first.alpha)
+        ends |= (speed > ratio) | (time > ratio * first.flight_time) | (speed < 1 / ratio)
         ends |= np.array(grown) > self.control.largest_amplification
         return ends | np.array([self.stop_inadmissible and not orbit.admissible for orbit in orbits], bool)
 
@@ -124,15 +128,17 @@ class Endings:
         if last.amplification > self.control.largest_amplification:
             growth = f"{last.amplification:.0e}-fold"
             return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, history)
-        if orbit.alpha > ratio * first.alpha or orbit.flight_time > ratio * first.flight_time:
+        speed, time = abs(orbit.alpha / first.alpha), orbit.flight_time / first.flight_time
+        if speed > ratio or time > ratio:
             if not (found := limit(history, self.bounds, -1)):
                 return None
-            if orbit.flight_time / orbit.alpha > ratio * first.flight_time / first.alpha:
+            if time > ratio * speed:
                 return End("degenerate", f"gravity no longer returns the machine {place}", *found)
             if abs(orbit.liftoff_extension) > ratio * (1 + abs(first.liftoff_extension)):
                 return End("degenerate", f"the spring no longer lifts the foot {place}", *found)
             return End("escaped", "the launch speed grows without bound", *found)
-        if orbit.alpha < first.alpha / ratio and (found := limit(history, self.bounds, 1)):
+        # Where a launch has several speeds, this one may vanish in a flight that does not.
+        if speed < 1 / ratio and time < SHRUNK and (found := limit(history, self.bounds, 1)):
             return End("degenerate", f"the flight shrinks to nothing {place}", *found)
         return None
 
@@ -143,7 +149,7 @@ class Endings:
         units, speed = self.curve.units_at(last.point), Quantity(alpha, LIFTOFF_SPEED)
         where = Message("{name} = {value:.10g}, alpha = {alpha:.10g}", name=self.curve.along, value=value, alpha=speed)
         where = in_units(where, units)
-        if alpha > self.control.running_ratio * self.origin.alpha and (found := limit(history, self.bounds, -1)):
+        if abs(alpha / self.origin.alpha) > self.control.running_ratio and (found := limit(history, self.bounds, -1)):
             return End("escaped", f"the launch speed grows without bound, and was followed to {where}", *found)
         reason = in_units(error, units)
         if abs(value - self.start) < self.control.least_progress * self.curve.span:

@@ -2,7 +2,6 @@
 springs' own laws."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from .follow import follow
 # The springs' own laws are brought in along this parameter, from 0 to 1.
 LAW_SHARE = "share_of_the_springs_own_law"
 # The longest step along it, as a share, and the most points: hops that need more are left out.
-LONGEST_LAW_STEP, MOST_LAW_POINTS = 0.1, 100
+LONGEST_LAW_STEP, MOST_LAW_POINTS = 0.1, 200
 
 
 def starts(machine: Mechanism, half_contact: float, half_flight: float, seed: int = 0) -> list[dict[str, float]]:
@@ -43,16 +42,16 @@ def starts(machine: Mechanism, half_contact: float, half_flight: float, seed: in
             raise InputError(
                 f"spring '{spring.force.text}' has the slope {slope:g} where it is not extended, not above 0"
             )
-    straight = _with_laws(
-        machine, [from_formula(f"slope_{i}*r", "r", {f"slope_{i}": slope}) for i, slope in enumerate(slopes)]
+    straight = machine.with_springs(
+        [from_formula(f"slope_{i}*r", "r", {f"slope_{i}": slope}) for i, slope in enumerate(slopes)]
     )
     hops = linear_hops(*straight.linear_equations(), straight.gap_weights, half_contact, half_flight, seed)
     names = machine.model.flight.states
     found = [start_from(machine, dict(zip(names, hop.liftoff.tolist(), strict=True)), *hop[:2]) for hop in hops]
     if all(spring.force.degree() == 1 for spring in springs):
         return found
-    mixed = _with_laws(
-        machine, [_mixed(each.force, slope, machine.values) for each, slope in zip(springs, slopes, strict=True)]
+    mixed = machine.with_springs(
+        [_mixed(each.force, slope, machine.values) for each, slope in zip(springs, slopes, strict=True)]
     )
     return [led for start in found if (led := _led_to_own_laws(mixed, start))]
 
@@ -92,15 +91,6 @@ def start_from(
     return {name: liftoff[own.get(name, name)] for name in names} | {
         "duration": half_flight, "contact_duration": half_contact,
     }  # fmt: skip
-
-
-def _with_laws(machine: Mechanism, laws: Sequence[Law]) -> Mechanism:
-    """The mechanism with other laws of its springs, and without the parameters that only the former ones asked for."""
-    new = iter(laws)
-    elements = [replace(each, force=next(new)) if isinstance(each, Spring) else each for each in machine.elements]
-    asked = replace(machine, elements=elements, parameters={}).names
-    kept = {name: value for name, value in machine.parameters.items() if name in asked}
-    return replace(machine, elements=elements, parameters=kept)
 
 
 def _mixed(key: Key, slope: float, p: Mapping[str, float]) -> Law:

@@ -22,6 +22,10 @@ RESOLVED = 10
 STEPS_OF_BATCH, SMALL_BATCH = 12_000, 8
 
 
+class AnotherFamily(NoOrbit):
+    """The next point is of another family, and too far from the last to tell where that begins."""
+
+
 class TracerState(NamedTuple):
     """What is known of a run before its next batch."""
 
@@ -141,7 +145,7 @@ class Tracer:
         before = [state.last.point.certificate.family] if state.last.certified else families[:1]
         for i, (family, new) in enumerate(zip([*before, *families], families, strict=False)):
             if new != family and certified[i].length > RESOLVED * self.control.shortest_step:
-                return certified[:i], NoOrbit(f"the orbit changes from family {family} to another one")
+                return certified[:i], AnotherFamily(f"the orbit changes from family {family} to another one")
         return certified, error
 
     def _onward(self, last: CurvePoint, point: CurvePoint, before: int) -> tuple[list, CurvePoint, int, End | None]:
@@ -163,7 +167,10 @@ class Tracer:
         """The state after a batch: longer batches if nothing was rejected, else shorter steps one at a time."""
         control, size, rejections = self.control, 1, state.rejections
         if batch.rejection:
-            rejections = max(rejections - len(batch.certified) / control.recovery, 0.0) + 1
+            # A change of family is approached by halving the step some twenty times, however well the curve is
+            # followed.
+            worse = 0 if isinstance(batch.rejection, AnotherFamily) else 1
+            rejections = max(rejections - len(batch.certified) / control.recovery, 0.0) + worse
             ends = ends if ends[-1] is state.last else [*ends, state.last]
         elif batch.whole:
             size = min(control.batch_growth * state.batch_size, self._largest_batch(state.last))

@@ -119,7 +119,7 @@ def program_of(function: ca.Function) -> Program | None:
     if not {operation for operation, *_ in instructions} <= {*ARITHMETIC, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
         return None
     starts = (0, function.numel_in(0))
-    constants = [constant for operation, _, constant in instructions if operation == ca.OP_CONST]
+    constants = [float(constant) for *_, constant in instructions if constant is not None]
     first = sum(function.numel_in(i) for i in range(function.n_in()))
     position, steps, results, known = (
         list[int](),

@@ -28,7 +28,7 @@ from ..symbolic.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
 from .derived import Structure, derived_launch, derived_model, linear_equations
 from .dimensions import dimensions_of_parameters
-from .elements import Element, Scalar, Spring, fields_of, names_in
+from .elements import Element, Force, Scalar, Spring, fields_of, names_in
 from .features import with_reach
 from .laws import Key, Law, coefficient_of_restitution, key_of, number, stated
 from .linear import LinearEquations
@@ -111,9 +111,8 @@ class Mechanism(Stated):
         places = {*self.coordinates, *self.actuators}
         if taken := sorted(places & given.keys()):
             raise InputError(f"'{taken[0]}' is a coordinate; call the parameter something else")
-        functions = any(callable(value) for element in self.elements for value in vars(element).values())
-        if unused := [name for name in given if name not in self._asked and not functions]:
-            raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], stated(self._asked))}")
+        if unused := [name for name in given if not self._may_ask_for(name)]:
+            raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], stated(self._asked_names))}")
 
     @staticmethod
     def _law(law: Any, variable: str, given: Mapping[str, float]) -> tuple[Key, Mapping[str, float]]:
@@ -133,27 +132,31 @@ class Mechanism(Stated):
         return tuple(tuple(row) for row in self.inertia)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The names of all parameters."""
-        return tuple(sorted(self._asked | self.parameters.keys()))
+    def _expressions(self) -> list[Any]:
+        """The expressions that may ask for parameters, without the laws."""
+        elements = [value for element in self.elements for value in fields_of(element)]
+        elements += [element.force for element in self.elements if isinstance(element, Force)]
+        optional = [value for value in (self.counts, self.separation) if value is not None]
+        lengths = [length for *_, length in self.knees]
+        whole = [self.gap, self.surface_gravity, self.energy_unit, *(self.heights or {}).values(), *self.rest.values()]
+        return [*elements, *chain(*self.inertia), *optional, *lengths, *whole]
 
     @property
-    def _asked(self) -> set[str]:
-        """The names that are asked for by formulas and laws."""
-        expressions = [value for element in self.elements for value in fields_of(element)]
-        expressions += [
-            *chain(*self.inertia),
-            *(self.heights or {}).values(),
-            self.surface_gravity,
-            self.energy_unit,
-            self.gap,
-        ]
-        expressions += [value for value in (self.counts, self.separation) if value is not None]
-        expressions += [*self.rest.values(), *(length for *_, length in self.knees)]
-        found = {name for value in expressions for name in names_in(value)} | {*self.actuators.values()}
+    def _asked_names(self) -> set[str]:
+        """The names of the parameters that formulas and laws ask for."""
         laws = [self.gravity, *(element.force for element in self.elements if isinstance(element, Spring))]
-        found |= {name for law in laws for name in law.names}
+        found = {name for value in self._expressions for name in names_in(value)}
+        found |= {name for law in laws for name in law.names} | {*self.actuators.values()}
         return found - {*self.coordinates, *self.actuators}
+
+    def _may_ask_for(self, name: str) -> bool:
+        """Whether a formula or law asks for a parameter, or a Python function may."""
+        return name in self._asked_names or any(map(callable, self._expressions))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all parameters."""
+        return tuple(sorted(self._asked_names | self.parameters.keys()))
 
     @exclusive_property
     def structure(self) -> Structure:
@@ -212,6 +215,14 @@ class Mechanism(Stated):
             if name not in self.parameters:
                 raise InputError(f"this machine has no parameter '{name}'{suggest(name, stated(self.parameters))}")
         return replace(self, parameters={**self.parameters, **values})
+
+    def with_springs(self, forces: Sequence[Any]) -> Self:
+        """The same mechanism with other laws of its springs, without the parameters that these no longer ask for."""
+        new = iter(forces)
+        elements = [replace(each, force=next(new)) if isinstance(each, Spring) else each for each in self.elements]
+        other = replace(self, elements=elements, parameters={})
+        kept = {name: value for name, value in self.parameters.items() if other._may_ask_for(name)}
+        return replace(other, parameters={**kept, **other.parameters})
 
     @property
     def units(self) -> Units | None:
