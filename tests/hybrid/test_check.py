@@ -11,15 +11,11 @@ import orbits.model.consistency as consistency
 from orbits import (
     Affine,
     InconsistentModel,
-    Inerter,
     InputError,
-    Mass,
-    Mechanism,
     Model,
     NoOrbit,
     Phase,
     ReturnMap,
-    Spring,
     check,
     find,
     follow,
@@ -59,34 +55,12 @@ MACHINES = {
     "in SI": hopper_in_si(10.0, 1.0, stiffness=1e4, rest_length=0.5),
     "varying heavy hand": HeavyHand("cubic", INVERSE_SQUARE, rest_length=20.0),
     "juggler in SI": juggler_in_si(1.0, 0.2, force="k*r + b*r**3", parameters={"k": 900.0, "b": 4e4}),
+    "inerter": inerter_hopper("r + 0.1*r**3", body_mass=1.3, rest_length=20.0),
+    "inerter in SI": inerter_hopper(
+        "k*r", body_mass=60.0, foot_mass=3.0, inertance=20.0, surface_gravity=9.81, parameters={"k": 5e3}, in_si=True
+    ),
+    "knee": knee_hopper(link=0.5),  # its inertia depends on the angle
 }
-# Its inertia depends on the angle of the knee.
-MACHINES["knee"] = Mechanism(
-    coordinates=("foot", "knee"),
-    elements=[
-        *(Mass("foot + 2*link*sin(knee/2)", "body_mass"), Mass("foot", "foot_mass")),
-        Spring("knee - rest_angle", "stiffness*r"),
-    ],
-    gap="foot",
-    gravity=9.81,
-    counts="knee",
-    angles=("knee",),
-    rest={"knee": "rest_angle"},
-    heights={"body": "foot + 2*link*sin(knee/2)", "foot": "foot"},
-    separation="2*link*sin(knee/2)",
-    knees=[("foot", "body", "link")],
-    parameters={"body_mass": 60.0, "foot_mass": 3.0, "link": 0.5, "stiffness": 600.0, "rest_angle": 2.6},
-    in_si=True,
-)
-MACHINES["inerter"] = Mechanism(
-    coordinates=("body", "foot"),
-    elements=[
-        *(Mass("body", "m1"), Mass("foot", "m2"), Inerter("body - foot", "b")),
-        Spring("body - foot", "k*r + 0.3*r**3"),
-    ],
-    gap="foot",
-    parameters={"m1": 1.3, "m2": 0.7, "k": 2.0, "b": 0.4},
-)
 
 
 @pytest.mark.parametrize("name", MACHINES)
