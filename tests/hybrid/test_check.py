@@ -73,14 +73,9 @@ def test_machines_hold(name):
     assert len(table) == 1 + len(checked.relations) + len(checked.left_out)
 
 
-@pytest.mark.parametrize(
-    "machine",
-    [inerter_hopper("r + 0.3*r**3"), knee_hopper(), plate_hopper(), chain_hand()],
-    ids=lambda machine: machine.name,
-)
-def test_new_machines_hold(machine):
-    start = None if machine.model.one_speed else starts(machine, 4.0, 4.0)[0]
-    checked = check(machine, start=start)
+@pytest.mark.parametrize("machine", [plate_hopper(), chain_hand()], ids=lambda machine: machine.name)
+def test_machines_of_three_masses_hold_along_their_own_hops(machine):
+    checked = check(machine, start=starts(machine, 4.0, 4.0)[0])
     assert any("orbit's flight" in each.words for each in checked.relations)
     assert checked.largest < 0.1
 
@@ -93,29 +88,6 @@ def test_a_table_of_measurements_holds():
 def test_a_chain_holds_along_its_own_hop():
     chain = Chain([1.0, 2.0, 0.7], ["r", "r + 0.1*r**3"])
     checked = check(chain, start=chain.starts(4.0, 4.0)[0])
-    assert any("orbit's flight" in each.words for each in checked.relations)
-    assert checked.largest < 0.1
-
-
-@pytest.mark.parametrize(
-    ("coordinates", "gap", "springs"),
-    [
-        (("body", "foot", "plate"), "foot - plate", ("body - foot", "plate")),
-        (("ball", "hand", "carrier"), "ball - hand", ("hand - carrier", "carrier")),
-    ],
-    ids=lambda value: value if isinstance(value, str) else "",
-)
-def test_machines_of_three_masses_hold_along_their_own_hops(coordinates, gap, springs):
-    machine = Mechanism(
-        coordinates=coordinates,
-        elements=[
-            *(Mass(name, f"m{i}") for i, name in enumerate(coordinates, 1)),
-            *(Spring(springs[0], "k*r"), Spring(springs[1], "K*r")),
-        ],
-        gap=gap,
-        parameters={"m1": 1.0, "m2": 0.5, "m3": 2.0, "k": 1.0, "K": 8.0},
-    )
-    checked = check(machine, start=starts(machine, 4.0, 4.0)[0])
     assert any("orbit's flight" in each.words for each in checked.relations)
     assert checked.largest < 0.1
 
@@ -442,7 +414,7 @@ def test_pieces_in_the_wrong_place_are_named():
         check(with_model(machine, replace(model, flight=phase)))
 
 
-def inerter_hopper(**changes) -> SimpleNamespace:
+def inerter_by_hand(**changes) -> SimpleNamespace:
     """A hopper of masses m1 and m2 with a spring k and an inerter b between, gravity 1, written by hand; the inerter's
     force is b times the acceleration of the extension."""
 
@@ -504,7 +476,7 @@ def inerter_hopper(**changes) -> SimpleNamespace:
 
 def test_a_machine_written_by_hand_with_coupled_inertia():
     """With an inerter the half flight obeys tan x = x, x = omega T/2 with omega**2 = k/(mu + b)."""
-    machine = inerter_hopper()
+    machine = inerter_by_hand()
     assert check(machine).largest < 0.1
     p, orbit = machine.values, find(machine)
     omega = np.sqrt(p["k"] / (p["m1"] * p["m2"] / (p["m1"] + p["m2"]) + p["b"]))
@@ -519,10 +491,10 @@ def test_a_machine_written_by_hand_with_coupled_inertia():
     }
     for field, wrong in plain.items():
         with pytest.raises(InconsistentModel) as error:
-            find(inerter_hopper(**{field: wrong}))
+            find(inerter_by_hand(**{field: wrong}))
         assert error.value.fields == (field,)
     with pytest.raises(InconsistentModel) as error:
-        find(inerter_hopper(**plain))
+        find(inerter_by_hand(**plain))
     assert len(error.value.fields) > 1
 
 
