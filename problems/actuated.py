@@ -106,7 +106,7 @@ class Limits:
             held["room to pull"] = lambda x, p, q: self.stroke - x[-1]
             held["room to push"] = lambda x, p, q: self.stroke + x[-1]
         if separation := self.separation:
-            held["separation"] = lambda x, p, q: along(separation, product(embed, x))
+            held["separation"] = lambda x, p, q: separation.at(product(embed, x))
         return held
 
 
@@ -119,11 +119,6 @@ def actuator_limits(driven: Actuated, rate: float, stroke: float) -> Limits:
     return Limits(float(rate), float(stroke), driven.model.separation(driven.values))
 
 
-def along(affine: Affine, x: Sequence[Any]) -> Any:
-    """An affine function of a state's expressions."""
-    return sum((weight * part for weight, part in zip(affine.weights, x, strict=False) if weight), affine.offset)
-
-
 def product(matrix: np.ndarray, x: Sequence[Any]) -> list[Any]:
     """The product of a matrix of numbers with a state's expressions."""
-    return [along(Affine(tuple(row)), x) for row in matrix.tolist()]
+    return [Affine(tuple(row)).at(x) for row in matrix.tolist()]

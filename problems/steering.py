@@ -27,7 +27,7 @@ from orbits.numerics.bernstein import derivative, piecewise_roots
 from orbits.numerics.roots import bracketed_root
 from orbits.symbolic.exclusive import exclusive
 
-from .actuated import RATE, Actuated, Limits, actuator_limits, along, product
+from .actuated import RATE, Actuated, Limits, actuator_limits, product
 from .machine import DAMPERS, TwoMassMachine
 
 # Positive work is rounded: power P counts as (P + sqrt(P^2 + round^2))/2, with a share of the mean power as `round`.
@@ -351,7 +351,7 @@ def _hop_stages(model, gap, intervals, times, limits, cost, lossless, periodic) 
     bounds, inputs = [(SHORTEST_SHARE * time, LONGEST_SHARE * time) for time in times], limits.inputs(cost)
 
     def gap_speed(x, p):
-        return along(Affine(gap.weights), model.flight.field(x, {**p, RATE: 0.0}, []))
+        return Affine(gap.weights).at(model.flight.field(x, {**p, RATE: 0.0}, []))
 
     def lifted(x, before, p):
         if periodic:  # Spring's end and motion could be moved together: the end is at 0 where the cycle begins.
@@ -359,14 +359,14 @@ def _hop_stages(model, gap, intervals, times, limits, cost, lossless, periodic) 
         return _difference(x, model.launch({"liftoff": p["liftoff"], "alpha": p["launch"]}, p))
 
     def landed(x, p):
-        return [along(gap, x), *([gap_speed(x, p), force(product(onto, x), p, [])] if lossless else [])]
+        return [gap.at(x), *([gap_speed(x, p), force(product(onto, x), p, [])] if lossless else [])]
 
     def stuck(x, before, p):
         speed = gap_speed(before, p)
         return _difference(x, product(onto, _difference(before, [speed * share for share in model.impact(before, p)])))
 
     def launched(x, p):
-        return [force(x, p, []), *([] if periodic else [along(model.contact_speed, x) - p["aim"], x[-1]])]
+        return [force(x, p, []), *([] if periodic else [model.contact_speed.at(x) - p["aim"], x[-1]])]
 
     def approaching(x, p):
         return [] if lossless else [-gap_speed(x, p)]
@@ -374,7 +374,7 @@ def _hop_stages(model, gap, intervals, times, limits, cost, lossless, periodic) 
     def final(x, p):
         return p["peak"] if cost == "peak" else 0.0
 
-    path = {"gap": lambda x, p, q: along(gap, x), **limits.path(identity)}
+    path = {"gap": lambda x, p, q: gap.at(x), **limits.path(identity)}
     running = _running_cost(cost, model, identity)
     flight = Stage(model.flight, intervals[0], bounds[0], inputs, lifted, landed, path, running, final, approaching)
     path, running = {"contact force": force, **limits.path(model.embed)}, _running_cost(cost, model, model.embed)
@@ -397,12 +397,12 @@ def _swing_stages(model, pumps, intervals, limits, time) -> tuple[Stage, ...]:
             return _difference(x, before if index else [p["rest"], 0.0, 0.0])
 
         def end(x, p):
-            return [force(x, p, []), along(speed, x) - p["aim"], x[-1]] if last else [along(speed, x)]
+            return [force(x, p, []), speed.at(x) - p["aim"], x[-1]] if last else [speed.at(x)]
 
         path = {
             "contact force": lambda x, p, q: force(x, p, q) - margin,
             **limits.path(model.embed),
-            name: lambda x, p, q: sign * along(speed, x),
+            name: lambda x, p, q: sign * speed.at(x),
         }
         return Stage(model.contact, intervals, bounds, inputs, start, end, path, running)
 

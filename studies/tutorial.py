@@ -3,15 +3,17 @@
 An inerter resists the acceleration of its ends, as a spring resists their distance: two terminals, a flywheel between
 them (Smith 2002). Does one between body and foot make a leg lose less, or hop higher?
 
-Run it in the environment, as `python studies/tutorial.py --output FOLDER`; every step prints what it finds.
+Every step prints what it finds; the figures and an animation of the best leg are drawn at the end.
+Run: python studies/tutorial.py [--output FOLDER] [--quick]
 """
 
+import argparse
 from pathlib import Path
 
-import click
 import numpy as np
 
 from orbits import Inerter, Mass, Mechanism, ReturnMap, Spring, check, find, follow, multiplier, optimize, simulate
+from orbits.plot import save_figure
 
 
 def leg(inertance: float) -> Mechanism:
@@ -32,13 +34,10 @@ def leg(inertance: float) -> Mechanism:
     )
 
 
-@click.command()
-@click.option("--output", type=click.Path(path_type=Path), help="Folder for the figures and the animation.")
-@click.option("--quick", is_flag=True, help="Without the animation.")
-def main(output: Path | None, quick: bool) -> None:
+def main(folder: Path, quick: bool = False) -> dict[str, float]:
     machine = leg(inertance=0.5)
 
-    print("1. Is the machine consistent? Everything follows from its mechanics, so it should be.")
+    print("1. Is the machine consistent? All of it follows from its mechanics, so it should be.")
     print(f"   {check(machine)!r}")
 
     print("2. One hop that loses nothing, with its certificate.")
@@ -47,30 +46,43 @@ def main(output: Path | None, quick: bool) -> None:
 
     print("3. What the inerter does to it: the family of hops along the inertance.")
     family = follow(leg(0.0), "inertance", 2.0, at=[0.5, 1.0])
-    for point in family.events:
-        print(f"   inertance {point.point.value:.2f} kg: launch at {point.point.alpha:.4f} m/s")
+    for event in family.events:
+        print(f"   inertance {event.point.value:.2f} kg: launch at {event.point.alpha:.4f} m/s")
 
     print("4. Beside the hop: where launches go, and how fast small errors die out.")
     hops = ReturnMap(machine)(orbit.alpha * np.array([1.0, 1.02, 1.05]))
-    print(f"   from 0, 2 and 5 % above to {(hops.next / orbit.alpha - 1) * 100} % above")
-    print(f"   multiplier {multiplier(machine, orbit.alpha * 1.02):.4f} at 2 % above")
+    print(f"   from 0, 2 and 5 % above it to {np.round((hops.next / orbit.alpha - 1) * 100, 3)} % above it")
+    slope = multiplier(machine, orbit.alpha * 1.02)
+    print(f"   slope of the map at 2 % above it: {slope:.4f}")
 
-    print("5. A thousand hops, simulated impact by impact.")
+    print("5. Many hops, simulated impact by impact.")
     run = simulate(machine, orbit.alpha, hops=50 if quick else 1000)
-    print(f"   {run.status}, {len(run.events)} events, lost {sum(event.loss for event in run.events):.1e} J")
+    lost = sum(event.loss for event in run.events)
+    print(f"   {run.status} after {len(run.events)} events, {lost:.1e} J lost")
 
-    print("6. The best design: which stiffness and inertance lose least beside the hop, at a rise of 5 cm?")
+    print("6. The best design: which stiffness and inertance press least on the ground, for a rise of 5 cm?")
     over = {"k": (2000.0, 20000.0), "inertance": (0.0, 2.0)}
-    best = optimize(machine, minimise="loss_coefficient", over=over, subject_to=["body_rise == 0.05"])
+    best = optimize(machine, minimise="largest_contact_force", over=over, subject_to=["body_rise == 0.05"])
     print(best)
 
-    if output:
-        output.mkdir(parents=True, exist_ok=True)
-        family.plot().figure.savefig(output / "family.png")
-        best.orbit.plot().figure.savefig(output / "best.png")
-        if not quick:
-            best.orbit.animate(output / "best.gif")
+    folder.mkdir(parents=True, exist_ok=True)
+    save_figure(family.plot(), folder / "tutorial_family.png")
+    save_figure(best.orbit.plot(), folder / "tutorial_best.png")
+    if not quick:
+        best.orbit.animate(folder / "tutorial.gif")
+    return {
+        "alpha": orbit.alpha,
+        "flight time": orbit.flight_time,
+        "slope": slope,
+        "lost": lost,
+        "least force": best.objective,
+        "inertance": best.parameters["inertance"],
+    }
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figures")
+    parser.add_argument("--quick", action="store_true", help="fewer hops, and no animation")
+    arguments = parser.parse_args()
+    main(arguments.output, arguments.quick)

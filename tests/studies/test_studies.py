@@ -5,6 +5,8 @@ from dataclasses import replace
 import mpmath as mp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from orbits import find
 from problems import Hopper
@@ -36,6 +38,7 @@ from studies import (
     stress,
     sweeps,
     tolerances,
+    tutorial,
 )
 from studies.oracle import by_another_integrator
 
@@ -323,6 +326,22 @@ def test_inerter(tmp_path):
     assert numbers["spread of it"] < 1e-12 * per_mass
     assert numbers["stroke, inerter, linear spring"] < 0.65 * numbers["stroke, softer linear spring, no inerter"]
     assert (tmp_path / "inerter.png").stat().st_size > 20_000
+
+
+def test_tutorial(tmp_path):
+    """In mid-flight the extension is at rest, by another integrator; what is lost in the hops is rounding."""
+    numbers = tutorial.main(tmp_path, quick=True)
+    m1, m2, k, c, b = 60.0, 3.0, 8000.0, 2e6, 0.5
+    level, mass = (m2 + b * (m1 + m2) / m1) * 9.81, m1 * m2 / (m1 + m2) + b
+    start = brentq(lambda r: k * r + c * r**3 - level, 0.0, 0.1, xtol=1e-16)
+    half = numbers["alpha"] * m1 / (m1 + m2) / 9.81
+    assert numbers["flight time"] == pytest.approx(2 * half, rel=1e-13)
+    rates = lambda t, x: [x[1], -(k * x[0] + c * x[0] ** 3) / mass]  # noqa: E731
+    run = solve_ivp(rates, (0, half), [start, numbers["alpha"]], "DOP853", rtol=1e-13, atol=1e-15)
+    assert run.y[1, -1] == pytest.approx(0.0, abs=1e-10)
+    assert 0 <= numbers["lost"] < 1e-9
+    for name in ("tutorial_family.png", "tutorial_best.png"):
+        assert (tmp_path / name).stat().st_size > 10_000
 
 
 @pytest.mark.slow
