@@ -42,6 +42,7 @@ class Linear:
     def of(cls, mechanics: Mechanics) -> "Linear | None":
         """Those of a mechanism; None for one that is not linear."""
         linear = mechanics.conservative and not mechanics.varying and not mechanics.actuators
+        linear = linear and not ca.depends_on(mechanics.inertia, mechanics.y)
         return cls(mechanics) if linear and all(map(_is_straight(mechanics), mechanics.terms)) else None
 
     def _offset(self, term: Term) -> ca.SX:
@@ -88,6 +89,6 @@ def _is_straight(mechanics: Mechanics) -> Callable[[Term], bool]:
     def is_straight(term: Term) -> bool:
         if isinstance(term.element, Spring):
             return mechanics.law_of(term.element).degree() == 1 and mechanics.affine(term.place) is not None
-        return term.is_weight
+        return term.is_weight and not ca.depends_on(term.gradient, mechanics.y)
 
     return is_straight

@@ -91,7 +91,9 @@ class Mechanics:
         terms = [term for element in elements for term in self._terms_of(element)]
         self.terms = [*_one_weight(terms), *self._inertial_terms()]
         dampers = [term.gradient[self.size :] for term in self.terms if term.what == "damper"]
-        self.damped_ends = any(not gradient.is_zero() for gradient in dampers)
+        self.damped_ends = any(not gradient.is_zero() for gradient in dampers) or any(
+            isinstance(element, Force) for element in elements
+        )
         self.gap = self._gap(gap)
         self.eliminated = int(np.argmax(self.gap))
         kept = [i for i in range(self.size) if i != self.eliminated]
@@ -151,9 +153,18 @@ class Mechanics:
                     matrix[i, j] = self.scalar(entry)
         self.stated_inertia = matrix
         for place, mass in self._moving_masses():
-            gradient = ca.sparsify(self.gradient(place)[: self.size])
-            matrix = matrix + self.scalar(mass) * (gradient @ gradient.T)
+            gradient = ca.sparsify(self.gradient(place))
+            if not gradient[self.size :].is_zero():
+                raise InputError(f"'{place}' moves with an actuator: what has mass moves with coordinates alone")
+            matrix = matrix + self._mass(mass) * (gradient[: self.size] @ gradient[: self.size].T)
         return ca.sparsify(matrix)
+
+    def _mass(self, expression: Scalar) -> ca.SX:
+        """A mass, which does not depend on the coordinates."""
+        mass = self.scalar(expression)
+        if ca.depends_on(mass, self.y):
+            raise InputError(f"mass '{expression}' depends on coordinates: state such an inertia as inertia=")
+        return mass
 
     def _moving_masses(self) -> list[tuple[Scalar, Scalar]]:
         """The functions of the coordinates along which something with a mass moves, and the masses."""
@@ -194,7 +205,7 @@ class Mechanics:
 
     def _weight(self, element: Mass | Weight) -> Term:
         """The weight of a mass; where gravity is constant the same force for all."""
-        weight = self.scalar(element.mass) * self.gradient(element.height)
+        weight = self._mass(element.mass) * self.gradient(element.height)
         if not self.varying:
             return Term(element, lambda y, v, p, q: 1.0, weight * self.ground_gravity, True, "constant gravity", "0")
         height = element.height

@@ -220,7 +220,7 @@ def _held(mechanics: Mechanics, level: str, rest: Scalar) -> Launch:
     law = Key("the contact force", "r", expression, (*m.p, AT_SPEED_OF), None)
     symbols = ca.SX.sym("r"), ca.SX.sym("speed")
     speeds = [expression(symbols[0], {**m.p, AT_SPEED_OF: speed}, []) for speed in (symbols[1], ca.SX(0))]
-    still = Coefficients(speeds[0] - speeds[1], ca.vertcat(*symbols), m.p).constants == [0.0]
+    still = Coefficients(speeds[0] - speeds[1], ca.vertcat(*symbols), m.p, analytic=True).constants == [0.0]
     if still:  # A speed that makes no difference is no parameter.
         law = law._replace(expression=lambda r, p, q: expression(r, {**p, AT_SPEED_OF: 0.0}, q), names=tuple(m.p))
     gravity, by_speed = m.gravity if m.varying else None, None if still else AT_SPEED_OF

@@ -124,6 +124,44 @@ class TestTheSameMachine:
             find(damped)
 
 
+class TestNumbers:
+    """What is the same for all parameters becomes a number, and nothing else does."""
+
+    @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+    def test_masses_as_numbers_and_as_parameters(self, scale):
+        m1, m2, k = 1.23456789 * scale, scale / 3, 0.7 * scale
+        numbers = Mechanism(
+            ("body", "foot"), [Mass("body", m1), Mass("foot", m2), Spring("body - foot", "k*r")], "foot", {"k": k}
+        )
+        names = leg(Spring("body - foot", "k*r"), parameters={"m1": m1, "m2": m2, "k": k})
+        same(find(numbers), find(names), rel=1e-14)
+        speeds = np.linspace(0.5, 3.0, 7)
+        assert ReturnMap(numbers)(speeds).next == pytest.approx(ReturnMap(names)(speeds).next, rel=1e-11, nan_ok=True)
+
+    def test_functions_that_look_constant_in_places(self):
+        """The damper is off for c <= 2, and the mass of the foot is 1 beyond s = 1."""
+        hinge = Damper("body - foot", "(abs(c - 2) + c - 2)/2")
+        speeds = [2.0, 3.0, 4.0]
+        damped = leg(Spring("body - foot", "k*r"), hinge, parameters={**VALUES, "c": 2.1})
+        plain = leg(Spring("body - foot", "k*r"), Damper("body - foot", "d"), parameters={**VALUES, "d": 0.1})
+        assert ReturnMap(damped)(speeds).next == pytest.approx(ReturnMap(plain)(speeds).next, rel=1e-12, nan_ok=True)
+        heavy = Mechanism(
+            ("body", "foot"), [Mass("body", "m1"), Mass("foot", "1 + exp(-50*s)"), Spring("body - foot", "k*r")], "foot",
+            {"m1": 2.0, "k": 3.0, "s": 0.01},
+        )  # fmt: skip
+        foot = leg(Spring("body - foot", "k*r"), parameters={"m1": 2.0, "m2": 1 + np.exp(-0.5), "k": 3.0})
+        same(find(heavy), find(foot), rel=1e-12)
+
+    def test_small_factors_of_large_parameters(self):
+        machine = leg(Spring("body - foot", "k*r"), Inerter("body - foot", "1e-13*b"), parameters={**VALUES, "b": 2e12})
+        other = leg(Spring("body - foot", "k*r"), Inerter("body - foot", "b"), parameters={**VALUES, "b": 0.2})
+        same(find(machine), find(other), rel=1e-12)
+
+    def test_masses_do_not_depend_on_coordinates(self):
+        with pytest.raises(InputError, match="depends on coordinates"):
+            find(leg(Spring("body - foot", "k*r"), Mass("body", lambda y, p: 1 + 0.1 * y["body"])))
+
+
 class TestAnInerter:
     @pytest.mark.parametrize("inertance", [0.0, 0.1, 1.0, 30.0])
     @pytest.mark.parametrize("family", [1, 2])
