@@ -20,15 +20,15 @@ HOPS, MOST_DRIFT = 1000, 1e-10
 
 
 def settled(machine, linear) -> Orbit:
-    """A motion of a machine with several coordinates in contact beside which launches stay: it keeps sixty hops. Beside
+    """The motion of a machine with several coordinates in contact that keeps its hops best, of two hundred. Beside
     others rounding grows from hop to hop, until they leave it. The hops start from those with linear springs."""
-    given = linear.starts(6.0, 6.0) if isinstance(linear, Chain) else starts(linear, 6.0, 6.0)
+    given = linear.starts(5.0, 5.0) if isinstance(linear, Chain) else starts(linear, 5.0, 5.0)
+    lost = {}
     for orbit in find_all(machine, given):
         if orbit.admissible:
-            run = simulate(machine, state=orbit.flight(0.0), hops=60)
-            if run.status == "done" and max(event.loss for event in run.events) < 1e-13:
-                return orbit
-    raise AssertionError("no motion of this machine keeps its hops")
+            run = simulate(machine, state=orbit.flight(0.0), hops=200)
+            lost[max(event.loss for event in run.events) if run.status == "done" else np.inf] = orbit
+    return lost[min(lost)]
 
 
 def softly(chain: Chain) -> tuple[Chain, Chain]:
@@ -47,7 +47,7 @@ MACHINES = {
     "inerter hopper": inerter_hopper(),
     "knee hopper": knee_hopper(),
 }
-PLATE = {"plate_stiffness": 5.0, "b": 0.0}
+HAND, PLATE = (0.2, 1.0, 3.0), {"plate_stiffness": 5.0, "b": 0.0}
 SEVERAL_SPEEDS = {
     "chain": softly(Chain((1, 1, 1))),
     "two springs in series": softly(Chain((1.0, 0.4, 1.0))),
@@ -55,7 +55,7 @@ SEVERAL_SPEEDS = {
         plate_hopper((1.0, 1.0, 2.0), "r + b*r**3", parameters={**PLATE, "b": 0.01}),
         plate_hopper((1.0, 1.0, 2.0), parameters={"plate_stiffness": 5.0}),
     ),
-    "chain hand": (chain_hand(springs="r + b*r**3", parameters={"b": 0.01}), chain_hand()),
+    "chain hand": (chain_hand(HAND, "r + b*r**3", {"b": 0.01}), chain_hand(HAND)),
 }
 
 
