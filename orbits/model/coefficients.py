@@ -18,7 +18,7 @@ from ..symbolic.exclusive import LOCK
 # what their roundings explain are the same; a fraction with so small a denominator is then taken for exact.
 SAMPLES, ROUNDING_SAFETY, LARGEST_EXACT = 5, 8.0, 1000
 PARAMETERS_BETWEEN, COORDINATES_BETWEEN = (0.6, 1.7), (-0.4, 0.5)
-ROUNDING = float(np.finfo(float).eps)
+UNIT_ROUNDING = float(np.finfo(float).eps)
 # Short expressions of these operations, of two arguments or of one given twice, are evaluated one by one on Python's
 # numbers and NumPy's arrays, since a call of a compiled function takes as long as fifty of them.
 ARITHMETIC: dict[int, Callable] = {
@@ -190,7 +190,7 @@ class _Rounded(NamedTuple):
         allowed = ROUNDING_SAFETY * self.errors.max()
         if not (self.judged and np.ptp(self.values) <= allowed):
             return np.nan
-        middle = float(np.median(self.values))
+        middle = float(np.sort(self.values)[SAMPLES // 2])
         exact = float(Fraction(middle).limit_denominator(LARGEST_EXACT))
         return exact if abs(exact - middle) <= allowed else middle
 
@@ -202,11 +202,11 @@ def _rounded(operation: int, parts: list[_Rounded], judged: bool) -> _Rounded:
     if operation in _ERRORS:
         compute, spread = _ERRORS[operation]
         values = compute(a.values, b.values)
-        return _Rounded(values, spread(a, b, values) + ROUNDING * np.abs(values), depends, judged)
+        return _Rounded(values, spread(a, b, values) + UNIT_ROUNDING * np.abs(values), depends, judged)
     if operation in _SMOOTH:
         compute, slope = _SMOOTH[operation]
         values = compute(a.values)
-        return _Rounded(values, np.abs(slope(a.values)) * a.errors + 2 * ROUNDING * np.abs(values), depends, judged)
+        return _Rounded(values, np.abs(slope(a.values)) * a.errors + 2 * UNIT_ROUNDING * np.abs(values), depends, judged)
     symbols = [ca.SX.sym("x") for _ in parts]
     expression = ca.SX.unary(operation, *symbols) if len(parts) == 1 else ca.SX.binary(operation, *symbols)
     evaluated = ca.Function("operation", symbols, [expression])(*(part.values[None] for part in parts))
