@@ -206,7 +206,8 @@ def _rounded(operation: int, parts: list[_Rounded], judged: bool) -> _Rounded:
     if operation in _SMOOTH:
         compute, slope = _SMOOTH[operation]
         values = compute(a.values)
-        return _Rounded(values, np.abs(slope(a.values)) * a.errors + 2 * UNIT_ROUNDING * np.abs(values), depends, judged)
+        errors = np.abs(slope(a.values)) * a.errors + 2 * UNIT_ROUNDING * np.abs(values)
+        return _Rounded(values, errors, depends, judged)
     symbols = [ca.SX.sym("x") for _ in parts]
     expression = ca.SX.unary(operation, *symbols) if len(parts) == 1 else ca.SX.binary(operation, *symbols)
     evaluated = ca.Function("operation", symbols, [expression])(*(part.values[None] for part in parts))

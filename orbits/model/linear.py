@@ -9,7 +9,7 @@ import numpy as np
 from .coefficients import Coefficients
 from .elements import Spring
 from .laws import Parameters
-from .mechanics import Mechanics, Term, at_rest
+from .mechanics import Mechanics, Term, at_zero
 from .modes import Modes, linear_modes
 from .relative import straight_line
 
@@ -47,7 +47,7 @@ class Linear:
 
     def _offset(self, term: Term) -> ca.SX:
         """The extension of a spring where all coordinates are 0."""
-        return at_rest(self.mechanics.scalar(term.place), self.mechanics.y)
+        return at_zero(self.mechanics.scalar(term.place), self.mechanics.y)
 
     def equations(self, p: Parameters) -> LinearEquations:
         """The matrices at parameters."""

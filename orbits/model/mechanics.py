@@ -141,7 +141,7 @@ class Mechanics:
         """The weights of the coordinates and displacements and the offset of an expression, functions of the
         parameters; None where it is not affine."""
         gradient = self.gradient(expression)
-        found = Coefficients(ca.horzcat(gradient.T, at_rest(self.scalar(expression), self.y)), self.y, self.p)
+        found = Coefficients(ca.horzcat(gradient.T, at_zero(self.scalar(expression), self.y)), self.y, self.p)
         return None if found.by_coordinates else found
 
     def _inertia(self, stated: Sequence[Sequence[Scalar]]) -> ca.SX:
@@ -406,6 +406,6 @@ def _inverse(matrix: ca.SX) -> ca.SX:
     return ca.sparsify(ca.ldl_solve(ca.SX.eye(matrix.shape[0]), *factors))
 
 
-def at_rest(expression: ca.SX, y: ca.SX) -> ca.SX:
+def at_zero(expression: ca.SX, y: ca.SX) -> ca.SX:
     """An expression where all coordinates are 0."""
     return ca.substitute(expression, y, ca.SX(ca.DM.zeros(y.numel())))

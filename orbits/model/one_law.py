@@ -17,7 +17,7 @@ from .coefficients import Coefficients
 from .elements import Force, Potential, Scalar, Spring
 from .laws import Key, Parameters, Scalars
 from .liftoff import Liftoff
-from .mechanics import Mechanics, at_rest, is_used
+from .mechanics import Mechanics, at_zero, is_used
 from .model import Reduction
 from .relative import Relative
 
@@ -105,7 +105,7 @@ class Alone:
             along = along if along.any() or not factor else weights / factor
             if not factor or not np.allclose(weights, factor * along, rtol=1e-14, atol=0):
                 return None
-            found.append((spring, factor, at_rest(mechanics.scalar(spring.extension), mechanics.y)))
+            found.append((spring, factor, at_zero(mechanics.scalar(spring.extension), mechanics.y)))
         across, weight = np.array([-along[1], along[0]]), sum(t.gradient[:2] for t in mechanics.terms if t.is_weight)
         falls = Coefficients(ca.SX(across).T @ weight, mechanics.y, mechanics.p) if ca.SX(weight).numel() == 2 else None
         return cls(mechanics, found, along) if falls and falls.constants != [0.0] else None

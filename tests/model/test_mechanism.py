@@ -145,10 +145,8 @@ class TestNumbers:
         damped = leg(Spring("body - foot", "k*r"), hinge, parameters={**VALUES, "c": 2.1})
         plain = leg(Spring("body - foot", "k*r"), Damper("body - foot", "d"), parameters={**VALUES, "d": 0.1})
         assert ReturnMap(damped)(speeds).next == pytest.approx(ReturnMap(plain)(speeds).next, rel=1e-12, nan_ok=True)
-        heavy = Mechanism(
-            ("body", "foot"), [Mass("body", "m1"), Mass("foot", "1 + exp(-50*s)"), Spring("body - foot", "k*r")], "foot",
-            {"m1": 2.0, "k": 3.0, "s": 0.01},
-        )  # fmt: skip
+        elements = [Mass("body", "m1"), Mass("foot", "1 + exp(-50*s)"), Spring("body - foot", "k*r")]
+        heavy = Mechanism(("body", "foot"), elements, "foot", {"m1": 2.0, "k": 3.0, "s": 0.01})
         foot = leg(Spring("body - foot", "k*r"), parameters={"m1": 2.0, "m2": 1 + np.exp(-0.5), "k": 3.0})
         same(find(heavy), find(foot), rel=1e-12)
 
