@@ -65,7 +65,15 @@ def draw_leg(axes, orbit: Orbit) -> None:
         axes.text(x + 0.1, -0.12, f"{name}\n{np.degrees(angle):.0f}°", ha="center", va="top", fontsize="small")
     axes.axhspan(-0.4, ground, color=SHADE, zorder=0)
     axes.axhline(ground, color="0.3", lw=1.2)
-    axes.set(xlim=(-0.35, 2.25), ylim=(-0.4, 1.2), aspect="equal", xticks=[], ylabel="height (m)", title="the leg")
+    axes.set(
+        xlim=(-0.35, 2.25),
+        ylim=(-0.4, 1.2),
+        aspect="equal",
+        adjustable="datalim",
+        xticks=[],
+        ylabel="height (m)",
+        title="the leg",
+    )
 
 
 def draw_map(axes, legs: Sweep) -> None:

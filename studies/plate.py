@@ -102,6 +102,9 @@ def draw_map(panels, quick: bool) -> dict[str, float]:
             farthest = max(farthest, np.abs(times - 1).max(axis=0).min())
         for axes, row in zip(panels, times, strict=True):
             axes.plot(np.full(row.size, stiffness), row, ".", color="0.75", ms=3)
+    panels[0].plot([], [], ".", color="0.75", ms=3, label="motions, at every stiffness on its own")
+    panels[0].plot([], [], color="0.3", lw=1.2, label="families that were followed")
+    panels[0].legend(frameon=False, fontsize="small")
     return {"fewest motions": fewest, "farthest from the plain hop": farthest}
 
 
