@@ -63,7 +63,7 @@ def draw_leg(axes, orbit: Orbit) -> None:
         axes.plot(x, hip, "o", color=COLOURS[0], ms=20)
         axes.plot(x, foot, "o", color=COLOURS[1], ms=9)
         axes.text(x + 0.1, -0.12, f"{name}\n{np.degrees(angle):.0f}°", ha="center", va="top", fontsize="small")
-    axes.axhspan(-0.4, ground, color=SHADE, zorder=0)
+    axes.axhspan(-2.0, ground, color=SHADE, zorder=0)
     axes.axhline(ground, color="0.3", lw=1.2)
     axes.set(
         xlim=(-0.35, 2.25),
