@@ -171,15 +171,22 @@ class Mechanics:
         masses = [(element.height, element.mass) for element in self.elements if isinstance(element, Mass)]
         return masses + [(each.extension, each.inertance) for each in self.elements if isinstance(each, Inerter)]
 
+    def weights(self, expression: Scalar) -> np.ndarray | None:
+        """The weights (n + k,) of the coordinates and displacements in an expression that is a sum of these, with
+        numbers before them, and of parameters; None for another."""
+        found = self.affine(expression)
+        numbers = None if found is None else np.array(found.constants[:-1])
+        return None if numbers is None or np.isnan(numbers).any() else numbers
+
     def _gap(self, expression: Scalar) -> np.ndarray:
         """The weights (n,) of the gap."""
-        affine = self.affine(expression)
-        weights = [] if affine is None else [w for w in affine.constants if w == w]
-        if len(weights) != len(self.moved) + 1 or weights[-1] != 0 or any(weights[self.size :]) or max(weights) <= 0:
+        weights, at_closed = self.weights(expression), at_zero(self.scalar(expression), self.y)
+        sums = weights is not None and at_closed.is_zero() and not weights[self.size :].any()
+        if weights is None or not sums or weights.max() <= 0:
             raise InputError(
                 f"gap '{expression}' is no sum of coordinates with numbers before them, as \"foot - plate\""
             )
-        return np.array(weights[: self.size])
+        return weights[: self.size]
 
     def _terms_of(self, element: Element) -> list[Term]:
         """The forces of an element."""

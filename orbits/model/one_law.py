@@ -97,10 +97,10 @@ class Alone:
             return None
         found, along = list[tuple[Spring, float, ca.SX]](), np.zeros(2)
         for spring in springs:
-            affine = mechanics.affine(spring.extension)
-            if affine is None or np.isnan(affine.constants[:-1]).any():
+            weights = mechanics.weights(spring.extension)
+            if weights is None:
                 return None
-            weights = np.array(affine.constants[:2])
+            weights = weights[:2]
             factor = float(weights @ mechanics.embed[:2, 0])
             along = along if along.any() or not factor else weights / factor
             if not factor or not np.allclose(weights, factor * along, rtol=1e-14, atol=0):
