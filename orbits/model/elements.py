@@ -7,7 +7,7 @@ unnoticed and gives a wrong machine. An inertia that varies is stated by `Mechan
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeAlias
 
@@ -110,9 +110,4 @@ def value_of(expression: Scalar, y: Mapping[str, Any], p: Mapping[str, Any]) -> 
 
 def fields_of(element: Element) -> list[Any]:
     """The expressions by which an element is told, without its law."""
-    return [getattr(element, name) for name in _names_of_fields(type(element))]
-
-
-@lru_cache
-def _names_of_fields(kind: type) -> list[str]:
-    return [each.name for each in fields(kind) if each.name != "force"]
+    return [getattr(element, name) for name in element.__match_args__ if name != "force"]

@@ -131,7 +131,13 @@ class Mechanism(Stated):
     @staticmethod
     def _law(law: Any, variable: str, given: Mapping[str, float]) -> tuple[Key, Mapping[str, float]]:
         """The key of a law, and the values that it brings for its parameters."""
-        return (law.key, law.parameters) if isinstance(law, Law) else (key_of(law, variable, given), {})
+        if isinstance(law, Law):
+            return law.key, law.parameters
+        try:
+            return key_of(law, variable, given), {}
+        except KeyError as error:  # an argument of a Python function
+            name = error.args[0]
+            raise InputError(f"'{name}' has no value: give parameters={{'{name}': ...}}") from None
 
     def _rows(self) -> tuple[tuple[Scalar, ...], ...]:
         """The rows of the inertia."""

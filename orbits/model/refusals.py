@@ -166,17 +166,17 @@ def refuse_values(mechanism: Any) -> None:
     moving, anything_moves = set[str](), False
     for element in m.elements:
         if isinstance(element, Mass | Weight):
-            value = _refuse_sign(element.mass, m, f"the mass in {element}", above=isinstance(element, Mass))
+            value = _refuse_sign(element.mass, m, "the mass in", element, above=isinstance(element, Mass))
         elif isinstance(element, Inerter):
-            value = _refuse_sign(element.inertance, m, f"the inertance in {element}")
+            value = _refuse_sign(element.inertance, m, "the inertance in", element)
         elif isinstance(element, Damper):
-            _refuse_sign(element.coefficient, m, f"the coefficient in {element}", "; below, it would drive the machine")
+            _refuse_sign(element.coefficient, m, "the coefficient in", element)
         if isinstance(element, Mass | Inerter) and (value is None or value > 0):
             place = element.height if isinstance(element, Mass) else element.extension
             moving |= names_in(place)
             anything_moves |= callable(place)
     for i, name in enumerate(m.coordinates if m.inertia else ()):
-        value = _refuse_sign(m.inertia[i][i], m, f"the inertia of coordinate '{name}'")
+        value = _refuse_sign(m.inertia[i][i], m, "the inertia of coordinate", name)
         moving |= {name} if value is None or value > 0 else set()
     if not anything_moves and (still := [name for name in m.coordinates if name not in moving]):
         raise InputError(f"coordinate '{still[0]}' has no inertia: give it a Mass, or state its inertia, above 0")
@@ -188,14 +188,14 @@ def refuse_values(mechanism: Any) -> None:
             raise InputError(f"gravity {told} is {ground:g} at z = 0, not above 0: it is counted downwards")
 
 
-def _refuse_sign(expression: Scalar, m: Any, what: str, why: str = "", above: bool = False) -> float | None:
-    """The value of an expression, None where it has none; raises `InputError` for one below 0, or 0 if it must be
-    `above`."""
+def _refuse_sign(expression: Scalar, m: Any, what: str, owner: Any, above: bool = False) -> float | None:
+    """The value of an expression, None where it has none; raises `InputError` for one that is infinite, below 0, or 0
+    where it must be `above`."""
     value = _value(expression, m.places, m.parameters)
     if value is None or 0 < value < inf or (value == 0 and not above):
         return value
     told = f"{expression} = " if isinstance(expression, str) else ""
-    raise InputError(f"{told}{value:g}: {what} must be {'above' if above else 'at least'} 0{why}")
+    raise InputError(f"{told}{value:g}: {what} {owner!r} must be a finite number {'above' if above else 'from'} 0")
 
 
 def _value(expression: Scalar, places: Collection[str], p: Mapping[str, float]) -> float | None:

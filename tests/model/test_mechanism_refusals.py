@@ -64,6 +64,10 @@ class TestParametersOfLaws:
         assert other.parameters == {"k": 12.0}
         assert find(other).alpha == pytest.approx(find(stated).alpha / 2, rel=1e-13)
 
+    def test_of_functions_have_values(self):
+        with pytest.raises(InputError, match="'k' has no value"):
+            with_springs_of(lambda r, k: k * r)
+
     def test_of_other_springs_agree_with_those_of_the_rest(self):
         stated = machine(Damper("body - foot", "d"), parameters={**VALUES, "d": 0.1})
         assert stated.with_springs([springs.formula("k*r", k=5.0)]).values["k"] == 5.0
@@ -171,13 +175,21 @@ class TestValues:
     @pytest.mark.parametrize(
         ("elements", "change", "telling"),
         [
-            ([], {"m1": 0.0}, "m1 = 0: the mass in Mass.*'body'.* must be above 0"),
-            ([], {"m2": -1.0}, "m2 = -1: the mass in Mass.*'foot'.* must be above 0"),
+            ([], {"m1": 0.0}, "m1 = 0: the mass in Mass.*'body'.* must be a finite number above 0"),
+            ([], {"m2": -1.0}, "m2 = -1: the mass in Mass.*'foot'.* must be a finite number above 0"),
             ([Mass("body", "m1 - k")], {}, "m1 - k = -1: the mass"),
-            ([Mass("body", "1/(k - 3)")], {}, r"1/\(k - 3\) = inf: the mass in Mass.* must be above 0"),
-            ([Weight("body", -2.0)], {}, "-2: the mass in Weight.* must be at least 0"),
-            ([Inerter("body - foot", "b")], {"b": -0.1}, "b = -0.1: the inertance in Inerter.* must be at least 0"),
-            ([Damper("body - foot", "d")], {"d": -0.1}, "d = -0.1: the coefficient in Damper.* would drive"),
+            ([Mass("body", "1/(k - 3)")], {}, r"1/\(k - 3\) = inf: the mass in Mass.* must be a finite number above 0"),
+            ([Weight("body", -2.0)], {}, "-2: the mass in Weight.* must be a finite number from 0"),
+            (
+                [Inerter("body - foot", "b")],
+                {"b": -0.1},
+                "b = -0.1: the inertance in Inerter.* a finite number from 0",
+            ),
+            (
+                [Damper("body - foot", "d")],
+                {"d": -0.1},
+                "d = -0.1: the coefficient in Damper.* a finite number from 0",
+            ),
         ],
     )
     def test_that_no_element_has(self, elements, change, telling):
@@ -194,6 +206,7 @@ class TestValues:
             (-9.81, {}, "gravity '-9.81' is -9.81 at z = 0, not above 0: it is counted downwards"),
             ("g", {"g": 0.0}, "gravity 'g' is 0 at z = 0"),
             ("1 - z/h", {"h": 1.0, "surface": -1.6}, "'1 - z/h' times 'surface' is -1.6 at z = 0"),
+            ("potential:-h*z", {"h": 2.0}, "'potential:-h\\*z' is -2 at z = 0"),
             ("h/z - 1", {"h": 0.0}, "nan at z = 0"),
             (lambda z, h: h / (1 + z) ** 2, {"h": -2.0}, "-2 at z = 0"),
         ],
@@ -205,7 +218,7 @@ class TestValues:
 
     def test_of_an_inertia_that_is_stated(self):
         elements = [Weight("body", "m1"), Weight("foot", "m2"), LEG]
-        with pytest.raises(InputError, match="b = -1: the inertia of coordinate 'foot' must be at least 0"):
+        with pytest.raises(InputError, match="b = -1: the inertia of coordinate 'foot' must be a finite number from 0"):
             machine(elements=elements, inertia={"body": "m1", "foot": "b"}, parameters={**VALUES, "b": -1.0})
         with pytest.raises(InputError, match="coordinate 'foot' has no inertia"):
             machine(elements=elements, inertia={"body": "m1", "foot": "b"}, parameters={**VALUES, "b": 0.0})
