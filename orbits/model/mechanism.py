@@ -106,7 +106,8 @@ class Mechanism(Stated):
     def __post_init__(self) -> None:
         self._keep(
             coordinates=listed("coordinates", self.coordinates), elements=listed("elements", self.elements),
-            angles=listed("angles", self.angles), knees=tuple(listed("knees", knee) for knee in self.knees),
+            knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
+            angles=listed("angles", self.angles),
         )  # fmt: skip
         self._keep(inertia=self._rows(), heights=self.heights or {name: name for name in self.coordinates})
         refuse_misstated(self)
@@ -132,6 +133,8 @@ class Mechanism(Stated):
     def _law(law: Any, variable: str, given: Mapping[str, float]) -> tuple[Key, Mapping[str, float]]:
         """The key of a law, and the values that it brings for its parameters."""
         if isinstance(law, Law):
+            if law.variable != variable:
+                raise InputError(f"'{law.text}' is a law of {law.variable}; one of {variable} stands here")
             return law.key, law.parameters
         try:
             return key_of(law, variable, given), {}

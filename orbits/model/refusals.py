@@ -34,6 +34,8 @@ def refuse_misstated(mechanism: Any) -> None:
     if len(m.coordinates) < 2:
         raise InputError(f"coordinates = {m.coordinates!r}: a gap opens between at least two, as ('body', 'foot')")
     _refuse_names([*m.coordinates, *m.actuators, *m.actuators.values()])
+    if odd := [knee for knee in m.knees if len(knee) != 3]:
+        raise InputError(f"knees: {odd[0]!r} is no tuple (lower, upper, length)")
     for element in m.elements:
         if not isinstance(element, Element):
             known = ", ".join(each.__name__ for each in get_args(Element))
@@ -41,7 +43,7 @@ def refuse_misstated(mechanism: Any) -> None:
         if isinstance(element, Force) and not callable(element.force):
             raise InputError(f"{element.force!r} in {element} is no Python function (y, v, p)")
         _refuse_expressions(element, fields_of(element))
-    _refuse_expressions("the mechanism", [m.gap, *m.heights.values(), *m.rest.values()])
+    _refuse_expressions("the mechanism", m.expressions)
     if unknown := sorted(names_in(m.gap) - {*m.coordinates}):
         hint = suggest(unknown[0], m.coordinates)
         raise InputError(f"gap '{m.gap}' is no sum of coordinates: it has '{unknown[0]}'{hint}")
@@ -80,7 +82,6 @@ def _refuse_rows(rows: Sequence[Sequence[Scalar]], size: int) -> None:
     if rows and (len(rows) != size or any(len(row) != size for row in rows)):
         raise InputError(f"inertia = {rows!r}: {size} coordinates have {size} rows of {size} entries")
     for i, row in enumerate(rows):
-        _refuse_expressions("the inertia", row)
         for j in range(i):
             if row[j] != rows[j][i]:
                 apart = f"{row[j]!r} in row {i + 1} and {rows[j][i]!r} in row {j + 1}"
@@ -89,18 +90,16 @@ def _refuse_rows(rows: Sequence[Sequence[Scalar]], size: int) -> None:
 
 def _refuse_keys(m: Any) -> None:
     """Refuse misspelt names of coordinates, heights, words and displacements."""
-    if odd := [knee for knee in m.knees if len(knee) != 3]:
-        raise InputError(f"knees: {odd[0]!r} is no tuple (lower, upper, length)")
     places = (*m.coordinates, *m.actuators)
     joined = [name for knee in m.knees for name in knee[:2] if name is not None]
-    for what, names, known in (
-        ("rest", m.rest, places),
-        ("angles", m.angles, m.coordinates),
-        ("words", m.words, tuple(USUAL_WORDS)),
-        ("knees", joined, tuple(m.heights)),
+    for what, kind, names, known in (
+        ("rest", "coordinate", m.rest, places),
+        ("angles", "coordinate", m.angles, m.coordinates),
+        ("words", "message", m.words, tuple(USUAL_WORDS)),
+        ("knees", "height", joined, tuple(m.heights)),
     ):
         if unknown := [name for name in names if name not in known]:
-            raise InputError(f"{what}: there is no '{unknown[0]}'{suggest(str(unknown[0]), known)}")
+            raise InputError(f"{what}: there is no {kind} '{unknown[0]}'{suggest(str(unknown[0]), known)}")
     asked = {name for each in m.expressions for name in names_in(each)} if m.actuators else set()
     if not m.has_functions and (unused := [name for name in m.actuators if name not in asked]):
         hint = suggest(unused[0], sorted(asked - {*m.coordinates}))
