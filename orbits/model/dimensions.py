@@ -1,6 +1,8 @@
 """Dimensions of the parameters of a mechanism in SI, as far as its elements tell them."""
 
 import math
+from collections import defaultdict
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any
 
@@ -9,35 +11,41 @@ import casadi as ca
 from ..symbolic.exclusive import exclusive
 from .elements import Damper, Inerter, Mass, Spring, Weight, names_in, value_of
 from .laws import Key
-from .units import ACCELERATION, ANGLE, FORCE, LENGTH, MASS, Dimension
+from .units import ACCELERATION, ANGLE, FORCE, LENGTH, MASS, Dimension, unit_text
 
 
 def dimensions_of_parameters(mechanism: Any) -> dict[str, Dimension]:
     """Dimensions of those parameters of a `Mechanism` that stand alone for a mass, a length, a coefficient or gravity,
-    or before a power of an extension in a spring's law."""
-    found, angles = dict[Any, Dimension](), {*mechanism.angles}
+    or before a power of an extension in a spring's law; not of those that stand for two things of different kinds."""
+    found = defaultdict[Any, dict[str, Dimension]](dict)
+    for name, dimension in _told(mechanism):
+        found[name][unit_text(dimension)] = dimension
+    return {name: next(iter(found[name].values())) for name in mechanism.parameters if len(found[name]) == 1}
+
+
+def _told(mechanism: Any) -> Iterator[tuple[Any, Dimension]]:
+    """What stands for something, a parameter's name or another expression, with its dimension, once for each place."""
+    angles = {*mechanism.angles}
     coordinates = {*mechanism.coordinates, *mechanism.actuators}
     for element in mechanism.elements:
         match element:
             case Mass(height, mass) | Weight(height, mass):
-                found[mass] = MASS
-                found |= _lengths(height, coordinates)
+                yield mass, MASS
+                yield from _lengths(height, coordinates).items()
             case Inerter(extension, inertance) if not names_in(extension) & angles:
-                found[inertance] = MASS
+                yield inertance, MASS
             case Damper(extension, coefficient) if not names_in(extension) & angles:
-                found[coefficient] = (-1, 1, 1)
+                yield coefficient, (-1, 1, 1)
             case Spring(extension, law):
                 turned = bool(names_in(extension) & angles)
-                found |= {name: _of_power(power, turned) for name, power in powers_of_coefficients(law).items()}
-    found |= {place: ANGLE if name in angles else LENGTH for name, place in mechanism.rest.items()}
-    found |= {length: LENGTH for *_, length in mechanism.knees}
+                yield from ((name, _of_power(power, turned)) for name, power in powers_of_coefficients(law).items())
+    yield from ((place, ANGLE if name in angles else LENGTH) for name, place in mechanism.rest.items())
+    yield from ((length, LENGTH) for *_, length in mechanism.knees)
+    yield mechanism.surface_gravity, ACCELERATION
     if mechanism.gravity.text in mechanism.gravity.names:
-        found[mechanism.gravity.text] = ACCELERATION
-    if isinstance(mechanism.surface_gravity, str):
-        found[mechanism.surface_gravity] = ACCELERATION
+        yield mechanism.gravity.text, ACCELERATION
     if mechanism.separation is not None:
-        found |= _lengths(mechanism.separation, coordinates)
-    return {name: found[name] for name in mechanism.parameters if name in found}
+        yield from _lengths(mechanism.separation, coordinates).items()
 
 
 def coefficient_dimensions(law: Key) -> dict[str, Dimension]:

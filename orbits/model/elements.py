@@ -1,11 +1,13 @@
 """The elements of a mechanism: what has inertia, and what exerts a force along an extension or a height.
 
-Extensions, heights, masses and coefficients are formulas of the coordinates and the parameters, numbers, or Python
-functions (y, p) of both by name, written with operators and NumPy or CasADi functions.
+Extensions and heights are formulas of the coordinates and the parameters, numbers, or Python functions (y, p) of both
+by name, written with operators and NumPy or CasADi functions. Masses, inertances and coefficients are the same of the
+parameters alone: a formula of them that names a coordinate is refused, whereas a Python function that uses one goes
+unnoticed and gives a wrong machine. An inertia that varies is stated by `Mechanism(inertia=...)`.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeAlias
 
@@ -51,7 +53,10 @@ class Spring:
 
 @dataclass(frozen=True)
 class Damper:
-    """A force against the rate of an extension, coefficient times rate."""
+    """A force against the rate of an extension, coefficient times rate, with a coefficient from 0.
+
+    A machine that has one loses energy on every hop, so that `find` refuses it; `simulate` and `ReturnMap` take it.
+    """
 
     extension: Scalar
     coefficient: Scalar
@@ -59,7 +64,10 @@ class Damper:
 
 @dataclass(frozen=True)
 class Potential:
-    """Conservative forces that no other element tells, by their potential energy."""
+    """Conservative forces that no other element tells, by their potential energy as a function of the coordinates.
+
+    `find` takes a machine that has one as it takes springs; the energy counts with that of the machine.
+    """
 
     energy: Scalar
 
@@ -67,6 +75,9 @@ class Potential:
 @dataclass(frozen=True)
 class Force:
     """A force along the rate of a function of the coordinates, which neither conserves energy nor comes from a law.
+
+    As with a `Damper`, `find` refuses a machine that has one, even where the force does no work; `simulate` and
+    `ReturnMap` take it. A force that conserves energy is stated by its `Potential`.
 
     force : a Python function (y, v, p) of coordinates, their rates and parameters by name
     """
@@ -99,4 +110,4 @@ def value_of(expression: Scalar, y: Mapping[str, Any], p: Mapping[str, Any]) -> 
 
 def fields_of(element: Element) -> list[Any]:
     """The expressions by which an element is told, without its law."""
-    return [getattr(element, each.name) for each in fields(element) if each.name != "force"]
+    return [getattr(element, name) for name in element.__match_args__ if name != "force"]

@@ -35,6 +35,14 @@ from .linear import LinearEquations
 from .machine import Stated
 from .mechanics import GRAVITY_SHARE
 from .model import Model, as_derived
+from .refusals import (
+    hint_of_coordinate,
+    joined_values,
+    listed,
+    refuse_misstated,
+    refuse_names_of_parameters,
+    refuse_values,
+)
 from .units import LENGTH, Units, unit_text
 
 
@@ -46,10 +54,10 @@ class Mechanism(Stated):
     elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights
         are formulas of the coordinates and parameters
     gap : the distance that opens in flight and lands plastically, a sum of coordinates with numbers before them
-    parameters : values of the names in all formulas and laws
-    gravity : acceleration of a height z: a number, a formula, or a law; what it is more or less than at z = 0 is led in
-        from constant gravity
-    surface_gravity : its unit
+    parameters : values of the names in all formulas and laws; those that laws bring with them are added to these
+    gravity : the acceleration as a number, or as a formula or law of the height z. Where it varies, `find` solves for
+        constant gravity first, as it is at z = 0, and goes from there to the law in steps
+    surface_gravity : what the law of gravity is multiplied by
     inertia : of the coordinates, beside that of masses and inerters: a mapping of coordinates to masses, or rows of a
         symmetric matrix
     counts : the extension whose turning points count the family; that of the first spring if left out
@@ -63,11 +71,14 @@ class Mechanism(Stated):
     energy_unit : in units of force and length
     rest : of coordinates that are not 0 where the machine rests with its springs unloaded
     angles : coordinates that are angles, in rad
-    knees : for pictures, the names of a lower (None for the ground) and an upper height that two links of a length join
-    actuators : displacements that may stand in extensions, each with the name of its rate
+    knees : for pictures, tuples (lower, upper, length): from the height of the name `lower`, None for the ground, to
+        that of the name `upper` a leg is drawn, which is two links of this length with a knee between them
+    actuators : displacements that may stand in extensions, each with the name of its rate, which is a parameter and 0
+        unless `parameters` has it
     words : what messages call the "liftoff" force, and say of a violated "gap", "pull", "separation" and "end"
 
-    Raises `InputError` for an unknown name, and for what is no mechanism.
+    Raises `InputError` for an unknown name, for what is no mechanism, and for masses, inertias, dampers and gravity of
+    a wrong sign as soon as all parameters have values.
     """
 
     coordinates: Sequence[str]
@@ -93,6 +104,13 @@ class Mechanism(Stated):
 
     @exclusive
     def __post_init__(self) -> None:
+        self._keep(
+            coordinates=listed("coordinates", self.coordinates), elements=listed("elements", self.elements),
+            knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
+            angles=listed("angles", self.angles),
+        )  # fmt: skip
+        self._keep(inertia=self._rows(), heights=self.heights or {name: name for name in self.coordinates})
+        refuse_misstated(self)
         given = {name: number(name, value) for name, value in self.parameters.items()}
         laws, elements = [self._law(self.gravity, "z", given)], list[Element]()
         for element in self.elements:
@@ -100,24 +118,29 @@ class Mechanism(Stated):
                 laws.append(self._law(element.force, "r", given))
                 element = replace(element, force=laws[-1][0])
             elements.append(element)
-        own = {name: value for _, values in laws for name, value in values.items()}
+        values = joined_values(((key.text, own) for key, own in laws), given)
+        rates = {rate: 0.0 for rate in self.actuators.values() if rate not in values}
         self._keep(
-            coordinates=tuple(self.coordinates), elements=tuple(elements), gravity=laws[0][0], inertia=self._rows(),
-            parameters={**own, **given}, heights=dict(self.heights or {name: name for name in self.coordinates}),
-            actuators=dict(self.actuators), words=dict(self.words), rest=dict(self.rest), angles=tuple(self.angles),
-            knees=tuple(map(tuple, self.knees)),
-            restitution=coefficient_of_restitution(self.restitution),
+            elements=tuple(elements), gravity=laws[0][0], parameters=values | rates, actuators=self.actuators,
+            words=self.words, rest=self.rest, restitution=coefficient_of_restitution(self.restitution),
         )  # fmt: skip
-        places = {*self.coordinates, *self.actuators}
-        if taken := sorted(places & given.keys()):
-            raise InputError(f"'{taken[0]}' is a coordinate; call the parameter something else")
-        if unused := [name for name in given if not self._may_ask_for(name)]:
-            raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], stated(self._asked_names))}")
+        asked = self._asked_names
+        refuse_names_of_parameters(self, [*self.parameters, *(name for key, _ in laws for name in key.names)], asked)
+        if asked <= self.parameters.keys():
+            refuse_values(self)
 
     @staticmethod
     def _law(law: Any, variable: str, given: Mapping[str, float]) -> tuple[Key, Mapping[str, float]]:
         """The key of a law, and the values that it brings for its parameters."""
-        return (law.key, law.parameters) if isinstance(law, Law) else (key_of(law, variable, given), {})
+        if isinstance(law, Law):
+            if law.variable != variable:
+                raise InputError(f"'{law.text}' is a law of {law.variable}; one of {variable} stands here")
+            return law.key, law.parameters
+        try:
+            return key_of(law, variable, given), {}
+        except KeyError as error:  # an argument of a Python function
+            name = error.args[0]
+            raise InputError(f"'{name}' has no value: give parameters={{'{name}': ...}}") from None
 
     def _rows(self) -> tuple[tuple[Scalar, ...], ...]:
         """The rows of the inertia."""
@@ -129,10 +152,15 @@ class Mechanism(Stated):
                 tuple(self.inertia.get(name, 0.0) if i == j else 0.0 for j in range(len(self.coordinates)))
                 for i, name in each
             )
-        return tuple(tuple(row) for row in self.inertia)
+        return tuple(listed("inertia", row) for row in listed("inertia", self.inertia))
 
     @property
-    def _expressions(self) -> list[Any]:
+    def places(self) -> set[str]:
+        """The names of the coordinates and of the actuators' displacements."""
+        return {*self.coordinates, *self.actuators}
+
+    @property
+    def expressions(self) -> list[Any]:
         """The expressions that may ask for parameters, without the laws."""
         elements = [value for element in self.elements for value in fields_of(element)]
         elements += [element.force for element in self.elements if isinstance(element, Force)]
@@ -142,28 +170,38 @@ class Mechanism(Stated):
         return [*elements, *chain(*self.inertia), *optional, *lengths, *whole]
 
     @property
+    def _names_beside_springs(self) -> set[str]:
+        """The names of the parameters that formulas and gravity ask for."""
+        found = {name for value in self.expressions for name in names_in(value)}
+        return (found | {*self.gravity.names, *self.actuators.values()}) - self.places
+
+    @property
     def _asked_names(self) -> set[str]:
         """The names of the parameters that formulas and laws ask for."""
-        laws = [self.gravity, *(element.force for element in self.elements if isinstance(element, Spring))]
-        found = {name for value in self._expressions for name in names_in(value)}
-        found |= {name for law in laws for name in law.names} | {*self.actuators.values()}
-        return found - {*self.coordinates, *self.actuators}
+        springs = [element.force for element in self.elements if isinstance(element, Spring)]
+        return self._names_beside_springs | {name for law in springs for name in law.names} - self.places
 
-    def _may_ask_for(self, name: str) -> bool:
-        """Whether a formula or law asks for a parameter, or a Python function may."""
-        return name in self._asked_names or any(map(callable, self._expressions))
+    @property
+    def has_functions(self) -> bool:
+        """Whether a Python function may ask for any parameter."""
+        return any(map(callable, self.expressions))
 
     @property
     def names(self) -> tuple[str, ...]:
         """The names of all parameters."""
         return tuple(sorted(self._asked_names | self.parameters.keys()))
 
+    @property
+    def _missing(self) -> list[str]:
+        """The names of the parameters that have no value."""
+        return [name for name in self.names if name not in self.parameters]
+
     @exclusive_property
     def structure(self) -> Structure:
         """The mechanism without its numbers; what is built from it serves all that differ in these alone."""
         elements, gravity = self.elements, self.gravity
         springs = [element for element in elements if isinstance(element, Spring)]
-        if springs and self.parameters.keys() >= set(self.names) - {GRAVITY_SHARE, *self.actuators.values()}:
+        if springs and self.parameters.keys() >= set(self.names):
             first, p = springs[0].force, self.parameters
             elements = tuple(replace(e, force=with_reach(e.force, first, p)) if e in springs else e for e in elements)
             gravity = with_reach(gravity, first, p) if gravity.degree() > 0 else gravity
@@ -181,7 +219,11 @@ class Mechanism(Stated):
     @exclusive_property
     def model(self) -> Model:
         """The model that follows; mechanisms that differ only in numbers share it."""
-        model = derived_model(self.structure)
+        try:
+            model = derived_model(self.structure)
+        except InputError as error:
+            hints = (hint_of_coordinate(name, self.coordinates) for name in self._missing)
+            raise InputError("; ".join([str(error), *filter(None, hints)])) from error
         return _with_units(model, self._si) if self.in_si else model
 
     @property
@@ -203,11 +245,10 @@ class Mechanism(Stated):
     @property
     def values(self) -> dict[str, float]:
         """Every parameter of the model by name; raises `InputError` where one has no value."""
-        rates = dict.fromkeys(self.actuators.values(), 0.0)
-        if missing := [name for name in self.names if name not in self.parameters and name not in rates]:
-            raise InputError(f"'{missing[0]}' has no value: give parameters={{'{missing[0]}': ...}}")
-        values = {name: self.parameters[name] for name in self.parameters} | rates
-        return values | ({GRAVITY_SHARE: 1.0} if self.model.homotopy else {})
+        if missing := self._missing:
+            hints = [hint for name in missing if (hint := hint_of_coordinate(name, self.coordinates))]
+            raise InputError([*hints, f"'{missing[0]}' has no value: give parameters={{'{missing[0]}': ...}}"][0])
+        return dict(self.parameters) | ({GRAVITY_SHARE: 1.0} if self.model.homotopy else {})
 
     def with_values(self, **values: float) -> Self:
         """The same mechanism with other values of some parameters; raises `InputError` for an unknown name."""
@@ -220,9 +261,10 @@ class Mechanism(Stated):
         """The same mechanism with other laws of its springs, without the parameters that these no longer ask for."""
         new = iter(forces)
         elements = [replace(each, force=next(new)) if isinstance(each, Spring) else each for each in self.elements]
-        other = replace(self, elements=elements, parameters={})
-        kept = {name: value for name, value in self.parameters.items() if other._may_ask_for(name)}
-        return replace(other, parameters={**kept, **other.parameters})
+        beside = {name: self.parameters[name] for name in self._names_beside_springs if name in self.parameters}
+        other = replace(self, elements=elements, parameters=beside)
+        known = [name for name in self.parameters if other.has_functions or name in other._asked_names]
+        return replace(other, parameters={**{name: self.parameters[name] for name in known}, **other.parameters})
 
     @property
     def units(self) -> Units | None:
@@ -254,7 +296,7 @@ class Mechanism(Stated):
             "machine": self.name,
             "spring": ", ".join(dict.fromkeys(springs)),
             "gravity": self.gravity.text,
-            "mass_ratio": self.parameters.get("mass_ratio"),
+            "mass_ratio": self.parameters.get("mass_ratio"),  # files of orbits have this key for any machine
             "rest_length": self.rest_length,
             "restitution": self.restitution,
             "parameters": {name: self.parameters[name] for name in stated(self.parameters)},
