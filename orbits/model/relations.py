@@ -81,9 +81,12 @@ def energy(model: Model, draw: Draw) -> Iterator[Relation]:
     if model.conservative:
         yield Relation("energy is not lost in both phases", ("conservative",), max(kept.values()) if damped else 0.0)
     steady = model.conservative and not damped
+    if model.driven and model.conservative:
+        yield Relation("what conserves the energy is not driven", ("driven",), np.inf)
     for where, gradient in (("flight", "flight_gradient"), ("contact", "contact_gradient")):
         words = f"energy {'is conserved' if steady else 'does not grow'} in {where}"
-        yield Relation(words, (f"{where}.field", gradient), (kept if steady else grows)[where])
+        if not model.driven:
+            yield Relation(words, (f"{where}.field", gradient), (kept if steady else grows)[where])
     embed, hessian = np.asarray(model.embed), draw.flown["hessian"]
     words = "contact_gradient is flight_gradient on the ground"
     fields = ("flight_gradient", "contact_gradient", "embed")
@@ -142,7 +145,7 @@ def launches(model: Model, draw: Draw) -> Iterator[Relation]:
     yield Relation(words, (source, "launch", "flight.field", "gap"), share(at["field"] @ a, at["field"]))
     words, forces = f"the contact force vanishes at the launches of {source}", draw.stood["force"]
     yield Relation(words, (source, "launch", "contact.watch", "embed"), share(at["force"], forces))
-    yield from _landing(model, draw)
+    yield from _landing(model, draw, source)
 
 
 def _any_launch(model: Model, draw: Draw) -> Iterator[Relation]:
@@ -173,17 +176,21 @@ def _any_launch(model: Model, draw: Draw) -> Iterator[Relation]:
         yield Relation("a launch has the states that it is told", ("launch",), share(off, scale))
 
 
-def _landing(model: Model, draw: Draw) -> Iterator[Relation]:
-    """Where `landing` vanishes near the mirror image of a launch, the gap, its speed and its acceleration do."""
+def _landing(model: Model, draw: Draw, source: str) -> Iterator[Relation]:
+    """Where `landing` vanishes near the mirror image of a launch, the gap, its speed and its acceleration do. The
+    launches are those of the field `source`."""
     gap, at = np.array(model.gap(draw.p).weights, float), draw.launched
     a, launch, mirrored = _gap_acceleration(model, draw), draw.roots["launch"], ("reversor",) if model.reversor else ()
     scale = max(float(np.abs(launch).max()), draw.length) * np.abs(at["landing slopes"]).max(initial=0.0)
-    words, fields = "landing vanishes at the mirror image of launch", ("landing", "launch", *mirrored)
+    # The acceleration vanishes there only if the launch is a lift-off; the place at lift-off is as it is told.
+    by = () if model.one_speed else (source,)
+    words, fields = "landing vanishes at the mirror image of launch", ("landing", "launch", *by, *mirrored)
     yield Relation(words, fields, share(at["landing"], scale))
     independent, gaps, accelerations = 0.0, 0.0, 0.0
     _, rates = coordinates(model.flight)
-    # The states that a launch is told are those of its mirror image too.
-    told = [np.eye(len(gap))[i] for i, name in enumerate(model.flight.states) if name in model.launch_unknowns]
+    # A landing is not told which piece of a law holds: other states of the launch are then to be known beside it.
+    names = model.launch_unknowns if model.flight.pieces else ()
+    told = [np.eye(len(gap))[i] for i, name in enumerate(model.flight.states) if name in names]
     for rows, accelerates, gradient in zip(at["landing slopes"], a @ at["slopes"], at["gradient"], strict=True):
         if not np.isfinite(rows).all() or np.linalg.matrix_rank(rows) < 3:
             independent = np.inf
@@ -256,10 +263,12 @@ def distances(model: Model, draw: Draw) -> Iterator[Relation]:
     seen = {name: _values_and_slopes(height, draw) for name, height in model.heights(p).items()}
     masses = [each for name, each in seen.items() if name != CENTRE]
     pairs = [*masses, *(upper - lower for upper, lower in combinations(masses, 2))]
-    words = "the gap is between two of the heights, or one and the ground"
-    yield Relation(
-        words, ("gap", "heights"), min(_apart(_values_and_slopes(model.gap(p), draw), each) for each in pairs)
-    )
+    words, gap = "the gap is between two of the heights, or one and the ground", _values_and_slopes(model.gap(p), draw)
+    off = min(_apart(gap, each) for each in pairs)
+    if model.derived and not {*model.gap(p).weights} <= {0.0, 1.0, -1.0}:  # along a lever, as "2*foot - plate"
+        words, slopes = "the gap is a sum of multiples of the heights", gap[:, 1:]
+        off = max(_beyond(own, each[:, 1:]) for own, each in zip(slopes, np.stack(masses, axis=1), strict=True))
+    yield Relation(words, ("gap", "heights"), off)
     if apart := model.separation(p):
         words = "the separation is at most that of two of the heights, or of one and the ground"
         most = min(_apart(_values_and_slopes(apart, draw), each, most=True) for each in pairs)
