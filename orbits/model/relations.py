@@ -145,7 +145,7 @@ def launches(model: Model, draw: Draw) -> Iterator[Relation]:
     yield Relation(words, (source, "launch", "flight.field", "gap"), share(at["field"] @ a, at["field"]))
     words, forces = f"the contact force vanishes at the launches of {source}", draw.stood["force"]
     yield Relation(words, (source, "launch", "contact.watch", "embed"), share(at["force"], forces))
-    yield from _landing(model, draw, source)
+    yield from _landing(model, draw)
 
 
 def _any_launch(model: Model, draw: Draw) -> Iterator[Relation]:
@@ -176,16 +176,15 @@ def _any_launch(model: Model, draw: Draw) -> Iterator[Relation]:
         yield Relation("a launch has the states that it is told", ("launch",), share(off, scale))
 
 
-def _landing(model: Model, draw: Draw, source: str) -> Iterator[Relation]:
-    """Where `landing` vanishes near the mirror image of a launch, the gap, its speed and its acceleration do. The
-    launches are those of the field `source`."""
+def _landing(model: Model, draw: Draw) -> Iterator[Relation]:
+    """Where `landing` vanishes near the mirror image of a launch, the gap, its speed and its acceleration do."""
     gap, at = np.array(model.gap(draw.p).weights, float), draw.launched
     a, launch, mirrored = _gap_acceleration(model, draw), draw.roots["launch"], ("reversor",) if model.reversor else ()
     scale = max(float(np.abs(launch).max()), draw.length) * np.abs(at["landing slopes"]).max(initial=0.0)
-    # The acceleration vanishes there only if the launch is a lift-off; the place at lift-off is as it is told.
-    by = () if model.one_speed else (source,)
-    words, fields = "landing vanishes at the mirror image of launch", ("landing", "launch", *by, *mirrored)
-    yield Relation(words, fields, share(at["landing"], scale))
+    words, fields = "landing vanishes at the mirror image of launch", ("landing", "launch", *mirrored)
+    # Where the landing says that the gap has no acceleration, the launch has to have none.
+    if model.one_speed or share(at["field"] @ a, at["field"]) <= LARGEST_DEVIATION:
+        yield Relation(words, fields, share(at["landing"], scale))
     independent, gaps, accelerations = 0.0, 0.0, 0.0
     _, rates = coordinates(model.flight)
     # A landing is not told which piece of a law holds: other states of the launch are then to be known beside it.
