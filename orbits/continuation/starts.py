@@ -2,14 +2,15 @@
 springs' own laws."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import flow_of
-from ..model.elements import Spring
-from ..model.laws import Key, Law, from_formula, from_key
+from ..model.elements import Damper, Force, Spring
+from ..model.laws import Law, from_formula, from_key
 from ..model.machine import Machine
 from ..model.mechanism import Mechanism
 from ..periodic.find import find
@@ -18,8 +19,28 @@ from .follow import follow
 
 # The springs' own laws are brought in along this parameter, from 0 to 1.
 LAW_SHARE = "share_of_the_springs_own_law"
-# The longest step along it, as a share, and the most points: hops that need more are left out.
+# The longest step along it, as a share, and the most points: hops that need more are left out, and so are hops that
+# have not come this far after the first points.
 LONGEST_LAW_STEP, MOST_LAW_POINTS = 0.1, 200
+FIRST_LAW_POINTS, LEAST_LAW_SHARE = 40, 0.05
+# A hop of the own laws that differs by less than this share, in its launch and in its times, from a linear one is taken
+# for the one that this leads to.
+SAME_HOP = 0.1
+SAME_START = 1e-6  # two hops whose unknowns differ by a smaller share are one
+# The zero of a law is looked for so far from rest, in units of the length in which its slope there would undo its force.
+FURTHEST_ZERO, ZERO_SAMPLES = 4.0, 801
+
+
+class _StraightLine(NamedTuple):
+    """The force slope (r - zero) near which a law is where it has no force."""
+
+    slope: float
+    zero: float
+
+    def law(self, place: int) -> Law:
+        """It as the law of the spring at a place among the others."""
+        slope, zero = f"slope_{place}", f"zero_{place}"
+        return from_formula(f"{slope}*(r - {zero})", "r", {slope: self.slope, zero: self.zero})
 
 
 def starts(machine: Mechanism, half_contact: float, half_flight: float, seed: int = 0) -> list[dict[str, float]]:
@@ -28,32 +49,67 @@ def starts(machine: Mechanism, half_contact: float, half_flight: float, seed: in
     half_contact, half_flight : the longest half times of contact and of flight
     seed : of the quasi-random pairs of times from which they are searched; another one may find some more
 
-    For linear springs they are those of `linear_hops`. Other springs are brought in step by step, from the linear ones
-    with their slopes where they are not extended, and each hop is followed. Hops that end on the way are left out, as
-    are hops that no linear one leads to. Raises `InputError` for a mechanism that is not linear with linear springs,
-    under constant gravity.
+    For linear springs they are those of `linear_hops`. From these the hops of other springs are solved for, first at
+    once. Where that leads elsewhere the laws are brought in step by step, from straight lines through the zero of each
+    force that is nearest to its rest, and the hop is followed. Hops that end on the way are left out, as are hops that
+    no linear one leads to. Raises `InputError` for laws in pieces, dampers and other forces, gravity that varies, and
+    extensions that are no sums of coordinates.
     """
+    springs = _springs_of(machine)
+    laws = [from_key(spring.force, machine.values) for spring in springs]
+    straight = [spring.force.degree() == 1 for spring in springs]
+    lines = [None if own else _straight_line(law) for law, own in zip(laws, straight, strict=True)]
+    pairs = list(zip(laws, lines, strict=True))
+    linear = machine.with_springs([line.law(i) if line else law for i, (law, line) in enumerate(pairs)])
+    hops = linear_hops(*linear.linear_equations(), linear.gap_weights, half_contact, half_flight, seed)
+    names = machine.model.flight.states
+    found = [start_from(machine, dict(zip(names, hop.liftoff.tolist(), strict=True)), *hop[:2]) for hop in hops]
+    if all(straight):
+        return found
+    mixed, own = machine.with_springs([_mixed(law, line) if line else law for law, line in pairs]), list[dict]()
+    for start in found:
+        if led := _found_at_once(machine, start, own) or _led_to_own_laws(mixed, start):
+            own.append(led)
+    return own
+
+
+def _springs_of(machine: Mechanism) -> list[Spring]:
+    """The springs of a machine whose hops linear ones may lead to; raises `InputError` for another machine."""
     if not isinstance(machine, Mechanism):
         raise InputError(f"starts are those of a Mechanism, not of a {type(machine).__name__}")
     springs = [element for element in machine.elements if isinstance(element, Spring)]
-    slopes = [float(from_key(spring.force, machine.values).with_slope(0.0)[1]) for spring in springs]
-    for spring, slope in zip(springs, slopes, strict=True):
-        if not finite_number(f"the slope of spring '{spring.force.text}' at rest", slope) > 0:
+    told = "starts are led there from linear hops; give find a start instead, such as that of start_from_rest"
+    for element in machine.elements:
+        if isinstance(element, Damper | Force):
             raise InputError(
-                f"spring '{spring.force.text}' has the slope {slope:g} where it is not extended, not above 0"
+                f"the {machine.name} has a {type(element).__name__}: it has no lossless hops to start from"
             )
-    straight = machine.with_springs(
-        [from_formula(f"slope_{i}*r", "r", {f"slope_{i}": slope}) for i, slope in enumerate(slopes)]
-    )
-    hops = linear_hops(*straight.linear_equations(), straight.gap_weights, half_contact, half_flight, seed)
-    names = machine.model.flight.states
-    found = [start_from(machine, dict(zip(names, hop.liftoff.tolist(), strict=True)), *hop[:2]) for hop in hops]
-    if all(spring.force.degree() == 1 for spring in springs):
-        return found
-    mixed = machine.with_springs(
-        [_mixed(each.force, slope, machine.values) for each, slope in zip(springs, slopes, strict=True)]
-    )
-    return [led for start in found if (led := _led_to_own_laws(mixed, start))]
+    for spring in springs:
+        if spring.force.pieces:
+            raise InputError(f"spring '{spring.force.text}' is in pieces: {told}")
+    if machine.gravity.degree() > 0:
+        raise InputError(f"gravity '{machine.gravity.text}' varies: {told}")
+    return springs
+
+
+def _straight_line(law: Law) -> _StraightLine:
+    """The straight line along a law at the zero of its force that is nearest to its rest."""
+    rest = law.rest()
+    value, slope = (float(each) for each in law.with_slope(rest))
+    zero = rest
+    if value != 0 and np.isfinite(value) and slope != 0:
+        places = rest + abs(value / slope) * np.linspace(-FURTHEST_ZERO, FURTHEST_ZERO, ZERO_SAMPLES)
+        places = np.unique(np.clip(places, *law.range()))
+        forces = law(places)
+        changes = np.flatnonzero(forces[:-1] * forces[1:] <= 0)
+        if not changes.size:
+            raise InputError(f"spring '{law.text}' has the force {value:g} at rest, and none near it where it vanishes")
+        nearest = changes[np.abs(places[changes] - rest).argmin()]
+        zero = float(brentq(lambda r: float(law(r)), *places[nearest : nearest + 2], xtol=1e-15))
+        slope = float(law.with_slope(zero)[1])
+    if not finite_number(f"the slope of spring '{law.text}' where it is unloaded", slope) > 0:
+        raise InputError(f"spring '{law.text}' has the slope {slope:g} where it is unloaded, not above 0")
+    return _StraightLine(slope, zero)
 
 
 def start_from_rest(
@@ -93,20 +149,42 @@ def start_from(
     }  # fmt: skip
 
 
-def _mixed(key: Key, slope: float, p: Mapping[str, float]) -> Law:
+def _mixed(law: Law, line: _StraightLine) -> Law:
     """A law that goes from a straight line to a spring's own as the parameter `LAW_SHARE` goes from 0 to 1."""
 
     def expression(x: Any, p: Mapping[str, Any], q: Any) -> Any:
-        return p[LAW_SHARE] * key.expression(x, p, q) + (1 - p[LAW_SHARE]) * slope * x
+        return p[LAW_SHARE] * law.key.expression(x, p, q) + (1 - p[LAW_SHARE]) * line.slope * (x - line.zero)
 
-    return Law(key.text, "r", expression, {name: p[name] for name in key.names} | {LAW_SHARE: 0.0})
+    return Law(law.text, "r", expression, {**law.parameters, LAW_SHARE: 0.0})
+
+
+def _found_at_once(machine: Mechanism, start: Mapping[str, float], known: Sequence[dict]) -> dict[str, float] | None:
+    """The start of the hop of the own laws that is found from one of straight lines; None where there is none, where
+    it is far from that one, and where it is known."""
+    try:
+        orbit = find(machine, start=start)
+    except NoOrbit:
+        return None
+    if orbit.contact_time is None:
+        return None
+    states = dict(zip(machine.model.flight.states, orbit(0.0).tolist(), strict=True))
+    own = start_from(machine, states, orbit.contact_time / 2, orbit.flight_time / 2)
+    launch, linear = (np.array([each[name] for name in machine.model.launch_unknowns]) for each in (own, start))
+    times = ("duration", "contact_duration")
+    near = all(abs(own[name] - start[name]) <= SAME_HOP * start[name] for name in times)
+    near = near and np.linalg.norm(launch - linear) <= SAME_HOP * np.linalg.norm(linear)
+    is_known = any(np.allclose([*own.values()], [*each.values()], rtol=SAME_START) for each in known)
+    return own if near and not is_known else None
 
 
 def _led_to_own_laws(mixed: Mechanism, start: Mapping[str, float]) -> dict[str, float] | None:
     """The start of the hop to which one of the straight springs leads, None where that ends on the way."""
     try:
         orbit = find(mixed, start=start)
-        family = follow(mixed, LAW_SHARE, 1.0, orbit=orbit, longest=LONGEST_LAW_STEP, most=MOST_LAW_POINTS)
+        for most in (FIRST_LAW_POINTS, MOST_LAW_POINTS):
+            family = follow(mixed, LAW_SHARE, 1.0, orbit=orbit, longest=LONGEST_LAW_STEP, most=most)
+            if family.end.kind != "stopped" or family[-1].value < LEAST_LAW_SHARE:
+                break
     except NoOrbit:
         return None
     return dict(zip(mixed.model.half_unknowns, family[-1].u, strict=True)) if family.end.kind == "reached" else None

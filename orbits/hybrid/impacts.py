@@ -52,6 +52,7 @@ TURNS = 3  # after this many zeros of its speed a contact never ends, see `Conta
 BEFORE_LANDING = 0.01
 # A contact whose rates are all below this is at rest. An overdamped contact gets there without turning.
 STILL_RATE = 1e-12
+SAME_LIFTOFF = 1e-12  # extensions at lift-off that differ by a smaller share are rounding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -278,9 +279,18 @@ class Impacts:
         return ElementwiseFunction(ca.Function("gap_rates", [graph.x, graph.p], [rates]))
 
     @cached_property
+    def one_liftoff(self) -> bool:
+        """Whether the energy at lift-off tells the launch speed: it is conserved, and all launches have one
+        configuration."""
+        if not self.model.conservative:
+            return False
+        slow, fast = self.model.release(np.array([1.0, 2.0]), self.values)
+        return bool(abs(fast - slow) <= SAME_LIFTOFF * abs(slow))
+
+    @cached_property
     def launch_inertia(self) -> float:
         """Twice the part of the energy at launch that its speed makes, over the square of that; for an inertia that
-        varies, at the configuration of the launch with speed 1, which without damping is that of all."""
+        varies, at the configuration of the launch with speed 1, which is that of all where there is `one_liftoff`."""
         (liftoff,) = self.model.release(np.ones(1), self.values)
         launch = np.array(self.model.launch({"liftoff": liftoff, "alpha": 1.0 + 1e-30j}, self.values), dtype=complex)
         # The launch speed changes speeds alone, and the energy's gradient with respect to these involves no law.

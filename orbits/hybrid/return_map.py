@@ -383,7 +383,7 @@ def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
         lifting = lifting[ended]
         speed, launches = impacts.liftoff(ends[ended])
         status[lifting[~launches]] = "leaves_elsewhere"
-        if not impacts.model.conservative:
+        if not impacts.one_liftoff:
             lifting, speed = lifting[launches], speed[launches]
             left[lifting] = speed**2
             loss[lifting] = alpha[lifting] ** 2 - left[lifting]

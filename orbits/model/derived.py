@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..symbolic.exclusive import exclusive
 from .coefficients import Coefficients
-from .elements import Element, Scalar, Spring, fields_of, names_in, value_of
+from .elements import Element, Force, Scalar, Spring, fields_of, names_in, value_of
 from .laws import Key, Parameters, Scalars
 from .linear import Linear, LinearEquations
 from .mechanics import GRAVITY_SHARE, Mechanics, Term, weighted_sum
@@ -63,6 +63,7 @@ def derived_model(structure: Structure) -> Model:
     mechanics = parts.mechanics
     launch = launch_of(mechanics, parts.alone, parts.words["liftoff"], dict(s.rest).get(parts.launched_name, 0.0))
     linear = Linear.of(mechanics)
+    # One extension moves by itself, whatever else the machine does; gravity that varies would be in that motion.
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
     still = launch if moves_alone and not mechanics.varying else None
     model = Model(
@@ -90,6 +91,7 @@ def derived_model(structure: Structure) -> Model:
         springs=parts.drawn,
         homotopy=GRAVITY_SHARE if mechanics.varying else None,
         conservative=mechanics.conservative and not s.actuators,
+        driven=any(isinstance(element, Force) for element in s.elements),
         reduction=still.reduction if still else None,
         tension=parts.tension if parts.counted else None,
         search=launch.relative.search if launch and mechanics.conservative else None,
@@ -140,8 +142,12 @@ def _names_beside_laws(s: Structure) -> set[str]:
 
 @lru_cache(maxsize=64)
 def _parts_without_laws(s: Structure) -> "_Parts":
-    places = s.coordinates, s.actuators, s.elements
-    return _Parts(s, Mechanics(*places, s.inertia, s.gap, s.gravity, s.surface_gravity, s.parameters))
+    places, others = (s.coordinates, s.actuators, s.elements, s.inertia), (s.gravity, s.surface_gravity, s.parameters)
+    mechanics = Mechanics(*places, s.gap, *others)
+    if (unit := mechanics.gap[mechanics.eliminated]) != 1.0:
+        # The contact force is then that on the coordinate that is eliminated, and the landing jerk its jerk.
+        mechanics = Mechanics(*places, lambda y, p: value_of(s.gap, y, p) / unit, *others)
+    return _Parts(s, mechanics)
 
 
 class _Slopes(NamedTuple):
@@ -178,7 +184,7 @@ class _Parts:
         self.gap = Affine(_interleaved([*mechanics.gap.tolist(), *[0.0] * ends], ends))
         self.gap_speed = Affine(_interleaved(mechanics.gap.tolist(), ends, 1))
         self.extension = self._numbers(structure.counts, "counts")
-        self.counted = next((spring for spring in self.springs if self._is_counted(spring)), None)
+        self.counted = self._counted()
         self.contact_speed = Affine(tuple(float(i == self.launched + 1) for i in range(len(self.contact_states))))
         self._heights = [(name, self._function(height)) for name, height in structure.heights]
         self._distance = None if structure.separation is None else self._function(structure.separation)
@@ -260,10 +266,21 @@ class _Parts:
             return None
         return _interleaved((np.array(found.constants[:-1]) @ embed).tolist(), ends)
 
-    def _is_counted(self, spring: Spring) -> bool:
-        """Whether a spring's extension is the one that is counted, however long at rest."""
-        weights = self._weights(spring.extension, np.eye(len(self.mechanics.moved)), 0)
-        return weights is not None and weights[: 2 * self.size] == self.extension.weights[: 2 * self.size]
+    def _counted(self) -> list[tuple[Spring, Coefficients]]:
+        """The springs along the extension that is counted, however long at rest, each with the change of its own
+        extension per change of that one; none where such a ratio depends on the configuration."""
+        mechanics, along = self.mechanics, ca.SX(self.extension.weights[: 2 * self.size : 2])
+        found = list[tuple[Spring, Coefficients]]()
+        for spring in self.springs:
+            gradient = mechanics.gradient(spring.extension)[: self.size]
+            ratio = ca.dot(gradient, along) / ca.dot(along, along)
+            numbers = Coefficients(ca.vertcat(ratio, gradient - ratio * along), mechanics.y, mechanics.p)
+            if numbers.constants[1:] != [0.0] * self.size or numbers.constants[0] == 0.0:
+                continue
+            if numbers.by_coordinates:
+                return []
+            found.append((spring, Coefficients(ratio, mechanics.y, mechanics.p)))
+        return found
 
     def launch(self, u: Parameters, p: Parameters) -> list[Any]:
         """The flight state at lift-off."""
@@ -282,9 +299,14 @@ class _Parts:
         return self.mechanics.contact_force(self._released(u), p, q)
 
     def landing(self, u: Parameters, x: Scalars, p: Parameters) -> list[Any]:
-        """What vanishes at a lossless landing."""
-        launched = 2 * self.mechanics.kept[self.launched // 2]
-        return [*(weighted_sum(each.weights, x) for each in (self.gap, self.gap_speed)), x[launched] - u["liftoff"]]
+        """What vanishes at a lossless landing: the gap, its speed and its acceleration.
+
+        Where the contact has one coordinate, this being as at lift-off says the last. So it is stated too where a law
+        is in pieces, of which a landing is not told the one that holds."""
+        closed = [weighted_sum(each.weights, x) for each in (self.gap, self.gap_speed)]
+        if self.size == 2 or any(law.pieces for law in self.mechanics.laws):
+            return [*closed, x[2 * self.mechanics.kept[self.launched // 2]] - u["liftoff"]]
+        return [*closed, weighted_sum(self.gap_speed.weights, self.mechanics.flight(x, p, []))]
 
     def no_release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
         """Refuses a launch that is more than a speed."""
@@ -322,10 +344,14 @@ class _Parts:
         return {name: height(p) for name, height in self._heights}
 
     def tension(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
-        """The force of the spring whose extension is counted, in a flight state."""
-        spring, (y, _) = cast(Spring, self.counted), self.mechanics.positions_and_rates(x, p)
+        """The force of all springs against the extension that is counted, in a flight state."""
+        y, _ = self.mechanics.positions_and_rates(x, p)
         place = dict(zip(self.mechanics.moved, y, strict=True))
-        return self.mechanics.law_of(spring).expression(value_of(spring.extension, place, p), p, q)
+        forces = [
+            self.mechanics.law_of(spring).expression(value_of(spring.extension, place, p), p, q)
+            for spring, _ in self.counted
+        ]
+        return weighted_sum([ratio(p)[0][0] for _, ratio in self.counted], forces)
 
     def _slopes(self, terms: Sequence[Term], gradients: ca.SX, inertia: ca.SX, place: ca.SX, unit: ca.SX) -> _Slopes:
         """What the gradient of the energy in a phase is made of, in a unit of energy."""

@@ -95,6 +95,7 @@ class Model:
         enough
     relative : the `Relative` motion under constant gravity, from which a guess follows; None where there is none
     conservative : whether flight and contact conserve the energy
+    driven : whether a force may add energy to a machine that is not conservative
     homotopy : name of the parameter that leads from the scene of the guess (0) to this one (1); None where they are one
     reduction : the smaller statement that this scene allows; None where there is none
     tension : (x, p, q) -> force of the spring in a flight state; None where it is not stated
@@ -140,6 +141,7 @@ class Model:
     relative: Any = None
     rest: Callable | None = None
     knees: Callable | None = None
+    driven: bool = False
     # What `dataclasses.replace` makes of a model has to be looked at again.
     derived: bool = field(default=False, init=False)
 

@@ -81,9 +81,12 @@ def energy(model: Model, draw: Draw) -> Iterator[Relation]:
     if model.conservative:
         yield Relation("energy is not lost in both phases", ("conservative",), max(kept.values()) if damped else 0.0)
     steady = model.conservative and not damped
+    if model.driven and model.conservative:
+        yield Relation("what conserves the energy is not driven", ("driven",), np.inf)
     for where, gradient in (("flight", "flight_gradient"), ("contact", "contact_gradient")):
         words = f"energy {'is conserved' if steady else 'does not grow'} in {where}"
-        yield Relation(words, (f"{where}.field", gradient), (kept if steady else grows)[where])
+        if not model.driven:
+            yield Relation(words, (f"{where}.field", gradient), (kept if steady else grows)[where])
     embed, hessian = np.asarray(model.embed), draw.flown["hessian"]
     words = "contact_gradient is flight_gradient on the ground"
     fields = ("flight_gradient", "contact_gradient", "embed")
@@ -179,11 +182,14 @@ def _landing(model: Model, draw: Draw) -> Iterator[Relation]:
     a, launch, mirrored = _gap_acceleration(model, draw), draw.roots["launch"], ("reversor",) if model.reversor else ()
     scale = max(float(np.abs(launch).max()), draw.length) * np.abs(at["landing slopes"]).max(initial=0.0)
     words, fields = "landing vanishes at the mirror image of launch", ("landing", "launch", *mirrored)
-    yield Relation(words, fields, share(at["landing"], scale))
+    # Where the landing says that the gap has no acceleration, the launch has to have none.
+    if model.one_speed or share(at["field"] @ a, at["field"]) <= LARGEST_DEVIATION:
+        yield Relation(words, fields, share(at["landing"], scale))
     independent, gaps, accelerations = 0.0, 0.0, 0.0
     _, rates = coordinates(model.flight)
-    # The states that a launch is told are those of its mirror image too.
-    told = [np.eye(len(gap))[i] for i, name in enumerate(model.flight.states) if name in model.launch_unknowns]
+    # A landing is not told which piece of a law holds: other states of the launch are then to be known beside it.
+    names = model.launch_unknowns if model.flight.pieces else ()
+    told = [np.eye(len(gap))[i] for i, name in enumerate(model.flight.states) if name in names]
     for rows, accelerates, gradient in zip(at["landing slopes"], a @ at["slopes"], at["gradient"], strict=True):
         if not np.isfinite(rows).all() or np.linalg.matrix_rank(rows) < 3:
             independent = np.inf
@@ -256,10 +262,12 @@ def distances(model: Model, draw: Draw) -> Iterator[Relation]:
     seen = {name: _values_and_slopes(height, draw) for name, height in model.heights(p).items()}
     masses = [each for name, each in seen.items() if name != CENTRE]
     pairs = [*masses, *(upper - lower for upper, lower in combinations(masses, 2))]
-    words = "the gap is between two of the heights, or one and the ground"
-    yield Relation(
-        words, ("gap", "heights"), min(_apart(_values_and_slopes(model.gap(p), draw), each) for each in pairs)
-    )
+    words, gap = "the gap is between two of the heights, or one and the ground", _values_and_slopes(model.gap(p), draw)
+    off = min(_apart(gap, each) for each in pairs)
+    if model.derived and not {*model.gap(p).weights} <= {0.0, 1.0, -1.0}:  # along a lever, as "2*foot - plate"
+        words, slopes = "the gap is a sum of multiples of the heights", gap[:, 1:]
+        off = max(_beyond(own, each[:, 1:]) for own, each in zip(slopes, np.stack(masses, axis=1), strict=True))
+    yield Relation(words, ("gap", "heights"), off)
     if apart := model.separation(p):
         words = "the separation is at most that of two of the heights, or of one and the ground"
         most = min(_apart(_values_and_slopes(apart, draw), each, most=True) for each in pairs)

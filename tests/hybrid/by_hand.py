@@ -198,6 +198,11 @@ def chain(machine: Chain) -> Model:
     def contact_force(x, p, q):
         return p[masses[-1]] - springs[-1].expression(x[-2], p, q)
 
+    def landing(u, x, p):
+        """The lowest mass touches the ground, without speed and without acceleration."""
+        third = x[above] - u["liftoff"] if count == 2 else field(x, p, [])[-1]
+        return [x[-2], x[-1], third]
+
     def heights(p):
         centre = sum(p[m] * eye[2 * i] for i, m in enumerate(masses)) / sum(p[m] for m in masses)
         each = {f"mass {i + 1}": Affine(tuple(eye[2 * i])) for i in range(count)}
@@ -210,7 +215,7 @@ def chain(machine: Chain) -> Model:
         launch=lambda u, p: [*(u[name] for name in launched), 0.0, 0.0],
         launch_unknowns=("liftoff", "alpha", *states[:above]),
         liftoff=lambda u, p, q: contact_force([u["liftoff"], u["alpha"]], p, q),
-        landing=lambda u, x, p: [x[-2], x[-1], x[above] - u["liftoff"]],
+        landing=landing,
         reversor=(1, -1) * count,
         release=machine.model.release,
         touchdown=lambda u, p: [sign * u[name] for name, sign in zip(launched, (1, -1) * (count - 1), strict=True)],
