@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import flow_of
@@ -27,7 +26,8 @@ FIRST_LAW_POINTS, LEAST_LAW_SHARE = 40, 0.05
 # for the one that this leads to.
 SAME_HOP = 0.1
 SAME_START = 1e-6  # two hops whose unknowns differ by a smaller share are one
-# The zero of a law is looked for so far from rest, in units of the length in which its slope there would undo its force.
+# The zero of a law is looked for so far from rest, in units of the length in which its slope there would undo its
+# force.
 FURTHEST_ZERO, ZERO_SAMPLES = 4.0, 801
 
 
@@ -94,6 +94,8 @@ def _springs_of(machine: Mechanism) -> list[Spring]:
 
 def _straight_line(law: Law) -> _StraightLine:
     """The straight line along a law at the zero of its force that is nearest to its rest."""
+    from scipy.optimize import brentq  # takes long to import
+
     rest = law.rest()
     value, slope = (float(each) for each in law.with_slope(rest))
     zero = rest
