@@ -27,7 +27,7 @@ FIRST_LAW_POINTS, LEAST_LAW_SHARE = 40, 0.05
 # for the one that this leads to.
 SAME_HOP = 0.1
 SAME_START = 1e-6  # two hops whose unknowns differ by a smaller share are one
-# The zero of a law is looked for so far from rest, in units of the length in which its slope there would undo its force.
+# The zero of a law is looked for so far from rest, in units of the length in which its slope would undo its force.
 FURTHEST_ZERO, ZERO_SAMPLES = 4.0, 801
 
 
