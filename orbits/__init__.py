@@ -18,8 +18,8 @@ from .hybrid.multiplier import multiplier
 from .hybrid.return_map import FixedPoint, Hops, ReturnMap
 from .hybrid.simulation import Simulation, simulate
 from .io import version
-from .model.elements import Damper, Force, Inerter, Mass, Potential, Spring, Weight
 from .model.machine import Machine
+from .model.mechanics.elements import Damper, Force, Inerter, Mass, Potential, Spring, Weight
 from .model.mechanism import Mechanism
 from .model.model import Model, Reduction
 from .model.modes import Modes, linear_modes

@@ -11,8 +11,8 @@ from functools import lru_cache
 from typing import Any, Self, TypeAlias
 
 from orbits.errors import InputError
-from orbits.model.dimensions import coefficient_dimensions
 from orbits.model.laws import UNIT_FORCE, UNIT_LENGTH, Law, number, stated
+from orbits.model.mechanics.dimensions import coefficient_dimensions
 from orbits.model.model import Model, reparametrised
 from orbits.model.units import ACCELERATION, LENGTH, MASS, Dimension, Units, unit_text
 from orbits.symbolic.exclusive import exclusive, exclusive_property

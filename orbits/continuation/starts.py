@@ -8,9 +8,9 @@ import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import flow_of
-from ..model.elements import Damper, Force, Spring
 from ..model.laws import Law, from_formula, from_key
 from ..model.machine import Machine
+from ..model.mechanics.elements import Damper, Force, Spring
 from ..model.mechanism import Mechanism
 from ..periodic.find import find
 from ..periodic.linear_hops import linear_hops
@@ -26,8 +26,7 @@ FIRST_LAW_POINTS, LEAST_LAW_SHARE = 40, 0.05
 # for the one that this leads to.
 SAME_HOP = 0.1
 SAME_START = 1e-6  # two hops whose unknowns differ by a smaller share are one
-# The zero of a law is looked for so far from rest, in units of the length in which its slope there would undo its
-# force.
+# The zero of a law is looked for so far from rest, in units of the length in which its slope would undo its force.
 FURTHEST_ZERO, ZERO_SAMPLES = 4.0, 801
 
 

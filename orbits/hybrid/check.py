@@ -10,12 +10,12 @@ from ..errors import InconsistentModel, InputError, NoOrbit
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectory
 from ..io import one_line
-from ..model.consistency import algebraic_relations, inconsistent
-from ..model.draws import Graphs, coordinates
+from ..model.consistency.draws import Graphs, coordinates
+from ..model.consistency.relations import Relation, share
+from ..model.consistency.verdict import algebraic_relations, inconsistent
 from ..model.machine import Machine, dimensionless, wrong_parts
 from ..model.model import Search
 from ..model.phase import Phase
-from ..model.relations import Relation, share
 from ..periodic.find import dimensionless_start, find
 from ..periodic.formulations import vector
 from ..periodic.guess import guess, guesses

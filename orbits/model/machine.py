@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any, Protocol, Self, cast, runtime_checkable
 
 from ..errors import InputError
-from .consistency import check_consistency
+from .consistency.verdict import check_consistency
 from .laws import NOISE
 from .model import Model
 from .units import Units

@@ -26,16 +26,15 @@ from ..errors import InputError
 from ..io import one_line
 from ..symbolic.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
-from .derived import Structure, derived_launch, derived_model, linear_equations
-from .dimensions import dimensions_of_parameters
-from .elements import Element, Force, Scalar, Spring, fields_of, names_in
 from .features import with_reach
 from .laws import Key, Law, coefficient_of_restitution, key_of, number, stated
-from .linear import LinearEquations
 from .machine import Stated
-from .mechanics import GRAVITY_SHARE
-from .model import Model, as_derived
-from .refusals import (
+from .mechanics.derived import Structure, derived_launch, derived_model, linear_equations
+from .mechanics.dimensions import dimensions_of_parameters
+from .mechanics.elements import Element, Force, Scalar, Spring, fields_of, names_in
+from .mechanics.equations import GRAVITY_SHARE
+from .mechanics.linear import LinearEquations
+from .mechanics.refusals import (
     hint_of_coordinate,
     joined_values,
     listed,
@@ -43,6 +42,7 @@ from .refusals import (
     refuse_names_of_parameters,
     refuse_values,
 )
+from .model import Model, as_derived
 from .units import LENGTH, Units, unit_text
 
 

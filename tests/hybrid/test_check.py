@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from by_hand import by_hand
 
-import orbits.model.consistency as consistency
+import orbits.model.consistency.verdict as consistency
 from orbits import (
     Affine,
     InconsistentModel,
@@ -22,7 +22,7 @@ from orbits import (
     simulate,
     starts,
 )
-from orbits.model.consistency import algebraic_relations, suspects
+from orbits.model.consistency.verdict import algebraic_relations, suspects
 from problems import (
     Actuated,
     Chain,

@@ -12,14 +12,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..errors import InputError
+from ...errors import InputError
+from ..laws import Key, Parameters, Scalars
+from ..liftoff import Liftoff
+from ..model import Reduction
+from ..relative import Relative
 from .coefficients import Coefficients
 from .elements import Force, Potential, Scalar, Spring
-from .laws import Key, Parameters, Scalars
-from .liftoff import Liftoff
-from .mechanics import Mechanics, at_zero, is_used
-from .model import Reduction
-from .relative import Relative
+from .equations import Mechanics, at_zero, is_used
 
 # The launch speed, as a parameter of the law by which a machine lifts off whose contact force depends on its speed.
 AT_SPEED_OF = "_launch_speed"

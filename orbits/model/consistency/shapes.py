@@ -8,12 +8,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..errors import OrbitsError
-from .model import Model
-from .phase import Affine, Phase
-from .relative import Relative
-from .state_formula import StateFormula
-from .units import Units
+from ...errors import OrbitsError
+from ..model import Model
+from ..phase import Affine, Phase
+from ..relative import Relative
+from ..state_formula import StateFormula
+from ..units import Units
 
 # The quantity that every contact phase watches, and the four reasons that every model has words for.
 WATCHED_FORCE, TOLD_REASONS = "contact force", ("gap", "pull", "separation", "end")

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from ..model import Model
+from ..phase import Affine
+from ..state_formula import StateFormula
 from .draws import Draw, Expressions, coordinates, reversor_of, signs_in_contact
-from .model import Model
-from .phase import Affine
-from .state_formula import StateFormula
 
 # What holds in exact arithmetic does so to this share of the terms: rounding is far below, a slip of the pen far above.
 LARGEST_DEVIATION = 1e-8

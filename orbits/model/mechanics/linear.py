@@ -6,12 +6,12 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from ..laws import Parameters
+from ..modes import Modes, linear_modes
+from ..relative import straight_line
 from .coefficients import Coefficients
 from .elements import Spring
-from .laws import Parameters
-from .mechanics import Mechanics, Term, at_zero
-from .modes import Modes, linear_modes
-from .relative import straight_line
+from .equations import Mechanics, Term, at_zero
 
 
 class LinearEquations(NamedTuple):

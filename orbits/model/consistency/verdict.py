@@ -12,10 +12,10 @@ from weakref import WeakSet
 
 import numpy as np
 
-from ..errors import InconsistentModel, OrbitsError
+from ...errors import InconsistentModel, OrbitsError
+from ..laws import NOISE
+from ..model import Model
 from .draws import SEED, Graphs
-from .laws import NOISE
-from .model import Model
 from .relations import MECHANICS, Relation
 from .shapes import malformed
 from .shortcuts import SHORT_CUTS

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..symbolic.calls import ElementwiseFunction, single_assignment
-from ..symbolic.exclusive import LOCK
+from ...symbolic.calls import ElementwiseFunction, single_assignment
+from ...symbolic.exclusive import LOCK
 
 # Whether a coefficient is the same for all parameters is asked at so many random ones: a rational function that is
 # constant at random places is constant (Schwartz 1980, Zippel 1979). Values that differ by less than this many times

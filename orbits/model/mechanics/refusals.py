@@ -6,12 +6,12 @@ from math import inf
 from numbers import Real
 from typing import Any, get_args
 
-from ..errors import InputError
-from ..symbolic.formula import CONSTANTS, FUNCTIONS, suggest
+from ...errors import InputError
+from ...symbolic.formula import CONSTANTS, FUNCTIONS, suggest
+from ..laws import stated
 from .derived import USUAL_WORDS
 from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Weight, fields_of, names_in, value_of
-from .laws import stated
-from .mechanics import GRAVITY_SHARE
+from .equations import GRAVITY_SHARE
 
 # What names that coordinates cannot have stand for already.
 TAKEN_NAMES = {

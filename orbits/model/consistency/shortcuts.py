@@ -6,8 +6,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..model import Model, Reduction
 from .draws import Draw, Expressions, reversor_of
-from .model import Model, Reduction
 from .relations import Relation, share
 
 # A closed form is held against its Taylor series of this order after this time, where these agree to rounding.

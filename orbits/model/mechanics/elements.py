@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeAlias
 
-from ..symbolic.formula import Formula, parse
+from ...symbolic.formula import Formula, parse
 
 Scalar: TypeAlias = str | float | Callable[[Mapping[str, Any], Mapping[str, Any]], Any]
 

@@ -10,18 +10,18 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
-from ..symbolic.exclusive import exclusive
+from ...errors import InputError
+from ...symbolic.exclusive import exclusive
+from ..laws import Key, Parameters, Scalars
+from ..model import Knee, Model, as_derived
+from ..phase import Affine, Phase
+from ..relative import pieces_along, reach_along
+from ..state_formula import StateFormula
 from .coefficients import Coefficients
 from .elements import Element, Force, Scalar, Spring, fields_of, names_in, value_of
-from .laws import Key, Parameters, Scalars
+from .equations import GRAVITY_SHARE, Mechanics, Term, weighted_sum
 from .linear import Linear, LinearEquations
-from .mechanics import GRAVITY_SHARE, Mechanics, Term, weighted_sum
-from .model import Knee, Model, as_derived
-from .one_law import Alone, launch_of
-from .phase import Affine, Phase
-from .relative import pieces_along, reach_along
-from .state_formula import StateFormula
+from .lone_extension import Alone, launch_of
 
 # What a model says where the mechanism has no words of its own.
 USUAL_WORDS = {
@@ -63,7 +63,8 @@ def derived_model(structure: Structure) -> Model:
     mechanics = parts.mechanics
     launch = launch_of(mechanics, parts.alone, parts.words["liftoff"], dict(s.rest).get(parts.launched_name, 0.0))
     linear = Linear.of(mechanics)
-    # One extension moves by itself, whatever else the machine does; gravity that varies would be in that motion.
+    # The motion of one extension alone leads to orbits where nothing damps or drives it. Under gravity that varies it
+    # is the motion in the scene of the guess only, so that there is a guess and no reduction.
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
     still = launch if moves_alone and not mechanics.varying else None
     model = Model(
@@ -168,6 +169,7 @@ class _Parts:
         places = [state for name in structure.coordinates for state in (name, f"{name}'")]
         self.states = (*places, *(name for name, _ in structure.actuators))
         self.springs = [element for element in structure.elements if isinstance(element, Spring)]
+        # The contact: its states, and which of its coordinates is launched.
         kept = [mechanics.moved[i] for i in mechanics.kept]
         names = [state for name in kept[: self.size - 1] for state in (name, f"{name}'")]
         launched = structure.launch or kept[self.size - 2]
@@ -180,12 +182,14 @@ class _Parts:
         others = tuple(name for name in self.unknowns if name not in ("liftoff", "alpha"))
         self.launch_unknowns = ("liftoff", "alpha", *others)
         self.embed = self._embed()
+        # What is linear in the flight state; the displacements of the actuators come last in it.
         ends = len(structure.actuators)
         self.gap = Affine(_interleaved([*mechanics.gap.tolist(), *[0.0] * ends], ends))
         self.gap_speed = Affine(_interleaved(mechanics.gap.tolist(), ends, 1))
         self.extension = self._numbers(structure.counts, "counts")
         self.counted = self._counted()
         self.contact_speed = Affine(tuple(float(i == self.launched + 1) for i in range(len(self.contact_states))))
+        # What may be any function of it, and what impacts and energies are made of.
         self._heights = [(name, self._function(height)) for name, height in structure.heights]
         self._distance = None if structure.separation is None else self._function(structure.separation)
         unit = mechanics.scalar(structure.energy_unit)

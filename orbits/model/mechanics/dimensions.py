@@ -8,10 +8,10 @@ from typing import Any
 
 import casadi as ca
 
-from ..symbolic.exclusive import exclusive
+from ...symbolic.exclusive import exclusive
+from ..laws import Key
+from ..units import ACCELERATION, ANGLE, FORCE, LENGTH, MASS, Dimension, unit_text
 from .elements import Damper, Inerter, Mass, Spring, Weight, names_in, value_of
-from .laws import Key
-from .units import ACCELERATION, ANGLE, FORCE, LENGTH, MASS, Dimension, unit_text
 
 
 def dimensions_of_parameters(mechanism: Any) -> dict[str, Dimension]:

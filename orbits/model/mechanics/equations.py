@@ -23,10 +23,10 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..errors import InputError
+from ...errors import InputError
+from ..laws import Key, Parameters, Scalars
 from .coefficients import Coefficients
 from .elements import Damper, Element, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, value_of
-from .laws import Key, Parameters, Scalars
 
 # Share of the variation of gravity, led from 0 to 1 to come from constant gravity to the one that is stated.
 GRAVITY_SHARE = "gravity_share"

@@ -7,9 +7,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..errors import OrbitsError, OutOfRange
-from .model import Model
-from .phase import Phase
+from ...errors import OrbitsError, OutOfRange
+from ..model import Model
+from ..phase import Phase
 from .shapes import WATCHED_FORCE
 
 # States and launches of a draw. States lie so far around a launch, in units of the extension there and of the unit of
