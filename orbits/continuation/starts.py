@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import flow_of
@@ -22,7 +21,7 @@ LAW_SHARE = "share_of_the_springs_own_law"
 # The longest step along it, as a share, and the most points: hops that need more are left out, and so are hops that
 # have not come this far after the first points.
 LONGEST_LAW_STEP, MOST_LAW_POINTS = 0.1, 200
-FIRST_LAW_POINTS, LEAST_LAW_SHARE = 40, 0.05
+FIRST_LAW_POINTS, LEAST_LAW_SHARE = 40, 1e-5
 # A hop of the own laws that differs by less than this share, in its launch and in its times, from a linear one is taken
 # for the one that this leads to.
 SAME_HOP = 0.1
@@ -94,6 +93,8 @@ def _springs_of(machine: Mechanism) -> list[Spring]:
 
 def _straight_line(law: Law) -> _StraightLine:
     """The straight line along a law at the zero of its force that is nearest to its rest."""
+    from scipy.optimize import brentq  # takes long to import
+
     rest = law.rest()
     value, slope = (float(each) for each in law.with_slope(rest))
     zero = rest
