@@ -21,7 +21,7 @@ LAW_SHARE = "share_of_the_springs_own_law"
 # The longest step along it, as a share, and the most points: hops that need more are left out, and so are hops that
 # have not come this far after the first points.
 LONGEST_LAW_STEP, MOST_LAW_POINTS = 0.1, 200
-FIRST_LAW_POINTS, LEAST_LAW_SHARE = 40, 0.05
+FIRST_LAW_POINTS, LEAST_LAW_SHARE = 40, 1e-5
 # A hop of the own laws that differs by less than this share, in its launch and in its times, from a linear one is taken
 # for the one that this leads to.
 SAME_HOP = 0.1
