@@ -70,6 +70,8 @@ class Model:
     landing : (u, x, p) -> three expressions that vanish at a lossless landing
     reversor : sign of each flight state under time reversal; None where the model has no reversor
     release : (alpha (m,), p) -> extensions (m,) at lift-off with these launch speeds
+    liftoff_slope : (u, p) -> derivative of the extension at lift-off by the launch speed; None where it does not depend
+        on that
     touchdown : (u, p) -> contact state after a lossless landing
     embed : matrix (n, m) that turns contact states (m,) into flight states (n,)
     flight_gradient, contact_gradient : (x, p, q) -> gradient of the energy in that phase
@@ -139,6 +141,7 @@ class Model:
     gauge: str | None = None
     search: Callable | None = None
     relative: Any = None
+    liftoff_slope: Callable | None = None
     rest: Callable | None = None
     knees: Callable | None = None
     driven: bool = False
@@ -216,6 +219,7 @@ def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, A
 PARAMETERS_AT = {
     **dict.fromkeys(("gap", "separation", "heights", "search", "rest", "knees"), 0),
     **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess", "impact_mass", "impact"), 1),
+    "liftoff_slope": 1,
     **dict.fromkeys(("flight_gradient", "contact_gradient", "tension"), 1),
     "landing": 2,
 }

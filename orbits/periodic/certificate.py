@@ -88,7 +88,8 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
     for i, reason in (*collisions, *pulls, *meetings):
         violations[i] += (reason,)
     changes, floors, gradients = _energy_changes(model, cycles)
-    direction = by_launch_speed(lambda u: model.launch(u, cycles.p), cycles.u)
+    slope = model.liftoff_slope(cycles.u, cycles.p) if model.liftoff_slope else None
+    direction = by_launch_speed(lambda u: model.launch(u, cycles.p), cycles.u, slope)
     with np.errstate(all="ignore"):
         power = launch_power(gradients.T, direction)
         launch = 0.5 * cycles.u["alpha"] * power

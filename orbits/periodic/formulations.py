@@ -194,7 +194,8 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
         return flight, flight, reduction.gap_slope(2 * flight.ends, landing.T, p), np.abs(landing).max(1)
     flight = motions.only(model.flight.states)
     if model.reversor:
-        landing = _landing_by(alpha, evaluation, model.reversor)
+        slope = model.liftoff_slope(u, p) if model.liftoff_slope else None
+        landing = _landing_by(alpha, evaluation, model.reversor, list(u).index("liftoff"), slope)
         return flight, flight, landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
     pumped = np.abs(u["unfolding"]) * u["duration"]
     for i in np.flatnonzero(pumped > LARGEST_UNFOLDING).tolist():
@@ -214,10 +215,15 @@ def halved(flights: Trajectories) -> Trajectories:
     return Trajectories.of([half for path in flights for half in path.split(path.times[-1] / 2)])
 
 
-def _landing_by(alpha: int, evaluation: Evaluation, reversor: tuple[int, ...]) -> ndarray:
-    """Derivatives (m, states) of the state at landing by the unknown number `alpha`; the second half of the motion is
-    the mirror image of the first, and so is its transition matrix."""
+def _landing_by(
+    alpha: int, evaluation: Evaluation, reversor: tuple[int, ...], liftoff: int = 0, slope: Any = None
+) -> ndarray:
+    """Derivatives (m, states) of the state at landing by the unknown number `alpha`, with which the one that is number
+    `liftoff` changes by slopes (m,); the second half of the motion is the mirror image of the first, and so is its
+    transition matrix."""
     first, start, mirror = evaluation.transitions[0], evaluation.starts[0][:, :, [alpha]], np.array(reversor)[:, None]
+    if slope is not None:
+        start = start + np.reshape(slope, (-1, 1, 1)) * evaluation.starts[0][:, :, [liftoff]]
     return (mirror * solve(first[:, :, : first.shape[1]], mirror * (first @ start)))[:, :, 0]
 
 

@@ -24,9 +24,13 @@ def launch_power(gradient: Iterable, direction: Iterable) -> Any:
     return sum(g * d for g, d in zip(gradient, direction, strict=True))
 
 
-def by_launch_speed(function: Callable[[Mapping], Sequence], u: Mapping) -> list:
-    """Derivatives by alpha of arithmetic expressions of the unknowns, where the alpha of `u` is a symbol, a number
-    or an array; for numbers a complex step is exact."""
+def by_launch_speed(function: Callable[[Mapping], Sequence], u: Mapping, slope: Any = None) -> list:
+    """Derivatives by the launch speed of arithmetic expressions of the unknowns, which are symbols, numbers or arrays;
+    for numbers a complex step is exact. `slope` is that of the extension at lift-off, None where it stays."""
     if isinstance(u["alpha"], ca.SX):
-        return ca.vertsplit(ca.densify(ca.jacobian(ca.vertcat(*function(u)), u["alpha"])))
-    return [np.imag(x) / COMPLEX_STEP for x in function({**u, "alpha": u["alpha"] + 1j * COMPLEX_STEP})]
+        values = ca.vertcat(*function(u))
+        moved = 0.0 if slope is None else ca.jacobian(values, u["liftoff"]) * slope
+        return ca.vertsplit(ca.densify(ca.jacobian(values, u["alpha"]) + moved))
+    step = {"alpha": 1.0} | ({} if slope is None else {"liftoff": slope})
+    shifted = {**u, **{name: u[name] + 1j * COMPLEX_STEP * change for name, change in step.items()}}
+    return [np.imag(x) / COMPLEX_STEP for x in function(shifted)]

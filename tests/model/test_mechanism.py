@@ -247,6 +247,13 @@ class TestAnotherMachine:
         slow, fast = machine.model.release(np.array([0.1, 4.0]), machine.values)
         assert abs(fast - slow) > 1e-4
         assert find_all(machine, family=1)[0].alpha == pytest.approx(orbit.alpha, rel=1e-11)
+        # What is lost beside the orbit is C d**(4/3), up to a share of d**(1/3) more.
+        lost = []
+        for distance in (1e-4 * orbit.alpha, 1e-5 * orbit.alpha):
+            (back,) = ReturnMap(machine)([orbit.alpha + distance]).next
+            lost.append((orbit.alpha + distance - back) / distance ** (4 / 3))
+        limit = (lost[1] * 10 ** (1 / 3) - lost[0]) / (10 ** (1 / 3) - 1)
+        assert orbit.certificate.loss_coefficient == pytest.approx(limit, rel=3e-3)
 
 
 class TestWhatItIs:

@@ -5,7 +5,7 @@ across it is thrown up. With (r, w) = apart y, w'' = -1 and y = mix (r, w), the 
 lift-off, where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,10 +31,12 @@ class Launch:
 
     relative : the law that is reached at lift-off, and the motion of its extension
     reduction : the smaller statement under constant gravity; None where no extension moves alone
+    liftoff_slope : as in `Model`
     """
 
     relative: Relative
     reduction: Reduction | None = None
+    liftoff_slope: Callable | None = None
 
 
 def launch_of(mechanics: Mechanics, alone: "Alone | None", level: str, rest: Scalar) -> Launch | None:
@@ -225,4 +227,9 @@ def _held(mechanics: Mechanics, level: str, rest: Scalar) -> Launch:
         law = law._replace(expression=lambda r, p, q: expression(r, {**p, AT_SPEED_OF: 0.0}, q), names=tuple(m.p))
     gravity, by_speed = m.gravity if m.varying else None, None if still else AT_SPEED_OF
     rate, offset = (lambda p: numbers(p)[0][1]), (lambda p: numbers(p)[0][2])
-    return Launch(Relative(law, gravity, Liftoff(0.0, level), rate, by_speed=by_speed, rest=offset))
+    relative = Relative(law, gravity, Liftoff(0.0, level), rate, by_speed=by_speed, rest=offset)
+    if still:
+        return Launch(relative)
+    by_extension, by_rate = (ca.jacobian(speeds[0], symbol) for symbol in symbols)
+    slope = Coefficients(-by_rate / by_extension, ca.vertcat(*symbols), m.p)
+    return Launch(relative, None, lambda u, p: slope(p, [u["liftoff"] - offset(p), u["alpha"]])[0][0])
