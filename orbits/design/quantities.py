@@ -264,8 +264,8 @@ def _landing_sensitivity(model, half, end, p):
 def _loss(model, jerk, slope, u, p):
     """C of the map alpha + d -> alpha + d - C d**(4/3), from the landing jerk and the landing sensitivity."""
     gradient = model.flight_gradient(model.launch(u, p), p, [])
-    slope = model.liftoff_slope(u, p) if model.liftoff_slope else None
-    power = launch_power(gradient, by_launch_speed(lambda u: model.launch(u, p), u, slope))
+    liftoff = model.liftoff_slope(u, p) if model.liftoff_slope else None
+    power = launch_power(gradient, by_launch_speed(lambda u: model.launch(u, p), u, liftoff))
     at_landing = [sign * x for sign, x in zip(model.reversor, model.launch(u, p), strict=True)]
     return loss_coefficient(model.impact_mass(at_landing, p), -jerk, ca.fabs(slope), power)
 
