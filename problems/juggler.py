@@ -17,7 +17,7 @@ from orbits import Damper, Mass, Mechanism, Spring
 from orbits.errors import InputError
 from orbits.model.laws import Key, Parameters, Scalars
 from orbits.model.model import Model, as_derived
-from orbits.model.modes import Modes, linear_modes
+from orbits.model.modes import Modes, single_mode
 from orbits.model.relative import straight_line
 
 from .machine import END, RATE, TwoMassMachine
@@ -100,7 +100,7 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
 
     def oscillator(p: Parameters) -> Modes:
         k, zero = straight_line(spring, p)
-        return linear_modes([[1.0]], [[k]], [k * zero - 1], {"contact force": ((-k, 0.0), k * zero)})
+        return single_mode(k, k * zero - 1, {"contact force": ((-k, 0.0), k * zero)})
 
     contact = replace(
         finite.contact,

@@ -137,9 +137,12 @@ class Endings:
             if abs(orbit.liftoff_extension) > ratio * (1 + abs(first.liftoff_extension)):
                 return End("degenerate", f"the spring no longer lifts the foot {place}", *found)
             return End("escaped", "the launch speed grows without bound", *found)
-        # Where a launch has several speeds, this one may vanish in a flight that does not.
-        if speed < 1 / ratio and time < SHRUNK and (found := limit(history, self.bounds, 1)):
-            return End("degenerate", f"the flight shrinks to nothing {place}", *found)
+        # Where a launch has several speeds, this one may vanish in a flight that goes on.
+        shrunk = time < SHRUNK
+        ends = speed < 1 / ratio and (shrunk or self.curve.machine.model.one_speed)
+        if ends and (found := limit(history, self.bounds, 1)):
+            what = "flight shrinks" if shrunk else "launch speed falls"
+            return End("degenerate", f"the {what} to nothing {place}", *found)
         return None
 
     def lost(self, error: OrbitsError | str, last: CurvePoint, history: History) -> End:

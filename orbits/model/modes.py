@@ -217,6 +217,13 @@ class _Seen(NamedTuple):
         return np.where(for_ever, np.where(base > 0, 0.0, first), np.inf), np.where(for_ever, np.inf, 0.0)
 
 
+def single_mode(square: float, load: float, watch: Mapping[str, tuple[ArrayLike, float]] | None = None) -> Modes:
+    """The mode of y'' = load - square * y, with `watch` as in `Modes`; raises `InputError` where it does not swing."""
+    if not square > 0:
+        raise InputError("the stiffness is nowhere positive: without a spring no mode swings")
+    return Modes(np.array([square]), np.eye(1), np.eye(1), np.array([load]), watch or {})
+
+
 def linear_modes(
     inertia: ArrayLike,
     stiffness: ArrayLike,
@@ -241,6 +248,8 @@ def linear_modes(
     for name, matrix in (("inertia", m), ("stiffness", k)):
         if not np.abs(matrix - matrix.T).max() <= SLOWEST_SQUARE * np.abs(matrix).max():
             raise InputError(f"the {name} is not a symmetric matrix of finite numbers")
+    if f.size == 1 and m[0, 0] > 0:
+        return single_mode(k[0, 0] / m[0, 0], f[0] / m[0, 0], watch)
     try:
         root = np.linalg.cholesky(m)
     except np.linalg.LinAlgError:

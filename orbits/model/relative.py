@@ -28,7 +28,7 @@ from .features import (
 from .laws import Key, Parameters, from_key
 from .liftoff import Liftoff
 from .model import Reduction, Search
-from .modes import Modes, linear_modes
+from .modes import Modes, single_mode
 from .phase import Arc, Phase, Pieces, Statement
 
 # Beyond these bounds one of the two masses is lost in rounding, or the lengths of lift-off overflow or vanish.
@@ -153,7 +153,7 @@ def relative_phase(law: Key, load: float, rate: Callable | None) -> Phase:
     def oscillator(p: Mapping[str, float]) -> Modes:
         k, zero = straight_line(law, p)
         pace = float(rate(p)) if rate else 1.0
-        return linear_modes([[1.0]], [[pace * k]], [pace * (k * zero - load)])
+        return single_mode(pace * k, pace * (k * zero - load))
 
     def rates(x: Any, p: Parameters, q: Any) -> list[Any]:
         force = law.expression(x[0], p, q) + load

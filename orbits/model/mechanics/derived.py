@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -67,9 +67,10 @@ def derived_model(structure: Structure) -> Model:
     # is the motion in the scene of the guess only, so that there is a guess and no reduction.
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
     still = launch if moves_alone and not mechanics.varying else None
+    in_flight = partial(parts.alone.flight, still.relative) if linear and still else linear and linear.flight
     model = Model(
         name=s.name,
-        flight=parts.flight(linear.flight if linear else None),
+        flight=parts.flight(in_flight),
         contact=parts.contact(linear.contact if linear else None),
         launch=parts.launch,
         launch_unknowns=parts.launch_unknowns,

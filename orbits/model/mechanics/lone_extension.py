@@ -16,6 +16,7 @@ from ...errors import InputError
 from ..laws import Key, Parameters, Scalars
 from ..liftoff import Liftoff
 from ..model import Reduction
+from ..modes import Modes
 from ..relative import Relative
 from .coefficients import Coefficients
 from .elements import Force, Potential, Scalar, Spring
@@ -70,7 +71,7 @@ class Alone:
         rate = -by_throw / by_extension
         self.rate, self.gap_slope_of = self._numbers(rate), self._numbers(by_extension)
         self.lifted = self._numbers(apart[1, :] @ ca.SX(m.embed[:2, 0]))
-        self.mix = Coefficients(mix, m.y, m.p)
+        self.mix, self.apart = Coefficients(mix, m.y, m.p), Coefficients(apart, m.y, m.p)
         pulls = -(ca.SX(along).T @ m.accelerations) / rate
         columns = [[i for i, term in enumerate(m.terms) if term.element is spring] for spring, *_ in springs]
         self.shares = [self._numbers(pulls[column[0]]) for column in columns]
@@ -124,6 +125,12 @@ class Alone:
         gravity = self.mechanics.gravity if self.mechanics.varying else None
         relative = Relative(law, gravity, Liftoff(load, level), rate, damping)
         return Launch(relative, relative.reduction(self.complete, self.gap_slope))
+
+    def flight(self, relative: Relative, p: Parameters) -> Modes:
+        """The exact flow of the flight where the laws are straight lines: one mode is thrown, the extension swings."""
+        swing = relative.phase.closed_form(p)
+        mix, apart = np.array(self.mix(p), dtype=float), np.array(self.apart(p), dtype=float)
+        return Modes(np.append(0.0, swing.squares), mix[:, ::-1], apart[::-1], np.append(-1.0, swing.loads))
 
     def _law(self, mechanics: Mechanics) -> tuple[Key, float]:
         """The law phi and the load of the extension's motion r'' = -rate (phi + load)."""
