@@ -118,7 +118,7 @@ class Flow:
             # The further a motion has come, the more steps are searched in one call.
             block = min(max(first, control.look_ahead), LARGEST_BLOCK) if stop else count
             times = step * np.arange(first, first := min(first + block, count))
-            c = form.series(form.state(start, times), TAYLOR_ORDER)
+            c = form.series(start, times, TAYLOR_ORDER)
             if stop and (halt := stop(c, np.minimum(step, duration - times))):
                 c, end = c[: halt[0] + 1], times[halt[0]] + halt[1]
             blocks.append(c)

@@ -65,17 +65,20 @@ class Modes:
     def state(self, start: Any, t: Any) -> np.ndarray:
         """States (2n, ...) at times `t` (...) after `start`, (2n,) or (2n, ...)."""
         w, rise, x, v = self._moved(start, t)
-        falling, swinging = self.shapes[:, : self.thrown], self.shapes[:, self.thrown :]
         states = np.empty((2 * len(self.squares), x.shape[1]))
-        states[::2] = falling @ w + swinging @ (x + self.centres[:, None])
-        states[1::2] = falling @ rise + swinging @ v
+        states[::2] = self.shapes[:, self.thrown :] @ (x + self.centres[:, None])
+        states[1::2] = self.shapes[:, self.thrown :] @ v
+        if self.thrown:
+            states[::2] += self.shapes[:, : self.thrown] @ w
+            states[1::2] += self.shapes[:, : self.thrown] @ rise
         return states.reshape(len(states), *(np.shape(t) or np.shape(start)[1:]))
 
     def transition(self, t: float) -> np.ndarray:
         """Transition matrix (2n, 2n): the derivative of the state at time `t` with respect to the start."""
         angles, k, n = self.rates * t, self.thrown, len(self.squares)
-        c, s = np.ones(n), np.full(n, t)
-        c[k:], s[k:] = np.cos(angles), np.sin(angles) / self.rates
+        c, s = np.cos(angles), np.sin(angles) / self.rates
+        if k:
+            c, s = np.append(np.ones(k), c), np.append(np.full(k, t), s)
         matrix = np.empty((2 * n, 2 * n))
         matrix[::2, ::2] = matrix[1::2, 1::2] = self.shapes * c @ self.apart
         matrix[::2, 1::2] = self.shapes * s @ self.apart
@@ -92,17 +95,19 @@ class Modes:
         c[:, 2] -= 0.5 * seen.fall
         return c
 
-    def series(self, states: np.ndarray, order: int) -> np.ndarray:
-        """Taylor coefficients (N, 2n + watched, order + 1) of the motions through `states` (2n, N)."""
-        size, k, (even, odd) = len(states), self.thrown, self._alternating(order + 1)
-        w, rise, x, v = self._moved(states, None)
-        q = np.zeros((states.shape[1], len(self.squares), order + 2))
-        q[:, :k, 0], q[:, :k, 1], q[:, :k, 2] = w.T, rise.T, 0.5 * self.loads[:k]
+    def series(self, start: Any, t: Any, order: int) -> np.ndarray:
+        """Taylor coefficients (N, 2n + watched, order + 1) of the motion about N times `t` (...) after `start`, (2n,) or
+        (2n, ...)."""
+        size, k, (even, odd) = 2 * len(self.squares), self.thrown, self._alternating(order + 1)
+        w, rise, x, v = self._moved(start, t)
+        q = np.empty((x.shape[1], len(self.squares), order + 2))
         q[:, k:] = x.T[:, :, None] * even + v.T[:, :, None] * odd
+        q[:, k:, 0] += self.centres
+        if k:
+            q[:, :k, 0], q[:, :k, 1], q[:, :k, 2], q[:, :k, 3:] = w.T, rise.T, 0.5 * self.loads[:k], 0.0
         y = self.shapes @ q
         rows = np.empty((len(q), size + len(self.watch), order + 1))
         rows[:, :size:2], rows[:, 1:size:2] = y[:, :, :-1], y[:, :, 1:] * np.arange(1, order + 2)
-        rows[:, :size, 0] = states.T
         for i, (slopes, value) in enumerate(self.watch.values(), start=size):
             rows[:, i] = np.asarray(slopes) @ rows[:, :size]
             rows[:, i, 0] += value
@@ -133,27 +138,29 @@ class Modes:
             until = np.where((rises < falls) & (rises < CLEARLY * until), np.maximum(until, falls), until)
         return np.where(until > SHORTEST_RISE / np.sqrt(self.square), until, 0.0)
 
+    def _modes(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Coordinates and speeds (k, N) of the thrown modes, and of those that swing, counted from their centres, in
+        states (2n, N)."""
+        q, u, k = self.apart @ states[::2], self.apart @ states[1::2], self.thrown
+        return q[:k], u[:k], q[k:] - self.centres[:, None], u[k:]
+
     def _moved(self, start: Any, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Coordinates and speeds (k, N) of the thrown modes, and of those that swing, counted from their centres, at N
-        times `t` (...) after `start`, (2n,) or (2n, ...), or there where no times are given."""
+        """The modes as from `_modes` at N times `t` (...) after `start`, (2n,) or (2n, ...)."""
         start, k = np.asarray(start), self.thrown
-        flat, tail = start.reshape(len(start), math.prod(start.shape[1:])), start.shape[1:] or (1,) * np.ndim(t)
-        q, u = self.apart @ flat[::2], self.apart @ flat[1::2]
-        w, rise, x, v = q[:k], u[:k], q[k:] - self.centres[:, None], u[k:]
-        if t is None:
-            return w, rise, x, v
+        flat, tail = start.reshape(len(start), math.prod(start.shape[1:])), start.shape[1:]
+        w, rise, x, v = self._modes(flat)
         pull, omega = self.loads[:k, None], self.rates[:, None]
-        if len(tail) > 1:  # one column for each motion, whose times are further axes
+        if many := len(tail) > 1:  # one column for each motion, whose times are further axes
             w, rise, x, v = (values.reshape(len(values), *tail) for values in (w, rise, x, v))
             pull, omega = (values.reshape(len(values), *(1,) * len(tail)) for values in (pull, omega))
         angles = omega * t
         c, s = np.cos(angles), np.sin(angles)
-        moved = w + t * (rise + 0.5 * t * pull), rise + t * pull, x * c + v * (s / omega), v * c - x * (omega * s)
-        if len(tail) > 1:
-            count = math.prod(moved[0].shape[1:])
-            w, rise, x, v = (values.reshape(len(values), count) for values in moved)
-            return w, rise, x, v
-        return moved
+        x, v = x * c + v * (s / omega), v * c - x * (omega * s)
+        if k:
+            w, rise = w + t * (rise + 0.5 * t * pull), rise + t * pull
+        if many:
+            w, rise, x, v = (values.reshape(len(values), math.prod(x.shape[1:])) for values in (w, rise, x, v))
+        return w, rise, x, v
 
     def _seen(self, weights: ArrayLike, start: Any, t: Any = None) -> "_Seen":
         """weights . (state, watched ...) at N times `t` (...) after `start`, (2n,) or (2n, ...)."""
@@ -162,7 +169,7 @@ class Modes:
         for share, (slopes, value) in zip(weights[size:], self.watch.values(), strict=False):
             own, offset = own + share * np.asarray(slopes), offset + share * value
         at_q, at_u = own[::2] @ self.shapes, own[1::2] @ self.shapes
-        w, rise, x, v = self._moved(start, t)
+        w, rise, x, v = self._modes(start) if t is None else self._moved(start, t)
         pull, at_x, at_v = self.loads[:k], at_q[k:, None], at_u[k:, None]
         return _Seen(
             even=at_x * x + at_v * v,

@@ -15,7 +15,7 @@ from .calls import Instruction, single_assignment
 
 _ZERO = ca.SX(0)
 # The operators of `ca.SX` first try to read their operands as NumPy arrays, which takes ten times as long as these.
-_plus, _minus, _times = (partial(ca.SX.binary, op) for op in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL))
+_plus, _minus, _times, _over = (partial(ca.SX.binary, op) for op in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV))
 _whole = cache(ca.SX)
 
 
@@ -34,8 +34,7 @@ def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> c
     n, m = field.numel_out(0), field.numel_out(1)
     instructions = single_assignment(field)
     series = [_Series() for _ in instructions]
-    state = [[x[i]] for i in range(n)]
-    parameters = [[p[i], *[_ZERO] * order] for i in range(p.numel())]
+    state, parameters = [[x[i]] for i in range(n)], [_still(p[i]) for i in range(p.numel())]
     watched: list[list[ca.SX]] = [[] for _ in range(m)]
     for k in range(order + 1):
         outputs = _advance(instructions, series, (state, parameters), k)
@@ -50,7 +49,7 @@ def composed_coefficients(function: ca.Function, rows: Sequence[Sequence[ca.SX]]
     """Taylor coefficients (K + 1,) of the SX function (x, p) -> value along x(t), whose elements have the coefficients
     `rows` (n of K + 1 each)."""
     instructions, orders = single_assignment(function), len(rows[0])
-    series, parameters = [_Series() for _ in instructions], [[p[i], *[_ZERO] * orders] for i in range(p.numel())]
+    series, parameters = [_Series() for _ in instructions], [_still(p[i]) for i in range(p.numel())]
     found = [_advance(instructions, series, (rows, parameters), k).get((0, 0), _ZERO) for k in range(orders)]
     return ca.vertcat(*found)
 
@@ -173,7 +172,9 @@ def _degree(op: int, degrees: Sequence[int]) -> int:
 class _Series(list):
     """The coefficients found so far of one result, with what its recursion needs besides."""
 
-    def __init__(self):
+    def __init__(self, coefficients: Sequence[ca.SX] = (), still: bool = False):
+        super().__init__(coefficients)
+        self.still = still  # whether it does not change with time
         self.slopes = []  # the multiples j a[j] found so far, kept because many sums use them
         self.partner = []  # the series of a second function that it needs, as the cosine beside the sine
         self.inner = []  # the series of the instructions of a composed operation
@@ -186,14 +187,24 @@ def _advance(instructions, series: list[_Series], inputs: Sequence, k: int) -> d
         if op == ca.OP_OUTPUT:
             source, which, element = arguments
             outputs[which, element] = series[source][k]
+            continue
+        taken = [inputs[arguments[0]][arguments[1]]] if op == ca.OP_INPUT else [series[i] for i in arguments]
+        if k == 0:
+            out.still = all(isinstance(each, _Series) and each.still for each in taken)
+        if k and out.still:
+            out.append(_ZERO)
         elif op == ca.OP_INPUT:
-            which, element = arguments
-            out.append(inputs[which][element][k])
+            out.append(taken[0][k])
         elif constant is not None:
-            out.append(ca.SX(constant) if k == 0 else _ZERO)
+            out.append(ca.SX(constant))
         else:
-            out.append(_RECURSIONS[op](series[arguments[0]], series[arguments[-1]], out, k))
+            out.append(_RECURSIONS[op](taken[0], taken[-1], out, k))
     return outputs
+
+
+def _still(value: ca.SX) -> _Series:
+    """The series of a value that does not change with time."""
+    return _Series([value], still=True)
 
 
 def _convolve(a, b, low: int, high: int, k: int) -> ca.SX:
@@ -211,6 +222,12 @@ def _weighted(a: _Series, b, k: int) -> ca.SX:
 
 # Each recursion gives coefficient k of an operation from its first argument a and its last argument b, known up to k,
 # and from its own result, known up to k - 1.
+
+
+def _product(a, b, out, k: int) -> ca.SX:
+    if a.still or b.still:
+        return _times(a[0], b[k]) if a.still else _times(a[k], b[0])
+    return _convolve(a, b, 0, k, k)
 
 
 def _square(a, b, out, k: int) -> ca.SX:
@@ -274,10 +291,10 @@ _RECURSIONS: dict[int, Callable[..., ca.SX]] = {
     ca.OP_SUB: lambda a, b, out, k: _minus(a[k], b[k]),
     ca.OP_NEG: lambda a, b, out, k: ca.SX.unary(ca.OP_NEG, a[k]),
     ca.OP_TWICE: lambda a, b, out, k: _plus(a[k], a[k]),
-    ca.OP_MUL: lambda a, b, out, k: _convolve(a, b, 0, k, k),
+    ca.OP_MUL: _product,
     ca.OP_SQ: _square,
-    ca.OP_DIV: lambda a, b, out, k: (a[k] - _convolve(b, out, 1, k, k)) / b[0] if k else a[0] / b[0],
-    ca.OP_INV: lambda a, b, out, k: -_convolve(a, out, 1, k, k) / a[0] if k else 1 / a[0],
+    ca.OP_DIV: lambda a, b, out, k: _over(a[k] if b.still else _minus(a[k], _convolve(b, out, 1, k, k)), b[0]),
+    ca.OP_INV: lambda a, b, out, k: _over(-_convolve(a, out, 1, k, k) if k else _whole(1), a[0]),
     ca.OP_SQRT: lambda a, b, out, k: (a[k] - _convolve(out, out, 1, k - 1, k)) / (2 * out[0]) if k else ca.sqrt(a[0]),
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,

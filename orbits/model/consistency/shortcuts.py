@@ -26,7 +26,7 @@ def closed_forms(model: Model, draw: Draw) -> Iterator[Relation]:
             continue
         name, n = f"{where}.closed_form", len(phase.states)
         form, x = phase.closed_form(draw.p), states[0]
-        series = form.series(states.T, SERIES_ORDER)
+        series = form.series(states.T, 0.0, SERIES_ORDER)
         value, rate = share(series[:, :n, 0] - states, states), share(series[:, :n, 1] - at["field"], at["field"])
         yield Relation(f"{name} moves by the field", (name, f"{where}.field"), max(value, rate))
         watched = [at["force"][:, 0]] if where == "contact" else []
@@ -93,7 +93,7 @@ def _reduced(model: Model, reduction: Reduction, draw: Draw) -> Iterator[Relatio
         words, off = "the reduced guard vanishes at launches", share(guard["guard"], guard["slope"] * draw.length)
         yield Relation(words, ("reduction.statement",), off)
     if arc.phase.closed_form:
-        series = np.array(arc.phase.closed_form(draw.p).series(z.T, 2))[:, : z.shape[1]]
+        series = np.array(arc.phase.closed_form(draw.p).series(z.T, 0.0, 2))[:, : z.shape[1]]
         off = max(share(series[:, :, 0] - z, z), share(series[:, :, 1] - at["field"], at["field"]))
         yield Relation("the reduced closed form moves by its field", ("reduction.phase",), off)
     if reduction.exact and arc.phase.closed_form:

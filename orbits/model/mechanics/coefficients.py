@@ -32,6 +32,7 @@ ARITHMETIC: dict[int, Callable] = {
     ca.OP_INV: lambda x, _: 1.0 / x,
 }
 MOST_OPERATIONS = 60
+EXPRESSIONS = (ca.SX, ca.MX)
 
 
 class Coefficients:
@@ -72,7 +73,7 @@ class Coefficients:
         """Those that are not constant."""
         place = list(y) if self.by_coordinates else self._nowhere
         for value in (*p, *place):
-            if isinstance(value, ca.SX | ca.MX):
+            if isinstance(value, EXPRESSIONS):
                 return ca.vertsplit(self.function(ca.vertcat(*place), ca.vertcat(*p)))
         if self._program:
             return self._program([*place, *p])

@@ -67,11 +67,13 @@ def derived_model(structure: Structure) -> Model:
     # is the motion in the scene of the guess only, so that there is a guess and no reduction.
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
     still = launch if moves_alone and not mechanics.varying else None
-    in_flight = partial(parts.alone.flight, still.relative) if linear and still else linear and linear.flight
+    exact: tuple[Any, Any] = (linear.flight, linear.contact) if linear else (None, None)
+    if linear and still:
+        exact = partial(parts.alone.flight, still.relative), partial(parts.alone.contact, still.relative)
     model = Model(
         name=s.name,
-        flight=parts.flight(in_flight),
-        contact=parts.contact(linear.contact if linear else None),
+        flight=parts.flight(exact[0]),
+        contact=parts.contact(exact[1]),
         launch=parts.launch,
         launch_unknowns=parts.launch_unknowns,
         liftoff=parts.liftoff,
@@ -184,6 +186,7 @@ class _Parts:
         others = tuple(name for name in self.unknowns if name not in ("liftoff", "alpha"))
         self.launch_unknowns = ("liftoff", "alpha", *others)
         self.embed = self._embed()
+        self._rows = self.embed.tolist()
         # What is linear in the flight state; the displacements of the actuators come last in it.
         ends = len(structure.actuators)
         self.gap = Affine(_interleaved([*mechanics.gap.tolist(), *[0.0] * ends], ends))
@@ -229,6 +232,9 @@ class _Parts:
             *weights, offset = found(p)[0]
             return Affine(_interleaved(weights, ends), offset)
 
+        if not found.places:
+            fixed = affine({})
+            return lambda p: fixed
         return affine
 
     def _numbers(self, expression: Scalar, what: str) -> Affine:
@@ -290,7 +296,8 @@ class _Parts:
 
     def launch(self, u: Parameters, p: Parameters) -> list[Any]:
         """The flight state at lift-off."""
-        return [weighted_sum(row, self._released(u)) for row in self.embed.tolist()]
+        released = self._released(u)
+        return [weighted_sum(row, released) for row in self._rows]
 
     def touchdown(self, u: Parameters, p: Parameters) -> list[Any]:
         """The contact state after a lossless landing."""

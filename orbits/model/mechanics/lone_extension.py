@@ -16,8 +16,8 @@ from ...errors import InputError
 from ..laws import Key, Parameters, Scalars
 from ..liftoff import Liftoff
 from ..model import Reduction
-from ..modes import Modes
-from ..relative import Relative
+from ..modes import Modes, single_mode
+from ..relative import Relative, straight_line
 from .coefficients import Coefficients
 from .elements import Force, Potential, Scalar, Spring
 from .equations import Mechanics, at_zero, is_used
@@ -75,7 +75,8 @@ class Alone:
         pulls = -(ca.SX(along).T @ m.accelerations) / rate
         columns = [[i for i, term in enumerate(m.terms) if term.element is spring] for spring, *_ in springs]
         self.shares = [self._numbers(pulls[column[0]]) for column in columns]
-        self.load = self._numbers(sum((pulls[i] for i, term in enumerate(m.terms) if term.is_weight), ca.SX(0)))
+        weights = [i for i, term in enumerate(m.terms) if term.is_weight]
+        self.load = self._numbers(sum((pulls[i] for i in weights), ca.SX(0)))
         self.offsets = [self._numbers(offset) for *_, offset in springs]
         # The contact force is this multiple of phi + load - 1, and each damper adds to it.
         multiple = by_extension * rate / (gap.T @ m.inverse @ gap)
@@ -84,6 +85,10 @@ class Alone:
         self.damping = self._numbers(
             sum((m.contact_row[i] * r for i, r in zip(dampers, rates, strict=True)), ca.SX(0)) / multiple
         )
+        # In contact the same phi pulls at the one coordinate s that is left: s'' = fall - pull (phi + load).
+        pull = springs[0][1] / (pulls[columns[0][0]] * m.contact_inertia[0, 0])
+        fall = pull * sum(pulls[i] for i in weights) - weight.T @ ca.SX(m.embed[:2, 0]) / m.contact_inertia[0, 0]
+        self.held = Coefficients(ca.horzcat(pull, fall, multiple), m.y, m.p)
 
     @classmethod
     def of(cls, mechanics: Mechanics) -> "Alone | None":
@@ -132,6 +137,13 @@ class Alone:
         mix, apart = np.array(self.mix(p), dtype=float), np.array(self.apart(p), dtype=float)
         return Modes(np.append(0.0, swing.squares), mix[:, ::-1], apart[::-1], np.append(-1.0, swing.loads))
 
+    def contact(self, relative: Relative, p: Parameters) -> Modes:
+        """The exact flow of the contact where the laws are straight lines, with the contact force."""
+        (pull, fall, multiple), (k, zero) = self.held(p)[0], straight_line(relative.law, p)
+        load = relative.liftoff.load - k * zero  # phi + load where the coordinate is 0
+        force = (multiple * k, 0.0), multiple * (load - 1)
+        return single_mode(pull * k, fall - pull * load, {"contact force": force})
+
     def _law(self, mechanics: Mechanics) -> tuple[Key, float]:
         """The law phi and the load of the extension's motion r'' = -rate (phi + load)."""
         laws, load = [mechanics.law_of(spring) for spring, *_ in self.springs], self.load.constant
@@ -162,9 +174,9 @@ class Alone:
         for i, (by_extension, by_throw) in enumerate(self.mix(p)):
             target = rows[:, 2 * i : 2 * i + 2]
             if is_used(by_extension):
-                np.multiply(np.reshape(by_extension, (-1, 1, 1)), swung, out=target)
+                np.multiply(_for_steps(by_extension), swung, out=target)
             if is_used(by_throw):
-                target[:, :, :3] += np.reshape(by_throw, (-1, 1, 1)) * flown
+                target[:, :, :3] += _for_steps(by_throw) * flown
         return rows
 
     def gap_slope(self, times: np.ndarray, dz: np.ndarray, p: Parameters) -> np.ndarray:
@@ -180,6 +192,11 @@ class _Number:
 
     def __call__(self, p: Parameters) -> Any:
         return self.coefficients(p)[0][0]
+
+
+def _for_steps(value: Any) -> Any:
+    """A number for all of N steps, or (N,) numbers as (N, 1, 1)."""
+    return value if isinstance(value, float) else np.reshape(value, (-1, 1, 1))
 
 
 def _is_level(mechanics: Mechanics) -> bool:
