@@ -185,7 +185,8 @@ class Curve:
         cycles = interpret(model, self.method, self.orbits, us, ps, evaluation, errors)
         also = {name: cycles.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
-        figures = cycles.u["alpha"].tolist(), cycles.u["liftoff"].tolist(), cycles.flight_times.tolist()
+        extensions = model.liftoff_extension(cycles.u, cycles.p)
+        figures = cycles.u["alpha"].tolist(), extensions.tolist(), cycles.flight_times.tolist()
         columns = *figures, or_none(cycles.contact_times), certify(model, cycles), others
         *us, values = np.array([point.x for point in points]).T.tolist()
         tangents = np.array([point.tangent for point in points]).tolist()

@@ -47,10 +47,15 @@ def limit(history: History, bounds: tuple[float, float], power: int) -> tuple[fl
             continue
         error, end = min(found)
         ahead, behind = end - value[-1], value[-1] - value[int(np.abs(np.log(scale / widest)).argmin())]
-        clear = error < CLEAR * abs(ahead) or abs(ahead) + error < ARRIVED * np.ptp(value)
+        towards = error < CLEAR * abs(ahead) and ahead * behind >= 0
+        arrived = abs(ahead) + error < ARRIVED * np.ptp(value)  # where rounding says on which side the limit lies
         inside = bounds[0] - error <= end <= bounds[1] + error
-        return (end, error) if clear and inside and ahead * behind >= 0 else None
-    return None
+        return (end, error) if inside and (towards or arrived) else None
+    # Few points are left where long steps lead to a limit by which the parameter hardly changes any more.
+    near = (scale >= 1) & (scale <= WIDTHS[-1])
+    error = CAUTION * float(np.ptp(value[near]))
+    arrived = scale[near].max() >= WIDTHS[0] and error < ARRIVED * np.ptp(value)
+    return (float(value[-1]), error) if arrived else None
 
 
 def _extrapolated(scale, value, powers: list[int], widest: float) -> tuple[float, float] | None:

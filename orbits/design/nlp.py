@@ -255,7 +255,7 @@ def design_point(machine: Machine, orbit: Orbit, outputs: Outputs, ties: Ties | 
         times |= {located[0]: located[1]} | dict((ties or {}).get(extreme, ()))
     places = tuple(times)
     statement = outputs.statement(model, p, places)
-    known = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
+    known = model.launch_at(orbit(0.0)) | {"alpha": orbit.alpha, "duration": orbit.flight_time / 2}
     known |= {"contact": orbit.contact_time / 2} | {f"at {i}": time for i, time in enumerate(times.values())}
     u = {name: known[name] for name in statement.unknowns}
     trajectory = trajectory_on_mesh(statement, u, p)

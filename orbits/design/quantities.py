@@ -280,7 +280,7 @@ def expressions(
     ends : the states at the ends of the design statement's arcs, lists of scalar symbols
     """
     half, contact, jerk = base_statement(model).arcs[0].duration(u, p), u["contact"], _landing_jerk(model, u, p)
-    values = {"alpha": u["alpha"], "liftoff_extension": u["liftoff"], "landing_jerk": jerk}
+    values = {"alpha": u["alpha"], "liftoff_extension": model.liftoff_extension(u, p), "landing_jerk": jerk}
     values |= {"flight_time": 2 * half, "contact_time": 2 * contact, "period": 2 * (half + contact)}
     if any(name in VARIATIONAL for name in names):
         slope = _landing_sensitivity(model, half, ends[0], p)

@@ -133,9 +133,7 @@ def _along_motions(machine: Machine, start: Any, left_out: list[str]) -> list[Re
     if not model.one_speed:
         if orbit is None:
             return found
-        states = dict(zip(model.flight.states, orbit(0.0).tolist(), strict=True))
-        own = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha}
-        launch = {name: own[name] if name in own else states[name] for name in model.launch_unknowns}
+        launch = model.launch_at(orbit(0.0).tolist())
     try:
         run = simulate(machine, launch, hops=HOPS)
     except (InputError, NoOrbit) as error:
@@ -184,7 +182,7 @@ def _near(machine: Machine, orbit: Orbit) -> list[Relation]:
         return []
     one, names = guess(model, 1, dict(plain)), ("duration", *model.launch_unknowns)
     if not model.homotopy:
-        near = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
+        near = model.launch_at(orbit(0.0)) | {"duration": orbit.flight_time / 2}
         off = max(abs(near[name] - one[name]) / orbit.alpha for name in near)
         fields = ("guess",) if model.guess else ("relative",)
         found.append(Relation("the guess is near the orbit that it leads to", fields, off, LARGEST_MISS))

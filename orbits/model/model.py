@@ -1,6 +1,6 @@
 """What a kind of machine is to the engine: its phases, and what makes a motion of them a lossless orbit."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeAlias
 
@@ -59,8 +59,8 @@ class Model:
 
     A lossless cycle is a flight from the launch set to its image under the reversor, then a contact back to the launch
     set. Energy is conserved in each phase; only its gradient is asked for, so that no potential is needed in closed
-    form. Unknowns come as a mapping `u` too: "liftoff" is the extension at lift-off, "alpha" the launch speed, and what
-    else a launch needs has the names of flight states. What is asked of m orbits at once (launch, touchdown, gap,
+    form. Unknowns come as a mapping `u` too: "liftoff" and "alpha" are the place and the speed of what is launched,
+    what else a launch needs has the names of flight states. What is asked of m orbits at once (launch, touchdown, gap,
     separation, impact_mass, impact) is called with arrays (m,) in `u`, `x` and `p`, and with CasADi's expressions:
     arithmetic that does not branch on them.
 
@@ -161,6 +161,16 @@ class Model:
         place = int(np.flatnonzero(self.contact_speed.weights)[0])
         speed = int(np.flatnonzero(self.embed[:, place] == 1.0)[0])
         return self.flight.states[speed - 1], self.flight.states[speed]
+
+    def launch_at(self, x: Iterable[float]) -> dict[str, float]:
+        """The unknowns of the launch, by name, whose flight state at lift-off is `x`."""
+        own = dict(zip(self.flight.states, x, strict=False))
+        own |= dict(zip(("liftoff", "alpha"), [own[name] for name in self.launched], strict=True))
+        return {name: own[name] for name in self.launch_unknowns}
+
+    def liftoff_extension(self, u: Mapping[str, Any], p: Mapping[str, Any]) -> Any:
+        """The extension at lift-off with unknowns `u`: numbers, arrays (m,) or expressions."""
+        return self.extension.at(self.launch(u, p))
 
     @property
     def is_guessed(self) -> bool:

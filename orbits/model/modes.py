@@ -96,8 +96,8 @@ class Modes:
         return c
 
     def series(self, start: Any, t: Any, order: int) -> np.ndarray:
-        """Taylor coefficients (N, 2n + watched, order + 1) of the motion about N times `t` (...) after `start`, (2n,) or
-        (2n, ...)."""
+        """Taylor coefficients (N, 2n + watched, order + 1) of (state, watched ...) about N times `t` (...) after
+        `start`, (2n,) or (2n, ...)."""
         size, k, (even, odd) = 2 * len(self.squares), self.thrown, self._alternating(order + 1)
         w, rise, x, v = self._moved(start, t)
         q = np.empty((x.shape[1], len(self.squares), order + 2))

@@ -306,7 +306,7 @@ def certified_orbit(
     return Orbit(
         machine=machine.describe(),
         alpha=float(cycles.u["alpha"][0]),
-        liftoff_extension=float(cycles.u["liftoff"][0]),
+        liftoff_extension=float(model.liftoff_extension(cycles.u, cycles.p)[0]),
         flight_time=float(cycles.flight_times[0]),
         contact_time=or_none(cycles.contact_times)[0],
         flight=cycles.flight[0],
@@ -334,8 +334,7 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
     if isinstance(start, Orbit):
         if start.flight.names[: len(model.flight.states)] != model.flight.states:
             raise InputError(f"start is an orbit of another machine, with the states {', '.join(start.flight.names)}")
-        unknowns = dict(zip(start.flight.names, start.flight.coefficients[0, :, 0].tolist(), strict=False))
-        unknowns |= {"liftoff": start.liftoff_extension, "alpha": start.alpha}
+        unknowns = model.launch_at(start.flight.coefficients[0, :, 0].tolist()) | {"alpha": start.alpha}
         unknowns["duration"] = start.flight_time / (2 if start.shape.reversor else 1)
         unknowns["unfolding"] = start.certificate.unfolding or 0.0
         return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})

@@ -239,8 +239,8 @@ def numbers_of(model: Model, orbits: Orbits, units: Units | None, wanted: Collec
     (n,)."""
     cycles, certificates = orbits.cycles, orbits.certificates
     contact = np.where(np.isfinite(cycles.contact_times), cycles.contact_times, np.nan)
-    found = {"alpha": cycles.u["alpha"], "liftoff_extension": cycles.u["liftoff"], "flight_time": cycles.flight_times}
-    found |= {"contact_time": contact, "period": cycles.flight_times + contact}
+    found = {"alpha": cycles.u["alpha"], "liftoff_extension": model.liftoff_extension(cycles.u, cycles.p)}
+    found |= {"flight_time": cycles.flight_times, "contact_time": contact, "period": cycles.flight_times + contact}
     if "stroke" in wanted:
         found["stroke"] = _stroke(model, cycles)
     heights = model.rises(cycles.p_of_halves)

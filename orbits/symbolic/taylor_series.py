@@ -175,9 +175,9 @@ class _Series(list):
     def __init__(self, coefficients: Sequence[ca.SX] = (), still: bool = False):
         super().__init__(coefficients)
         self.still = still  # whether it does not change with time
-        self.slopes = []  # the multiples j a[j] found so far, kept because many sums use them
-        self.partner = []  # the series of a second function that it needs, as the cosine beside the sine
-        self.inner = []  # the series of the instructions of a composed operation
+        self.slopes: list[ca.SX] = []  # the multiples j a[j] found so far, kept because many sums use them
+        self.partner: list[ca.SX] = []  # the series of a second function that it needs, as the cosine beside the sine
+        self.inner: list[_Series] = []  # the series of the instructions of a composed operation
 
 
 def _advance(instructions, series: list[_Series], inputs: Sequence, k: int) -> dict[tuple[int, int], ca.SX]:

@@ -507,6 +507,7 @@ def test_a_sweep_finds_what_find_finds():
         assert found["status"][i] == ("certified" if one.admissible else "inadmissible")
 
 
+@pytest.mark.slow
 def test_where_it_hops_at_all():
     """The edge of a diagram is where the knee folds, which a family meets as an event."""
     stiffness = [15.0, 20.0]

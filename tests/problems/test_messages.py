@@ -96,7 +96,9 @@ def guess(machine) -> dict[str, float]:
     return {"liftoff": length(machine), "alpha": scale(machine)}
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "short stroke" else name for name in CASES]
+)
 def test_the_numbers_are_those_of_the_dimensionless_machine_in_si(name):
     machine, call, pure = CASES[name]
     text, bare = said(call, machine), said(call, machine.dimensionless())

@@ -127,6 +127,13 @@ class TestEquationsByHand:
             force = self.m[1] * (self.contact(0, [body, 0, foot, 0])[3] + 1) - self.leg(body - foot)
             assert orbit.admissible == bool((gap[2] - gap[4]).min() > -1e-9 and force.min() > -1e-9)
 
+    def test_the_extension_at_liftoff_is_that_of_the_leg(self, machine, orbits):
+        """What is launched is the body: an orbit that is given as a start launches it again."""
+        for orbit in orbits[:3]:
+            state = dict(zip(machine.model.flight.states, orbit(0.0), strict=True))
+            assert orbit.liftoff_extension == pytest.approx(state["body"] - state["foot"], rel=1e-14)
+            assert find(machine, start=orbit).alpha == pytest.approx(orbit.alpha, rel=1e-12)
+
     def test_a_simulated_hop_and_an_impact(self, machine, orbits):
         orbit, (_, m2, m3) = next(o for o in orbits if o.admissible), self.m
         launch = dict(zip(("liftoff", "alpha", "plate", "plate'"), orbit(0.0)[[0, 1, 4, 5]], strict=True))

@@ -93,6 +93,7 @@ class TestNonlinear:
     def chain(self, e):
         return Chain((self.MASSES[0], e, self.MASSES[1]), self.LAWS, parameters=self.PARAMETERS)
 
+    @pytest.mark.slow
     def test_two_springs_are_one(self):
         off, masses = [], np.array([1e-2, 1e-3, 1e-4])
         for e in masses:

@@ -406,6 +406,7 @@ def test_chain_hand(tmp_path, capsys):
     assert "to b = 0.3: reached" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_series(tmp_path, capsys):
     """What a small unsprung mass changes beyond the first order goes with the power 3/2 of it."""
     numbers = series.main(tmp_path, quick=True)

@@ -68,7 +68,7 @@ def derived_model(structure: Structure) -> Model:
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
     still = launch if moves_alone and not mechanics.varying else None
     exact: tuple[Any, Any] = (linear.flight, linear.contact) if linear else (None, None)
-    if linear and still:
+    if linear and still and parts.alone:
         exact = partial(parts.alone.flight, still.relative), partial(parts.alone.contact, still.relative)
     model = Model(
         name=s.name,

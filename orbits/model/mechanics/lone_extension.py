@@ -62,7 +62,7 @@ class Alone:
         self.mechanics, self.springs = mechanics, springs
         m, gap = mechanics, ca.SX(mechanics.gap)
         across = ca.SX([-along[1], along[0]]).T
-        weight = sum(term.gradient[:2] for term in m.terms if term.is_weight)
+        weight = ca.SX(sum(term.gradient[:2] for term in m.terms if term.is_weight))
         # The rows are scaled so that the thrown coordinate falls with acceleration 1.
         apart = ca.vertcat(ca.SX(along).T, across @ m.inertia / (across @ weight))
         determinant = apart[0, 0] * apart[1, 1] - apart[0, 1] * apart[1, 0]
@@ -133,6 +133,7 @@ class Alone:
 
     def flight(self, relative: Relative, p: Parameters) -> Modes:
         """The exact flow of the flight where the laws are straight lines: one mode is thrown, the extension swings."""
+        assert relative.phase.closed_form is not None
         swing = relative.phase.closed_form(p)
         mix, apart = np.array(self.mix(p), dtype=float), np.array(self.apart(p), dtype=float)
         return Modes(np.append(0.0, swing.squares), mix[:, ::-1], apart[::-1], np.append(-1.0, swing.loads))
