@@ -22,10 +22,11 @@ class Schedule:
         self.times, changes = inputs or nothing
         if inputs:
             check_scheduled(inputs, free_parameters(machine))
-        count, rows = max(len(self.times) - 1, 0), []
+        count, rows = max(len(self.times) - 1, 0), list[list[float]]()
         for name, own in machine.values.items():
             rows.append([own, *changes.get(name, np.full(count, own)), own] if len(self.times) else [own])
-        self.columns = np.array(rows, dtype=float).T  # (k + 2, np)
+        whole = len(self.times) + 1 if len(self.times) else 1
+        self.columns = np.array(rows, dtype=float).reshape(len(rows), whole).T  # (k + 2, np)
 
     def __call__(self, now: float) -> tuple[np.ndarray, float]:
         """The parameters (np,) that hold from a time on, and the time until which they hold."""

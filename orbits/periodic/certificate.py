@@ -18,7 +18,7 @@ from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import ElementwiseFunction
 from ..symbolic.kept import kept
 from .error_bound import DOUBTFUL_RATIO, EPS, NARROW
-from .formulations import CONTACT_FORCE, NONE, Cycles, columns, or_none
+from .formulations import CONTACT_FORCE, NONE, Cycles, or_none, vectors
 from .local_law import by_launch_speed, launch_power, loss_coefficient
 
 # An energy drift beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a
@@ -171,7 +171,7 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
     """The largest work (m,) of the gradient along each motion, on the straight lines between the ends of its steps; how
     much of that is rounding (m,); and the gradient at its start (m, n)."""
     flow, names, first = flow_of(phase, tuple(p)), tuple(p), motions.first
-    data, states = flow.mesh_data(motions, columns(p.values())), motions.coefficients[:, : flow.size, 0]
+    data, states = flow.mesh_data(motions, vectors(p, len(motions))), motions.coefficients[:, : flow.size, 0]
     works, rates = _works(phase, gradient, names)(states, motions.step_ends[:, : flow.size], data)
     changes = np.cumsum(works)
     before = np.where(first > 0, changes[first - 1], 0.0)

@@ -236,7 +236,7 @@ def contact_force_row(contact: Phase) -> Affine:
 def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
     """The `with_contact`, `contacts` and `without_contact` of `Cycles`; a contact has to end within `limits` (m,), and
     where the launch has several speeds, mid-contact is at that time."""
-    flow, starts, ps = flow_of(model.contact, tuple(p)), columns(model.touchdown(u, p)), columns(p.values())
+    flow, starts, ps = flow_of(model.contact, tuple(p)), columns(model.touchdown(u, p)), vectors(p, len(limits))
     # A mirrored contact is followed until its speed vanishes. Otherwise the force ends it, whose zero at landing does
     # not count.
     end = (model.contact_speed, 0) if model.reversor else (contact_force_row(model.contact), 1)
@@ -265,6 +265,11 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
 def columns(values: Iterable) -> ndarray:
     """The array (m, n) of n values, each (m,) or one number for all m; at least one is an array."""
     return np.array(np.broadcast_arrays(*values), dtype=float).T.copy()
+
+
+def vectors(p: Mapping[str, ndarray], count: int) -> ndarray:
+    """The array (m, np) of parameters by name, if there are any, (m,) each."""
+    return np.array(list(p.values()), dtype=float).reshape(len(p), count).T.copy()
 
 
 def vector(p: Mapping[str, float]) -> ndarray:
