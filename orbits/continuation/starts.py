@@ -61,8 +61,7 @@ def starts(machine: Mechanism, half_contact: float, half_flight: float, seed: in
     pairs = list(zip(laws, lines, strict=True))
     linear = machine.with_springs([line.law(i) if line else law for i, (law, line) in enumerate(pairs)])
     hops = linear_hops(*linear.linear_equations(), linear.gap_weights, half_contact, half_flight, seed)
-    names = machine.model.flight.states
-    found = [start_from(machine, dict(zip(names, hop.liftoff.tolist(), strict=True)), *hop[:2]) for hop in hops]
+    found = [start_from(machine, hop.liftoff, *hop[:2]) for hop in hops]
     if all(straight):
         return found
     mixed, own = machine.with_springs([_mixed(law, line) if line else law for law, line in pairs]), list[dict]()
@@ -134,20 +133,13 @@ def start_from_rest(
         path, _ = flow_of(contact, tuple(values)).run(rest, list(values.values()), half_contact)
     except FlowError as error:
         raise NoOrbit(f"the contact cannot be followed from rest at {positions}: {error}") from None
-    return start_from(
-        machine, dict(zip(contact.states, path.end[: 2 * count].tolist(), strict=True)), half_contact, half_flight
-    )
+    return start_from(machine, machine.model.embed @ path.end[: 2 * count], half_contact, half_flight)
 
 
-def start_from(
-    machine: Machine, liftoff: Mapping[str, float], half_contact: float, half_flight: float
-) -> dict[str, float]:
-    """The unknowns of half an orbit from the flight state at lift-off by name."""
-    own = dict(zip(("liftoff", "alpha"), machine.model.launched, strict=True))
-    names = machine.model.launch_unknowns
-    return {name: liftoff[own.get(name, name)] for name in names} | {
-        "duration": half_flight, "contact_duration": half_contact,
-    }  # fmt: skip
+def start_from(machine: Machine, liftoff: np.ndarray, half_contact: float, half_flight: float) -> dict[str, float]:
+    """The unknowns of half an orbit from the flight state (2n,) at lift-off."""
+    times = {"duration": half_flight, "contact_duration": half_contact}
+    return machine.model.launch_at(liftoff.tolist()) | times
 
 
 def _mixed(law: Law, line: _StraightLine) -> Law:
@@ -168,8 +160,7 @@ def _found_at_once(machine: Mechanism, start: Mapping[str, float], known: Sequen
         return None
     if orbit.contact_time is None:
         return None
-    states = dict(zip(machine.model.flight.states, orbit(0.0).tolist(), strict=True))
-    own = start_from(machine, states, orbit.contact_time / 2, orbit.flight_time / 2)
+    own = start_from(machine, orbit(0.0), orbit.contact_time / 2, orbit.flight_time / 2)
     launch, linear = (np.array([each[name] for name in machine.model.launch_unknowns]) for each in (own, start))
     times = ("duration", "contact_duration")
     near = all(abs(own[name] - start[name]) <= SAME_HOP * start[name] for name in times)

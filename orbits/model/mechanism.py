@@ -17,7 +17,6 @@ launch, lift-off and landing, impacts, energy, closed forms, and the extension t
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import chain
 from typing import Any, Self
 
 import numpy as np
@@ -31,7 +30,7 @@ from .laws import Key, Law, coefficient_of_restitution, key_of, number, stated
 from .machine import Stated
 from .mechanics.derived import Structure, derived_launch, derived_model, linear_equations
 from .mechanics.dimensions import dimensions_of_parameters
-from .mechanics.elements import Element, Force, Scalar, Spring, fields_of, names_in
+from .mechanics.elements import Element, Scalar, Spring, expressions_of, names_in
 from .mechanics.equations import GRAVITY_SHARE
 from .mechanics.linear import LinearEquations
 from .mechanics.refusals import (
@@ -162,12 +161,7 @@ class Mechanism(Stated):
     @property
     def expressions(self) -> list[Any]:
         """The expressions that may ask for parameters, without the laws."""
-        elements = [value for element in self.elements for value in fields_of(element)]
-        elements += [element.force for element in self.elements if isinstance(element, Force)]
-        optional = [value for value in (self.counts, self.separation) if value is not None]
-        lengths = [length for *_, length in self.knees]
-        whole = [self.gap, self.surface_gravity, self.energy_unit, *(self.heights or {}).values(), *self.rest.values()]
-        return [*elements, *chain(*self.inertia), *optional, *lengths, *whole]
+        return expressions_of(self)
 
     @property
     def _names_beside_springs(self) -> set[str]:
@@ -253,8 +247,8 @@ class Mechanism(Stated):
     def with_values(self, **values: float) -> Self:
         """The same mechanism with other values of some parameters; raises `InputError` for an unknown name."""
         for name in values:
-            if name not in self.parameters:
-                raise InputError(f"this machine has no parameter '{name}'{suggest(name, stated(self.parameters))}")
+            if name not in self.names:
+                raise InputError(f"this machine has no parameter '{name}'{suggest(name, stated(self.names))}")
         return replace(self, parameters={**self.parameters, **values})
 
     def with_springs(self, forces: Sequence[Any]) -> Self:

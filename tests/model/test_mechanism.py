@@ -162,6 +162,50 @@ class TestNumbers:
             find(leg(Spring("body - foot", "k*r"), Mass("body", lambda y, p: 1 + 0.1 * y["body"])))
 
 
+    def test_may_be_missing_altogether(self):
+        """Two masses of 1 under gravity 1: omega^2 = 2 in flight, tan b = b, and the foot's weight at lift-off."""
+        plain = Mechanism(("body", "foot"), [Mass("body", 1.0), Mass("foot", 1.0), Spring("body - foot")], gap="foot")
+        named = leg(Spring("body - foot"), parameters={"m1": 1.0, "m2": 1.0})
+        orbit = find(plain)
+        assert orbit.alpha == pytest.approx(4.493409457909064 * np.sqrt(2.0), rel=1e-14)
+        same(orbit, find(named))
+        assert [other.alpha for other in find_all(plain)] == [orbit.alpha]
+        assert simulate(plain, 6.0, hops=2).launches == pytest.approx(simulate(named, 6.0, hops=2).launches, rel=1e-13)
+        assert ReturnMap(plain)(6.0).next == pytest.approx(float(ReturnMap(named)(6.0).next), rel=1e-13)
+        assert all(each.holds for each in check(plain).relations)
+
+    def test_may_come_after_the_statement(self):
+        stated = leg(Spring("body - foot", "k*r"), parameters={})
+        same(find(stated.with_values(**VALUES)), find(leg(Spring("body - foot", "k*r"))))
+
+
+@pytest.mark.parametrize(
+    ("change", "telling"),
+    [
+        ({"launch": "u"}, "launch 'u' is no coordinate of the contact; those are body"),
+        ({"counts": "0"}, "counts = '0' is no sum of coordinates"),
+        ({"counts": "u"}, "counts = 'u' is no sum of coordinates"),
+    ],
+)
+def test_a_displacement_is_no_coordinate(change, telling):
+    moved = leg(Spring("body - foot - u", "k*r"), actuators={"u": "w"}, **change)
+    with pytest.raises(InputError, match=telling):
+        moved.model  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda: leg(Spring("body - foot", "k*r"), Damper("body - foot", 0.1)),
+        lambda: leg(Spring("body - foot", "k*r"), gravity="1 - 0.001*z"),
+        lambda: leg(Spring("body - foot", "k*r**3")),
+    ],
+)
+def test_linear_equations_of_what_is_not_linear(change):
+    with pytest.raises(InputError, match="is not linear: that takes straight springs.*constant gravity"):
+        change().linear_equations()
+
+
 class TestAnInerter:
     @pytest.mark.parametrize("inertance", [0.0, 0.1, 1.0, 30.0])
     @pytest.mark.parametrize("family", [1, 2])

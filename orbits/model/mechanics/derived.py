@@ -18,7 +18,7 @@ from ..phase import Affine, Phase
 from ..relative import pieces_along, reach_along
 from ..state_formula import StateFormula
 from .coefficients import Coefficients
-from .elements import Element, Force, Scalar, Spring, fields_of, names_in, value_of
+from .elements import Element, Force, Scalar, Spring, expressions_of, names_in, value_of
 from .equations import GRAVITY_SHARE, Mechanics, Term, weighted_sum
 from .linear import Linear, LinearEquations
 from .lone_extension import Alone, launch_of
@@ -68,7 +68,7 @@ def derived_model(structure: Structure) -> Model:
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
     still = launch if moves_alone and not mechanics.varying else None
     exact: tuple[Any, Any] = (linear.flight, linear.contact) if linear else (None, None)
-    if linear and still and parts.alone:
+    if linear and still and parts.alone:  # told by the extension in the fewest operations, so with the least rounding
         exact = partial(parts.alone.flight, still.relative), partial(parts.alone.contact, still.relative)
     model = Model(
         name=s.name,
@@ -107,6 +107,7 @@ def derived_model(structure: Structure) -> Model:
     return as_derived(model)
 
 
+@exclusive
 @lru_cache(maxsize=64)
 def derived_launch(structure: Structure) -> str:
     """The coordinate that is launched."""
@@ -118,7 +119,8 @@ def linear_equations(structure: Structure, p: Parameters) -> LinearEquations:
     """The matrices of a mechanism whose springs are straight lines; raises `InputError` for another."""
     linear = Linear.of(_parts_of(structure).mechanics)
     if linear is None:
-        raise InputError(f"the {structure.name} is not linear: a law or an extension of it is no straight line")
+        needed = "straight springs along sums of coordinates, no other force but weights, constant gravity and inertia"
+        raise InputError(f"the {structure.name} is not linear: that takes {needed}")
     return linear.equations(p)
 
 
@@ -136,10 +138,7 @@ def _parts_of(structure: Structure) -> "_Parts":
 
 def _names_beside_laws(s: Structure) -> set[str]:
     """The names that a structure asks for beside the laws of its springs."""
-    expressions = [value for element in s.elements for value in fields_of(element)]
-    expressions += [value for row in s.inertia for value in row]
-    expressions += [value for _, value in (*s.heights, *s.rest)] + [value for *_, value in s.knees]
-    expressions += [s.gap, s.surface_gravity, s.counts, s.separation, s.energy_unit]
+    expressions = expressions_of(s)
     if any(map(callable, expressions)):
         return set(s.parameters)  # a function may ask for any of them
     return {name for value in expressions for name in names_in(value)} | {*s.gravity.names, GRAVITY_SHARE}
@@ -148,11 +147,7 @@ def _names_beside_laws(s: Structure) -> set[str]:
 @lru_cache(maxsize=64)
 def _parts_without_laws(s: Structure) -> "_Parts":
     places, others = (s.coordinates, s.actuators, s.elements, s.inertia), (s.gravity, s.surface_gravity, s.parameters)
-    mechanics = Mechanics(*places, s.gap, *others)
-    if (unit := mechanics.gap[mechanics.eliminated]) != 1.0:
-        # The contact force is then that on the coordinate that is eliminated, and the landing jerk its jerk.
-        mechanics = Mechanics(*places, lambda y, p: value_of(s.gap, y, p) / unit, *others)
-    return _Parts(s, mechanics)
+    return _Parts(s, Mechanics(*places, s.gap, *others))
 
 
 class _Slopes(NamedTuple):
@@ -177,8 +172,9 @@ class _Parts:
         kept = [mechanics.moved[i] for i in mechanics.kept]
         names = [state for name in kept[: self.size - 1] for state in (name, f"{name}'")]
         launched = structure.launch or kept[self.size - 2]
-        if launched not in kept:
-            raise InputError(f"launch '{launched}' is no coordinate of the contact; those are {', '.join(kept)}")
+        if launched not in kept[: self.size - 1]:
+            known = ", ".join(kept[: self.size - 1])
+            raise InputError(f"launch '{launched}' is no coordinate of the contact; those are {known}")
         own = {launched: "liftoff", f"{launched}'": "alpha"}
         self.contact_states = (*names, *kept[self.size - 1 :])
         self.launched, self.launched_name = names.index(launched), launched  # its place in the contact state
@@ -239,12 +235,12 @@ class _Parts:
 
     def _numbers(self, expression: Scalar, what: str) -> Affine:
         """A sum of coordinates with numbers before them as a function of the flight state."""
-        found = self.mechanics.affine(expression)
-        if found is None or np.isnan(found.constants[:-1]).any():
+        weights = self.mechanics.weights(expression)
+        if weights is None or not weights[: self.size].any():
             raise InputError(
                 f'{what} = {expression!r} is no sum of coordinates with numbers before them, as "body - foot"'
             )
-        return Affine(_interleaved(found.constants[:-1], len(self.structure.actuators)))
+        return Affine(_interleaved(weights.tolist(), len(self.structure.actuators)))
 
     def flight(self, closed_form: Callable | None) -> Phase:
         """The flight."""
@@ -273,10 +269,8 @@ class _Parts:
         return pieces, tuple(dict.fromkeys(reaches))
 
     def _weights(self, expression: Scalar, embed: np.ndarray, ends: int) -> tuple[float, ...] | None:
-        found = self.mechanics.affine(expression)
-        if found is None or np.isnan(found.constants[:-1]).any():
-            return None
-        return _interleaved((np.array(found.constants[:-1]) @ embed).tolist(), ends)
+        weights = self.mechanics.weights(expression)
+        return None if weights is None else _interleaved((weights @ embed).tolist(), ends)
 
     def _counted(self) -> list[tuple[Spring, Coefficients]]:
         """The springs along the extension that is counted, however long at rest, each with the change of its own

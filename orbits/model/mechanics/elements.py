@@ -111,3 +111,15 @@ def value_of(expression: Scalar, y: Mapping[str, Any], p: Mapping[str, Any]) -> 
 def fields_of(element: Element) -> list[Any]:
     """The expressions by which an element is told, without its law."""
     return [getattr(element, name) for name in element.__match_args__ if name != "force"]
+
+
+def expressions_of(stated: Any) -> list[Any]:
+    """The expressions of a `Mechanism`, or of its structure, that may ask for parameters, without the laws."""
+    elements = [value for element in stated.elements for value in fields_of(element)]
+    forces = [element.force for element in stated.elements if isinstance(element, Force)]
+    whole = [stated.gap, stated.surface_gravity, stated.energy_unit]
+    optional = [each for each in (stated.counts, stated.separation) if each is not None]
+    by_name = [*dict(stated.heights or {}).values(), *dict(stated.rest).values()]
+    rows = [value for row in stated.inertia for value in row]
+    lengths = [length for *_, length in stated.knees]
+    return [*elements, *forces, *whole, *optional, *by_name, *rows, *lengths]

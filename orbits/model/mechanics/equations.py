@@ -99,7 +99,7 @@ class Mechanics:
         kept = [i for i in range(self.size) if i != self.eliminated]
         self.kept = [*kept, *range(self.size, len(self.moved))]
         self.embed = np.eye(len(self.moved))[:, self.kept]
-        self.embed[self.eliminated, : len(kept)] = -self.gap[kept] / self.gap[self.eliminated]
+        self.embed[self.eliminated, : len(kept)] = -self.gap[kept]
         self._derive()
 
     def with_laws(self, laws: Sequence[Key]) -> "Mechanics":
@@ -179,14 +179,14 @@ class Mechanics:
         return None if numbers is None or np.isnan(numbers).any() else numbers
 
     def _gap(self, expression: Scalar) -> np.ndarray:
-        """The weights (n,) of the gap."""
+        """The weights (n,) of the gap, the largest of which is 1: the contact force is that on its coordinate."""
         weights, at_closed = self.weights(expression), at_zero(self.scalar(expression), self.y)
         sums = weights is not None and at_closed.is_zero() and not weights[self.size :].any()
         if weights is None or not sums or weights.max() <= 0:
             raise InputError(
                 f"gap '{expression}' is no sum of coordinates with numbers before them, as \"foot - plate\""
             )
-        return weights[: self.size]
+        return weights[: self.size] / weights.max()
 
     def _terms_of(self, element: Element) -> list[Term]:
         """The forces of an element."""
@@ -289,8 +289,7 @@ class Mechanics:
         self.contact_gradients = ca.vertcat(along, merged[n:, :])
         self.contact_inertia = ca.sparsify(embed.T @ inertia @ embed)
         accelerations = -_inverse(self.contact_inertia) @ along
-        row = (inertia @ embed)[self.eliminated, :] @ accelerations + merged[self.eliminated, :]
-        self.contact_row = row / self.gap[self.eliminated]
+        self.contact_row = (inertia @ embed)[self.eliminated, :] @ accelerations + merged[self.eliminated, :]
         self.contact_coefficients = Coefficients(accelerations, self.s, self.p)
         self.contact_force_coefficients = Coefficients(self.contact_row, self.s, self.p)
 
