@@ -28,7 +28,7 @@ from ..symbolic.formula import suggest
 from .features import with_reach
 from .laws import Key, Law, coefficient_of_restitution, key_of, number, stated
 from .machine import Stated
-from .mechanics.derived import Structure, derived_launch, derived_model, linear_equations
+from .mechanics.derived import derived_launch, derived_model, linear_equations
 from .mechanics.dimensions import dimensions_of_parameters
 from .mechanics.elements import Element, Scalar, Spring, expressions_of, names_in
 from .mechanics.equations import GRAVITY_SHARE
@@ -41,6 +41,7 @@ from .mechanics.refusals import (
     refuse_names_of_parameters,
     refuse_values,
 )
+from .mechanics.structure import Structure
 from .model import Model, as_derived
 from .units import LENGTH, Units, unit_text
 

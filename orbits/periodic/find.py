@@ -7,19 +7,18 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..errors import FlowError, InconsistentModel, InputError, NoOrbit, finite_number
+from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.laws import NOISE
 from ..model.machine import Machine, check_machine, dimensionless
 from ..model.model import Model
 from ..model.units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units, without_units
-from ..numerics.roots import solve
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
-from .certificate import certify, count_families
+from .certificate import certify
 from .error_bound import error_bounds, noise_of_alpha
 from .family_search import Cells, Lateness
-from .formulations import contact_reversor, equations_of, halved, interpret, or_none, vector
-from .guess import guess
+from .formulations import contact_reversor, equations_of, interpret, or_none, vector
+from .homotopy import solve_by_homotopy
 from .orbit import Orbit, Shape, orbit_of
 from .single_shooting import Evaluation, Shooting
 
@@ -30,13 +29,6 @@ LARGEST_FAMILY = 10_000
 SAME_ORBIT = 1e-9
 # A start with a longer time than this describes no machine in its own units, and would take long to integrate.
 LONGEST_START = 1e4
-# With a step size below this share of the homotopy, the family has folded back or ended.
-MIN_STEP = 1e-4
-# A corrector that changes the launch speed or the time by a larger share may have jumped to another orbit.
-MAX_CORRECTION = 0.1
-# The tangent is differenced over this share of the homotopy: a predictor needs no more digits, and a derivative by the
-# homotopy parameter would take longer to build.
-DIFFERENCE = 1e-5
 
 
 class Root(NamedTuple):
@@ -258,7 +250,7 @@ def solve_family(machine: Machine, family: int, method: str | None, progress: Pr
         unknowns, error = model.reduction.exact(family, p)
         u = vector(unknowns)
         return method, Root(u, equations.evaluate_all(u[None], vector(p)[None]), error)
-    return method, Root(*_solve_by_homotopy(model, equations, correct, family, p, progress))
+    return method, Root(*solve_by_homotopy(model, equations, correct, family, p, progress))
 
 
 def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> tuple[str, Root]:
@@ -383,62 +375,6 @@ def _possible_method(model: Model, method: str | None) -> str:
     if not needs[method][1]:
         raise InputError(f"method '{method}' needs {needs[method][0]}; leave it out for the simplest way")
     return method
-
-
-def _solve_by_homotopy(model: Model, equations: Shooting, correct, family: int, p, progress):
-    """Solve a model's equations from its guess, with the homotopy parameter led from 0 to 1 by step-size control;
-    `correct`, (u, parameters) -> the solution near u and the equations there, is the corrector."""
-    unknowns, homotopy = equations.statement.unknowns, model.homotopy
-    start = {**guess(model, family, {**p, homotopy: 0.0} if homotopy else p), "unfolding": 0.0}
-    if missing := [name for name in ("duration", *unknowns) if name not in start]:
-        raise InconsistentModel(f"the model '{model.name}' is malformed: its guess has no '{missing[0]}'", ("guess",))
-    start["duration"] *= 2 if "unfolding" in unknowns else 1
-    u = np.array([start[name] for name in unknowns])
-    if homotopy is None:
-        return correct(u, vector(p))
-    reached, step = 0.0, 1.0
-    u, evaluation = correct(u, vector({**p, homotopy: 0.0}))
-    while reached < 1:
-        ahead = equations.evaluate(u, vector({**p, homotopy: reached + DIFFERENCE}))
-        tangent = solve(evaluation.jacobian[0], (evaluation.residual[0] - ahead.residual) / DIFFERENCE)
-        step = min(step, 1 - reached)
-        while True:
-            value = 1.0 if step == 1 - reached else reached + step
-            try:
-                p_ahead = {**p, homotopy: value}
-                u, evaluation = _corrected(model, equations, correct, u + step * tangent, family, p_ahead)
-                break
-            except NoOrbit as error:
-                step /= 2
-                if step < MIN_STEP:
-                    text = (
-                        "no lossless orbit of family {family}: with {percent:.3g}% of gravity's variation it is at "
-                        "alpha = {alpha:.6g}, and it cannot be followed further ({error})"
-                    )
-                    alpha = Quantity(float(u[unknowns.index("alpha")]), LIFTOFF_SPEED)
-                    raise NoOrbit(
-                        Message(text, family=family, percent=100 * reached, alpha=alpha, error=error)
-                    ) from None
-        reached, step = value, 2 * step
-        if progress:
-            progress(reached)
-    return u, evaluation
-
-
-def _corrected(model: Model, equations: Shooting, correct, predicted, family, p) -> tuple[np.ndarray, Evaluation]:
-    """The solution near a predicted point; raises `NoOrbit` where it is far from it or of another family."""
-    unknowns = equations.statement.unknowns
-    positive = [unknowns.index(name) for name in ("alpha", "duration")]
-    if not (predicted[positive] > 0).all():  # this refuses NaN too
-        raise NoOrbit("the step leads to a negative time or speed")
-    new, evaluation = correct(predicted, vector(p))
-    if np.max(np.abs(new - predicted)[positive] / np.abs(new[positive])) > MAX_CORRECTION:
-        raise NoOrbit("the corrector ends far from the predicted orbit")
-    flights = evaluation.trajectories[0].only(model.flight.states)
-    halves = halved(flights) if "unfolding" in unknowns else flights
-    if count_families(model, halves, len(halves)) != [family]:
-        raise NoOrbit("the family changes")
-    return new, evaluation
 
 
 def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:

@@ -16,9 +16,10 @@ from ..model.units import DIMENSIONS, LENGTH, Units
 from .certificate import Certificate, certify, extremes
 from .error_bound import error_bounds
 from .family_search import Lateness
-from .find import MAX_CORRECTION, none_found, with_search
+from .find import none_found, with_search
 from .formulations import Cycles, equations_of, interpret
 from .guess import Guesses, guesses
+from .homotopy import MAX_CORRECTION
 from .newton_kernel import NewtonKernel, Solutions, newton_kernel
 from .single_shooting import SMALLEST_UNIT, Evaluation, Shooting
 

@@ -161,7 +161,6 @@ class TestNumbers:
         with pytest.raises(InputError, match="depends on coordinates"):
             find(leg(Spring("body - foot", "k*r"), Mass("body", lambda y, p: 1 + 0.1 * y["body"])))
 
-
     def test_may_be_missing_altogether(self):
         """Two masses of 1 under gravity 1: omega^2 = 2 in flight, tan b = b, and the foot's weight at lift-off."""
         plain = Mechanism(("body", "foot"), [Mass("body", 1.0), Mass("foot", 1.0), Spring("body - foot")], gap="foot")
@@ -202,7 +201,7 @@ def test_a_displacement_is_no_coordinate(change, telling):
     ],
 )
 def test_linear_equations_of_what_is_not_linear(change):
-    with pytest.raises(InputError, match="is not linear: that takes straight springs.*constant gravity"):
+    with pytest.raises(InputError, match=r"is not linear: that takes straight springs.*constant gravity"):
         change().linear_equations()
 
 

@@ -18,7 +18,7 @@ functions of the parameters, and numbers where these make no difference.
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,33 +27,10 @@ from ...errors import InputError
 from ..laws import Key, Parameters, Scalars
 from .coefficients import Coefficients
 from .elements import Damper, Element, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, value_of
+from .terms import Term, is_used, one_weight, weighted_sum
 
 # Share of the variation of gravity, led from 0 to 1 to come from constant gravity to the one that is stated.
 GRAVITY_SHARE = "gravity_share"
-
-
-class Term(NamedTuple):
-    """One force of a mechanism.
-
-    element : whose force it is, None for what is quadratic in the speeds
-    force : (y, v, p, q) -> the force, of coordinates with the actuators' displacements, rates, parameters and data
-    gradient : (n + k,), of the function that it acts against, by the coordinates and the displacements
-    conservative : whether it is one of the energy's
-    what : equal for terms that are the same function of the place, None where that is not known
-    place : of which the force is a function
-    """
-
-    element: Element | None
-    force: Callable
-    gradient: ca.SX
-    conservative: bool = True
-    what: Any = None
-    place: Any = None
-
-    @property
-    def is_weight(self) -> bool:
-        """Whether it is the weight of a mass."""
-        return isinstance(self.element, Mass | Weight)
 
 
 class Mechanics:
@@ -89,7 +66,7 @@ class Mechanics:
         self.laws: tuple[Key, ...] = ()
         self.conservative = not any(isinstance(element, Damper | Force) for element in elements)
         terms = [term for element in elements for term in self._terms_of(element)]
-        self.terms = [*_one_weight(terms), *self._inertial_terms()]
+        self.terms = [*one_weight(terms), *self._inertial_terms()]
         dampers = [term.gradient[self.size :] for term in self.terms if term.what == "damper"]
         self.damped_ends = any(not gradient.is_zero() for gradient in dampers) or any(
             isinstance(element, Force) for element in elements
@@ -380,30 +357,6 @@ class Mechanics:
         changes = [weighted_sum(row, forces) for row in rows]
         pairs = [part for pair in zip(rates, changes, strict=False) for part in pair]
         return [*pairs, *(p[rate] for _, rate in self.actuators)]
-
-
-def _one_weight(terms: Sequence[Term]) -> list[Term]:
-    """The terms with all weights under constant gravity in one."""
-    weights = [term for term in terms if term.what == "constant gravity"]
-    others = [term for term in terms if term.what != "constant gravity"]
-    if weights:
-        others.append(weights[0]._replace(gradient=sum((each.gradient for each in weights[1:]), weights[0].gradient)))
-    return others
-
-
-def is_used(coefficient: Any) -> bool:
-    """Whether a coefficient is anything but the number 0."""
-    return not (isinstance(coefficient, float) and coefficient == 0.0)
-
-
-def weighted_sum(weights: Scalars, values: Scalars) -> Any:
-    """The sum of products, without those whose weight is 0."""
-    total: Any = None
-    for weight, value in zip(weights, values, strict=False):
-        if is_used(weight):
-            part = value if isinstance(weight, float) and weight == 1.0 else weight * value
-            total = part if total is None else total + part
-    return 0.0 if total is None else total
 
 
 def _inverse(matrix: ca.SX) -> ca.SX:

@@ -11,7 +11,8 @@ from ..modes import Modes, linear_modes
 from ..relative import straight_line
 from .coefficients import Coefficients
 from .elements import Spring
-from .equations import Mechanics, Term, at_zero
+from .equations import Mechanics, at_zero
+from .terms import Term
 
 
 class LinearEquations(NamedTuple):

@@ -20,7 +20,8 @@ from ..modes import Modes, single_mode
 from ..relative import Relative, straight_line
 from .coefficients import Coefficients
 from .elements import Force, Potential, Scalar, Spring
-from .equations import Mechanics, at_zero, is_used
+from .equations import Mechanics, at_zero
+from .terms import is_used
 
 # The launch speed, as a parameter of the law by which a machine lifts off whose contact force depends on its speed.
 AT_SPEED_OF = "_launch_speed"

@@ -9,9 +9,9 @@ from typing import Any, get_args
 from ...errors import InputError
 from ...symbolic.formula import CONSTANTS, FUNCTIONS, suggest
 from ..laws import stated
-from .derived import USUAL_WORDS
 from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Weight, fields_of, names_in, value_of
 from .equations import GRAVITY_SHARE
+from .structure import USUAL_WORDS
 
 # What names that coordinates cannot have stand for already.
 TAKEN_NAMES = {
