@@ -23,7 +23,7 @@ from .elements import Force, Potential, Scalar, Spring
 from .equations import Mechanics, at_zero, is_used
 
 # The launch speed, as a parameter of the law by which a machine lifts off whose contact force depends on its speed.
-AT_SPEED_OF = "_launch_speed"
+SPEED_OF_LAUNCH = "_launch_speed"
 
 
 @dataclass(frozen=True)
@@ -241,16 +241,16 @@ def _held(mechanics: Mechanics, level: str, rest: Scalar) -> Launch:
 
     def expression(r: Any, p: Parameters, q: Scalars) -> Any:
         unit, _, start = numbers(p)[0]
-        state = [start + r, p[AT_SPEED_OF], *(0.0 for _ in m.actuators)]
+        state = [start + r, p[SPEED_OF_LAUNCH], *(0.0 for _ in m.actuators)]
         return 1 - m.contact_force(state, {**p, **{rate: 0.0 for _, rate in m.actuators}}, q) / unit
 
-    law = Key("the contact force", "r", expression, (*m.p, AT_SPEED_OF), None)
+    law = Key("the contact force", "r", expression, (*m.p, SPEED_OF_LAUNCH), None)
     symbols = ca.SX.sym("r"), ca.SX.sym("speed")
-    speeds = [expression(symbols[0], {**m.p, AT_SPEED_OF: speed}, []) for speed in (symbols[1], ca.SX(0))]
+    speeds = [expression(symbols[0], {**m.p, SPEED_OF_LAUNCH: speed}, []) for speed in (symbols[1], ca.SX(0))]
     still = Coefficients(speeds[0] - speeds[1], ca.vertcat(*symbols), m.p, analytic=True).constants == [0.0]
     if still:  # A speed that makes no difference is no parameter.
-        law = law._replace(expression=lambda r, p, q: expression(r, {**p, AT_SPEED_OF: 0.0}, q), names=tuple(m.p))
-    gravity, by_speed = m.gravity if m.varying else None, None if still else AT_SPEED_OF
+        law = law._replace(expression=lambda r, p, q: expression(r, {**p, SPEED_OF_LAUNCH: 0.0}, q), names=tuple(m.p))
+    gravity, by_speed = m.gravity if m.varying else None, None if still else SPEED_OF_LAUNCH
     rate, offset = (lambda p: numbers(p)[0][1]), (lambda p: numbers(p)[0][2])
     relative = Relative(law, gravity, Liftoff(0.0, level), rate, by_speed=by_speed, rest=offset)
     if still:
