@@ -126,9 +126,8 @@ class Alone:
         """What follows with the laws of the mechanics."""
         law, load = self._law(mechanics)
         rate = None if self.rate.constant == 1.0 else self.rate
-        damping = self.damping if self.damping.constant != 0.0 else (lambda p: 0.0)
         gravity = self.mechanics.gravity if self.mechanics.varying else None
-        relative = Relative(law, gravity, Liftoff(load, level), rate, damping)
+        relative = Relative(law, gravity, Liftoff(load, level), rate, self.damping)
         return Launch(relative, relative.reduction(self.complete, self.gap_slope))
 
     def flight(self, relative: Relative, p: Parameters) -> Modes:
