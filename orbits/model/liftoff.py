@@ -71,7 +71,7 @@ class Liftoff:
         to the level; NaN for others."""
         count, level = len(next(iter(p.values()))), 1.0 - self.load
         found = np.full(count, np.nan)
-        if key.pieces is not None or key.degree() == 0:
+        if not count or key.pieces is not None or key.degree() == 0:
             return found
         forces, slopes = values_and_slopes(key, p, np.zeros((count, 1)))
         away = np.where(forces[:, 0] < level, 1.0, -1.0)

@@ -336,6 +336,10 @@ class TestForcesThatOpenNoContact:
         with pytest.raises(NoOrbit, match=r"\(largest tension 10 N within \[-1 m, 0\.02 m\]\)"):
             find(leg_in_si(law))
 
+    def test_of_no_launch_at_all(self):
+        """A leg that is too soft for its fall collapses."""
+        assert ReturnMap(bent_leg("5*tanh(r)"))(5.0).next == pytest.approx(float("nan"), nan_ok=True)
+
 
 def test_the_machines_of_problems_refuse_as_well():
     with pytest.raises(InputError, match="body_mass = -1: the mass"):
