@@ -276,6 +276,16 @@ class TestDimensions:
         assert same.units_of_parameters() == {"m1": "kg", "m2": "kg", "k": "N/m"}
 
 
+    @pytest.mark.parametrize("element", [Spring("body - foot - r0", "k*r"), Damper("body - foot - r0", 0.1)])
+    def test_of_what_is_added_in_an_extension_are_lengths(self, element):
+        stated = machine(element, parameters={**VALUES, "r0": 0.3}, in_si=True)
+        assert stated.units_of_parameters() == {"m1": "kg", "m2": "kg", "k": "N/m", "r0": "m"}
+
+    def test_of_what_is_added_to_an_angle_are_none(self):
+        turned = machine(Spring("body - r0", "c*r"), parameters={**VALUES, "c": 1.0, "r0": 0.3}, angles=("body",))
+        assert "r0" not in turned.units_of_parameters()
+
+
 class TestWhatFindDoesWithElements:
     def test_that_lose_energy(self):
         for element in (Damper("body - foot", 0.02), Force("body", lambda y, v, p: 0.0)):
