@@ -46,7 +46,9 @@ class Liftoff:
         Raises `NoOrbit` where the force never passes that level, `InputError` for a law that is no spring.
         """
         if law.key.degree() == 0:
-            raise InputError(f"'{law.text}' does not depend on the extension {law.variable}: it is no spring")
+            raise InputError(
+                f"'{law.text}' does not depend on the extension {law.variable}: no spring opens the contact"
+            )
         low, high = law.range()
         rest, level = law.rest(), 1.0 - self.load
         rises = float(law(rest)) < level

@@ -275,7 +275,6 @@ class TestDimensions:
         same = machine(Weight("foot", "m1"), in_si=True)
         assert same.units_of_parameters() == {"m1": "kg", "m2": "kg", "k": "N/m"}
 
-
     @pytest.mark.parametrize("element", [Spring("body - foot - r0", "k*r"), Damper("body - foot - r0", 0.1)])
     def test_of_what_is_added_in_an_extension_are_lengths(self, element):
         stated = machine(element, parameters={**VALUES, "r0": 0.3}, in_si=True)
@@ -349,6 +348,67 @@ class TestForcesThatOpenNoContact:
     def test_of_no_launch_at_all(self):
         """A leg that is too soft for its fall collapses."""
         assert ReturnMap(bent_leg("5*tanh(r)"))(5.0).next == pytest.approx(float("nan"), nan_ok=True)
+
+
+STEPS = springs.table(([-1.0, -0.5, 0.5, 1.0], [-3.0, -1.5, 1.5, 3.0]))
+MASSES = [Mass("body", 1.0), Mass("foot", 1.0)]
+THREE = {"coordinates": ("body", "foot", "toe"), "gap": "toe", "parameters": {}}
+MASSES_OF_THREE = [*MASSES, Mass("toe", 1.0)]
+LEGS = [Spring("body - foot", "r"), Spring("foot - toe", "r")]
+
+
+@pytest.mark.parametrize(
+    ("change", "telling"),
+    [
+        (
+            {
+                "elements": [*MASSES, Mass("foot + u", 0.1), Spring("body - foot - u", "r")],
+                "actuators": {"u": "w"},
+                "parameters": {},
+            },
+            r"'foot \+ u' moves with an actuator: what has mass moves with coordinates alone",
+        ),
+        (
+            {"heights": {"body": lambda y, p: y["body"] ** 2}},
+            "a height that is no sum of coordinates is a formula of coordinates and parameters",
+        ),
+        (
+            {**THREE, "elements": [*MASSES_OF_THREE, Spring("body - foot", STEPS), Spring("foot - toe", STEPS)]},
+            "spring 'table.*': one law in pieces can be taken, along a sum of coordinates",
+        ),
+        (
+            {**THREE, "elements": [*MASSES_OF_THREE, *LEGS, Spring("body*toe", STEPS)]},
+            "one law in pieces can be taken, along a sum of coordinates",
+        ),
+        (
+            {"elements": [*MASSES, Spring("body - foot - 0.1", STEPS)], "parameters": {}},
+            "spring .* is in pieces: state it alone, along what is launched",
+        ),
+        (
+            {"elements": [*MASSES, Spring("body - foot", STEPS), Potential("0*body")], "parameters": {}},
+            "a law in pieces can be taken where all springs act along one sum of two coordinates",
+        ),
+        (
+            {"elements": MASSES, "parameters": {}},
+            "a mechanism without a spring says what its families are counted by: counts=",
+        ),
+        (
+            {"elements": MASSES, "parameters": {}, "counts": "body - foot"},
+            "'the contact force' does not depend on the extension r: no spring opens the contact",
+        ),
+        (
+            {**THREE, "elements": [*MASSES_OF_THREE, *LEGS, Potential("body*foot*toe")]},
+            "the model of a mechanism has no guess of its families: give `find` a start",
+        ),
+    ],
+    ids=[
+        "mass with actuator", "function of a height", "two tables", "table along no sum", "table with offset",
+        "table with potential", "no counts", "no spring", "no guess",
+    ],
+)  # fmt: skip
+def test_what_no_model_is_derived_of(change, telling):
+    with pytest.raises(OrbitsError, match=telling):
+        find(machine(**change))
 
 
 def test_the_machines_of_problems_refuse_as_well():

@@ -249,7 +249,7 @@ def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
 
     law = Key("the contact force", "r", expression, (*m.p, SPEED_OF_LAUNCH), None)
     symbols = ca.SX.sym("r"), ca.SX.sym("speed")
-    speeds = [expression(symbols[0], {**m.p, SPEED_OF_LAUNCH: speed}, []) for speed in (symbols[1], ca.SX(0))]
+    speeds = [ca.SX(expression(symbols[0], {**m.p, SPEED_OF_LAUNCH: speed}, [])) for speed in (symbols[1], ca.SX(0))]
     still = Coefficients(speeds[0] - speeds[1], ca.vertcat(*symbols), m.p, analytic=True).constants == [0.0]
     if still:  # A speed that makes no difference is no parameter.
         law = law._replace(expression=lambda r, p, q: expression(r, {**p, SPEED_OF_LAUNCH: 0.0}, q), names=tuple(m.p))
