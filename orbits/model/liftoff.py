@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit
 from .laws import Key, Law, values_and_slopes
-from .units import FORCE, LENGTH, STIFFNESS, Message, Quantity
+from .units import EXTENSION, FORCE, Message, Quantity
 
 # Below this slope, rounding cannot tell a force that passes the level of lift-off from one that only touches it.
 FLATTEST_LIFTOFF = 1e-14
@@ -18,6 +18,8 @@ SAMPLED_DISTANCES = np.concatenate(
 )
 # Springs whose lift-off is looked for together, so that their sampled forces stay in the processor's cache.
 BLOCK_OF_SPRINGS = 256
+# The dimension of a force's slope; the extension is a length or an angle.
+FORCE_PER_EXTENSION = (0, 0, 1, 0, -1)
 # Halvings of an interval after which its ends are neighbouring numbers.
 BISECTIONS = 60
 
@@ -28,10 +30,15 @@ class Liftoff:
 
     load : constant force beside the spring's, 0 for the hopper and the hand's weight 1 for the juggler
     name : the force that lift-off waits for, in words
+    scale : p -> (unit, zero, place) for messages: a value phi of the law is the force unit * (phi - zero), and its
+        extension is counted from that place
+    named : what messages call the law
     """
 
     load: float
     name: str
+    scale: Callable = lambda p: (1.0, 0.0, 0.0)
+    named: str = "spring '{law}'"
 
     def extension(self, law: Law) -> float:
         """The extension at which force + load = 1 is first reached from rest, the force rising.
@@ -39,7 +46,9 @@ class Liftoff:
         Raises `NoOrbit` where the force never passes that level, `InputError` for a law that is no spring.
         """
         if law.key.degree() == 0:
-            raise InputError(f"spring '{law.text}' does not depend on the extension {law.variable}: it is no spring")
+            raise InputError(
+                f"'{law.text}' does not depend on the extension {law.variable}: no spring opens the contact"
+            )
         low, high = law.range()
         rest, level = law.rest(), 1.0 - self.load
         rises = float(law(rest)) < level
@@ -48,11 +57,13 @@ class Liftoff:
             return self._checked(law, rest)
         beyond = ((forces >= level) == rises).nonzero()[0]
         if not len(beyond):
-            text = "spring '{law}' never reaches {level} ({extreme} {force:.4g}{within}): nothing leaves the ground"
-            extreme, force = ("largest tension", forces.max()) if rises else ("least force", forces.min())
-            bounds = {"low": Quantity(low, LENGTH), "high": Quantity(high, LENGTH)}
+            unit, zero, _ = self.scale(law.parameters)
+            extreme = "largest tension" if rises == (unit > 0) else "least force"
+            force = Quantity(float(unit * ((forces.max() if rises else forces.min()) - zero)), FORCE)
+            bounds = {"low": Quantity(low, EXTENSION), "high": Quantity(high, EXTENSION)}
             within = Message(" within [{low:g}, {high:g}]", **bounds) if np.isfinite([low, high]).any() else ""
-            told = {"level": self.name, "extreme": extreme, "force": Quantity(float(force), FORCE), "within": within}
+            text = self.named + " never reaches {level} ({extreme} {force:.4g}{within}): nothing leaves the ground"
+            told = {"level": self.name, "extreme": extreme, "force": force, "within": within}
             raise NoOrbit(Message(text, law=law.text, **told))
         low, high = np.sort(extensions[beyond[0] - 1 : beyond[0] + 1])[:, None]
         return self._checked(law, float(_level_crossings(law.with_slope, np.array([level]), low, high)[0]))
@@ -62,7 +73,7 @@ class Liftoff:
         to the level; NaN for others."""
         count, level = len(next(iter(p.values()))), 1.0 - self.load
         found = np.full(count, np.nan)
-        if key.pieces is not None or key.degree() == 0:
+        if not count or key.pieces is not None or key.degree() == 0:
             return found
         forces, slopes = values_and_slopes(key, p, np.zeros((count, 1)))
         away = np.where(forces[:, 0] < level, 1.0, -1.0)
@@ -113,8 +124,12 @@ class Liftoff:
         slope = float(law.with_slope(liftoff)[1])
         if slope > FLATTEST_LIFTOFF:
             return liftoff
-        reaches = "spring '{law}' only just reaches {level} at extension {liftoff:.6g}, with slope {slope:.1e}"
-        numbers = {"liftoff": Quantity(liftoff, LENGTH), "slope": Quantity(slope, STIFFNESS)}
+        unit, _, place = self.scale(law.parameters)
+        reaches = self.named + " only just reaches {level} at extension {liftoff:.6g}, with slope {slope:.1e}"
+        numbers = {
+            "liftoff": Quantity(place + liftoff, EXTENSION),
+            "slope": Quantity(unit * slope, FORCE_PER_EXTENSION),
+        }
         raise NoOrbit(Message(reaches + ": nothing lifts off cleanly", law=law.text, level=self.name, **numbers))
 
 
@@ -124,7 +139,7 @@ def _sampled_from_rest(law: Law, rest: float, away: float) -> tuple[np.ndarray, 
     forces, slopes = law.with_slope(extensions)
     count = int(np.argmin(np.append(np.isfinite(forces), False)))
     if count == 0:
-        raise InputError(f"spring '{law.text}' has no force at rest (r = {rest:g})")
+        raise InputError(f"no force at rest (r = {rest:g}): '{law.text}' is no number there")
     extensions, forces, slopes = extensions[:count], forces[:count], slopes[:count]
     cells = ((slopes[:-1] > 0) & (slopes[1:] <= 0)).nonzero()[0]
     if not len(cells):

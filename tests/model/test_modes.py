@@ -136,7 +136,7 @@ def test_what_is_positive_for_ever_is_known_to_be():
         (([[1.0]], [[np.nan]], [0.0]), "stiffness is not a symmetric matrix of finite"),
         (([[0.0]], [[1.0]], [0.0]), "inertia is not positive definite"),
         (([[1.0]], [[0.0]], [0.0]), "without a spring"),
-        ((np.eye(2), np.diag([1.0, -0.1]), [0.0, 0.0]), "pushed away"),
+        ((np.eye(2), np.diag([1.0, -0.1]), [0.0, 0.0]), "not positive semidefinite: a motion is pushed away"),
         (([[1.0]], [[1.0]], [np.inf]), "the load"),
     ],
 )

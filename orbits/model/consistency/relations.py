@@ -235,7 +235,7 @@ def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
     for name, function in positions.items():
         if function:
             slopes = _values_and_slopes(function, draw)[:, 1:]
-            off = share(slopes[:, rates], slopes) + share(0.0 if slopes.any() else np.inf)
+            off = share(slopes[:, rates], slopes) + (0.0 if slopes.any() else np.inf)
             yield Relation(f"{name} is a position", (name,), off)
     risen = np.array([_values_and_slopes(height, draw)[:, 1:] for height in model.heights(p).values()])
     yield Relation("heights are positions", ("heights",), share(risen[:, :, rates], risen))

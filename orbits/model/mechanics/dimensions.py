@@ -28,6 +28,8 @@ def _told(mechanism: Any) -> Iterator[tuple[Any, Dimension]]:
     angles = {*mechanism.angles}
     coordinates = {*mechanism.coordinates, *mechanism.actuators}
     for element in mechanism.elements:
+        if isinstance(element, Inerter | Damper | Spring) and not names_in(element.extension) & angles:
+            yield from _lengths(element.extension, coordinates).items()
         match element:
             case Mass(height, mass) | Weight(height, mass):
                 yield mass, MASS

@@ -24,7 +24,7 @@ from .equations import Mechanics, at_zero
 from .terms import is_used
 
 # The launch speed, as a parameter of the law by which a machine lifts off whose contact force depends on its speed.
-AT_SPEED_OF = "_launch_speed"
+SPEED_OF_LAUNCH = "_launch_speed"
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ def launch_of(mechanics: Mechanics, alone: "Alone | None", level: str, rest: Sca
     """How a machine is launched, None where its contact has several coordinates.
 
     alone : the extension that moves alone, None where none does
-    level : what lift-off waits for, in words
+    level : what the springs' force comes to at lift-off, in words
     rest : where the coordinate that is launched rests
     """
     if mechanics.size != 2:
         return None
-    return alone.launch(mechanics, level) if alone and rest == 0.0 else _held(mechanics, level, rest)
+    return alone.launch(mechanics, level) if alone and rest == 0.0 else _held(mechanics, rest)
 
 
 class Alone:
@@ -127,9 +127,12 @@ class Alone:
         """What follows with the laws of the mechanics."""
         law, load = self._law(mechanics)
         rate = None if self.rate.constant == 1.0 else self.rate
-        damping = self.damping if self.damping.constant != 0.0 else (lambda p: 0.0)
         gravity = self.mechanics.gravity if self.mechanics.varying else None
-        relative = Relative(law, gravity, Liftoff(load, level), rate, damping)
+
+        def scale(p: Parameters) -> tuple[Any, Any, float]:  # the first spring's force, without the load in the law
+            return 1 / self.shares[0](p), self.load(p) - load, 0.0
+
+        relative = Relative(law, gravity, Liftoff(load, level, scale), rate, self.damping)
         return Launch(relative, relative.reduction(self.complete, self.gap_slope))
 
     def flight(self, relative: Relative, p: Parameters) -> Modes:
@@ -233,7 +236,7 @@ def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
     return ca.if_else(regular, slope * rate / stiffness, 1.0), ca.if_else(regular, rate, 1.0)
 
 
-def _held(mechanics: Mechanics, level: str, rest: Scalar) -> Launch:
+def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
     """The launch of a machine whose contact force is a function of the coordinate that is launched and of its rate."""
     m, start = mechanics, mechanics.scalar(rest)
     numbers = Coefficients(ca.horzcat(*_scales_at(mechanics, start), start), m.y, m.p)
@@ -242,18 +245,19 @@ def _held(mechanics: Mechanics, level: str, rest: Scalar) -> Launch:
 
     def expression(r: Any, p: Parameters, q: Scalars) -> Any:
         unit, _, start = numbers(p)[0]
-        state = [start + r, p[AT_SPEED_OF], *(0.0 for _ in m.actuators)]
+        state = [start + r, p[SPEED_OF_LAUNCH], *(0.0 for _ in m.actuators)]
         return 1 - m.contact_force(state, {**p, **{rate: 0.0 for _, rate in m.actuators}}, q) / unit
 
-    law = Key("the contact force", "r", expression, (*m.p, AT_SPEED_OF), None)
+    law = Key("the contact force", "r", expression, (*m.p, SPEED_OF_LAUNCH), None)
     symbols = ca.SX.sym("r"), ca.SX.sym("speed")
-    speeds = [expression(symbols[0], {**m.p, AT_SPEED_OF: speed}, []) for speed in (symbols[1], ca.SX(0))]
+    speeds = [ca.SX(expression(symbols[0], {**m.p, SPEED_OF_LAUNCH: speed}, [])) for speed in (symbols[1], ca.SX(0))]
     still = Coefficients(speeds[0] - speeds[1], ca.vertcat(*symbols), m.p, analytic=True).constants == [0.0]
     if still:  # A speed that makes no difference is no parameter.
-        law = law._replace(expression=lambda r, p, q: expression(r, {**p, AT_SPEED_OF: 0.0}, q), names=tuple(m.p))
-    gravity, by_speed = m.gravity if m.varying else None, None if still else AT_SPEED_OF
+        law = law._replace(expression=lambda r, p, q: expression(r, {**p, SPEED_OF_LAUNCH: 0.0}, q), names=tuple(m.p))
+    gravity, by_speed = m.gravity if m.varying else None, None if still else SPEED_OF_LAUNCH
     rate, offset = (lambda p: numbers(p)[0][1]), (lambda p: numbers(p)[0][2])
-    relative = Relative(law, gravity, Liftoff(0.0, level), rate, by_speed=by_speed, rest=offset)
+    liftoff = Liftoff(0.0, "0", lambda p: (-numbers(p)[0][0], 1.0, offset(p)), "{law}")
+    relative = Relative(law, gravity, liftoff, rate, by_speed=by_speed, rest=offset)
     if still:
         return Launch(relative)
     by_extension, by_rate = (ca.jacobian(speeds[0], symbol) for symbol in symbols)
