@@ -61,7 +61,7 @@ class Chain(Stated):
     def __post_init__(self) -> None:
         parameters = given_numbers(self.parameters)
         masses = tuple(mass_parameters(self.masses, 2, MOST_MASSES).values())
-        coefficient_of_restitution(self.restitution)
+        restitution = coefficient_of_restitution(self.restitution)
         given = self.springs if isinstance(self.springs, list | tuple) else [self.springs] * (len(masses) - 1)
         if len(given) != len(masses) - 1:
             raise InputError(f"{len(masses)} masses are joined by {len(masses) - 1} springs, not {len(given)}")
@@ -69,8 +69,7 @@ class Chain(Stated):
         if piecewise := [law.text for law in springs if law.pieces]:
             raise InputError(f"spring '{piecewise[0]}' is piecewise; a chain takes smooth ones")
         known = self._common_parameters(springs, _mass_names(len(masses)))
-        for name, value in (("masses", masses), ("springs", springs), ("parameters", known)):
-            object.__setattr__(self, name, value)
+        self._keep(masses=masses, springs=springs, restitution=restitution, parameters=known)
 
     def _common_parameters(self, springs: tuple[Law, ...], masses: tuple[str, ...]) -> dict[str, float]:
         """The parameters of all springs; raises `InputError` for unknown, reserved and ambiguous names."""
@@ -136,7 +135,7 @@ class Chain(Stated):
             "gravity": "1",
             "mass_ratio": None,
             "rest_length": None,
-            "restitution": float(self.restitution),
+            "restitution": self.restitution,
             "parameters": self.values,
             "laws_in": "units of the machine",
         }
