@@ -282,14 +282,15 @@ def animate_orbit(orbit: Any, path: str | Path, frames: int = 80, progress: Repo
     t = np.linspace(0, orbit.period if closed else orbit.flight_time, _frames(frames), endpoint=not closed)
     words = np.where(t <= orbit.flight_time, "flight", "contact")
     shape, floating = orbit.shape, orbit.machine["rest_length"] is None
-    return _animate(path, words, orbit(t), shape.heights, (shape.springs, shape.knees), floating, orbit.units, progress)
+    joints = shape.springs, shape.knees, shape.embed
+    return _animate(path, words, orbit(t), shape.heights, joints, floating, orbit.units, progress)
 
 
 def animate_simulation(run: Any, path: str | Path, frames: int = 200, progress: Report = None) -> Path:
     """Write a simulated motion as an animation, as `animate_orbit` does; returns the path."""
     t, machine = np.linspace(0, run.end, _frames(frames)), run.machine
     words = np.where(run.in_contact(t), "contact", "flight")
-    floating, joints = machine.rest_length is None, (machine.model.springs, run.knees)
+    floating, joints = machine.rest_length is None, (machine.model.springs, run.knees, machine.model.embed)
     return _animate(path, words, run(t), run.heights, joints, floating, machine.units, progress)
 
 
@@ -318,13 +319,20 @@ def _sideways(axes: Axes, below: np.ndarray, above: np.ndarray, link: float) -> 
     return np.sqrt(np.maximum(link**2 - 0.25 * (above - below) ** 2, 0.0)) * across / box.width * box.height / up
 
 
-def _lifted(heights: Mapping, springs) -> dict:
-    """Heights (frames,) by name with room for springs that are long enough, from the lowest mass up."""
-    room = 1.2 * max(map(np.ptp, heights.values()))
-    lifts = {None: 0, springs[-1][0]: 0}
-    for below, above in reversed(springs):
-        lifts[above] = lifts[below] + 1
-    return {name: height + room * lifts.get(name, 1) for name, height in heights.items()}
+def _lifted(heights: Mapping, springs, standing: Mapping) -> dict:
+    """Heights (frames,) by name with room for springs that are long enough, in whatever order these are listed.
+
+    standing : the heights by name, None for the ground, at a generic state of the contact, where those that land on
+        each other are equal; these get the same room
+    """
+    room, near = 1.2 * max(map(np.ptp, heights.values())), 1e-9 * max(map(abs, standing.values()))
+    touching = {name: [other for other in heights if abs(standing[name] - standing[other]) <= near] for name in heights}
+    lifts = {name: 0 if name in touching[None] else 1 for name in heights}
+    for _ in springs:  # so many passes lift the top of a column that is listed from there
+        for below, above in springs:
+            if above not in touching[None]:
+                lifts |= dict.fromkeys(touching[above], max(lifts[above], lifts[below] + 1))
+    return {name: height + room * lifts[name] for name, height in heights.items()}
 
 
 def _animate(
@@ -332,17 +340,19 @@ def _animate(
 ) -> Path:
     """Animate masses, whose heights are functions of the states (frames, n), with a title from `words` for each frame.
 
-    joints : the springs and the knees, as in a `Shape`
+    joints : the springs, the knees, and the matrix from contact to flight states, as in a `Shape`
 
     With `floating` no rest length says how far the masses are apart, and they are drawn with room between them.
     """
     from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 
-    path, (metres, *_), (springs, knees) = check_animation(path), unit_labels(units), joints
+    path, (metres, *_), (springs, knees, embed) = check_animation(path), unit_labels(units), joints
     names = [name for name in functions if name != "centre of mass"]
     heights = {name: functions[name](states) for name in names} | {None: np.zeros(len(words))}
     floating &= not knees  # links say how far the masses are apart
-    heights = _lifted(heights, springs) if floating else heights
+    if floating:
+        generic = embed @ np.sqrt(np.arange(2.0, 2.0 + embed.shape[1]))
+        heights = _lifted(heights, springs, {name: functions[name](generic) for name in names} | {None: 0.0})
     axes = new_axes(5.8 if knees else 3.2, 5.2)
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
     high = max([high, *(low + 2 * length for *_, length in knees)])  # room for a knee at the side too

@@ -22,6 +22,7 @@ from orbits.model.units import LENGTH, SPEED, Message, Quantity, Units
 from orbits.symbolic.exclusive import exclusive_property
 
 from .machine import DAMPERS, END, RATE, TwoMassMachine
+from .parameters import refuse_taken
 from .units import MachineInSI
 
 
@@ -45,8 +46,7 @@ class Actuated(Stated):
             raise InputError(f"a {kind} is no machine whose spring can be moved, as problems.Hopper()")
         if self.machine.spring.pieces:
             raise InputError(f"spring '{self.machine.spring.text}' is piecewise; an actuator needs a smooth law")
-        if taken := {END, RATE, "peak"} & self.machine.parameters.keys():
-            raise InputError(f"'{min(taken)}' is the actuator's own name; call the formula's parameter something else")
+        refuse_taken((END, RATE, "peak"), self.machine.parameters, "the actuator's own name")
 
     @exclusive_property
     def model(self) -> Model:

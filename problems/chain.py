@@ -22,9 +22,11 @@ from orbits.errors import InputError
 from orbits.io import one_line
 from orbits.model.laws import Law, coefficient_of_restitution, number
 from orbits.model.machine import Stated
+from orbits.model.mechanics.refusals import joined_values
 from orbits.model.model import Model
 from orbits.symbolic.exclusive import exclusive, exclusive_property
 
+from .parameters import given_numbers, refuse_taken
 from .springs import as_spring
 
 MOST_MASSES = 12
@@ -57,30 +59,25 @@ class Chain(Stated):
 
     @exclusive
     def __post_init__(self) -> None:
-        if not isinstance(self.parameters, Mapping):
-            raise InputError(f"parameters = {self.parameters!r}; they are a mapping of names to numbers")
+        parameters = given_numbers(self.parameters)
         masses = tuple(mass_parameters(self.masses, 2, MOST_MASSES).values())
-        coefficient_of_restitution(self.restitution)
+        restitution = coefficient_of_restitution(self.restitution)
         given = self.springs if isinstance(self.springs, list | tuple) else [self.springs] * (len(masses) - 1)
         if len(given) != len(masses) - 1:
             raise InputError(f"{len(masses)} masses are joined by {len(masses) - 1} springs, not {len(given)}")
-        springs = tuple(as_spring(law, self.parameters, shared=True) for law in given)
+        springs = tuple(as_spring(law, parameters, shared=True) for law in given)
         if piecewise := [law.text for law in springs if law.pieces]:
             raise InputError(f"spring '{piecewise[0]}' is piecewise; a chain takes smooth ones")
-        parameters = self._common_parameters(springs, _mass_names(len(masses)))
-        for name, value in (("masses", masses), ("springs", springs), ("parameters", parameters)):
-            object.__setattr__(self, name, value)
+        known = self._common_parameters(springs, _mass_names(len(masses)))
+        self._keep(masses=masses, springs=springs, restitution=restitution, parameters=known)
 
     def _common_parameters(self, springs: tuple[Law, ...], masses: tuple[str, ...]) -> dict[str, float]:
         """The parameters of all springs; raises `InputError` for unknown, reserved and ambiguous names."""
         known = {name: value for law in springs for name, value in law.parameters.items()}
         if unknown := [name for name in self.parameters if name not in known]:
             raise InputError(f"no spring has a parameter '{unknown[0]}'; the chain has {', '.join([*masses, *known])}")
-        if taken := [name for name in known if name in masses]:
-            raise InputError(f"'{taken[0]}' is a mass; call the formula's parameter something else")
-        if any(law.parameters[name] != known[name] for law in springs for name in law.parameters):
-            raise InputError("two springs have a parameter of one name with different values; rename one")
-        return known
+        refuse_taken(masses, known, "a mass")
+        return joined_values(((law.text, law.parameters) for law in springs), {})
 
     @exclusive_property
     def model(self) -> Model:
@@ -138,7 +135,7 @@ class Chain(Stated):
             "gravity": "1",
             "mass_ratio": None,
             "rest_length": None,
-            "restitution": float(self.restitution),
+            "restitution": self.restitution,
             "parameters": self.values,
             "laws_in": "units of the machine",
         }

@@ -26,6 +26,7 @@ from orbits import Mass, Mechanism, Spring
 from orbits.errors import InputError
 
 from .chain import MOST_MASSES, mass_parameters
+from .parameters import given_numbers, with_given
 from .springs import as_spring
 
 
@@ -42,7 +43,7 @@ def chain_hand(
     parameters : values of the formulas' names
     restitution : of the impacts of the ball, 0 <= e <= 1
     """
-    given, own = parameters or {}, mass_parameters(masses, 2, MOST_MASSES)
+    given, own = given_numbers(parameters or {}), mass_parameters(masses, 2, MOST_MASSES)
     names = ["ball", "hand", *(f"y{i}" for i in range(3, len(own) + 1))]
     laws = springs if isinstance(springs, list | tuple) else [springs] * (len(names) - 1)
     if len(laws) != len(names) - 1:
@@ -57,7 +58,7 @@ def chain_hand(
         ],
         gap="ball - hand",
         launch="hand",
-        parameters={**own, **given},
+        parameters=with_given(own, given, "a mass"),
         restitution=restitution,
         words={
             "liftoff": "zero force",

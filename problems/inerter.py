@@ -28,6 +28,8 @@ from typing import Any
 
 from orbits import Inerter, Mass, Mechanism, Spring
 
+from .parameters import with_given
+
 
 def inerter_hopper(
     spring: Any = "r", *, body_mass: float = 1.0, foot_mass: float = 1.0, inertance: float = 0.2,
@@ -52,7 +54,7 @@ def inerter_hopper(
         ],
         gap="foot",
         surface_gravity="surface_gravity",
-        parameters={**own, **length, **(parameters or {})},
+        parameters=with_given(own | length, parameters),
         heights={
             "body": body,
             "foot": "foot",

@@ -21,6 +21,8 @@ from orbits import Mass, Mechanism, Spring
 from orbits.errors import InputError
 from orbits.model.laws import number
 
+from .parameters import with_given
+
 LEG = "2*link*sin(knee/2)"
 WORDS_OF_KNEES = {
     "liftoff": "the foot's weight",
@@ -61,7 +63,7 @@ def knee_hopper(
         ],
         gap="foot",
         surface_gravity="surface_gravity",
-        parameters={**own, **(parameters or {})},
+        parameters=with_given(own, parameters),
         counts="knee",
         heights={"body": f"foot + {LEG}", "foot": "foot"},
         separation=LEG,

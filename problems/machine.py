@@ -9,12 +9,14 @@ from orbits.io import one_line
 from orbits.model.features import with_reach
 from orbits.model.laws import Key, Law, coefficient_of_restitution, number, stated
 from orbits.model.machine import Stated
+from orbits.model.mechanics.refusals import joined_values
 from orbits.model.mechanism import Mechanism
 from orbits.model.model import Model
 from orbits.symbolic.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
 
 from .gravity import as_gravity
+from .parameters import given_numbers, refuse_taken
 from .springs import as_spring
 
 # Beyond these bounds one of the two masses is lost in rounding.
@@ -95,25 +97,20 @@ class TwoMassMachine(TwoMasses):
         self._keep(mass_ratio=number("mass_ratio", self.mass_ratio, *MASS_RATIOS))
         self._keep_common()
         spring, gravity = self._laws()
-        self._keep(spring=spring, gravity=gravity, parameters={**spring.parameters, **gravity.parameters})
+        parameters = joined_values(((law.text, law.parameters) for law in (spring, gravity)), {})
+        self._keep(spring=spring, gravity=gravity, parameters=parameters)
         if self.rest_length is None and self.varying_gravity:
             high = "the upper mass is as high as its coordinate and the rest length together"
             raise InputError(f"gravity '{gravity.text}' varies with height, and {high}: give the rest length")
 
     def _laws(self) -> tuple[Law, Law]:
-        """The two laws, each with its own parameters; raises `InputError` for unknown, reserved and ambiguous names."""
-        if not isinstance(self.parameters, Mapping):
-            raise InputError(f"parameters = {self.parameters!r}; they are a mapping of names to numbers")
-        given = {name: number(name, value) for name, value in self.parameters.items()}
+        """The two laws, each with its own parameters; raises `InputError` for unknown and reserved names."""
+        given = given_numbers(self.parameters)
         spring, gravity = as_spring(self.spring, given, shared=True), as_gravity(self.gravity, given, shared=True)
         known = {**spring.parameters, **gravity.parameters}
-        if taken := [name for name in (*OWN_PARAMETERS, "gravity_share") if name in known or name in given]:
-            raise InputError(f"'{taken[0]}' is the machine's own name; call the formula's parameter something else")
+        refuse_taken((*OWN_PARAMETERS, "gravity_share"), [*known, *given], "the machine's own name")
         if unknown := [name for name in given if name not in known]:
             raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], stated(known))}")
-        for name in spring.parameters.keys() & gravity.parameters.keys():
-            if spring.parameters[name] != gravity.parameters[name]:
-                raise InputError(f"spring and gravity both have a parameter '{name}' with different values; rename one")
         return spring, gravity
 
     @exclusive_property

@@ -29,6 +29,7 @@ from typing import Any
 from orbits import Mass, Mechanism, Spring
 
 from .chain import mass_parameters
+from .parameters import given_numbers, with_given
 from .springs import as_spring
 
 
@@ -46,7 +47,7 @@ def plate_hopper(
     parameters : values of the formulas' names, by default a plate_stiffness of 100
     restitution : of the impacts of the foot, 0 <= e <= 1
     """
-    given = {"plate_stiffness": 100.0} if parameters is None else parameters
+    given = given_numbers({"plate_stiffness": 100.0} if parameters is None else parameters)
     names, own = ("body", "foot", "plate"), mass_parameters(masses, 3, 3)
     return Mechanism(
         name="hopper on a plate",
@@ -58,7 +59,7 @@ def plate_hopper(
         ],
         gap="foot - plate",
         launch="body",
-        parameters={**own, **given},
+        parameters=with_given(own, given, "a mass"),
         restitution=restitution,
         words={
             "liftoff": "the plate falls as fast as the foot",

@@ -23,6 +23,7 @@ from .gravity import as_gravity
 from .hopper import Hopper
 from .juggler import Juggler
 from .machine import DAMPERS, TwoMasses, TwoMassMachine
+from .parameters import given_numbers, refuse_taken
 from .springs import as_spring
 
 STANDARD_GRAVITY = 9.80665
@@ -112,8 +113,7 @@ class MachineInSI(TwoMasses):
         number("mass_ratio", self.mass_ratio, low=0)
         self._keep_common()
         laws = [] if self.spring is None else [*self.spring.parameters]
-        if taken := sorted(RESERVED & {*laws, *self.gravity.parameters}):
-            raise InputError(f"'{taken[0]}' is the machine's own name; call the formula's parameter something else")
+        refuse_taken(RESERVED, [*laws, *self.gravity.parameters], "the machine's own name")
         self.dimensionless()  # raises the errors of the machine itself
 
     def __repr__(self) -> str:
@@ -285,9 +285,7 @@ def _machine(
     body_radius: float | None, gravity: Any, parameters: Any, **numbers: Any,
 ) -> MachineInSI:  # fmt: skip
     """The machine of what was stated; `numbers` are further fields of it."""
-    if not isinstance(parameters or {}, Mapping):
-        raise InputError(f"parameters = {parameters!r}; they are a mapping of names to numbers")
-    given = {name: number(name, value) for name, value in (parameters or {}).items()}
+    given = given_numbers(parameters or {})
     law, stiffness = _spring(force, stiffness, given)
     pull = _gravity_law(gravity, body_radius, given)
     known = [*(law.parameters if law else ()), *pull.parameters]

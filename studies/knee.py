@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import Family, Orbit, Sweep, find, follow, sweep
+from orbits.model.relative import half_angle
 from orbits.plot import COLOURS, SHADE, new_row, plot_orbit, save_figure
 from problems import knee_hopper
 
@@ -24,11 +25,10 @@ OFF = 0.01  # the share by which a launch is off
 
 def near_rest(family: int, stiffness: float) -> float:
     """The launch speed for small swings of the knee, in rad/s."""
-    p, x = LEG.values, (family + 0.5) * np.pi
-    for _ in range(50):
-        x = family * np.pi + np.arctan(x)
+    p = LEG.values
     m1, m2 = p["body_mass"], p["foot_mass"]
-    return float(x * (1 + m2 / m1) * p["surface_gravity"] * np.sqrt(m1 * m2 / (m1 + m2) / stiffness))
+    clock = np.sqrt(m1 * m2 / (m1 + m2) / stiffness)
+    return float(half_angle(family) * (1 + m2 / m1) * p["surface_gravity"] * clock)
 
 
 def told(family: Family) -> dict[str, np.ndarray]:

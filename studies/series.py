@@ -9,13 +9,17 @@ Run: python studies/series.py [--output FOLDER] [--quick]
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
+
 from orbits import NoOrbit, Orbit, find, find_all, follow
 from orbits.plot import COLOURS, new_row, plot_orbit, save_figure
-from problems import Chain, Hopper
+from problems import Chain
+from studies.plate import plain
 
 FOLLOWED_FROM = (0.05, 0.2, 1.0)
 
@@ -25,36 +29,23 @@ def series(mass: float) -> Chain:
     return Chain((1.0, mass, 1.0), ["3/2*r", "3*r"])
 
 
-def plain() -> tuple[Orbit, float, float, float]:
-    """The hopper on one spring of stiffness 1, its launch speed and half times in units of mass 1 and gravity 1."""
-    orbit = find(Hopper())
-    return orbit, orbit.alpha * np.sqrt(2), orbit.flight_time / np.sqrt(8), orbit.contact_time / np.sqrt(8)
-
-
 def near_plain(mass: float) -> Orbit:
     """The hop to which that on one spring leads."""
-    _, alpha, flight, contact = plain()
-    start = {
-        "y1": 1.0,
-        "y1'": alpha,
-        "liftoff": 1 / 3,
-        "alpha": alpha / 3,
-        "duration": flight,
-        "contact_duration": contact,
-    }
-    return find(series(mass), start=start)
+    alpha, flight, contact, _ = plain()
+    launch = {"y1": 1.0, "y1'": alpha, "liftoff": 1 / 3, "alpha": alpha / 3}
+    return find(series(mass), start=launch | {"duration": flight, "contact_duration": contact})
 
 
 def first_order(mass: float) -> tuple[float, float]:
     """The body's launch speed and half the flight, without the vibration of the mass."""
     body, foot = 1 + mass / 3, 1 + 2 * mass / 3
-    flight = plain()[0].alpha * np.sqrt(body * foot / (body + foot) - 2 / 9 * mass)
+    flight = plain().x0 * np.sqrt(body * foot / (body + foot) - 2 / 9 * mass)
     return flight * (body + foot) / body, flight
 
 
 def departures(masses) -> np.ndarray:
     """The body's launch speed (m,) over that on one spring, less 1, at each mass; NaN where no hop is found near."""
-    alpha, found = plain()[1], []
+    alpha, found = plain().alpha, []
     for mass in masses:
         try:
             found.append(near_plain(mass)(0.0)[1] / alpha - 1)
@@ -65,10 +56,10 @@ def departures(masses) -> np.ndarray:
 
 def motions(mass: float) -> list[Orbit]:
     """The hops that are motions, with times up to 1.3 of those on one spring."""
-    _, _, flight, contact = plain()
     chain = series(mass)
     try:
-        return [orbit for orbit in find_all(chain, chain.starts(1.3 * contact, 1.3 * flight)) if orbit.admissible]
+        found = find_all(chain, chain.starts(1.3 * plain().half_contact, 1.3 * plain().half_flight))
+        return [orbit for orbit in found if orbit.admissible]
     except NoOrbit:
         return []
 
@@ -76,7 +67,7 @@ def motions(mass: float) -> list[Orbit]:
 def draw_map(axes, quick: bool) -> dict[str, float]:
     """Draw the flight times of all motions against the unsprung mass, and the families of those nearest to the plain
     hop from some masses; the heaviest mass to which each was followed as a motion."""
-    half_flight, heaviest = plain()[2], {}
+    half_flight, heaviest = plain().half_flight, {}
     for mass in np.geomspace(*((0.2, 5.0, 4) if quick else (0.02, 10.0, 50))):
         times = [orbit.flight_time / 2 / half_flight for orbit in motions(mass)]
         axes.plot(np.full(len(times), mass), times, ".", color="0.75", ms=3)
@@ -94,7 +85,7 @@ def draw_map(axes, quick: bool) -> dict[str, float]:
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
     numbers, (one, two, three) = {}, new_row(3, 4.8, 3.8)
     masses = np.geomspace(1e-4, 0.1, 12 if quick else 120)
-    off, law = departures(masses), np.array([first_order(mass)[0] for mass in masses]) / plain()[1] - 1
+    off, law = departures(masses), np.array([first_order(mass)[0] for mass in masses]) / plain().alpha - 1
     numbers["largest vibration"] = float(np.nanmax(np.abs(off - law) / masses**1.5))
     numbers["missed"] = int(np.isnan(off).sum())
     print(f"  beside the first order at most {numbers['largest vibration']:.3g} e^(3/2), {numbers['missed']} not found")

@@ -1,5 +1,7 @@
 """Chains of masses against the hopper, matrix exponentials in 30 digits, and another integrator."""
 
+import pickle
+
 import mpmath as mp
 import numpy as np
 import pytest
@@ -221,6 +223,16 @@ class TestStarts:
             find_all(Chain(), orbit)
         with pytest.raises(InputError, match="half_contact"):
             Chain().starts(-1.0, 3.0)
+
+
+def test_a_chain_does_not_change():
+    given = {"k": 2.0}
+    chain = Chain(springs="k*r", parameters=given)
+    with pytest.raises(TypeError, match="does not support item assignment"):
+        chain.parameters["k"] = 3.0
+    given["k"] = 4.0
+    assert chain.values["k"] == pickle.loads(pickle.dumps(chain)).values["k"] == 2.0
+    assert chain.with_values(k=5.0).values["k"] == 5.0
 
 
 class TestRefusals:
