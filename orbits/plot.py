@@ -229,8 +229,10 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
         axes.plot(t, height(states), color=colour, lw=width, label=name)
     _shade_contacts(run, axes)
     impacts = [event for event in run.events if event.kind == "impact"]
-    _, struck, *_ = heights.values()  # the gap is counted from the lower mass
-    times, places = [event.time for event in impacts], [float(struck(event.after)) for event in impacts]
+    landing = int(np.argmax(machine.model.gap(machine.values).weights))
+    alone = [each for each in heights.values() if np.flatnonzero(getattr(each, "weights", ())).tolist() == [landing]]
+    times = [event.time for event in impacts]
+    places = [min(float(height(event.after)) for height in alone or heights.values()) for event in impacts]
     axes.plot(times, places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
     axes.axhline(0, color="0.4", lw=0.8)
     vertical = _vertical(machine.rest_length) + metres

@@ -20,6 +20,7 @@ from typing import Any
 from orbits import Mass, Mechanism, Spring
 from orbits.errors import InputError
 from orbits.model.laws import number
+from orbits.model.mechanics.elements import names_in
 
 from .parameters import with_given
 
@@ -35,7 +36,7 @@ WORDS_OF_KNEES = {
 
 def knee_hopper(
     torque: Any = "stiffness*r", *, body_mass: float = 60.0, foot_mass: float = 3.0, link: float = 0.45,
-    stiffness: float = 600.0, rest_angle: float = 2.6, surface_gravity: float = 9.81, restitution: float = 0.0,
+    stiffness: float | None = None, rest_angle: float = 2.6, surface_gravity: float = 9.81, restitution: float = 0.0,
     parameters: Mapping[str, float] | None = None,
 ) -> Mechanism:  # fmt: skip
     """A hopper on a knee, in SI.
@@ -44,16 +45,18 @@ def knee_hopper(
         whose names other than the stiffness are `parameters`
     body_mass, foot_mass : in kg
     link : length of each link in m
-    stiffness : of the knee in N m/rad
+    stiffness : of the knee in N m/rad, 600 where the torque has it
     rest_angle : of the knee where its spring is unloaded, in rad, between 0 and pi
     restitution : of the foot's impacts, 0 <= e <= 1
     """
     if not 0 < number("rest_angle", rest_angle) < pi:
         raise InputError(f"rest_angle = {rest_angle:g} rad: a knee rests between folded (0) and straight (pi)")
     own = {
-        "body_mass": body_mass, "foot_mass": foot_mass, "link": link, "stiffness": stiffness,
-        "rest_angle": rest_angle, "surface_gravity": surface_gravity,
+        "body_mass": body_mass, "foot_mass": foot_mass, "link": link, "rest_angle": rest_angle,
+        "surface_gravity": surface_gravity,
     }  # fmt: skip
+    if stiffness is not None or "stiffness" in names_in(torque):
+        own["stiffness"] = 600.0 if stiffness is None else stiffness
     return Mechanism(
         name="knee hopper",
         coordinates=("foot", "knee"),
