@@ -415,4 +415,5 @@ def test_the_machines_of_problems_refuse_as_well():
     with pytest.raises(InputError, match="body_mass = -1: the mass"):
         knee_hopper(body_mass=-1.0)
     with pytest.raises(InputError, match="parameter 'stiffness' has two values, 600 by parameters and 500 by the law"):
-        knee_hopper(springs.formula("stiffness*r", stiffness=500.0))
+        knee_hopper(springs.formula("stiffness*r", stiffness=500.0), stiffness=600.0)
+    assert knee_hopper(springs.formula("stiffness*r", stiffness=500.0)).values["stiffness"] == 500.0
