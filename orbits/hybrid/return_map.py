@@ -31,6 +31,7 @@ from .multiplier import multiplier
 BATCH_SIZE = 5000  # launch speeds in one batch: enough to pay for the calls, few enough for the memory
 SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
 JUMP = 1e-6  # where the map changes by less than this share between neighbouring numbers, it is continuous there
+ROUNDED = 1e-13  # a smaller change of the launch speed by a hop, as a share of it, may be rounding
 FURTHER = 3  # the search for lossless orbits ends after this many families in a row without one in the range
 PER_TURN, MOST_SAMPLES = 8, 2000  # launches in the grid searched for lossless orbits: per half oscillation, and at most
 SETTLED = 1e-5  # a basin, maybe of infinitely many intervals, is complete when a hop adds a smaller share of the range
@@ -251,7 +252,10 @@ class ResolvedMap:
 
     def crossings(self) -> np.ndarray:
         """Launch speeds (k,) at which the map crosses the identity line."""
-        a, b, fa, fb = _sign_changes(lambda alpha, _: self.next(alpha) - alpha, self.grid, self.following - self.grid)
+        excess = self.following - self.grid
+        # Where rounding decides the sign at a point of the grid, the map may cross the line on either side.
+        excess = np.where(np.abs(excess) <= ROUNDED * self.grid, np.abs(excess), excess)
+        a, b, fa, fb = _sign_changes(lambda alpha, _: self.next(alpha) - alpha, self.grid, excess)
         continuous = np.maximum(np.abs(fa), np.abs(fb)) <= JUMP * a
         return np.where(np.abs(fa) <= np.abs(fb), a, b)[continuous]
 
