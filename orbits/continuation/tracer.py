@@ -124,8 +124,8 @@ class Tracer:
             failure, length = None, left[0].length * left[0].parts * (1.0 if kept else 0.5)
         points = points if state.last.certified else [state.last, *points]
         certified, rejection = self._certified(state, points)
-        if rejection:
-            length = 0.5 * points[len(certified)].length
+        if rejection:  # what fails after it may not, once the steps to it are shorter
+            failure, length = None, 0.5 * points[len(certified)].length
         return Batch(certified, rejection, failure, length, whole=not left)
 
     def _solvable(self, state: TracerState, ends: Sequence[StepEnd]) -> tuple[list[CurvePoint], int]:
