@@ -8,7 +8,8 @@ import ast
 import difflib
 import operator
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -155,7 +156,7 @@ def _as_tuples(node: ast.expr, tokens: list[_Token]) -> tuple:
     match node:
         case ast.Name(id=place):
             kind, word, _ = tokens[int(place[1:])]
-            tree: tuple = (kind, float(word) if kind == "number" else word)
+            tree: tuple = (kind, float(word), word) if kind == "number" else (kind, word)
         case ast.Call(func=ast.Name(id=place), args=[argument], keywords=[]):
             tree = ("call", tokens[int(place[1:])].word, _as_tuples(argument, tokens))
         case ast.UnaryOp(op=sign, operand=operand):
@@ -213,9 +214,12 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, library):
     for node in _nodes(tree):
         kind = node[0]
         if kind == "number":
-            stack.append(constant(node[1]))
+            stack.append(constant(node[1]) if _numerals is None or library is np else _numeral(node[2]))
+        elif kind == "name" and node[1] in CONSTANTS:
+            known = _numerals is None or library is np
+            stack.append(constant(CONSTANTS[node[1]]) if known else _numeral(node[1]))
         elif kind == "name":
-            stack.append(constant(CONSTANTS[node[1]]) if node[1] in CONSTANTS else values[node[1]])
+            stack.append(values[node[1]])
         elif kind == "call":
             stack.append(getattr(library, FUNCTIONS[node[1]][library is casadi])(stack.pop()))
         elif kind == "negative":
@@ -224,6 +228,30 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, library):
             right = stack.pop()
             stack.append(_OPERATORS[kind](stack.pop(), right))
     return stack.pop()
+
+
+# The symbols of the numerals, by their texts, while `symbolic_numerals` is open.
+_numerals: dict[str, casadi.SX] | None = None
+
+
+@contextmanager
+def symbolic_numerals() -> Iterator[dict[str, casadi.SX]]:
+    """Formulas evaluated with CasADi expressions in this block take a symbol for each numeral, and for pi, in place of
+    a rounded number. The mapping from the texts of the numerals to their symbols grows as formulas are evaluated.
+
+    Nothing that is kept for later may be built in the block: it would keep the symbols.
+    """
+    global _numerals
+    _numerals = {}
+    try:
+        yield _numerals
+    finally:
+        _numerals = None
+
+
+def _numeral(text: str) -> casadi.SX:
+    assert _numerals is not None
+    return _numerals.setdefault(text, casadi.SX.sym(text))
 
 
 _OPERATORS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "**": operator.pow}

@@ -1,0 +1,1 @@
+"""Proofs: theorems about lossless orbits, by interval arithmetic."""

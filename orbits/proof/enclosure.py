@@ -1,0 +1,133 @@
+"""Rigorous motions of a set of starts: the centre followed with high accuracy, and the derivatives by what is unknown.
+
+The starts are c + M w, where w are the deviations of the unknowns, within their radii, and M the derivatives of the
+start by them. By the mean value theorem the states later are c(t) + D(t) w with D(t) in an enclosure of the derivatives
+over all of the set. These are kept as Q M, with a rounded orthogonal matrix Q that turns with the motion and an interval
+matrix M: the product of many interval matrices would grow with every turn of the motion (the wrapping effect; R.
+Lohner's method, as in CAPD: T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, Communications in Nonlinear Science and
+Numerical Simulation 101, 2021).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from flint import arb, arb_mat, ctx
+
+from .refusal import Unproved
+from .step import Step, System, take_step
+
+# Derivatives are enclosed to about this many bits by polynomials of this order: they stand before deviations that are
+# small themselves.
+SLOPE_BITS, SLOPE_ORDER, SLOPE_ACCURACY = 64, 12, 2.0**-36
+# The order of polynomials for the centre, per bit: about half of log 2, where steps cost the least.
+ORDER_PER_BIT = 0.36
+MOST_STEPS = 2000
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A system of n states, of which the first are moving and the others constant, with its variational equations.
+
+    moving : m, the number of moving states
+    system : the states alone
+    varied : the states, and after them the derivatives of the m moving states by all n, row by row
+    """
+
+    moving: int
+    system: System
+    varied: System
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A step that begins at a time of the motion, which lasts from 0 to 1."""
+
+    begins: arb
+    step: Step
+
+
+@dataclass(frozen=True)
+class Passage:
+    """An enclosure of the motions of a set of starts, over the times from 0 to 1.
+
+    pieces : the steps, whose tubes hold all of these motions
+    end : enclosures (n,) of the final state of the centre alone
+    slopes : enclosures (n, unknowns) of the derivatives of the final states of all; None where they were not asked for
+    """
+
+    pieces: list[Piece]
+    end: list[arb]
+    slopes: arb_mat | None = None
+
+
+def order_for(bits: int) -> int:
+    """The order of the polynomials that enclose a centre to a number of bits."""
+    return max(SLOPE_ORDER, round(ORDER_PER_BIT * bits))
+
+
+def follow_tube(system: System, constants: Sequence[arb], start: Sequence[arb], length: arb, bits: int) -> Passage:
+    """The motions from enclosures (n,) of a start over a time, by tubes alone: they grow quickly, so that the start has
+    to be known well."""
+    pieces, at, states = list[Piece](), arb(0), list(start)
+    while True:
+        if len(pieces) == MOST_STEPS:
+            raise Unproved(f"the motion takes more than {MOST_STEPS} steps")
+        centre, spread = [value.mid() for value in states], [value.rad() for value in states]
+        step = take_step(system, constants, centre, spread, length - at, order_for(bits), 2.0**-bits)
+        pieces.append(Piece(at, step))
+        states = step.end()
+        if not step.h < length - at:
+            return Passage(pieces, states)
+        at = at + step.h
+
+
+def follow_set(
+    variation: Variation, constants: Sequence[arb], start: Sequence[arb], by_unknowns: arb_mat, radii: arb_mat,
+    bits: int,
+) -> Passage:  # fmt: skip
+    """The motions over the times from 0 to 1 of the starts from enclosures (n,) of a centre, by deviations of the
+    unknowns within radii (unknowns, 1), given enclosures (n, unknowns) of the derivatives of the start by them."""
+    n, m = variation.system.size, variation.moving
+    identity = [arb(int(i == j)) for i in range(m) for j in range(n)]
+    frame, inner = _identity(n), by_unknowns
+    # What the centre may be off by, in the frame.
+    centre, error = [value.mid() for value in start], arb_mat(n, 1, [arb(0, value.rad()) for value in start])
+    pieces, at = list[Piece](), arb(0)
+    while True:
+        if len(pieces) == MOST_STEPS:
+            raise Unproved(f"the motion takes more than {MOST_STEPS} steps")
+        deviations = frame * (inner * radii + error)
+        spread = [deviations[i, 0].abs_upper() for i in range(n)]
+        left = 1 - at
+        with ctx.workprec(SLOPE_BITS):
+            long = take_step(
+                variation.varied, constants, [*centre, *identity], [*spread, *[arb(0)] * (m * n)], left,
+                SLOPE_ORDER, SLOPE_ACCURACY,
+            )  # fmt: skip
+            slopes = long.end()[n:]
+        rows = [slopes[i * n : (i + 1) * n] for i in range(m)] + _identity(n).tolist()[m:]
+        transition = arb_mat(rows)
+        exact = follow_tube(variation.system, constants, centre, long.h, bits)
+        pieces.append(Piece(at, Step(long.h, long.polynomials[:n], long.hull[:n], long.tube[:n])))
+        turned = transition * frame
+        frame, inverse = _orthogonal(turned)
+        inner, centre = (inverse * turned) * inner, [value.mid() for value in exact.end]
+        fresh = arb_mat(n, 1, [arb(0, value.rad()) for value in exact.end])
+        error = (inverse * turned) * error + inverse * fresh
+        if not long.h < left:
+            off = frame * error
+            return Passage(pieces, [value + off[i, 0] for i, value in enumerate(centre)], frame * inner)
+        at = at + long.h
+
+
+def _identity(n: int) -> arb_mat:
+    return arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+
+
+def _orthogonal(matrix: arb_mat) -> tuple[arb_mat, arb_mat]:
+    """The orthogonal factor of a matrix (n, n), rounded, and an enclosure of its inverse."""
+    middles = np.array([[float(value.mid()) for value in row] for row in matrix.tolist()])
+    factor, _ = np.linalg.qr(middles)
+    exact = arb_mat([[arb(value) for value in row] for row in factor.tolist()])
+    return exact, exact.inv()

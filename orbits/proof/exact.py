@@ -1,0 +1,271 @@
+"""Statements with exact numbers: decimals as they are written, in place of the floats that they are rounded to.
+
+Each arc of a boundary value statement becomes a leg, whose states are those of its phase, the time that it takes, in
+units of which it is followed, and the parameters that are only known within intervals. The unknowns of a proof are those
+of the statement and, after them, these parameters.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
+
+import casadi as ca
+from flint import arb, arb_mat, fmpq
+
+from ..errors import InputError
+from ..model.phase import Arc, Phase, Statement
+from ..symbolic.formula import CONSTANTS, symbolic_numerals
+from .enclosure import Passage, Variation, follow_set
+from .programs import Program
+from .refusal import Unproved
+from .step import System, widened
+
+# An exact decimal, or the bounds of an interval.
+Decimals = str | float | int | tuple[str | float | int, str | float | int]
+
+
+def exact_fraction(name: str, value: str | float | int) -> Fraction:
+    """The exact value of a decimal, given as text, or of the shortest decimal that rounds to a float; raises
+    `InputError` for what is no finite number."""
+    try:
+        return Fraction(Decimal(value if isinstance(value, str) else repr(value)))
+    except (ArithmeticError, ValueError, OverflowError, TypeError):
+        raise InputError(f"{name} = {value!r} is no decimal number") from None
+
+
+class Numbers:
+    """The exact values of parameters, and which of them are known within intervals only.
+
+    values : (low, high) by name; equal for a number
+    """
+
+    def __init__(self, values: Mapping[str, float], given: Mapping[str, Decimals]):
+        self.values: dict[str, tuple[Fraction, Fraction]] = {}
+        for name, value in {**values, **given}.items():
+            bounds = value if isinstance(value, tuple | list) else (value, value)
+            if len(bounds) != 2:
+                raise InputError(f"{name} = {value!r}: an interval has two bounds, (low, high)")
+            low, high = (exact_fraction(name, bound) for bound in bounds)
+            if low > high:
+                raise InputError(f"{name} lies between {bounds[0]} and {bounds[1]}: the first bound is the lower one")
+            self.values[name] = low, high
+
+    @property
+    def fixed(self) -> list[str]:
+        """The names of the parameters with one value."""
+        return [name for name, (low, high) in self.values.items() if low == high]
+
+    @property
+    def wide(self) -> list[str]:
+        """The names of the parameters that are intervals."""
+        return [name for name, (low, high) in self.values.items() if low < high]
+
+    def middle(self, name: str) -> arb:
+        """The middle of a parameter's interval."""
+        low, high = self.values[name]
+        return _ball((low + high) / 2)
+
+    def radius(self, name: str) -> arb:
+        """How far a parameter may be from a number that its `middle` holds."""
+        low, high = self.values[name]
+        return (_ball((high - low) / 2) + 2 * self.middle(name).rad()).abs_upper()
+
+    def floats(self) -> dict[str, float]:
+        """The middles as floats, for guesses."""
+        return {name: float((low + high) / 2) for name, (low, high) in self.values.items()}
+
+
+def _ball(value: Fraction) -> arb:
+    return arb(fmpq(value.numerator, value.denominator))
+
+
+class Graphs:
+    """Symbols for parameters and numerals, and the programs of expressions of them.
+
+    p : the symbols of all parameters by name, for a model's functions
+    """
+
+    def __init__(self, numbers: Numbers):
+        self.numbers = numbers
+        self.p = {name: ca.SX.sym(name) for name in numbers.values}
+        self.wide = [self.p[name] for name in numbers.wide]
+        self.numerals: dict[str, ca.SX] = {}
+
+    def program(self, inputs: Sequence[ca.SX], outputs: Sequence[Any]) -> Program:
+        """A program of these inputs and, after them, the constants."""
+        fixed = [self.p[name] for name in self.numbers.fixed]
+        return Program([*inputs, *fixed, *self.numerals.values()], [ca.SX(each) for each in outputs])
+
+    def constants(self) -> list[arb]:
+        """Enclosures of the fixed parameters and of the numerals, at the precision of the context."""
+        fixed = [self.numbers.middle(name) for name in self.numbers.fixed]
+        return [*fixed, *(_numeral_ball(text) for text in self.numerals)]
+
+    def derivatives(self, outputs: Sequence[Any], inputs: Sequence[ca.SX]) -> tuple[list[ca.SX], list[tuple[int, int]]]:
+        """The derivatives that are not zero throughout, with their rows and columns."""
+        jacobian = ca.jacobian(ca.vertcat(*outputs), ca.vertcat(*inputs))
+        rows, columns = jacobian.sparsity().row(), jacobian.sparsity().get_col()
+        return [jacobian.nz[i] for i in range(jacobian.nnz())], list(zip(rows, columns, strict=True))
+
+
+def _numeral_ball(text: str) -> arb:
+    if text in CONSTANTS:
+        return arb.pi()
+    return _ball(exact_fraction("a numeral", text))
+
+
+class LegGraph:
+    """The expressions of one leg: its states, the rates of a moving phase in units of the leg's duration.
+
+    state : symbols of the m states of the phase, of the duration, and of the interval parameters: n in all
+    """
+
+    def __init__(self, graphs: Graphs, phase: Phase):
+        if phase.pieces:
+            raise Unproved("the spring's law is in pieces, with corners or of a table: it has no Taylor series there")
+        self.phase = phase
+        self.moving = ca.vertsplit(ca.SX.sym("x", len(phase.states)))
+        self.duration = ca.SX.sym("duration")
+        self.state = [*self.moving, self.duration, *graphs.wide]
+        rates = phase.field(self.moving, graphs.p, [])
+        self.rates = [*(self.duration * ca.SX(rate) for rate in rates), *(ca.SX(0) for _ in self.state[len(rates) :])]
+
+    def variation(self, graphs: Graphs) -> Variation:
+        """The system of the leg with its variational equations."""
+        m, n = len(self.moving), len(self.state)
+        varied = ca.SX.sym("d", n, m).T
+        by_all = ca.vertcat(varied, ca.SX(ca.DM.eye(n)[m:, :]))
+        slopes = ca.jacobian(ca.vertcat(*self.rates[:m]), ca.vertcat(*self.state)) @ by_all
+        # Row by row.
+        states = [*self.state, *(varied[i, j] for i in range(m) for j in range(n))]
+        rates = [*self.rates, *(slopes[i, j] for i in range(m) for j in range(n))]
+        return Variation(m, self._system(graphs, self.state, self.rates), self._system(graphs, states, rates))
+
+    def system(self, graphs: Graphs) -> System:
+        """The system of the leg alone."""
+        return self._system(graphs, self.state, self.rates)
+
+    @staticmethod
+    def _system(graphs: Graphs, states: list[ca.SX], rates: list[ca.SX]) -> System:
+        slopes, places = graphs.derivatives(rates, states)
+        return System(len(states), graphs.program(states, rates), graphs.program(states, slopes), tuple(places))
+
+
+class Leg:
+    """An arc of a statement as programs.
+
+    start : (unknowns, states at the end of the leg before) -> the states of this leg, n
+    conditions : (unknowns, states at the start, states at the end) -> what vanishes
+    The derivatives of each come as a dense matrix, row by row.
+    """
+
+    def __init__(self, graphs: Graphs, arc: Arc, unknowns: Mapping[str, ca.SX], before: list[ca.SX]):
+        self.graph = LegGraph(graphs, arc.phase)
+        self.arc, self.graphs, self.before = arc, graphs, before
+        self.w = [*unknowns.values(), *graphs.wide]
+        p, m = graphs.p, len(self.graph.moving)
+        start = [ca.SX(each) for each in arc.start(unknowns, before, p)]
+        self._start = [*start, ca.SX(arc.duration(unknowns, p)), *graphs.wide]
+        first = ca.vertsplit(ca.SX.sym("first", m))
+        conditions = arc.conditions(unknowns, self.graph.moving, p)
+        guards = arc.guard(unknowns, first, p, [])
+        self._ends = [self.w, first, self.graph.moving], [*map(ca.SX, conditions), *map(ca.SX, guards)]
+
+    def compile(self) -> None:
+        """Build the programs, once all expressions of the statement have been evaluated."""
+        graphs = self.graphs
+        self.variation = self.graph.variation(graphs)
+        inputs = [*self.w, *self.before]
+        self.start, self.start_slopes = graphs.program(inputs, self._start), self._dense(self._start, inputs)
+        (w, first, last), conditions = self._ends
+        inputs = [*w, *first, *last]
+        self.conditions, self.condition_slopes = graphs.program(inputs, conditions), self._dense(conditions, inputs)
+        self.count = len(conditions)
+
+    def _dense(self, outputs: list[ca.SX], inputs: list[ca.SX]) -> Program:
+        jacobian = ca.densify(ca.jacobian(ca.vertcat(*outputs), ca.vertcat(*inputs)))
+        return self.graphs.program(inputs, [jacobian[i, j] for i in range(len(outputs)) for j in range(len(inputs))])
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """The equations on a box of unknowns.
+
+    values : enclosures of the equations at the middle of the box
+    slopes : enclosures (equations, unknowns) of their derivatives on all of the box
+    """
+
+    values: list[arb]
+    slopes: arb_mat
+    passages: list[Passage]
+
+
+class Equations:
+    """The equations of a boundary value statement, on balls.
+
+    unknowns : their names; the columns of derivatives are these and, after them, the interval parameters
+    """
+
+    def __init__(self, statement: Statement, numbers: Numbers):
+        self.numbers, self.unknowns = numbers, statement.unknowns
+        self.graphs = Graphs(numbers)
+        with symbolic_numerals() as numerals:
+            self.graphs.numerals = numerals
+            u = {name: ca.SX.sym(name) for name in statement.unknowns}
+            self.legs, before = list[Leg](), list[ca.SX]()
+            for arc in statement.arcs:
+                self.legs.append(Leg(self.graphs, arc, u, before))
+                before = ca.vertsplit(ca.SX.sym("before", len(arc.phase.states)))
+        for leg in self.legs:
+            leg.compile()
+
+    def evaluate(self, centre: Sequence[arb], radii: Sequence[arb], bits: int) -> Evaluated:
+        """The equations on the box of unknowns within radii of a centre, for all values of the interval parameters."""
+        wide = self.numbers.wide
+        constants = self.graphs.constants()
+        middle = [*centre, *(self.numbers.middle(name).mid() for name in wide)]
+        reach = [*radii, *(self.numbers.radius(name) for name in wide)]
+        box = [widened(value, radius) for value, radius in zip(middle, reach, strict=True)]
+        deviations = arb_mat(len(reach), 1, [arb(0, each) for each in reach])
+        values, rows, passages = list[arb](), list[list[arb]](), list[Passage]()
+        last, last_box, last_slopes = list[arb](), list[arb](), None
+        for leg in self.legs:
+            columns = len(middle)
+            start = leg.start([*middle, *last, *constants])
+            slopes = _matrix_of(leg.start_slopes([*box, *last_box, *constants]), len(start))
+            by_unknowns = _split(slopes, 0, columns)
+            if last_slopes is not None:
+                by_unknowns = by_unknowns + _split(slopes, columns, len(last)) * last_slopes
+            passage = follow_set(leg.variation, constants, start, by_unknowns, deviations, bits)
+            m = leg.variation.moving
+            end, end_slopes = passage.end[:m], _rows(passage.slopes, m)
+            end_box = _moved(end, end_slopes * deviations)
+            start_slopes = _rows(by_unknowns, m)
+            start_box = _moved(start[:m], start_slopes * deviations)
+            values += leg.conditions([*middle, *start[:m], *end, *constants])
+            slopes = _matrix_of(leg.condition_slopes([*box, *start_box, *end_box, *constants]), leg.count)
+            total = _split(slopes, 0, columns) + _split(slopes, columns, m) * start_slopes
+            rows += (total + _split(slopes, columns + m, m) * end_slopes).tolist()
+            passages.append(passage)
+            last, last_box, last_slopes = end, end_box, end_slopes
+        return Evaluated(values, arb_mat(rows), passages)
+
+
+def _moved(centre: Sequence[arb], deviations: arb_mat) -> list[arb]:
+    return [value + deviations[i, 0] for i, value in enumerate(centre)]
+
+
+def _matrix_of(values: list[arb], rows: int) -> arb_mat:
+    return arb_mat(rows, len(values) // rows, values)
+
+
+def _split(matrix: arb_mat, first: int, count: int) -> arb_mat:
+    """Columns of a matrix."""
+    return arb_mat([row[first : first + count] for row in matrix.tolist()])
+
+
+def _rows(matrix: arb_mat, count: int) -> arb_mat:
+    """The first rows of a matrix."""
+    return arb_mat(matrix.tolist()[:count])

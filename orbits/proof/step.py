@@ -1,0 +1,219 @@
+"""One rigorous step of an autonomous system x' = f(x): a Taylor polynomial and a tube around it that is proved.
+
+Let p be the Taylor polynomial of order K, about time 0, of the solution from the centre c. Its coefficients follow one
+from another and are enclosed in balls. The defect f(p(t)) - p'(t) has no terms below t**K, so by Lagrange's form of the
+remainder it is R t**K, where R is the coefficient of s**K in f(p(t + s)). Let E(t) bound the distance, component by
+component, of a solution that starts within E0 of c. While it stays within e of p,
+
+    E(t) <= E0 + integral of (|Df| e + |R| t**K) <= E0 + h |Df| e + |R| h**(K + 1)/(K + 1)   for 0 <= t <= h,
+
+with |Df| and |R| taken over the tube p([0, h]) +- e. Where the right hand side is below e in every component, no
+solution can leave the tube: one would do so at a first time, up to which the estimate holds. So it exists on [0, h] and
+lies in the tube (an argument by continuity; Moore, Kearfott, Cloud, Introduction to Interval Analysis, 2009, chapter
+10).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from flint import arb, arb_poly, arb_series, ctx
+
+from .programs import Program, coefficient
+from .refusal import Unproved
+
+# The step is chosen so that the tube grows at most by about this share of itself.
+STIFFEST = 0.4
+# How much wider than its estimate a tube is tried.
+WIDER = 1.05
+MOST_HALVINGS = 40
+# Steps are at least this share of the longest, and have so many digits.
+SHORTEST, STEP_BITS = 1e-6, 16
+
+
+@dataclass(frozen=True)
+class System:
+    """An autonomous system x' = f(x, constants).
+
+    size : n, the number of states
+    rates : program of n rates
+    slopes : program of the derivatives of the rates by the states that are not zero throughout
+    places : row and column of each of these derivatives
+    """
+
+    size: int
+    rates: Program
+    slopes: Program
+    places: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Step:
+    """A proved step of length h: each solution from within the spread of the centre lies in
+    polynomials(t) +- tube, 0 <= t <= h.
+
+    polynomials : n of them, in the time since the step's beginning, with balls as coefficients
+    hull : of the polynomials on all of [0, h], n balls
+    tube : n radii
+    """
+
+    h: arb
+    polynomials: list[arb_poly]
+    hull: list[arb]
+    tube: list[arb]
+
+    def whole(self) -> list[arb]:
+        """Enclosures (n,) of the states over all of the step."""
+        return [widened(value, radius) for value, radius in zip(self.hull, self.tube, strict=True)]
+
+    def at(self, t: arb) -> list[arb]:
+        """Enclosures (n,) of the states at a time, or at all times of a ball, within the step."""
+        return [widened(p(t), radius) for p, radius in zip(self.polynomials, self.tube, strict=True)]
+
+    def end(self) -> list[arb]:
+        """Enclosures (n,) of the states at the end."""
+        return self.at(self.h)
+
+
+def widened(value: arb, radius: arb) -> arb:
+    """A ball with another radius added to its own."""
+    return value + arb(0, radius.abs_upper())
+
+
+def between(low: arb, high: arb) -> arb:
+    """The ball from one number to another."""
+    return low.union(high)
+
+
+def taylor_coefficients(
+    rates: Callable, centre: Sequence[arb], constants: Sequence[arb], order: int
+) -> list[list[arb]]:
+    """Taylor coefficients (n, order + 1) of the solution from a centre (n,): Picard's iteration on series, each of
+    which makes one more coefficient right."""
+    found = [[value] for value in centre]
+    cap = ctx.cap
+    try:
+        for k in range(order):
+            ctx.cap = k + 1
+            series = [arb_series(row, k + 1) for row in found]
+            for row, rate in zip(found, rates([*series, *constants]), strict=True):
+                row.append(coefficient(rate, k) / (k + 1))
+    finally:
+        ctx.cap = cap
+    return found
+
+
+def take_step(
+    system: System, constants: Sequence[arb], centre: Sequence[arb], spread: Sequence[arb], longest: arb,
+    order: int, accuracy: float,
+) -> Step:  # fmt: skip
+    """A step of at most the longest length from the states within a spread (n,) of a centre (n,), of a polynomial of
+    this order whose last term is about the accuracy; raises `Unproved` where no step is short enough."""
+    rows = taylor_coefficients(system.rates, centre, constants, order)
+    h = _suggested(system, rows, centre, constants, longest, order, accuracy)
+    polynomials = [arb_poly(row) for row in rows]
+    for _ in range(MOST_HALVINGS):
+        step = _proved(system, constants, polynomials, spread, h, order)
+        if step is not None:
+            return step
+        h = h / 2
+    raise Unproved("no step of the motion is short enough: it comes near to where a law has no value")
+
+
+def _suggested(
+    system: System, rows: list[list[arb]], centre: Sequence[arb], constants: Sequence[arb], longest: arb,
+    order: int, accuracy: float,
+) -> arb:  # fmt: skip
+    """A guess of the length of a step, such that a few about equal ones fill the longest. It has so few digits that the
+    sums of steps are exact."""
+    sizes = [max(abs(float(row[0].mid())), abs(float(row[1].mid())), 1e-30) for row in rows]
+    last = max(abs(float(row[k].mid())) / size for row, size in zip(rows, sizes, strict=True) for k in (order - 1, order))
+    length = (accuracy / last) ** (1 / order) if last > 0 else np.inf
+    stiffness = np.abs(_matrix(system, system.slopes([*centre, *constants])))
+    if np.isfinite(stiffness).all():
+        radius = np.abs(np.linalg.eigvals(stiffness)).max()
+        length = min(length, STIFFEST / radius) if radius > 0 else length
+    whole = float(longest)
+    if not length < whole:
+        return longest
+    count = float(np.ceil(whole / length)) if length > whole * SHORTEST else 1 / SHORTEST
+    mantissa, exponent = np.frexp(whole / count)
+    return arb(float(np.ldexp(np.ceil(mantissa * 2**STEP_BITS), exponent - STEP_BITS)))
+
+
+def _matrix(system: System, values: Sequence[arb]) -> np.ndarray:
+    """The Jacobian (n, n) in rounded numbers: the magnitudes of balls, for guesses."""
+    matrix = np.zeros((system.size, system.size))
+    for (i, j), value in zip(system.places, values, strict=True):
+        matrix[i, j] += float(value.abs_upper()) if value.is_finite() else np.inf
+    return matrix
+
+
+def _proved(
+    system: System, constants: Sequence[arb], polynomials: list[arb_poly], spread: Sequence[arb], h: arb, order: int
+) -> Step | None:
+    """The step, None where its tube cannot be proved."""
+    times = between(arb(0), h)
+    cap = ctx.cap
+    try:
+        ctx.cap = order + 1
+        shift = arb_poly([times, 1])
+        moved = [arb_series(p(shift).coeffs(), order + 1) for p in polynomials]
+        defects = [coefficient(rate, order).abs_upper() for rate in system.rates([*moved, *constants])]
+    finally:
+        ctx.cap = cap
+    hull = [p(times) for p in polynomials]
+    if not all(each.is_finite() for each in (*defects, *hull)):
+        return None
+    scale = h ** (order + 1) / (order + 1)
+    added = [(start + defect * scale).abs_upper() for start, defect in zip(spread, defects, strict=True)]
+    tube = [2 * each for each in added]
+    for _ in range(3):
+        slopes = _slopes_on(system, constants, hull, tube)
+        if slopes is None:
+            return None
+        if all(new < old for new, old in zip(_grown(system, slopes, added, tube, h), tube, strict=True)):
+            return Step(h, polynomials, hull, tube)
+        guess = _fixed_point(system, slopes, added, h)
+        if guess is None:
+            return None
+        tube = guess
+    return None
+
+
+def _slopes_on(
+    system: System, constants: Sequence[arb], hull: Sequence[arb], tube: Sequence[arb]
+) -> list[arb] | None:
+    """The magnitudes of the derivatives over a tube, None where one is not bounded."""
+    inside = [widened(value, radius) for value, radius in zip(hull, tube, strict=True)]
+    slopes = [value.abs_upper() for value in system.slopes([*inside, *constants])]
+    return slopes if all(value.is_finite() for value in slopes) else None
+
+
+def _grown(
+    system: System, slopes: Sequence[arb], added: Sequence[arb], tube: Sequence[arb], h: arb
+) -> list[arb]:
+    """The right hand side of the estimate."""
+    found = list(added)
+    for (i, j), slope in zip(system.places, slopes, strict=True):
+        found[i] = found[i] + h * slope * tube[j]
+    return found
+
+
+def _fixed_point(system: System, slopes: Sequence[arb], added: Sequence[arb], h: arb) -> list[arb] | None:
+    """A guess of a tube that is wider than its estimate: the solution of e = WIDER (added + h |Df| e)."""
+    length = float(h.abs_upper())
+    if not np.isfinite(matrix := _matrix(system, slopes)).all():
+        return None
+    # Radii far below the smallest float are told by their ratio to the largest.
+    largest = max(added)
+    if not largest > 0:
+        largest = arb(2) ** (-4 * ctx.prec)
+    shares = np.array([float(each / largest) for each in added]) + 1e-30
+    try:
+        guess = np.linalg.solve(np.eye(system.size) - WIDER * length * matrix, WIDER * shares)
+    except np.linalg.LinAlgError:
+        return None
+    if not (guess > 0).all():
+        return None
+    return [(largest * arb(each)).abs_upper() for each in guess.tolist()]
