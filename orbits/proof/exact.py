@@ -221,12 +221,13 @@ class Equations:
         for leg in self.legs:
             leg.compile()
 
-    def evaluate(self, centre: Sequence[arb], radii: Sequence[arb], bits: int) -> Evaluated:
-        """The equations on the box of unknowns within radii of a centre, for all values of the interval parameters."""
-        wide = self.numbers.wide
+    def evaluate(self, centre: Sequence[arb], radii: Sequence[arb], bits: int, wide: bool = True) -> Evaluated:
+        """The equations on the box of unknowns within radii of a centre, for all values of the interval parameters, or
+        for their middles alone."""
+        names = self.numbers.wide
         constants = self.graphs.constants()
-        middle = [*centre, *(self.numbers.middle(name).mid() for name in wide)]
-        reach = [*radii, *(self.numbers.radius(name) for name in wide)]
+        middle = [*centre, *(self.numbers.middle(name).mid() for name in names)]
+        reach = [*radii, *(self.numbers.radius(name) if wide else arb(0) for name in names)]
         box = [widened(value, radius) for value, radius in zip(middle, reach, strict=True)]
         deviations = arb_mat(len(reach), 1, [arb(0, each) for each in reach])
         values, rows, passages = list[arb](), list[list[arb]](), list[Passage]()

@@ -26,7 +26,11 @@ from .refusal import Unproved
 STIFFEST = 0.4
 # How much wider than its estimate a tube is tried.
 WIDER = 1.05
-MOST_HALVINGS = 40
+MOST_TRIES = 60
+# A defect may be so many times the accuracy; a step that is too long is shortened to this share at once at most.
+MOST_OFF, LEAST_SHARE = 16.0, 0.4
+# A state this much smaller than the largest is small.
+SMALL = 1e-2
 # Steps are at least this share of the longest, and have so many digits.
 SHORTEST, STEP_BITS = 1e-6, 16
 
@@ -110,10 +114,16 @@ def take_step(
     """A step of at most the longest length from the states within a spread (n,) of a centre (n,), of a polynomial of
     this order whose last term is about the accuracy; raises `Unproved` where no step is short enough."""
     rows = taylor_coefficients(system.rates, centre, constants, order)
-    h = _suggested(system, rows, centre, constants, longest, order, accuracy)
+    h = _suggested(system, rows, constants, longest, order, accuracy)
     polynomials = [arb_poly(row) for row in rows]
-    for _ in range(MOST_HALVINGS):
-        step = _proved(system, constants, polynomials, spread, h, order)
+    sizes = _sizes(rows)
+    for _ in range(MOST_TRIES):
+        defect = _defect(system, constants, polynomials, h, order)
+        off = max((float(each) / size for each, size in zip(defect, sizes, strict=True)), default=0.0)
+        if off > MOST_OFF * accuracy:  # also where it is no number
+            h = _short(float(h) * (max((accuracy / off) ** (1 / order), LEAST_SHARE) if off < np.inf else 0.5))
+            continue
+        step = _proved(system, constants, polynomials, spread, defect, h)
         if step is not None:
             return step
         h = h / 2
@@ -121,24 +131,37 @@ def take_step(
 
 
 def _suggested(
-    system: System, rows: list[list[arb]], centre: Sequence[arb], constants: Sequence[arb], longest: arb,
-    order: int, accuracy: float,
-) -> arb:  # fmt: skip
+    system: System, rows: list[list[arb]], constants: Sequence[arb], longest: arb, order: int, accuracy: float
+) -> arb:
     """A guess of the length of a step, such that a few about equal ones fill the longest. It has so few digits that the
     sums of steps are exact."""
-    sizes = [max(abs(float(row[0].mid())), abs(float(row[1].mid())), 1e-30) for row in rows]
+    sizes = _sizes(rows)
     last = max(abs(float(row[k].mid())) / size for row, size in zip(rows, sizes, strict=True) for k in (order - 1, order))
     length = (accuracy / last) ** (1 / order) if last > 0 else np.inf
-    stiffness = np.abs(_matrix(system, system.slopes([*centre, *constants])))
-    if np.isfinite(stiffness).all():
-        radius = np.abs(np.linalg.eigvals(stiffness)).max()
-        length = min(length, STIFFEST / radius) if radius > 0 else length
+    for _ in range(2):  # laws stiffen along the step
+        reach = arb(min(length, float(longest)))
+        for t in (arb(0), reach):
+            places = [arb_poly(row)(t).mid() for row in rows]
+            stiffness = _matrix(system, system.slopes([*places, *constants]))
+            if np.isfinite(stiffness).all() and (radius := np.abs(np.linalg.eigvals(stiffness)).max()) > 0:
+                length = min(length, STIFFEST / radius)
     whole = float(longest)
     if not length < whole:
         return longest
     count = float(np.ceil(whole / length)) if length > whole * SHORTEST else 1 / SHORTEST
-    mantissa, exponent = np.frexp(whole / count)
+    return _short(whole / count)
+
+
+def _short(length: float) -> arb:
+    """The next larger length with few digits."""
+    mantissa, exponent = np.frexp(length)
     return arb(float(np.ldexp(np.ceil(mantissa * 2**STEP_BITS), exponent - STEP_BITS)))
+
+
+def _sizes(rows: list[list[arb]]) -> list[float]:
+    """By what the states (n,) are measured: their values and rates; what begins at 0, by what it is beside."""
+    sizes = [max(abs(float(row[0].mid())), abs(float(row[1].mid()))) for row in rows]
+    return [max(size, SMALL * max(sizes), 1e-30) for size in sizes]
 
 
 def _matrix(system: System, values: Sequence[arb]) -> np.ndarray:
@@ -149,24 +172,31 @@ def _matrix(system: System, values: Sequence[arb]) -> np.ndarray:
     return matrix
 
 
-def _proved(
-    system: System, constants: Sequence[arb], polynomials: list[arb_poly], spread: Sequence[arb], h: arb, order: int
-) -> Step | None:
-    """The step, None where its tube cannot be proved."""
-    times = between(arb(0), h)
+def _defect(
+    system: System, constants: Sequence[arb], polynomials: list[arb_poly], h: arb, order: int
+) -> list[arb]:
+    """|R| h**(K + 1)/(K + 1), n bounds; not finite where the rates are not."""
     cap = ctx.cap
     try:
         ctx.cap = order + 1
-        shift = arb_poly([times, 1])
+        shift = arb_poly([between(arb(0), h), 1])
         moved = [arb_series(p(shift).coeffs(), order + 1) for p in polynomials]
-        defects = [coefficient(rate, order).abs_upper() for rate in system.rates([*moved, *constants])]
+        rests = [coefficient(rate, order) for rate in system.rates([*moved, *constants])]
     finally:
         ctx.cap = cap
-    hull = [p(times) for p in polynomials]
-    if not all(each.is_finite() for each in (*defects, *hull)):
-        return None
     scale = h ** (order + 1) / (order + 1)
-    added = [(start + defect * scale).abs_upper() for start, defect in zip(spread, defects, strict=True)]
+    return [(rest * scale).abs_upper() if rest.is_finite() else arb("inf") for rest in rests]
+
+
+def _proved(
+    system: System, constants: Sequence[arb], polynomials: list[arb_poly], spread: Sequence[arb],
+    defect: Sequence[arb], h: arb,
+) -> Step | None:  # fmt: skip
+    """The step, None where its tube cannot be proved."""
+    hull = [p(between(arb(0), h)) for p in polynomials]
+    if not all(each.is_finite() for each in hull):
+        return None
+    added = [(start + each).abs_upper() for start, each in zip(spread, defect, strict=True)]
     tube = [2 * each for each in added]
     for _ in range(3):
         slopes = _slopes_on(system, constants, hull, tube)

@@ -1,0 +1,183 @@
+"""Roots of equations: existence and uniqueness by Krawczyk's operator, then Newton's method in growing precision.
+
+For equations F with derivatives in D on a box U about u, and any matrix Y, Krawczyk's operator is
+
+    K(U) = u - Y F(u) + (1 - Y D) (U - u).
+
+If K(U) lies in the interior of U, then U holds exactly one root, and it lies in K(U) (R. Krawczyk, Computing 4, 1969;
+R. E. Moore, SIAM Journal on Numerical Analysis 14, 1977). With interval parameters F(u) holds the values for all of
+them, and the statement is true for each.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flint import arb, arb_mat, ctx
+
+from .exact import Equations, Evaluated
+from .refusal import Unproved
+from .step import widened
+
+# Bits of the first proof, and relative radii of the boxes that are tried, the largest first.
+FIRST_BITS = 80
+BOXES = (2.0**-20, 2.0**-27, 2.0**-34, 2.0**-40)
+# Boxes for interval parameters are this many times the first estimate of how far the root moves.
+ROOM = (1.5, 2.5, 6.0)
+# How many bits are kept beyond those asked for, since motions amplify roundings.
+GUARD_BITS = 40
+MOST_REFINEMENTS = 12
+# The bits of a number that is known exactly.
+EXACT = 10**9
+
+
+@dataclass(frozen=True)
+class Root:
+    """A proved root of the equations for each value of the interval parameters.
+
+    box : enclosures (unknowns,) of the root
+    unique_in : the radii (unknowns,) about the middle of the box within which there is no other root
+    evaluated : the equations on a box that holds the root
+    """
+
+    box: list[arb]
+    unique_in: list[arb]
+    evaluated: Evaluated
+
+
+def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Root:
+    """The root near a guess, enclosed to about a number of bits where the parameters have one value.
+
+    Raises `Unproved` where no root can be proved.
+    """
+    centre = [arb(value) for value in guess]
+    boxes = _wide_boxes(equations, centre) if equations.numbers.wide else _narrow_boxes(centre)
+    reason = ""
+    for radii in boxes:
+        try:
+            evaluated = equations.evaluate(centre, radii, ctx.prec)
+            inner = _contracted(equations, evaluated, centre, radii)
+        except Unproved as error:
+            reason = f": {error}"
+            continue
+        if inner is not None:
+            break
+    else:
+        raise Unproved(f"no box about the numerical solution is proved to hold a root{reason}")
+    unique_in = [radius - (value.mid() - c).abs_upper() for radius, value, c in zip(radii, inner, centre, strict=True)]
+    return _refined(equations, Root(inner, unique_in, evaluated), bits)
+
+
+def _narrow_boxes(centre: Sequence[arb]) -> list[list[arb]]:
+    return [[arb(share) * (1 + abs(value)).abs_upper() for value in centre] for share in BOXES]
+
+
+def _wide_boxes(equations: Equations, centre: list[arb]) -> list[list[arb]]:
+    """Boxes for interval parameters: how far the root moves with them by its derivatives at the middle, with room."""
+    point = equations.evaluate(centre, [arb(0)] * len(centre), ctx.prec, wide=False)
+    n, numbers = len(centre), equations.numbers
+    rows = point.slopes.tolist()
+    inverse = _rounded_inverse(arb_mat([row[:n] for row in rows]))
+    by_parameters = inverse * arb_mat([row[n:] for row in rows])
+    moved = [
+        sum((abs(by_parameters[i, j]) * numbers.radius(name) for j, name in enumerate(numbers.wide)), arb(0))
+        for i in range(n)
+    ]
+    least = arb(2) ** -40
+    return [[(arb(room) * move + least).abs_upper() for move in moved] for room in ROOM]
+
+
+def _square(slopes: arb_mat, n: int) -> arb_mat:
+    """The derivatives by the unknowns alone."""
+    return arb_mat([row[:n] for row in slopes.tolist()])
+
+
+def _rounded_inverse(matrix: arb_mat) -> arb_mat:
+    try:
+        return matrix.mid().inv().mid()
+    except ZeroDivisionError:
+        raise Unproved("the equations are singular here, as at a fold of the family") from None
+
+
+def _contracted(
+    equations: Equations, evaluated: Evaluated, centre: Sequence[arb], radii: Sequence[arb]
+) -> list[arb] | None:
+    """Krawczyk's image of a box, None where it does not lie in its interior."""
+    image = _image(equations, evaluated, centre, [arb(0, radius) for radius in radii])
+    inside = all(abs(value - c) < radius for value, c, radius in zip(image, centre, radii, strict=True))
+    return image if inside else None
+
+
+def _image(
+    equations: Equations, evaluated: Evaluated, centre: Sequence[arb], deviations: Sequence[arb]
+) -> list[arb]:
+    """Krawczyk's operator about a centre, on the deviations (unknowns,) of a box from it."""
+    n, numbers = len(centre), equations.numbers
+    slopes = _square(evaluated.slopes, n)
+    inverse = _rounded_inverse(slopes)
+    values = arb_mat(n, 1, evaluated.values)
+    if numbers.wide:
+        by_parameters = arb_mat([row[n:] for row in evaluated.slopes.tolist()])
+        values = values + by_parameters * arb_mat(len(numbers.wide), 1, [arb(0, numbers.radius(p)) for p in numbers.wide])
+    identity = arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+    change = (identity - inverse * slopes) * arb_mat(n, 1, list(deviations)) - inverse * values
+    return [value + change[i, 0] for i, value in enumerate(centre)]
+
+
+def _refined(equations: Equations, root: Root, bits: int) -> Root:
+    """The root enclosed more narrowly: by the derivatives on a smaller box, then by values in growing precision."""
+    box, evaluated = root.box, root.evaluated
+    if equations.numbers.wide:
+        for _ in range(2):
+            centre, radii = [value.mid() for value in box], [value.rad() for value in box]
+            evaluated = equations.evaluate(centre, radii, ctx.prec)
+            image = _image(equations, evaluated, centre, [arb(0, radius) for radius in radii])
+            box = [value.intersection(new) for value, new in zip(box, image, strict=True)]
+        return Root(box, root.unique_in, evaluated)
+    centre, radii = [value.mid() for value in box], [value.rad() for value in box]
+    evaluated = equations.evaluate(centre, radii, ctx.prec)
+    box = _by_values(equations, evaluated, evaluated, centre, box)
+    for _ in range(MOST_REFINEMENTS):
+        if _known_to(box, bits):
+            return Root(box, root.unique_in, evaluated)
+        reached = max(FIRST_BITS, min(_bits_of(value) for value in box))
+        with ctx.workprec(min(2 * reached, bits) + GUARD_BITS):
+            centre = [value.mid() for value in box]
+            values = equations.evaluate(centre, [arb(0)] * len(centre), ctx.prec)
+            before, box = box, _by_values(equations, evaluated, values, centre, box)
+        if not any(new.rad() < old.rad() / 2 for new, old in zip(box, before, strict=True)):
+            break
+    raise Unproved(f"the root is not enclosed to {bits} bits")
+
+
+def _by_values(
+    equations: Equations, slopes: Evaluated, values: Evaluated, centre: Sequence[arb], box: list[arb]
+) -> list[arb]:
+    """The box by Krawczyk's operator with the values at a centre, and derivatives that hold on a box with both."""
+    merged = Evaluated(values.values, slopes.slopes, slopes.passages)
+    for _ in range(8):
+        image = _image(equations, merged, centre, [value - c for value, c in zip(box, centre, strict=True)])
+        new = [value.intersection(narrower) for value, narrower in zip(box, image, strict=True)]
+        done = not any(a.rad() < b.rad() / 2 for a, b in zip(new, box, strict=True))
+        box = new
+        if done:
+            break
+    return box
+
+
+def _bits_of(value: arb) -> int:
+    """How many bits of a number its ball tells, in units of the number or of 1."""
+    size = max(abs(value.mid()), arb(1))
+    share = value.rad() / size
+    if not share > 0:
+        return EXACT
+    _, exponent = share.mid().man_exp()
+    return -int(exponent) - int(share.mid().man_exp()[0]).bit_length()
+
+
+def _known_to(box: Sequence[arb], bits: int) -> bool:
+    return all(_bits_of(value) >= bits for value in box)
+
+
+def within(box: Sequence[arb], radii: Sequence[arb]) -> list[arb]:
+    """The balls widened by radii."""
+    return [widened(value, radius) for value, radius in zip(box, radii, strict=True)]
