@@ -211,8 +211,7 @@ class Equations:
     def __init__(self, statement: Statement, numbers: Numbers):
         self.numbers, self.unknowns = numbers, statement.unknowns
         self.graphs = Graphs(numbers)
-        with symbolic_numerals() as numerals:
-            self.graphs.numerals = numerals
+        with symbolic_numerals(self.graphs.numerals):
             u = {name: ca.SX.sym(name) for name in statement.unknowns}
             self.legs, before = list[Leg](), list[ca.SX]()
             for arc in statement.arcs:
@@ -245,12 +244,14 @@ class Equations:
             end_box = _moved(end, end_slopes * deviations)
             start_slopes = _rows(by_unknowns, m)
             start_box = _moved(start[:m], start_slopes * deviations)
+            passages.append(passage)
+            last, last_box, last_slopes = end, end_box, end_slopes
+            if leg.count == 0:
+                continue
             values += leg.conditions([*middle, *start[:m], *end, *constants])
             slopes = _matrix_of(leg.condition_slopes([*box, *start_box, *end_box, *constants]), leg.count)
             total = _split(slopes, 0, columns) + _split(slopes, columns, m) * start_slopes
             rows += (total + _split(slopes, columns + m, m) * end_slopes).tolist()
-            passages.append(passage)
-            last, last_box, last_slopes = end, end_box, end_slopes
         return Evaluated(values, arb_mat(rows), passages)
 
 

@@ -87,7 +87,7 @@ def coefficient(value: Value, order: int) -> arb:
 def _exact(value: float) -> arb:
     """A number that stands in a model; raises `Unproved` where it has been rounded."""
     mantissa, _ = float(value).as_integer_ratio()
-    if abs(mantissa) >= 2**SIGNIFICANT_BITS or abs(value) < 2.0**-SIGNIFICANT_BITS and value != 0:
+    if abs(mantissa) >= 2**SIGNIFICANT_BITS or (abs(value) < 2.0**-SIGNIFICANT_BITS and value != 0):
         told = "state it as a parameter or in a formula, where its decimal is taken as it stands"
         raise Unproved(f"the model has the rounded number {value!r}: {told}")
     return arb(value)

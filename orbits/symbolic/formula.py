@@ -235,16 +235,16 @@ _numerals: dict[str, casadi.SX] | None = None
 
 
 @contextmanager
-def symbolic_numerals() -> Iterator[dict[str, casadi.SX]]:
+def symbolic_numerals(symbols: dict[str, casadi.SX]) -> Iterator[None]:
     """Formulas evaluated with CasADi expressions in this block take a symbol for each numeral, and for pi, in place of
     a rounded number. The mapping from the texts of the numerals to their symbols grows as formulas are evaluated.
 
     Nothing that is kept for later may be built in the block: it would keep the symbols.
     """
     global _numerals
-    _numerals = {}
+    _numerals = symbols
     try:
-        yield _numerals
+        yield
     finally:
         _numerals = None
 

@@ -160,14 +160,10 @@ def test_the_most_iterations_are_those_of_a_point(monkeypatch, scratch):
 
 
 def interrupted(kernel: Kernel, *arguments: np.ndarray) -> None:
-    """A call while a keyboard interrupt is noted, also where a shell has told this process to ignore them."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with interrupts.deferred():
-            signal.raise_signal(signal.SIGINT)
-            kernel(*arguments)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    """A call while a keyboard interrupt is noted."""
+    with interrupts.deferred():
+        signal.raise_signal(signal.SIGINT)
+        kernel(*arguments)
 
 
 @pytest.mark.parametrize("threads", ["1", "2"])

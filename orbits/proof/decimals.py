@@ -1,0 +1,62 @@
+"""Balls as decimals that are rounded outward."""
+
+import math
+from fractions import Fraction
+
+from flint import arb
+
+from .theorem import Enclosure
+
+# Digits of a radius that are told beyond its first.
+DIGITS_OF_RADIUS = 2
+
+
+def enclosure_of(ball: arb, digits: int | None = None) -> Enclosure:
+    """The bounds of a ball as decimals rounded outward, with as many places as its radius has, or so many digits."""
+    low, high = _fraction(ball.lower()), _fraction(ball.upper())
+    places = _places(high - low) if high > low else 40
+    if digits is not None:
+        places = max(places, digits + 2 - _exponent(max(abs(low), abs(high))))
+    return Enclosure(_decimal(math.floor(low * 10**places), places), _decimal(math.ceil(high * 10**places), places))
+
+
+def upper_decimal(radius: arb) -> str:
+    """A decimal with few digits that is no less than a radius."""
+    value = _fraction(radius.abs_upper())
+    if value == 0:
+        return "0"
+    places = DIGITS_OF_RADIUS - _exponent(value)
+    scaled = math.ceil(value * Fraction(10) ** places)
+    return f"{scaled}e{-places}"
+
+
+def lower_decimal(radius: arb) -> str:
+    """A decimal with few digits that is no more than a radius."""
+    value = _fraction(radius.abs_lower())
+    if value == 0:
+        return "0"
+    places = DIGITS_OF_RADIUS - _exponent(value)
+    return f"{math.floor(value * Fraction(10) ** places)}e{-places}"
+
+
+def _fraction(exact: arb) -> Fraction:
+    mantissa, exponent = exact.mid().man_exp()
+    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
+
+
+def _exponent(value: Fraction) -> int:
+    """The power of ten of the first digit of a number above 0."""
+    if value == 0:
+        return 0
+    guess = len(str(value.numerator)) - len(str(value.denominator))
+    return guess if value >= Fraction(10) ** guess else guess - 1
+
+
+def _places(width: Fraction) -> int:
+    return max(DIGITS_OF_RADIUS - _exponent(width), 0)
+
+
+def _decimal(scaled: int, places: int) -> str:
+    digits = str(abs(scaled)).rjust(places + 1, "0")
+    sign = "-" if scaled < 0 else ""
+    return f"{sign}{digits[: len(digits) - places]}.{digits[len(digits) - places :]}" if places else f"{sign}{digits}"

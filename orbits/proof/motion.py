@@ -1,0 +1,155 @@
+"""Signs of functions along an enclosed motion, for all motions of the set at once."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+from flint import arb
+
+from ..errors import OrbitsError
+from .enclosure import Passage
+from .exact import Graphs, LegGraph
+from .programs import Program
+from .refusal import Unproved
+from .step import Step, between
+
+# Halvings of a step's time after which a sign is left undecided.
+MOST_BISECTIONS = 14
+
+
+class Refuted(OrbitsError):
+    """A condition is proved to be violated; the message says where."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A function of the states of a leg and its derivatives by the time of the leg, which lasts from 0 to 1.
+
+    programs : of the function and of its derivatives, one order after the other
+    constants : of these programs
+    """
+
+    programs: tuple[Program, ...]
+    constants: list[arb]
+
+
+def chain(graphs: Graphs, leg: LegGraph, function: Any, orders: int) -> Chain:
+    """A function, an expression of the leg's states, with so many derivatives along the motion."""
+    states, rates = ca.vertcat(*leg.state), ca.vertcat(*leg.rates)
+    functions = [ca.SX(function)]
+    for _ in range(orders):
+        functions.append(ca.jtimes(functions[-1], states, rates))
+    return Chain(tuple(graphs.program(leg.state, [each]) for each in functions), graphs.constants())
+
+
+@dataclass(frozen=True)
+class Path:
+    """An enclosed motion."""
+
+    passage: Passage
+
+    def value(self, each: Chain, order: int, step: Step, t: arb) -> arb:
+        """An enclosure of a derivative at a time, or at all times of a ball, within a step."""
+        (value,) = each.programs[order]([*step.at(t), *each.constants])
+        return value
+
+    def first(self, each: Chain, order: int) -> arb:
+        """An enclosure of a derivative at the start."""
+        return self.value(each, order, self.passage.pieces[0].step, arb(0))
+
+    def check_positive(self, each: Chain, zero_at_start: int = 0, zero_at_end: bool = False) -> None:
+        """Prove that a function is positive inside the motion.
+
+        zero_at_start : the order of the zero that the function is known to have there
+        zero_at_end : whether it is known to have a simple zero at the end
+
+        Raises `Refuted` where it is not positive, and `Unproved` where that stays undecided.
+        """
+        pieces = self.passage.pieces
+        for i, piece in enumerate(pieces):
+            low, high = arb(0), piece.step.h
+            if i == 0 and zero_at_start:
+                low = self._beginning(each, zero_at_start, piece.step)
+            if i == len(pieces) - 1 and zero_at_end:
+                high = self._ending(each, piece.step, low)
+            if low < high:
+                self._check_between(each, piece.step, low, high, MOST_BISECTIONS)
+
+    def _beginning(self, each: Chain, order: int, step: Step) -> arb:
+        """A time up to which the first derivative that is not zero at the start is positive, and so the function."""
+        until = step.h
+        for _ in range(MOST_BISECTIONS):
+            derivative = self.value(each, order, step, between(arb(0), until))
+            if derivative > 0:
+                return until
+            if self.value(each, order, step, arb(0)) < 0:
+                raise Refuted("it has the wrong sign as soon as the motion begins")
+            until = until / 2
+        raise Unproved("its sign at the beginning is not decided")
+
+    def _ending(self, each: Chain, step: Step, low: arb) -> arb:
+        """A time from which the function falls to its zero at the end."""
+        since = low
+        for _ in range(MOST_BISECTIONS):
+            if self.value(each, 1, step, between(since, step.h)) < 0:
+                return since
+            if self.value(each, 1, step, step.h) > 0:
+                raise Refuted("it has the wrong sign just before the motion ends")
+            since = (since + step.h) / 2
+        raise Unproved("its sign at the end is not decided")
+
+    def _check_between(self, each: Chain, step: Step, low: arb, high: arb, left: int) -> None:
+        times, middle = between(low, high), (low + high) / 2
+        if self.value(each, 0, step, times) > 0:
+            return
+        at_middle = self.value(each, 0, step, middle)
+        if at_middle < 0:
+            raise Refuted("it is proved to be negative")
+        if at_middle + self.value(each, 1, step, times) * (times - middle) > 0:
+            return
+        if left == 0:
+            raise Unproved("its sign is not decided: it comes very near to 0")
+        self._check_between(each, step, low, middle, left - 1)
+        self._check_between(each, step, middle, high, left - 1)
+
+    def count_turns(self, each: Chain) -> int:
+        """The number of stationary points of a function inside the motion, at whose end it is known to have one.
+
+        The times are divided into those where its rate has a sign and those where the rate is monotone. Among the
+        latter, one after the other, the rate has one zero where its signs before and after differ, and none where they
+        agree. The last of them hold the end, and no other zero. Raises `Unproved` where a time is neither.
+        """
+        marks = list[tuple[int, int]]()  # sign of the rate, 0 where it has none, and of the rate's derivative
+        for piece in self.passage.pieces:
+            self._mark(each, piece.step, arb(0), piece.step.h, MOST_BISECTIONS, marks)
+        if marks[0][0] == 0:
+            marks.insert(0, (_sign(self.first(each, 1)), 0))
+        if marks[0][0] == 0 or marks[-1][0] != 0:
+            raise Unproved("the extension hangs where the motion begins or ends")
+        turns, before, slope = 0, marks[0][0], 0
+        for sign, slope_here in marks:
+            if sign == 0:
+                if slope not in (0, slope_here):
+                    raise Unproved("two turns of the extension come very near to each other")
+                slope = slope_here
+            else:
+                turns += sign != before
+                before, slope = sign, 0
+        return turns
+
+    def _mark(self, each: Chain, step: Step, low: arb, high: arb, left: int, marks: list[tuple[int, int]]) -> None:
+        times = between(low, high)
+        if sign := _sign(self.value(each, 1, step, times)):
+            marks.append((sign, 0))
+        elif slope := _sign(self.value(each, 2, step, times)):
+            marks.append((0, slope))
+        elif left == 0:
+            raise Unproved("the turns of the extension cannot be told apart")
+        else:
+            middle = (low + high) / 2
+            self._mark(each, step, low, middle, left - 1, marks)
+            self._mark(each, step, middle, high, left - 1, marks)
+
+
+def _sign(value: arb) -> int:
+    return int(value > 0) - int(value < 0)

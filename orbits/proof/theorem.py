@@ -1,0 +1,118 @@
+"""What was proved, as a frozen result that prints and saves itself."""
+
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+from ..io import one_line, write_json
+
+# The width of the lines of a statement.
+WIDTH = 110
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """An interval that is proved to hold a number, by two decimals that are rounded outward."""
+
+    low: str
+    high: str
+
+    def __contains__(self, value: float | str | Decimal) -> bool:
+        """Whether a number, or one that is given as a decimal, lies in the interval."""
+        return Decimal(self.low) <= Decimal(value) <= Decimal(self.high)
+
+    @property
+    def width(self) -> float:
+        """The difference of the bounds."""
+        return float(Decimal(self.high) - Decimal(self.low))
+
+    def document(self) -> dict[str, str]:
+        """The bounds for JSON."""
+        return {"low": self.low, "high": self.high}
+
+    def __str__(self) -> str:
+        return f"[{self.low}, {self.high}]"
+
+
+@dataclass(frozen=True)
+class Proof:
+    """A theorem about a machine, or why there is none.
+
+    proved : whether all that was asked is proved
+    statement : the theorem in words; where not all is proved, what is
+    machine : the machine in words and numbers
+    family : the number of the family, counted from enclosures; None where that is not proved
+    enclosures : of alpha, flight_time, contact_time and other quantities by name, in the machine's own units
+    radius : of the enclosure of alpha
+    uniqueness_radius : no other solution of the equations has all unknowns within it
+    conditions : of a motion, by name: "proved", "refuted" or "undecided"
+    reasons : what is not proved, and why, in words
+    digits : that were asked for
+    seconds : that it took
+    """
+
+    proved: bool
+    statement: str
+    machine: Mapping[str, Any]
+    family: int | None = None
+    enclosures: Mapping[str, Enclosure] = field(default_factory=dict)
+    radius: str | None = None
+    uniqueness_radius: str | None = None
+    conditions: Mapping[str, str] = field(default_factory=dict)
+    reasons: tuple[str, ...] = ()
+    digits: int | None = None
+    seconds: float = 0.0
+
+    @property
+    def alpha(self) -> Enclosure | None:
+        """The enclosure of the launch speed."""
+        return self.enclosures.get("alpha")
+
+    @property
+    def flight_time(self) -> Enclosure | None:
+        """The enclosure of the time of a whole flight."""
+        return self.enclosures.get("flight_time")
+
+    @property
+    def contact_time(self) -> Enclosure | None:
+        """The enclosure of the time of a whole contact; None where that was not asked for or not proved."""
+        return self.enclosures.get("contact_time")
+
+    def document(self) -> dict[str, Any]:
+        """The proof as a JSON document; numbers that are proved are decimals, as text."""
+        missing = dict.fromkeys(("alpha", "flight_time", "contact_time"))
+        return {
+            "proved": self.proved,
+            "statement": self.statement,
+            **missing,
+            **{name: each.document() for name, each in self.enclosures.items()},
+            "radius": self.radius,
+            "uniqueness_radius": self.uniqueness_radius,
+            "family": self.family,
+            "conditions": dict(self.conditions),
+            "reasons": list(self.reasons),
+            "digits": self.digits,
+            "seconds": self.seconds,
+            "about": dict(self.machine),
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Write the document to a JSON file; returns the path. Raises `InputError` when it cannot be written."""
+        return write_json(self.document(), path, "proof")
+
+    def __repr__(self) -> str:
+        return one_line(self, {"proved": self.proved, "family": self.family, "alpha": str(self.alpha)})
+
+    def __str__(self) -> str:
+        lines = ["proved" if self.proved else "NOT PROVED", *_wrapped(self.statement)]
+        lines += [f"  {name.replace('_', ' '):<24}{each}" for name, each in self.enclosures.items()]
+        lines += [f"  {name.replace('_', ' '):<24}{verdict}" for name, verdict in self.conditions.items()]
+        lines += [line for reason in self.reasons for line in _wrapped(f"not proved: {reason}")]
+        return "\n".join([*lines, f"  {'time':<24}{1e3 * self.seconds:.0f} ms"])
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="  ", break_long_words=False)
