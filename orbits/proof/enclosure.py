@@ -23,6 +23,7 @@ SLOPE_BITS, SLOPE_ORDER, SLOPE_ACCURACY = 64, 12, 2.0**-36
 # The order of polynomials for the centre, per bit: about half of log 2, where steps cost the least.
 ORDER_PER_BIT = 0.36
 MOST_STEPS = 2000
+TOO_LONG = f"the motion takes more than {MOST_STEPS} steps"
 
 
 @dataclass(frozen=True)
@@ -52,13 +53,16 @@ class Passage:
     """An enclosure of the motions of a set of starts, over the times from 0 to 1.
 
     pieces : the steps, whose tubes hold all of these motions
+    start, finish : enclosures (n,) of the first and of the final states of all
     end : enclosures (n,) of the final state of the centre alone
-    slopes : enclosures (n, unknowns) of the derivatives of the final states of all; None where they were not asked for
+    slopes : enclosures (n, unknowns) of the derivatives of the final states of all
     """
 
     pieces: list[Piece]
+    start: list[arb]
+    finish: list[arb]
     end: list[arb]
-    slopes: arb_mat | None = None
+    slopes: arb_mat
 
 
 def order_for(bits: int) -> int:
@@ -66,20 +70,19 @@ def order_for(bits: int) -> int:
     return max(SLOPE_ORDER, round(ORDER_PER_BIT * bits))
 
 
-def follow_tube(system: System, constants: Sequence[arb], start: Sequence[arb], length: arb, bits: int) -> Passage:
-    """The motions from enclosures (n,) of a start over a time, by tubes alone: they grow quickly, so that the start has
-    to be known well."""
-    pieces, at, states = list[Piece](), arb(0), list(start)
-    while True:
-        if len(pieces) == MOST_STEPS:
-            raise Unproved(f"the motion takes more than {MOST_STEPS} steps")
+def follow_centre(
+    system: System, constants: Sequence[arb], start: Sequence[arb], length: arb, bits: int
+) -> list[arb]:
+    """Enclosures (n,) of the state a short time after a start (n,), by tubes alone, which grow with every step."""
+    states, left = list(start), length
+    for _ in range(MOST_STEPS):
         centre, spread = [value.mid() for value in states], [value.rad() for value in states]
-        step = take_step(system, constants, centre, spread, length - at, order_for(bits), 2.0**-bits)
-        pieces.append(Piece(at, step))
+        step = take_step(system, constants, centre, spread, left, order_for(bits), 2.0**-bits)
         states = step.end()
-        if not step.h < length - at:
-            return Passage(pieces, states)
-        at = at + step.h
+        if not step.h < left:
+            return states
+        left = left - step.h
+    raise Unproved(TOO_LONG)
 
 
 def follow_set(
@@ -96,7 +99,7 @@ def follow_set(
     pieces, at = list[Piece](), arb(0)
     while True:
         if len(pieces) == MOST_STEPS:
-            raise Unproved(f"the motion takes more than {MOST_STEPS} steps")
+            raise Unproved(TOO_LONG)
         deviations = frame * (inner * radii + error)
         spread = [deviations[i, 0].abs_upper() for i in range(n)]
         left = 1 - at
@@ -108,17 +111,22 @@ def follow_set(
             slopes = long.end()[n:]
         rows = [slopes[i * n : (i + 1) * n] for i in range(m)] + _identity(n).tolist()[m:]
         transition = arb_mat(rows)
-        exact = follow_tube(variation.system, constants, centre, long.h, bits)
+        end = follow_centre(variation.system, constants, centre, long.h, bits)
         pieces.append(Piece(at, Step(long.h, long.polynomials[:n], long.hull[:n], long.tube[:n])))
         turned = transition * frame
         frame, inverse = _orthogonal(turned)
-        inner, centre = (inverse * turned) * inner, [value.mid() for value in exact.end]
-        fresh = arb_mat(n, 1, [arb(0, value.rad()) for value in exact.end])
+        inner, centre = (inverse * turned) * inner, [value.mid() for value in end]
+        fresh = arb_mat(n, 1, [arb(0, value.rad()) for value in end])
         error = (inverse * turned) * error + inverse * fresh
         if not long.h < left:
-            off = frame * error
-            return Passage(pieces, [value + off[i, 0] for i, value in enumerate(centre)], frame * inner)
+            slopes, off = frame * inner, frame * error
+            end = [value + off[i, 0] for i, value in enumerate(centre)]
+            return Passage(pieces, _moved(start, by_unknowns * radii), _moved(end, slopes * radii), end, slopes)
         at = at + long.h
+
+
+def _moved(centre: Sequence[arb], deviations: arb_mat) -> list[arb]:
+    return [value + deviations[i, 0] for i, value in enumerate(centre)]
 
 
 def _identity(n: int) -> arb_mat:

@@ -241,9 +241,8 @@ class Equations:
             passage = follow_set(leg.variation, constants, start, by_unknowns, deviations, bits)
             m = leg.variation.moving
             end, end_slopes = passage.end[:m], _rows(passage.slopes, m)
-            end_box = _moved(end, end_slopes * deviations)
             start_slopes = _rows(by_unknowns, m)
-            start_box = _moved(start[:m], start_slopes * deviations)
+            start_box, end_box = passage.start[:m], passage.finish[:m]
             passages.append(passage)
             last, last_box, last_slopes = end, end_box, end_slopes
             if leg.count == 0:
@@ -253,10 +252,6 @@ class Equations:
             total = _split(slopes, 0, columns) + _split(slopes, columns, m) * start_slopes
             rows += (total + _split(slopes, columns + m, m) * end_slopes).tolist()
         return Evaluated(values, arb_mat(rows), passages)
-
-
-def _moved(centre: Sequence[arb], deviations: arb_mat) -> list[arb]:
-    return [value + deviations[i, 0] for i, value in enumerate(centre)]
 
 
 def _matrix_of(values: list[arb], rows: int) -> arb_mat:

@@ -1,13 +1,64 @@
-"""The loss coefficient of the hops beside a lossless one, enclosed."""
+"""The loss coefficient of the hops beside a lossless one, enclosed.
 
-from flint import arb
+Beside a lossless hop the map of launch speeds is alpha + d -> alpha + d - C d**(4/3) + o(d**(4/3)) for d on the stable
+side, where the gap at the landing time is positive (see `periodic.local_law`). So where C > 0 is proved and with it the
+sign of the gap's derivative by alpha, the hop attracts from that side, and on the other side the launch speed falls.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+from flint import arb, arb_mat
 
 from ..model.model import Model
-from ..model.phase import Statement
-from .exact import Numbers
-from .root import Root
+from ..symbolic.formula import symbolic_numerals
+from .enclosure import follow_set
+from .exact import Leg
+from .motion import Motion
+from .refusal import Unproved
 
 
-def loss_of(model: Model, numbers: Numbers, statement: Statement, root: Root) -> tuple[arb, str]:
-    """TODO"""
-    raise NotImplementedError
+def enclosed_loss(model: Model, flight: Motion, leg: Leg, unknowns: Mapping[str, arb], bits: int) -> tuple[arb, str]:
+    """An enclosure of C, and the side on which the hop attracts, "above" or "below".
+
+    flight : the half flight in the flight states, whose leg has all programs
+    unknowns : enclosures by name
+    """
+    if model.reversor is None:
+        raise Unproved("the machine is not its own mirror image in time")
+    graphs, m = flight.graphs, len(model.flight.states)
+    with symbolic_numerals(graphs.numerals):
+        u, p = {name: ca.SX.sym(name) for name in unknowns}, graphs.p
+        launch = [ca.SX(each) for each in model.launch(u, p)]
+        by_alpha = ca.jacobian(ca.vertcat(*launch), u["alpha"])
+        if model.liftoff_slope:
+            by_alpha = by_alpha + ca.jacobian(ca.vertcat(*launch), u["liftoff"]) * model.liftoff_slope(u, p)
+        landing = [sign * each for sign, each in zip(model.reversor, launch, strict=True)]
+        gradient = [ca.SX(each) for each in model.flight_gradient(launch, p, [])]
+        power = ca.dot(ca.vertcat(*gradient), by_alpha)
+        weights = [ca.SX(each) for each in model.gap(p).weights]
+        outputs = [ca.SX(model.impact_mass(landing, p)), power, *ca.vertsplit(ca.densify(by_alpha)), *weights]
+    program = graphs.program([*u.values(), *graphs.wide], outputs)
+    stills = flight.passage.start[m + 1 :]
+    mass, power_ball, *rest = program([*unknowns.values(), *stills, *graphs.constants()])
+    half = _transition(leg, flight.passage.start, graphs.constants(), m, bits)
+    mirror = arb_mat(m, m, [sign if i == j else 0 for i, sign in enumerate(model.reversor) for j in range(m)])
+    try:
+        at_landing = mirror * half.solve(mirror * (half * arb_mat(m, 1, rest[:m])))
+    except ZeroDivisionError:
+        raise Unproved("the derivatives of the flight are not enclosed narrowly enough") from None
+    slope = sum((weight * at_landing[i, 0] for i, weight in enumerate(rest[m : 2 * m])), arb(0))
+    jerk = flight.first(flight.chain(model.gap(graphs.p).at, 3), 3) / flight.passage.start[m] ** 3
+    if not (jerk > 0 and (slope > 0 or slope < 0) and mass > 0 and power_ball > 0):
+        raise Unproved("the signs of the jerk at landing and of the gap's change with alpha are not decided")
+    loss = mass * jerk**2 / 8 * (6 * abs(slope) / jerk) ** (arb(4) / 3) / power_ball
+    return loss, "above" if slope > 0 else "below"
+
+
+def _transition(leg: Leg, start: Sequence[arb], constants: Sequence[arb], m: int, bits: int) -> arb_mat:
+    """The derivatives (m, m) of the state in mid-flight by the state at lift-off, over fixed times."""
+    n = len(start)
+    radii = arb_mat(n, 1, [arb(0, value.rad()) for value in start])
+    identity = arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+    passage = follow_set(leg.variation, constants, [value.mid() for value in start], identity, radii, bits)
+    return arb_mat([row[:m] for row in passage.slopes.tolist()[:m]])

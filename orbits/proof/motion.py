@@ -1,12 +1,13 @@
 """Signs of functions along an enclosed motion, for all motions of the set at once."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 from flint import arb
 
 from ..errors import OrbitsError
+from ..symbolic.formula import symbolic_numerals
 from .enclosure import Passage
 from .exact import Graphs, LegGraph
 from .programs import Program
@@ -33,20 +34,26 @@ class Chain:
     constants: list[arb]
 
 
-def chain(graphs: Graphs, leg: LegGraph, function: Any, orders: int) -> Chain:
-    """A function, an expression of the leg's states, with so many derivatives along the motion."""
-    states, rates = ca.vertcat(*leg.state), ca.vertcat(*leg.rates)
-    functions = [ca.SX(function)]
-    for _ in range(orders):
-        functions.append(ca.jtimes(functions[-1], states, rates))
-    return Chain(tuple(graphs.program(leg.state, [each]) for each in functions), graphs.constants())
-
-
 @dataclass(frozen=True)
-class Path:
-    """An enclosed motion."""
+class Motion:
+    """An enclosed motion, with what functions of its states are made of.
 
+    graphs, leg : the expressions of its states and rates
+    """
+
+    graphs: Graphs
+    leg: LegGraph
     passage: Passage
+
+    def chain(self, function: Callable, orders: int) -> Chain:
+        """A function of the phase's states with so many derivatives along the motion."""
+        states, rates = ca.vertcat(*self.leg.state), ca.vertcat(*self.leg.rates)
+        with symbolic_numerals(self.graphs.numerals):
+            functions = [ca.SX(function(self.leg.moving))]
+        for _ in range(orders):
+            functions.append(ca.jtimes(functions[-1], states, rates))
+        programs = tuple(self.graphs.program(self.leg.state, [each]) for each in functions)
+        return Chain(programs, self.graphs.constants())
 
     def value(self, each: Chain, order: int, step: Step, t: arb) -> arb:
         """An enclosure of a derivative at a time, or at all times of a ball, within a step."""
@@ -55,7 +62,13 @@ class Path:
 
     def first(self, each: Chain, order: int) -> arb:
         """An enclosure of a derivative at the start."""
-        return self.value(each, order, self.passage.pieces[0].step, arb(0))
+        (value,) = each.programs[order]([*self.passage.start, *each.constants])
+        return value
+
+    def last(self, each: Chain, order: int) -> arb:
+        """An enclosure of a derivative at the end."""
+        (value,) = each.programs[order]([*self.passage.finish, *each.constants])
+        return value
 
     def check_positive(self, each: Chain, zero_at_start: int = 0, zero_at_end: bool = False) -> None:
         """Prove that a function is positive inside the motion.

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -17,9 +16,9 @@ from ..periodic.orbit import Orbit
 from ..symbolic.formula import symbolic_numerals
 from .decimals import enclosure_of, lower_decimal, upper_decimal
 from .enclosure import Passage
-from .exact import Decimals, Equations, Graphs, LegGraph, Numbers
-from .loss import loss_of
-from .motion import Path, Refuted, chain
+from .exact import Decimals, Equations, Leg, Numbers
+from .loss import enclosed_loss
+from .motion import Motion, Refuted
 from .refusal import Unproved
 from .root import FIRST_BITS, Root, prove_root
 from .theorem import Enclosure, Proof
@@ -87,19 +86,6 @@ def statement_to_prove(model: Model, with_contact: bool) -> Statement:
     return Statement(f"{flight.name} with contact", unknowns, (*flight.arcs, contact), durations)
 
 
-@dataclass(frozen=True)
-class Enclosed:
-    """A motion with the expressions of its leg.
-
-    graphs, leg : of which functions of the states are made
-    path : the motion
-    """
-
-    graphs: Graphs
-    leg: LegGraph
-    path: Path
-
-
 class Case:
     """One proof as it grows.
 
@@ -139,7 +125,7 @@ class Case:
         if not (motion or loss):
             return
         try:
-            flight = self._flight()
+            flight, leg = self._flight()
         except Unproved as error:
             self.reasons.append(f"the flight: {error}")
             self.conditions |= dict.fromkeys(self._names(), UNDECIDED)
@@ -148,7 +134,8 @@ class Case:
             self._prove_motion(flight)
         if loss:
             try:
-                ball, self.stable_side = loss_of(self.model, self.numbers, self.statement, self.root)
+                named = dict(zip(self.statement.unknowns, self.root.box, strict=True))
+                ball, self.stable_side = enclosed_loss(self.model, flight, leg, named, ctx.prec)
                 self.enclosures["loss_coefficient"] = enclosure_of(ball)
             except Unproved as error:
                 self.reasons.append(f"the loss coefficient: {error}")
@@ -211,12 +198,12 @@ class Case:
             told = f"the orbit says {self.orbit.alpha!r} with an error of {self.orbit.error:.1e}"
             self.reasons.append(f"alpha: {told}, and lies outside the enclosure {self.enclosures['alpha']}")
 
-    def _flight(self) -> Enclosed:
+    def _flight(self) -> tuple[Motion, Leg]:
         """The half flight in the flight states."""
         assert self.root is not None
         arc = self.statement.arcs[0]
         if arc.phase is self.model.flight:
-            return self._enclosed(0, self.equations, self.root.evaluated.passages[0])
+            return self._enclosed(0, self.equations, self.root.evaluated.passages[0]), self.equations.legs[0]
         whole = Arc(
             self.model.flight,
             start=lambda u, before, p: self.model.launch(u, p),
@@ -226,19 +213,20 @@ class Case:
         equations = Equations(Statement("flight", self.statement.unknowns, (whole,)), self.numbers)
         box = self.root.box
         centre, radii = [value.mid() for value in box], [value.rad() for value in box]
-        return self._enclosed(0, equations, equations.evaluate(centre, radii, ctx.prec).passages[0])
+        passage = equations.evaluate(centre, radii, ctx.prec).passages[0]
+        return self._enclosed(0, equations, passage), equations.legs[0]
 
     @staticmethod
-    def _enclosed(number: int, equations: Equations, passage: Passage) -> Enclosed:
+    def _enclosed(number: int, equations: Equations, passage: Passage) -> Motion:
         graphs = equations.graphs
-        return Enclosed(graphs, equations.legs[number].graph, Path(passage))
+        return Motion(graphs, equations.legs[number].graph, passage)
 
-    def _prove_motion(self, flight: Enclosed) -> None:
+    def _prove_motion(self, flight: Motion) -> None:
         """Prove the family and the conditions of a motion."""
         assert self.root is not None
         model = self.model
         try:
-            self.family = flight.path.count_turns(self._chain(flight, model.extension.at, 2))
+            self.family = flight.count_turns(flight.chain(model.extension.at, 2))
         except Unproved as error:
             self.reasons.append(f"family: {error}")
         else:
@@ -272,49 +260,43 @@ class Case:
             self.conditions[name] = REFUTED
             self.reasons.append(f"{name}: {error}")
 
-    def _chain(self, motion: Enclosed, function: Callable, orders: int) -> Any:
-        with symbolic_numerals(motion.graphs.numerals):
-            expression = ca.SX(function(motion.leg.moving))
-        return chain(motion.graphs, motion.leg, expression, orders)
-
-    def _check_gap(self, flight: Enclosed, gap: Callable) -> None:
-        each = self._chain(flight, gap, 3)
+    def _check_gap(self, flight: Motion, gap: Callable) -> None:
+        each = flight.chain(gap, 3)
         for order in (0, 1):
-            if not flight.path.first(each, order).is_zero():
+            if not flight.first(each, order).is_zero():
                 raise Unproved("the gap and its speed are not exactly 0 at lift-off")
-        flight.path.check_positive(each, zero_at_start=3)
+        flight.check_positive(each, zero_at_start=3)
 
-    def _check_separation(self, flight: Enclosed, contact: Enclosed | None) -> None:
-        def apart(motion: Enclosed, embed: Any = None) -> Callable:
+    def _check_separation(self, flight: Motion, contact: Motion | None) -> None:
+        def apart(motion: Motion, embed: Any = None) -> Callable:
             distance = self.model.separation(motion.graphs.p)
             return lambda x: distance.at(x if embed is None else _embedded(embed, x))
 
-        flight.path.check_positive(self._chain(flight, apart(flight), 1))
+        flight.check_positive(flight.chain(apart(flight), 1))
         if contact is None:
             raise Unproved("the contact is not enclosed")
-        contact.path.check_positive(self._chain(contact, apart(contact, self.model.embed), 1))
+        contact.check_positive(contact.chain(apart(contact, self.model.embed), 1))
 
-    def _check_force(self, contact: Enclosed | None) -> None:
+    def _check_force(self, contact: Motion | None) -> None:
         if contact is None:
             raise Unproved("the contact is not enclosed")
         force = self.model.contact.watch[CONTACT_FORCE]
-        each = self._chain(contact, lambda x: force(x, contact.graphs.p, []), 1)
-        contact.path.check_positive(each, zero_at_start=1)
+        each = contact.chain(lambda x: force(x, contact.graphs.p, []), 1)
+        contact.check_positive(each, zero_at_start=1)
 
-    def _check_end(self, contact: Enclosed | None) -> None:
+    def _check_end(self, contact: Motion | None) -> None:
         if contact is None:
             raise Unproved("the contact is not enclosed")
         speed = self.model.contact_speed
-        each = self._chain(contact, lambda x: -speed.at(x), 1)
+        each = contact.chain(lambda x: -speed.at(x), 1)
         if self.model.one_speed:
-            contact.path.check_positive(each, zero_at_end=True)
+            contact.check_positive(each, zero_at_end=True)
 
-    def _enclose_extensions(self, flight: Enclosed) -> None:
+    def _enclose_extensions(self, flight: Motion) -> None:
         """The extension at lift-off and in mid-flight."""
-        pieces, each = flight.path.passage.pieces, self._chain(flight, self.model.extension.at, 0)
-        last = pieces[-1].step
-        self.enclosures["liftoff_extension"] = enclosure_of(flight.path.value(each, 0, pieces[0].step, arb(0)))
-        self.enclosures["mid_flight_extension"] = enclosure_of(flight.path.value(each, 0, last, last.h))
+        each = flight.chain(self.model.extension.at, 0)
+        self.enclosures["liftoff_extension"] = enclosure_of(flight.first(each, 0), self.digits)
+        self.enclosures["mid_flight_extension"] = enclosure_of(flight.last(each, 0), self.digits)
 
 
 def _embedded(embed: Any, x: Any) -> list[Any]:
