@@ -29,19 +29,21 @@ from .model.units import Units
 from .periodic.certificate import Certificate
 from .periodic.find import METHODS, find, find_all
 from .periodic.orbit import Orbit
+from .proof.prove import prove
+from .proof.theorem import Enclosure, Proof
 from .sweeps.answer import Sweep
 from .sweeps.existence import Existence, existence
 from .sweeps.sweep import SweepProgress, sweep
 from .sweeps.uncertainty import Uncertainty, uncertainty
 
 __all__ = [
-    "METHODS", "Active", "Affine", "Arc", "Certificate", "Checked", "Control", "Damper", "Design", "End", "Event",
+    "METHODS", "Active", "Affine", "Arc", "Certificate", "Checked", "Control", "Damper", "Design", "Enclosure", "End", "Event",
     "Existence", "Family", "FixedPoint", "FlowError", "Force", "Front", "Guess", "Hops", "InconsistentModel", "Inerter",
     "Input", "InputError", "Machine", "Mass", "Mechanism", "Model", "Modes", "NoOrbit", "Orbit", "OrbitsError",
-    "OutOfRange", "Phase", "Pieces", "Point", "Potential", "Reduction", "ReturnMap", "Simulation", "Spring", "Stage",
+    "OutOfRange", "Phase", "Pieces", "Point", "Potential", "Proof", "Reduction", "ReturnMap", "Simulation", "Spring", "Stage",
     "StateFormula", "Statement", "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "Weight",
     "__version__", "check", "existence", "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold",
-    "linear_modes", "multiplier", "optimize", "orbit_at", "pareto", "quantities", "sensitivities", "simulate",
+    "linear_modes", "multiplier", "optimize", "orbit_at", "pareto", "prove", "quantities", "sensitivities", "simulate",
     "start_from_rest", "starts", "steer", "sweep", "trace", "uncertainty",
 ]  # fmt: skip
 

@@ -20,6 +20,7 @@ ROOMS = (
     "plot",
     "flow",
     "periodic",
+    "proof",
     "hybrid",
     "continuation",
     "control",
@@ -191,7 +192,7 @@ def test_nothing_is_evaluated(path):
 
 def loaded_by(code: str) -> set[str]:
     """Which heavy packages a fresh interpreter has loaded after running `code`."""
-    heavy = ("casadi", "numpy", "scipy", "matplotlib", "llvmlite", "importlib.metadata", "numpy.ma")
+    heavy = ("casadi", "flint", "numpy", "scipy", "matplotlib", "llvmlite", "importlib.metadata", "numpy.ma")
     code += f"\nimport sys; print('LOADED', *[name for name in {heavy} if name in sys.modules])"
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     return set(output.split("LOADED")[1].split())

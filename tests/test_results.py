@@ -160,6 +160,10 @@ RESULTS = (
 )
 
 
+# What a result does not take along into a file or another process.
+NOT_KEPT = ("answer", "source")
+
+
 def same(a, b) -> bool:
     """Whether two results are equal in all that they hold, arrays to the last bit."""
     if type(a) is not type(b):
@@ -175,7 +179,8 @@ def same(a, b) -> bool:
     if isinstance(a, ReturnMap):
         return (a.machine, a.inject, a.cap) == (b.machine, b.inject, b.cap)
     if is_dataclass(a) and not hasattr(a, "model"):
-        return all(same(getattr(a, each.name), getattr(b, each.name)) for each in fields(a) if each.name != "answer")
+        names = [each.name for each in fields(a) if each.name not in NOT_KEPT]
+        return all(same(getattr(a, name), getattr(b, name)) for name in names)
     return a == b or (isinstance(a, float) and math.isnan(a) and math.isnan(b))
 
 

@@ -308,6 +308,7 @@ def certified_orbit(
         method=method,
         skipped=_skipped(model, p, method, any(flow.compiled for flow in equations.flows)),
         seconds=time.perf_counter() - began,
+        source=machine,
     )
 
 

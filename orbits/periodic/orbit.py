@@ -83,6 +83,7 @@ class Orbit:
     bare : the same orbit without units, None where there are none
     known_in_family : how many orbits of its family a search over launch speeds has found, this one among them; None
         where none was made. A search of many sign changes ends after 20,000 launches and may leave some out.
+    source : the machine that it was found for; None for an orbit from a file or from another process
     """
 
     machine: Mapping[str, Any]
@@ -100,6 +101,11 @@ class Orbit:
     units: Units | None = None
     bare: "Orbit | None" = field(default=None, repr=False)
     known_in_family: int | None = None
+    source: Machine | None = field(default=None, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields without the machine, which another process may not be able to read."""
+        return vars(self) | {"source": None}
 
     def dimensionless(self) -> "Orbit":
         """The orbit in its machine's own dimensionless units; itself where it has no others."""
@@ -379,7 +385,9 @@ class SavedOrbit(SavedLaws):
 
 def orbit_of(machine: Machine, orbit: Orbit) -> Orbit:
     """A dimensionless orbit of a machine in the machine's own units: in SI where it is stated so."""
-    return orbit if machine.units is None else orbit_in_units(orbit, machine.units, machine_in_words(machine))
+    if machine.units is None:
+        return orbit
+    return replace(orbit_in_units(orbit, machine.units, machine_in_words(machine)), source=machine)
 
 
 def orbit_in_units(orbit: Orbit, units: Units, machine: Mapping[str, Any]) -> Orbit:
@@ -396,6 +404,7 @@ def orbit_in_units(orbit: Orbit, units: Units, machine: Mapping[str, Any]) -> Or
         certificate=certificate_in_units(orbit.certificate, units),
         units=units,
         bare=orbit,
+        source=None,
     )
 
 

@@ -1,1 +1,58 @@
-"""Proofs: theorems about lossless orbits, by interval arithmetic."""
+"""Theorems about lossless orbits, proved by interval arithmetic: the method, its lemmas, and what is trusted.
+
+The claim. Let a model's parameters have exact values, decimals or intervals. A lossless orbit is a zero of a boundary
+value statement F(w) = 0, whose unknowns w are the place and the speed of the launch, half the durations, and what else
+a launch has. `prove` encloses a zero, shows that there is no other one nearby, and that its motion is one. With
+interval parameters all of it is proved for each value in them.
+
+Numbers. A float of the machine stands for the shortest decimal that rounds to it, and a numeral of a formula for the
+decimal that is written (`exact`). Everything is computed with Arb's balls, midpoint and radius, rounded outward. Floats
+only give guesses: of roots, steps, tubes and frames. Each guess is then tested in balls.
+
+Lemma 1, a step (`step`). Let p be the Taylor polynomial of order K of the solution of x' = f(x) from c, and E a vector
+of radii. If the solution from a point within E0 of c is compared with p, its distance obeys an integral inequality with
+the Jacobian over the tube p([0, h]) +- E and with the defect f(p) - p' = R t**K, R by Lagrange's form. If
+
+    E0 + h |Df| E + |R| h**(K + 1)/(K + 1) < E    in each component,
+
+then each such solution exists on [0, h] and stays in the tube. The Jacobian between a point and p is taken over the
+segment between them, which lies in the tube, as the tube is convex at each time.
+
+Lemma 2, a set of motions (`enclosure`). The derivatives D of the flow by its start obey the variational equations;
+Lemma 1 encloses them for all starts of the set. By the mean value theorem the state from c + d is that from c, plus D d
+with D in the enclosure, componentwise. Products of enclosures are kept in orthogonal frames against wrapping.
+
+Lemma 3, existence and uniqueness (`root`). Krawczyk's operator K(U) = u - Y F(u) + (1 - Y F'(U)) (U - u): if K(U) lies
+in the interior of U, then F has exactly one zero in U, and it lies in K(U). For an interval parameter q, F(u) holds
+the values for all q, since F(u, q) is in F(u, q0) + F_q(U, Q) (q - q0) by the mean value theorem, so that the statement
+is Krawczyk's for each q with the same U. The radius of uniqueness is how far U reaches beyond the middle of the
+enclosure. Later enclosures are intersections of Krawczyk images of boxes that hold the zero, hence hold it too.
+
+Lemma 4, the whole orbit. A reversor maps solutions to solutions with time reversed. A motion that reaches a state that
+the reversor leaves alone (all speeds 0) is its own mirror image about that time. So half a flight from the launch set to
+such a state is half of a flight that lands as it was launched; likewise for the contact. In the relative coordinate of a
+machine under constant gravity, F demands this of the extension alone; the coordinate that is thrown up with it is at
+the top of its parabola then by its closed form, which is where the half time comes from.
+
+Lemma 5, signs (`motion`). A function g of the states is positive where its enclosure is, also by g(m) + g'(T)(T - m).
+At lift-off the gap, its speed and its acceleration are 0: the first two identically, which is checked, the third by the
+equation of lift-off. If its third derivative is positive on [0, a], then by Taylor's formula the gap is above
+t**3 min g'''/6 > 0 on (0, a]. Likewise the contact force, which is 0 at landing by the same equation, with its first
+derivative; and the contact speed, which is 0 in mid-contact, read backwards from there.
+
+Lemma 6, the family. Times where the rate of the extension has a sign alternate with times where its derivative has one.
+On the latter the rate is monotone: it has one zero where the signs before and after differ, and none where they agree.
+The last of them hold mid-flight, where the rate is 0, and no other zero. The zeros before are counted.
+
+The loss coefficient (`loss`) is enclosed from the enclosures of its parts: the jerk of the gap, its derivative by alpha
+at landing through the monodromy of the half flight, and the energies.
+
+What is trusted: Arb and python-flint; CPython; CasADi's derivatives of elementary operations and the list of operations
+that it gives; this package's formula parser; and that the model says what the machine is: that what it calls lift-off
+is where its contact force vanishes, and so the acceleration of the gap, which holds of every `Mechanism` by construction
+and is looked at by `check` for models by hand. Laws in pieces, abs and sign are refused.
+
+Sources: R. Krawczyk, Computing 4 (1969) 187-201; R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval
+Analysis, SIAM 2009; T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, CAPD::DynSys, Communications in Nonlinear Science
+and Numerical Simulation 101 (2021) 105578; F. Johansson, Arb, IEEE Transactions on Computers 66 (2017) 1281-1292.
+"""

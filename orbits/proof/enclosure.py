@@ -1,10 +1,10 @@
 """Rigorous motions of a set of starts: the centre followed with high accuracy, and the derivatives by what is unknown.
 
 The starts are c + M w, where w are the deviations of the unknowns, within their radii, and M the derivatives of the
-start by them. By the mean value theorem the states later are c(t) + D(t) w with D(t) in an enclosure of the derivatives
-over all of the set. These are kept as Q M, with a rounded orthogonal matrix Q that turns with the motion and an interval
-matrix M: the product of many interval matrices would grow with every turn of the motion (the wrapping effect; R.
-Lohner's method, as in CAPD: T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, Communications in Nonlinear Science and
+start by them. By the mean value theorem the states later are c(t) + D(t) w, with D(t) in an enclosure of derivatives
+over all of the set. These are kept as Q M, with a rounded orthogonal matrix Q that turns with the motion and an
+interval matrix M: the product of many interval matrices would grow with every turn of the motion (the wrapping effect;
+R. Lohner's method, as in CAPD: T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, Communications in Nonlinear Science and
 Numerical Simulation 101, 2021).
 """
 
@@ -70,9 +70,7 @@ def order_for(bits: int) -> int:
     return max(SLOPE_ORDER, round(ORDER_PER_BIT * bits))
 
 
-def follow_centre(
-    system: System, constants: Sequence[arb], start: Sequence[arb], length: arb, bits: int
-) -> list[arb]:
+def follow_centre(system: System, constants: Sequence[arb], start: Sequence[arb], length: arb, bits: int) -> list[arb]:
     """Enclosures (n,) of the state a short time after a start (n,), by tubes alone, which grow with every step."""
     states, left = list(start), length
     for _ in range(MOST_STEPS):
@@ -119,9 +117,8 @@ def follow_set(
         fresh = arb_mat(n, 1, [arb(0, value.rad()) for value in end])
         error = (inverse * turned) * error + inverse * fresh
         if not long.h < left:
-            slopes, off = frame * inner, frame * error
-            end = [value + off[i, 0] for i, value in enumerate(centre)]
-            return Passage(pieces, _moved(start, by_unknowns * radii), _moved(end, slopes * radii), end, slopes)
+            whole, end = frame * inner, _moved(centre, frame * error)
+            return Passage(pieces, _moved(start, by_unknowns * radii), _moved(end, whole * radii), end, whole)
         at = at + long.h
 
 

@@ -1,8 +1,8 @@
 """Statements with exact numbers: decimals as they are written, in place of the floats that they are rounded to.
 
 Each arc of a boundary value statement becomes a leg, whose states are those of its phase, the time that it takes, in
-units of which it is followed, and the parameters that are only known within intervals. The unknowns of a proof are those
-of the statement and, after them, these parameters.
+units of which it is followed, and the parameters that are only known within intervals. The unknowns of a proof are
+those of the statement and, after them, these parameters.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ from ..errors import InputError
 from ..model.phase import Arc, Phase, Statement
 from ..symbolic.formula import CONSTANTS, symbolic_numerals
 from .enclosure import Passage, Variation, follow_set
-from .programs import Program
+from .programs import BallProgram
 from .refusal import Unproved
 from .step import System, widened
 
@@ -81,7 +81,7 @@ def _ball(value: Fraction) -> arb:
     return arb(fmpq(value.numerator, value.denominator))
 
 
-class Graphs:
+class ExactExpressions:
     """Symbols for parameters and numerals, and the programs of expressions of them.
 
     p : the symbols of all parameters by name, for a model's functions
@@ -93,10 +93,10 @@ class Graphs:
         self.wide = [self.p[name] for name in numbers.wide]
         self.numerals: dict[str, ca.SX] = {}
 
-    def program(self, inputs: Sequence[ca.SX], outputs: Sequence[Any]) -> Program:
+    def program(self, inputs: Sequence[ca.SX], outputs: Sequence[Any]) -> BallProgram:
         """A program of these inputs and, after them, the constants."""
         fixed = [self.p[name] for name in self.numbers.fixed]
-        return Program([*inputs, *fixed, *self.numerals.values()], [ca.SX(each) for each in outputs])
+        return BallProgram([*inputs, *fixed, *self.numerals.values()], [ca.SX(each) for each in outputs])
 
     def constants(self) -> list[arb]:
         """Enclosures of the fixed parameters and of the numerals, at the precision of the context."""
@@ -116,13 +116,13 @@ def _numeral_ball(text: str) -> arb:
     return _ball(exact_fraction("a numeral", text))
 
 
-class LegGraph:
+class LegExpressions:
     """The expressions of one leg: its states, the rates of a moving phase in units of the leg's duration.
 
     state : symbols of the m states of the phase, of the duration, and of the interval parameters: n in all
     """
 
-    def __init__(self, graphs: Graphs, phase: Phase):
+    def __init__(self, graphs: ExactExpressions, phase: Phase):
         if phase.pieces:
             raise Unproved("the spring's law is in pieces, with corners or of a table: it has no Taylor series there")
         self.phase = phase
@@ -132,7 +132,7 @@ class LegGraph:
         rates = phase.field(self.moving, graphs.p, [])
         self.rates = [*(self.duration * ca.SX(rate) for rate in rates), *(ca.SX(0) for _ in self.state[len(rates) :])]
 
-    def variation(self, graphs: Graphs) -> Variation:
+    def variation(self, graphs: ExactExpressions) -> Variation:
         """The system of the leg with its variational equations."""
         m, n = len(self.moving), len(self.state)
         varied = ca.SX.sym("d", n, m).T
@@ -143,17 +143,17 @@ class LegGraph:
         rates = [*self.rates, *(slopes[i, j] for i in range(m) for j in range(n))]
         return Variation(m, self._system(graphs, self.state, self.rates), self._system(graphs, states, rates))
 
-    def system(self, graphs: Graphs) -> System:
+    def system(self, graphs: ExactExpressions) -> System:
         """The system of the leg alone."""
         return self._system(graphs, self.state, self.rates)
 
     @staticmethod
-    def _system(graphs: Graphs, states: list[ca.SX], rates: list[ca.SX]) -> System:
+    def _system(graphs: ExactExpressions, states: list[ca.SX], rates: list[ca.SX]) -> System:
         slopes, places = graphs.derivatives(rates, states)
         return System(len(states), graphs.program(states, rates), graphs.program(states, slopes), tuple(places))
 
 
-class Leg:
+class BallLeg:
     """An arc of a statement as programs.
 
     start : (unknowns, states at the end of the leg before) -> the states of this leg, n
@@ -161,8 +161,8 @@ class Leg:
     The derivatives of each come as a dense matrix, row by row.
     """
 
-    def __init__(self, graphs: Graphs, arc: Arc, unknowns: Mapping[str, ca.SX], before: list[ca.SX]):
-        self.graph = LegGraph(graphs, arc.phase)
+    def __init__(self, graphs: ExactExpressions, arc: Arc, unknowns: Mapping[str, ca.SX], before: list[ca.SX]):
+        self.graph = LegExpressions(graphs, arc.phase)
         self.arc, self.graphs, self.before = arc, graphs, before
         self.w = [*unknowns.values(), *graphs.wide]
         p, m = graphs.p, len(self.graph.moving)
@@ -184,7 +184,7 @@ class Leg:
         self.conditions, self.condition_slopes = graphs.program(inputs, conditions), self._dense(conditions, inputs)
         self.count = len(conditions)
 
-    def _dense(self, outputs: list[ca.SX], inputs: list[ca.SX]) -> Program:
+    def _dense(self, outputs: list[ca.SX], inputs: list[ca.SX]) -> BallProgram:
         jacobian = ca.densify(ca.jacobian(ca.vertcat(*outputs), ca.vertcat(*inputs)))
         return self.graphs.program(inputs, [jacobian[i, j] for i in range(len(outputs)) for j in range(len(inputs))])
 
@@ -210,12 +210,12 @@ class Equations:
 
     def __init__(self, statement: Statement, numbers: Numbers):
         self.numbers, self.unknowns = numbers, statement.unknowns
-        self.graphs = Graphs(numbers)
+        self.graphs = ExactExpressions(numbers)
         with symbolic_numerals(self.graphs.numerals):
             u = {name: ca.SX.sym(name) for name in statement.unknowns}
-            self.legs, before = list[Leg](), list[ca.SX]()
+            self.legs, before = list[BallLeg](), list[ca.SX]()
             for arc in statement.arcs:
-                self.legs.append(Leg(self.graphs, arc, u, before))
+                self.legs.append(BallLeg(self.graphs, arc, u, before))
                 before = ca.vertsplit(ca.SX.sym("before", len(arc.phase.states)))
         for leg in self.legs:
             leg.compile()
@@ -235,13 +235,13 @@ class Equations:
             columns = len(middle)
             start = leg.start([*middle, *last, *constants])
             slopes = _matrix_of(leg.start_slopes([*box, *last_box, *constants]), len(start))
-            by_unknowns = _split(slopes, 0, columns)
+            by_unknowns = _sliced(slopes, 0, columns)
             if last_slopes is not None:
-                by_unknowns = by_unknowns + _split(slopes, columns, len(last)) * last_slopes
+                by_unknowns = by_unknowns + _sliced(slopes, columns, len(last)) * last_slopes
             passage = follow_set(leg.variation, constants, start, by_unknowns, deviations, bits)
             m = leg.variation.moving
-            end, end_slopes = passage.end[:m], _rows(passage.slopes, m)
-            start_slopes = _rows(by_unknowns, m)
+            end, end_slopes = passage.end[:m], _first_rows(passage.slopes, m)
+            start_slopes = _first_rows(by_unknowns, m)
             start_box, end_box = passage.start[:m], passage.finish[:m]
             passages.append(passage)
             last, last_box, last_slopes = end, end_box, end_slopes
@@ -249,8 +249,8 @@ class Equations:
                 continue
             values += leg.conditions([*middle, *start[:m], *end, *constants])
             slopes = _matrix_of(leg.condition_slopes([*box, *start_box, *end_box, *constants]), leg.count)
-            total = _split(slopes, 0, columns) + _split(slopes, columns, m) * start_slopes
-            rows += (total + _split(slopes, columns + m, m) * end_slopes).tolist()
+            total = _sliced(slopes, 0, columns) + _sliced(slopes, columns, m) * start_slopes
+            rows += (total + _sliced(slopes, columns + m, m) * end_slopes).tolist()
         return Evaluated(values, arb_mat(rows), passages)
 
 
@@ -258,11 +258,11 @@ def _matrix_of(values: list[arb], rows: int) -> arb_mat:
     return arb_mat(rows, len(values) // rows, values)
 
 
-def _split(matrix: arb_mat, first: int, count: int) -> arb_mat:
+def _sliced(matrix: arb_mat, first: int, count: int) -> arb_mat:
     """Columns of a matrix."""
     return arb_mat([row[first : first + count] for row in matrix.tolist()])
 
 
-def _rows(matrix: arb_mat, count: int) -> arb_mat:
+def _first_rows(matrix: arb_mat, count: int) -> arb_mat:
     """The first rows of a matrix."""
     return arb_mat(matrix.tolist()[:count])

@@ -13,12 +13,14 @@ from flint import arb, arb_mat
 from ..model.model import Model
 from ..symbolic.formula import symbolic_numerals
 from .enclosure import follow_set
-from .exact import Leg
+from .exact import BallLeg
 from .motion import Motion
 from .refusal import Unproved
 
 
-def enclosed_loss(model: Model, flight: Motion, leg: Leg, unknowns: Mapping[str, arb], bits: int) -> tuple[arb, str]:
+def enclosed_loss(
+    model: Model, flight: Motion, leg: BallLeg, unknowns: Mapping[str, arb], bits: int
+) -> tuple[arb, str]:
     """An enclosure of C, and the side on which the hop attracts, "above" or "below".
 
     flight : the half flight in the flight states, whose leg has all programs
@@ -55,7 +57,7 @@ def enclosed_loss(model: Model, flight: Motion, leg: Leg, unknowns: Mapping[str,
     return loss, "above" if slope > 0 else "below"
 
 
-def _transition(leg: Leg, start: Sequence[arb], constants: Sequence[arb], m: int, bits: int) -> arb_mat:
+def _transition(leg: BallLeg, start: Sequence[arb], constants: Sequence[arb], m: int, bits: int) -> arb_mat:
     """The derivatives (m, m) of the state in mid-flight by the state at lift-off, over fixed times."""
     n = len(start)
     radii = arb_mat(n, 1, [arb(0, value.rad()) for value in start])

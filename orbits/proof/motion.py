@@ -9,8 +9,8 @@ from flint import arb
 from ..errors import OrbitsError
 from ..symbolic.formula import symbolic_numerals
 from .enclosure import Passage
-from .exact import Graphs, LegGraph
-from .programs import Program
+from .exact import ExactExpressions, LegExpressions
+from .programs import BallProgram
 from .refusal import Unproved
 from .step import Step, between
 
@@ -23,14 +23,14 @@ class Refuted(OrbitsError):
 
 
 @dataclass(frozen=True)
-class Chain:
+class Derivatives:
     """A function of the states of a leg and its derivatives by the time of the leg, which lasts from 0 to 1.
 
     programs : of the function and of its derivatives, one order after the other
     constants : of these programs
     """
 
-    programs: tuple[Program, ...]
+    programs: tuple[BallProgram, ...]
     constants: list[arb]
 
 
@@ -41,11 +41,11 @@ class Motion:
     graphs, leg : the expressions of its states and rates
     """
 
-    graphs: Graphs
-    leg: LegGraph
+    graphs: ExactExpressions
+    leg: LegExpressions
     passage: Passage
 
-    def chain(self, function: Callable, orders: int) -> Chain:
+    def chain(self, function: Callable, orders: int) -> Derivatives:
         """A function of the phase's states with so many derivatives along the motion."""
         states, rates = ca.vertcat(*self.leg.state), ca.vertcat(*self.leg.rates)
         with symbolic_numerals(self.graphs.numerals):
@@ -53,24 +53,24 @@ class Motion:
         for _ in range(orders):
             functions.append(ca.jtimes(functions[-1], states, rates))
         programs = tuple(self.graphs.program(self.leg.state, [each]) for each in functions)
-        return Chain(programs, self.graphs.constants())
+        return Derivatives(programs, self.graphs.constants())
 
-    def value(self, each: Chain, order: int, step: Step, t: arb) -> arb:
+    def value(self, each: Derivatives, order: int, step: Step, t: arb) -> arb:
         """An enclosure of a derivative at a time, or at all times of a ball, within a step."""
         (value,) = each.programs[order]([*step.at(t), *each.constants])
         return value
 
-    def first(self, each: Chain, order: int) -> arb:
+    def first(self, each: Derivatives, order: int) -> arb:
         """An enclosure of a derivative at the start."""
         (value,) = each.programs[order]([*self.passage.start, *each.constants])
         return value
 
-    def last(self, each: Chain, order: int) -> arb:
+    def last(self, each: Derivatives, order: int) -> arb:
         """An enclosure of a derivative at the end."""
         (value,) = each.programs[order]([*self.passage.finish, *each.constants])
         return value
 
-    def check_positive(self, each: Chain, zero_at_start: int = 0, zero_at_end: bool = False) -> None:
+    def check_positive(self, each: Derivatives, zero_at_start: int = 0, zero_at_end: bool = False) -> None:
         """Prove that a function is positive inside the motion.
 
         zero_at_start : the order of the zero that the function is known to have there
@@ -88,7 +88,7 @@ class Motion:
             if low < high:
                 self._check_between(each, piece.step, low, high, MOST_BISECTIONS)
 
-    def _beginning(self, each: Chain, order: int, step: Step) -> arb:
+    def _beginning(self, each: Derivatives, order: int, step: Step) -> arb:
         """A time up to which the first derivative that is not zero at the start is positive, and so the function."""
         until = step.h
         for _ in range(MOST_BISECTIONS):
@@ -100,7 +100,7 @@ class Motion:
             until = until / 2
         raise Unproved("its sign at the beginning is not decided")
 
-    def _ending(self, each: Chain, step: Step, low: arb) -> arb:
+    def _ending(self, each: Derivatives, step: Step, low: arb) -> arb:
         """A time from which the function falls to its zero at the end."""
         since = low
         for _ in range(MOST_BISECTIONS):
@@ -111,7 +111,7 @@ class Motion:
             since = (since + step.h) / 2
         raise Unproved("its sign at the end is not decided")
 
-    def _check_between(self, each: Chain, step: Step, low: arb, high: arb, left: int) -> None:
+    def _check_between(self, each: Derivatives, step: Step, low: arb, high: arb, left: int) -> None:
         times, middle = between(low, high), (low + high) / 2
         if self.value(each, 0, step, times) > 0:
             return
@@ -125,7 +125,7 @@ class Motion:
         self._check_between(each, step, low, middle, left - 1)
         self._check_between(each, step, middle, high, left - 1)
 
-    def count_turns(self, each: Chain) -> int:
+    def count_turns(self, each: Derivatives) -> int:
         """The number of stationary points of a function inside the motion, at whose end it is known to have one.
 
         The times are divided into those where its rate has a sign and those where the rate is monotone. Among the
@@ -150,7 +150,9 @@ class Motion:
                 before, slope = sign, 0
         return turns
 
-    def _mark(self, each: Chain, step: Step, low: arb, high: arb, left: int, marks: list[tuple[int, int]]) -> None:
+    def _mark(
+        self, each: Derivatives, step: Step, low: arb, high: arb, left: int, marks: list[tuple[int, int]]
+    ) -> None:
         times = between(low, high)
         if sign := _sign(self.value(each, 1, step, times)):
             marks.append((sign, 0))

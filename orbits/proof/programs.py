@@ -22,7 +22,7 @@ SIGNIFICANT_BITS = 21
 LARGEST_PRODUCT = 64
 
 
-class Program:
+class BallProgram:
     """A CasADi function of one vector as a list of operations; called with a list of values, it gives the list of its
     results.
 
@@ -34,7 +34,7 @@ class Program:
         self.outputs = len(outputs)
         self._size = function.sz_w() + 1
         self._loads: list[tuple[int, int]] = []
-        self._constants: list[tuple[int, int]] = []
+        self._constants: list[tuple[int, arb]] = []
         self._operations: list[tuple[Callable, int, int, int | None]] = []
         self._stores: list[tuple[int, int]] = []
         # CasADi uses places of its work vector again. Each result gets a place of its own, so that loads and constants
@@ -68,20 +68,20 @@ class Program:
             work[place] = values[index]
         for operate, place, first, second in self._operations:
             work[place] = operate(work[first]) if second is None else operate(work[first], work[second])
-        results: list[Value] = [_ZERO] * self.outputs
+        results: list[Value] = [_NULL] * self.outputs
         for index, place in self._stores:
             results[index] = work[place]
         return results
 
 
-_ZERO = arb(0)
+_NULL = arb(0)
 
 
 def coefficient(value: Value, order: int) -> arb:
     """A Taylor coefficient of a result; a ball is a constant series."""
     if isinstance(value, arb_series):
         return value[order]
-    return value if order == 0 else _ZERO
+    return value if order == 0 else _NULL
 
 
 def _exact(value: float) -> arb:
@@ -98,7 +98,7 @@ def _name_of(code: int) -> str:
     return names.get(code, f"CasADi's operation {code}")
 
 
-def _bounded(function: Callable, low: int, high: int) -> Callable:
+def _with_bounds(function: Callable, low: int, high: int) -> Callable:
     """A function of balls whose values lie between bounds, also on balls that are not finite."""
     whole = arb(low).union(arb(high))
     return lambda x: function(x) if x.is_finite() else whole
@@ -123,7 +123,7 @@ def _cosh(x: arb_series) -> arb_series:
     return (grown + shrunk) / 2
 
 
-def _power(x: Value, y: Value) -> Value:
+def _ball_power(x: Value, y: Value) -> Value:
     """x**y: a product for whole exponents, a root for halves, exp(y log x) for others, where x has to be positive."""
     if isinstance(y, arb):
         whole = y.unique_fmpz() if y.is_exact() else None
@@ -155,8 +155,8 @@ _BINARY: dict[int, Callable] = {
     ca.OP_SUB: operator.sub,
     ca.OP_MUL: operator.mul,
     ca.OP_DIV: operator.truediv,
-    ca.OP_POW: _power,
-    ca.OP_CONSTPOW: _power,
+    ca.OP_POW: _ball_power,
+    ca.OP_CONSTPOW: _ball_power,
 }
 _UNARY: dict[int, Callable] = {
     ca.OP_ASSIGN: lambda x: x,
@@ -169,15 +169,15 @@ _UNARY: dict[int, Callable] = {
     ca.OP_LOG: lambda x: x.log(),
     ca.OP_EXPM1: _on_both(lambda x: x.expm1(), lambda x: x.exp() - 1),
     ca.OP_LOG1P: _on_both(lambda x: x.log1p(), lambda x: (1 + x).log()),
-    ca.OP_SIN: _on_both(_bounded(arb.sin, -1, 1), arb_series.sin),
-    ca.OP_COS: _on_both(_bounded(arb.cos, -1, 1), arb_series.cos),
+    ca.OP_SIN: _on_both(_with_bounds(arb.sin, -1, 1), arb_series.sin),
+    ca.OP_COS: _on_both(_with_bounds(arb.cos, -1, 1), arb_series.cos),
     ca.OP_TAN: lambda x: x.tan(),
     ca.OP_ASIN: lambda x: x.asin(),
     ca.OP_ACOS: lambda x: x.acos(),
     ca.OP_ATAN: lambda x: x.atan(),
     ca.OP_SINH: _on_both(lambda x: x.sinh(), _sinh),
     ca.OP_COSH: _on_both(lambda x: x.cosh(), _cosh),
-    ca.OP_TANH: _on_both(_bounded(arb.tanh, -1, 1), lambda x: 1 - 2 / ((2 * x).exp() + 1)),
+    ca.OP_TANH: _on_both(_with_bounds(arb.tanh, -1, 1), lambda x: 1 - 2 / ((2 * x).exp() + 1)),
     ca.OP_ASINH: _on_both(lambda x: x.asinh(), lambda x: (x + (x * x + 1).sqrt()).log()),
     ca.OP_ACOSH: _on_both(lambda x: x.acosh(), lambda x: (x + (x * x - 1).sqrt()).log()),
     ca.OP_ATANH: _on_both(lambda x: x.atanh(), lambda x: ((1 + x) / (1 - x)).log() / 2),

@@ -16,7 +16,6 @@ from flint import arb, arb_mat, ctx
 
 from .exact import Equations, Evaluated
 from .refusal import Unproved
-from .step import widened
 
 # Bits of the first proof, and relative radii of the boxes that are tried, the largest first.
 FIRST_BITS = 80
@@ -31,7 +30,7 @@ EXACT = 10**9
 
 
 @dataclass(frozen=True)
-class Root:
+class ProvedRoot:
     """A proved root of the equations for each value of the interval parameters.
 
     box : enclosures (unknowns,) of the root
@@ -44,7 +43,7 @@ class Root:
     evaluated: Evaluated
 
 
-def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Root:
+def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> ProvedRoot:
     """The root near a guess, enclosed to about a number of bits where the parameters have one value.
 
     Raises `Unproved` where no root can be proved.
@@ -64,7 +63,7 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Root:
     else:
         raise Unproved(f"no box about the numerical solution is proved to hold a root{reason}")
     unique_in = [radius - (value.mid() - c).abs_upper() for radius, value, c in zip(radii, inner, centre, strict=True)]
-    return _refined(equations, Root(inner, unique_in, evaluated), bits)
+    return _narrowed(equations, ProvedRoot(inner, unique_in, evaluated), bits)
 
 
 def _narrow_boxes(centre: Sequence[arb]) -> list[list[arb]]:
@@ -86,7 +85,7 @@ def _wide_boxes(equations: Equations, centre: list[arb]) -> list[list[arb]]:
     return [[(arb(room) * move + least).abs_upper() for move in moved] for room in ROOM]
 
 
-def _square(slopes: arb_mat, n: int) -> arb_mat:
+def _by_unknowns(slopes: arb_mat, n: int) -> arb_mat:
     """The derivatives by the unknowns alone."""
     return arb_mat([row[:n] for row in slopes.tolist()])
 
@@ -107,23 +106,22 @@ def _contracted(
     return image if inside else None
 
 
-def _image(
-    equations: Equations, evaluated: Evaluated, centre: Sequence[arb], deviations: Sequence[arb]
-) -> list[arb]:
+def _image(equations: Equations, evaluated: Evaluated, centre: Sequence[arb], deviations: Sequence[arb]) -> list[arb]:
     """Krawczyk's operator about a centre, on the deviations (unknowns,) of a box from it."""
     n, numbers = len(centre), equations.numbers
-    slopes = _square(evaluated.slopes, n)
+    slopes = _by_unknowns(evaluated.slopes, n)
     inverse = _rounded_inverse(slopes)
     values = arb_mat(n, 1, evaluated.values)
     if numbers.wide:
         by_parameters = arb_mat([row[n:] for row in evaluated.slopes.tolist()])
-        values = values + by_parameters * arb_mat(len(numbers.wide), 1, [arb(0, numbers.radius(p)) for p in numbers.wide])
+        reach = arb_mat(len(numbers.wide), 1, [arb(0, numbers.radius(name)) for name in numbers.wide])
+        values = values + by_parameters * reach
     identity = arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
     change = (identity - inverse * slopes) * arb_mat(n, 1, list(deviations)) - inverse * values
     return [value + change[i, 0] for i, value in enumerate(centre)]
 
 
-def _refined(equations: Equations, root: Root, bits: int) -> Root:
+def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
     """The root enclosed more narrowly: by the derivatives on a smaller box, then by values in growing precision."""
     box, evaluated = root.box, root.evaluated
     if equations.numbers.wide:
@@ -132,13 +130,13 @@ def _refined(equations: Equations, root: Root, bits: int) -> Root:
             evaluated = equations.evaluate(centre, radii, ctx.prec)
             image = _image(equations, evaluated, centre, [arb(0, radius) for radius in radii])
             box = [value.intersection(new) for value, new in zip(box, image, strict=True)]
-        return Root(box, root.unique_in, evaluated)
+        return ProvedRoot(box, root.unique_in, evaluated)
     centre, radii = [value.mid() for value in box], [value.rad() for value in box]
     evaluated = equations.evaluate(centre, radii, ctx.prec)
     box = _by_values(equations, evaluated, evaluated, centre, box)
     for _ in range(MOST_REFINEMENTS):
         if _known_to(box, bits):
-            return Root(box, root.unique_in, evaluated)
+            return ProvedRoot(box, root.unique_in, evaluated)
         reached = max(FIRST_BITS, min(_bits_of(value) for value in box))
         with ctx.workprec(min(2 * reached, bits) + GUARD_BITS):
             centre = [value.mid() for value in box]
@@ -176,8 +174,3 @@ def _bits_of(value: arb) -> int:
 
 def _known_to(box: Sequence[arb], bits: int) -> bool:
     return all(_bits_of(value) >= bits for value in box)
-
-
-def within(box: Sequence[arb], radii: Sequence[arb]) -> list[arb]:
-    """The balls widened by radii."""
-    return [widened(value, radius) for value, radius in zip(box, radii, strict=True)]

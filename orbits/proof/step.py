@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, arb_poly, arb_series, ctx
 
-from .programs import Program, coefficient
+from .programs import BallProgram, coefficient
 from .refusal import Unproved
 
 # The step is chosen so that the tube grows at most by about this share of itself.
@@ -46,8 +46,8 @@ class System:
     """
 
     size: int
-    rates: Program
-    slopes: Program
+    rates: BallProgram
+    slopes: BallProgram
     places: tuple[tuple[int, int], ...]
 
 
@@ -89,7 +89,7 @@ def between(low: arb, high: arb) -> arb:
     return low.union(high)
 
 
-def taylor_coefficients(
+def picard_coefficients(
     rates: Callable, centre: Sequence[arb], constants: Sequence[arb], order: int
 ) -> list[list[arb]]:
     """Taylor coefficients (n, order + 1) of the solution from a centre (n,): Picard's iteration on series, each of
@@ -113,15 +113,15 @@ def take_step(
 ) -> Step:  # fmt: skip
     """A step of at most the longest length from the states within a spread (n,) of a centre (n,), of a polynomial of
     this order whose last term is about the accuracy; raises `Unproved` where no step is short enough."""
-    rows = taylor_coefficients(system.rates, centre, constants, order)
+    rows = picard_coefficients(system.rates, centre, constants, order)
     h = _suggested(system, rows, constants, longest, order, accuracy)
     polynomials = [arb_poly(row) for row in rows]
     sizes = _sizes(rows)
     for _ in range(MOST_TRIES):
-        defect = _defect(system, constants, polynomials, h, order)
+        defect = _remainder(system, constants, polynomials, h, order)
         off = max((float(each) / size for each, size in zip(defect, sizes, strict=True)), default=0.0)
         if off > MOST_OFF * accuracy:  # also where it is no number
-            h = _short(float(h) * (max((accuracy / off) ** (1 / order), LEAST_SHARE) if off < np.inf else 0.5))
+            h = _few_digits(float(h) * (max((accuracy / off) ** (1 / order), LEAST_SHARE) if off < np.inf else 0.5))
             continue
         step = _proved(system, constants, polynomials, spread, defect, h)
         if step is not None:
@@ -136,23 +136,24 @@ def _suggested(
     """A guess of the length of a step, such that a few about equal ones fill the longest. It has so few digits that the
     sums of steps are exact."""
     sizes = _sizes(rows)
-    last = max(abs(float(row[k].mid())) / size for row, size in zip(rows, sizes, strict=True) for k in (order - 1, order))
+    lasts = [max(abs(float(row[k].mid())) for k in (order - 1, order)) for row in rows]
+    last = max(each / size for each, size in zip(lasts, sizes, strict=True))
     length = (accuracy / last) ** (1 / order) if last > 0 else np.inf
     for _ in range(2):  # laws stiffen along the step
         reach = arb(min(length, float(longest)))
         for t in (arb(0), reach):
             places = [arb_poly(row)(t).mid() for row in rows]
-            stiffness = _matrix(system, system.slopes([*places, *constants]))
+            stiffness = _magnitudes(system, system.slopes([*places, *constants]))
             if np.isfinite(stiffness).all() and (radius := np.abs(np.linalg.eigvals(stiffness)).max()) > 0:
                 length = min(length, STIFFEST / radius)
     whole = float(longest)
     if not length < whole:
         return longest
     count = float(np.ceil(whole / length)) if length > whole * SHORTEST else 1 / SHORTEST
-    return _short(whole / count)
+    return _few_digits(whole / count)
 
 
-def _short(length: float) -> arb:
+def _few_digits(length: float) -> arb:
     """The next larger length with few digits."""
     mantissa, exponent = np.frexp(length)
     return arb(float(np.ldexp(np.ceil(mantissa * 2**STEP_BITS), exponent - STEP_BITS)))
@@ -164,7 +165,7 @@ def _sizes(rows: list[list[arb]]) -> list[float]:
     return [max(size, SMALL * max(sizes), 1e-30) for size in sizes]
 
 
-def _matrix(system: System, values: Sequence[arb]) -> np.ndarray:
+def _magnitudes(system: System, values: Sequence[arb]) -> np.ndarray:
     """The Jacobian (n, n) in rounded numbers: the magnitudes of balls, for guesses."""
     matrix = np.zeros((system.size, system.size))
     for (i, j), value in zip(system.places, values, strict=True):
@@ -172,9 +173,7 @@ def _matrix(system: System, values: Sequence[arb]) -> np.ndarray:
     return matrix
 
 
-def _defect(
-    system: System, constants: Sequence[arb], polynomials: list[arb_poly], h: arb, order: int
-) -> list[arb]:
+def _remainder(system: System, constants: Sequence[arb], polynomials: list[arb_poly], h: arb, order: int) -> list[arb]:
     """|R| h**(K + 1)/(K + 1), n bounds; not finite where the rates are not."""
     cap = ctx.cap
     try:
@@ -211,18 +210,14 @@ def _proved(
     return None
 
 
-def _slopes_on(
-    system: System, constants: Sequence[arb], hull: Sequence[arb], tube: Sequence[arb]
-) -> list[arb] | None:
+def _slopes_on(system: System, constants: Sequence[arb], hull: Sequence[arb], tube: Sequence[arb]) -> list[arb] | None:
     """The magnitudes of the derivatives over a tube, None where one is not bounded."""
     inside = [widened(value, radius) for value, radius in zip(hull, tube, strict=True)]
     slopes = [value.abs_upper() for value in system.slopes([*inside, *constants])]
     return slopes if all(value.is_finite() for value in slopes) else None
 
 
-def _grown(
-    system: System, slopes: Sequence[arb], added: Sequence[arb], tube: Sequence[arb], h: arb
-) -> list[arb]:
+def _grown(system: System, slopes: Sequence[arb], added: Sequence[arb], tube: Sequence[arb], h: arb) -> list[arb]:
     """The right hand side of the estimate."""
     found = list(added)
     for (i, j), slope in zip(system.places, slopes, strict=True):
@@ -233,7 +228,7 @@ def _grown(
 def _fixed_point(system: System, slopes: Sequence[arb], added: Sequence[arb], h: arb) -> list[arb] | None:
     """A guess of a tube that is wider than its estimate: the solution of e = WIDER (added + h |Df| e)."""
     length = float(h.abs_upper())
-    if not np.isfinite(matrix := _matrix(system, slopes)).all():
+    if not np.isfinite(matrix := _magnitudes(system, slopes)).all():
         return None
     # Radii far below the smallest float are told by their ratio to the largest.
     largest = max(added)

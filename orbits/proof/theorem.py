@@ -10,7 +10,7 @@ from typing import Any
 from ..io import one_line, write_json
 
 # The width of the lines of a statement.
-WIDTH = 110
+LINE_WIDTH = 110
 
 
 @dataclass(frozen=True)
@@ -115,4 +115,4 @@ class Proof:
 
 
 def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="  ", break_long_words=False)
+    return textwrap.wrap(text, LINE_WIDTH, initial_indent="  ", subsequent_indent="  ", break_long_words=False)

@@ -1,7 +1,39 @@
 """The theorem in words."""
 
+from collections.abc import Mapping
 from typing import Any
 
+from .theorem import Enclosure
 
-def statement_of(case: Any) -> str:
-    return "TODO"
+# What each condition of a motion says, where it is proved.
+CONDITIONS = {
+    "clearance": "the contact point is above what it lands on throughout the open flight",
+    "separation": "the separation stays positive over the whole cycle",
+    "contact_force": "the contact pushes throughout the open contact",
+    "contact_end": "the contact speed vanishes for the first time in mid-contact, so that the contact ends in a "
+    "lift-off that is the mirror image of the landing",
+}
+
+
+def machine_sentence(machine: Mapping[str, Any], exact: Mapping[str, str]) -> str:
+    """The machine with its exact parameters, in words."""
+    numbers = ", ".join(f"{name} {value}" for name, value in exact.items())
+    return f"Let the {machine['machine']} have spring {machine['spring']} and gravity {machine['gravity']}, {numbers}."
+
+
+def root_sentence(names: str, enclosures: Mapping[str, Enclosure], uniqueness: str, each: bool) -> str:
+    """What existence and uniqueness say."""
+    told = "; ".join(f"{name.replace('_', ' ')} in {value}" for name, value in enclosures.items())
+    values = "For each value of the parameters in their intervals the" if each else "The"
+    others = f"No other solution has all unknowns ({names}) within {uniqueness} of the middle of their enclosures"
+    return f"{values} equations of a lossless orbit have a solution with {told}. {others}."
+
+
+def motion_sentence(family: int | None, conditions: Mapping[str, str]) -> str:
+    """What is proved of the motion."""
+    told = [CONDITIONS[name] for name, verdict in conditions.items() if verdict == "proved"]
+    counted = [] if family is None else [f"it is of family {family}"]
+    if not (counted or told):
+        return ""
+    whole = "It is a motion: " if told and set(conditions.values()) == {"proved"} else "Of the motion: "
+    return f"{whole}{'; '.join([*counted, *told])}."

@@ -1,0 +1,332 @@
+"""The proof of what an orbit says: that it exists, is alone nearby, is of its family and is a motion."""
+
+import time
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from typing import Any
+
+import casadi as ca
+from flint import arb, ctx
+
+from ..errors import InputError
+from ..model.machine import Machine, machine_in_words
+from ..model.model import Model
+from ..model.phase import Arc, Statement
+from ..periodic.formulations import CONTACT_FORCE, contact_reversor, half_orbit
+from ..periodic.orbit import Orbit
+from ..symbolic.formula import symbolic_numerals
+from .decimals import enclosure_of, lower_decimal, upper_decimal
+from .enclosure import Passage
+from .exact import BallLeg, Decimals, Equations, Numbers
+from .loss import enclosed_loss
+from .motion import Motion, Refuted
+from .refusal import Unproved
+from .root import FIRST_BITS, ProvedRoot, prove_root
+from .theorem import Enclosure, Proof
+from .wording import machine_sentence, motion_sentence, root_sentence
+
+BITS_PER_DIGIT = 3.33
+# Bits that are asked for where no number of digits is.
+USUAL_BITS = 60
+MOST_DIGITS = 1000
+# What an orbit says of alpha is right if it is within its own error, twice over, and a few units of the last place.
+CLAIMED, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
+PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
+# The conditions of a motion, and what each says.
+CONTACT_DURATION = "contact_duration"
+
+
+def proof_of(
+    orbit: Orbit, digits: int | None, machine: Machine, parameters: Mapping[str, Decimals], motion: bool, loss: bool
+) -> Proof:
+    """The proof of an orbit, see `prove`."""
+    began = time.perf_counter()
+    case = Case(orbit, machine, parameters, digits)
+    precision = ctx.prec
+    ctx.prec = FIRST_BITS
+    try:
+        case.prove(motion, loss)
+    finally:
+        ctx.prec = precision
+    return Proof(
+        proved=not case.reasons,
+        statement=case.told(),
+        machine=machine_in_words(machine),
+        family=case.family,
+        enclosures=case.enclosures,
+        radius=case.radius,
+        uniqueness_radius=case.uniqueness_radius,
+        conditions=case.conditions,
+        reasons=tuple(case.reasons),
+        digits=digits,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def checked_digits(digits: int | None) -> int | None:
+    """A number of digits that can be asked for; raises `InputError` for another."""
+    if digits is not None and not (isinstance(digits, int) and 1 <= digits <= MOST_DIGITS):
+        raise InputError(f"digits = {digits!r}; it is a whole number from 1 to {MOST_DIGITS}")
+    return digits
+
+
+def statement_to_prove(model: Model, with_contact: bool) -> Statement:
+    """The boundary value statement of an orbit: the smallest of its flight and, unless that has it already, half of the
+    contact, up to where its speed vanishes."""
+    flight = model.reduction.statement if model.reduction else half_orbit(model)
+    if not with_contact or CONTACT_DURATION in flight.unknowns:
+        return flight
+    place = contact_reversor(model.reversor, model.embed) if model.reversor else ()
+    contact = Arc(
+        model.contact,
+        start=lambda u, before, p: model.touchdown(u, p),
+        duration=lambda u, p: u[CONTACT_DURATION],
+        conditions=lambda u, x, p: [value for value, sign in zip(x, place, strict=True) if sign < 0],
+    )
+    unknowns, durations = (*flight.unknowns, CONTACT_DURATION), (*flight.durations, CONTACT_DURATION)
+    return Statement(f"{flight.name} with contact", unknowns, (*flight.arcs, contact), durations)
+
+
+class Case:
+    """One proof as it grows.
+
+    numbers : the exact parameters
+    statement, root : the boundary value statement, and its proved root
+    family, enclosures, conditions, reasons : as in `Proof`
+    """
+
+    def __init__(self, orbit: Orbit, machine: Machine, parameters: Mapping[str, Decimals], digits: int | None):
+        model = machine.model
+        if model.reversor is None:
+            raise InputError(f"a {model.name} is not its own mirror image in time: its orbits cannot be proved")
+        if unknown := [name for name in parameters if name not in machine.values]:
+            raise InputError(f"the machine has no parameter '{unknown[0]}'; it has {', '.join(machine.values)}")
+        self.orbit, self.machine, self.model, self.digits = orbit.dimensionless(), machine, model, digits
+        self.numbers = Numbers(machine.values, parameters)
+        self.family: int | None = None
+        self.root: ProvedRoot | None = None
+        self.enclosures: dict[str, Enclosure] = {}
+        self.conditions: dict[str, str] = {}
+        self.reasons: list[str] = []
+        self.radius: str | None = None
+        self.uniqueness_radius: str | None = None
+        self.stable_side: str | None = None
+
+    def prove(self, motion: bool, loss: bool) -> None:
+        """Prove existence and uniqueness, and the rest where it is asked for."""
+        bits = USUAL_BITS if self.digits is None else int(BITS_PER_DIGIT * (self.digits + 2))
+        try:
+            self._prove_existence(motion and self.orbit.contact_time is not None, bits)
+        except Unproved as error:
+            self.reasons.append(f"existence: {error}")
+            self.conditions |= dict.fromkeys(self._names() if motion else (), UNDECIDED)
+            return
+        self._enclose()
+        self._check_claims()
+        if not (motion or loss):
+            return
+        try:
+            flight, leg = self._flight()
+        except Unproved as error:
+            self.reasons.append(f"the flight: {error}")
+            self.conditions |= dict.fromkeys(self._names(), UNDECIDED)
+            return
+        if motion:
+            self._prove_motion(flight)
+        if loss:
+            try:
+                named = dict(zip(self.statement.unknowns, self.root.box, strict=True))
+                ball, self.stable_side = enclosed_loss(self.model, flight, leg, named, ctx.prec)
+                self.enclosures["loss_coefficient"] = enclosure_of(ball)
+            except Unproved as error:
+                self.reasons.append(f"the loss coefficient: {error}")
+
+    def told(self) -> str:
+        """The theorem, as far as it is proved, in words."""
+        texts = {name: _exact_text(bounds) for name, bounds in self.numbers.values.items()}
+        for name in (self.model.homotopy, self.model.gauge):
+            texts.pop(name or "", None)
+        machine = machine_sentence(machine_in_words(self.machine), texts)
+        if self.root is None:
+            return f"{machine} Nothing is proved of an orbit with alpha near {self.orbit.alpha!r}."
+        names, each = ", ".join(self.statement.unknowns), bool(self.numbers.wide)
+        root = root_sentence(names, self.enclosures, self.uniqueness_radius or "0", each)
+        side = f" The hop attracts from {self.stable_side}, and not from the other side." if self.stable_side else ""
+        return " ".join(filter(None, (machine, root, motion_sentence(self.family, self.conditions)))) + side
+
+    def _names(self) -> tuple[str, ...]:
+        """The conditions of a motion that apply."""
+        apart = () if self.model.separation(self.numbers.floats()) is None else ("separation",)
+        return ("clearance", *apart, "contact_force", "contact_end")
+
+    def _prove_existence(self, with_contact: bool, bits: int) -> None:
+        self.statement = statement_to_prove(self.model, with_contact)
+        self.equations = Equations(self.statement, self.numbers)
+        orbit = self.orbit
+        known = self.model.launch_at(orbit.flight(0.0)[: len(self.model.flight.states)].tolist())
+        known |= {"alpha": orbit.alpha, "duration": orbit.flight_time / 2}
+        if orbit.contact_time is not None:
+            known[CONTACT_DURATION] = orbit.contact_time / 2
+        if missing := [name for name in self.statement.unknowns if name not in known]:
+            raise Unproved(f"the orbit has no {missing[0]}")
+        self.root = prove_root(self.equations, [known[name] for name in self.statement.unknowns], bits)
+
+    def ball(self, name: str) -> arb:
+        """The enclosure of an unknown."""
+        assert self.root is not None
+        return self.root.box[self.statement.unknowns.index(name)]
+
+    def _enclose(self) -> None:
+        """The decimals of what is known from the root alone."""
+        assert self.root is not None
+        with ctx.workprec(max(ctx.prec, int(BITS_PER_DIGIT * ((self.digits or 0) + 20)))):
+            alpha = self.ball("alpha")
+            self.enclosures["alpha"] = enclosure_of(alpha, self.digits)
+            self.enclosures["flight_time"] = enclosure_of(2 * self._duration(), self.digits)
+            if CONTACT_DURATION in self.statement.unknowns:
+                self.enclosures["contact_time"] = enclosure_of(2 * self.ball(CONTACT_DURATION), self.digits)
+            self.radius = upper_decimal(alpha.rad())
+            self.uniqueness_radius = lower_decimal(min(self.root.unique_in))
+
+    def _duration(self) -> arb:
+        """The time of half the flight."""
+        assert self.root is not None
+        equations = self.equations
+        with symbolic_numerals(equations.graphs.numerals):
+            u = {name: ca.SX.sym(name) for name in self.statement.unknowns}
+            duration = ca.SX(self.statement.arcs[0].duration(u, equations.graphs.p))
+        inputs = [*u.values(), *equations.graphs.wide]
+        (value,) = equations.graphs.program(inputs, [duration])(
+            [*self.root.box, *self._wide_balls(), *equations.graphs.constants()]
+        )
+        return value
+
+    def _wide_balls(self) -> list[arb]:
+        numbers = self.numbers
+        return [numbers.middle(name) + arb(0, numbers.radius(name)) for name in numbers.wide]
+
+    def _check_claims(self) -> None:
+        """Compare what the orbit says of alpha with what is proved."""
+        error = CLAIMED * self.orbit.error + CLAIM_ROUNDINGS * abs(self.orbit.alpha)
+        if not (self.ball("alpha") + arb(0, error)).overlaps(arb(self.orbit.alpha)):
+            told = f"the orbit says {self.orbit.alpha!r} with an error of {self.orbit.error:.1e}"
+            self.reasons.append(f"alpha: {told}, and lies outside the enclosure {self.enclosures['alpha']}")
+
+    def _flight(self) -> tuple[Motion, BallLeg]:
+        """The half flight in the flight states."""
+        assert self.root is not None
+        arc = self.statement.arcs[0]
+        if arc.phase is self.model.flight:
+            return self._enclosed(0, self.equations, self.root.evaluated.passages[0]), self.equations.legs[0]
+        whole = Arc(
+            self.model.flight,
+            start=lambda u, before, p: self.model.launch(u, p),
+            duration=arc.duration,
+            conditions=lambda u, x, p: [],
+        )
+        equations = Equations(Statement("flight", self.statement.unknowns, (whole,)), self.numbers)
+        box = self.root.box
+        centre, radii = [value.mid() for value in box], [value.rad() for value in box]
+        passage = equations.evaluate(centre, radii, ctx.prec).passages[0]
+        return self._enclosed(0, equations, passage), equations.legs[0]
+
+    @staticmethod
+    def _enclosed(number: int, equations: Equations, passage: Passage) -> Motion:
+        graphs = equations.graphs
+        return Motion(graphs, equations.legs[number].graph, passage)
+
+    def _prove_motion(self, flight: Motion) -> None:
+        """Prove the family and the conditions of a motion."""
+        assert self.root is not None
+        model = self.model
+        try:
+            self.family = flight.count_turns(flight.chain(model.extension.at, 2))
+        except Unproved as error:
+            self.reasons.append(f"family: {error}")
+        else:
+            self._enclose_extensions(flight)
+            if self.family != self.orbit.family:
+                told = f"the extension turns as in family {self.family}"
+                self.reasons.append(f"family: {told}, and the orbit says {self.orbit.family}")
+        for violation in self.orbit.violations:
+            self.reasons.append(f"the orbit itself says that it is no motion: {violation}")
+
+        def gap(x: Any) -> Any:
+            return model.gap(flight.graphs.p).at(x)
+
+        self._condition("clearance", lambda: self._check_gap(flight, gap))
+        contact = None
+        if CONTACT_DURATION in self.statement.unknowns:
+            contact = self._enclosed(-1, self.equations, self.root.evaluated.passages[-1])
+        if "separation" in self._names():
+            self._condition("separation", lambda: self._check_separation(flight, contact))
+        self._condition("contact_force", lambda: self._check_force(contact))
+        self._condition("contact_end", lambda: self._check_end(contact))
+
+    def _condition(self, name: str, check: Callable[[], None]) -> None:
+        try:
+            check()
+            self.conditions[name] = PROVED
+        except Unproved as error:
+            self.conditions[name] = UNDECIDED
+            self.reasons.append(f"{name}: {error}")
+        except Refuted as error:
+            self.conditions[name] = REFUTED
+            self.reasons.append(f"{name}: {error}")
+
+    def _check_gap(self, flight: Motion, gap: Callable) -> None:
+        each = flight.chain(gap, 3)
+        for order in (0, 1):
+            if not flight.first(each, order).is_zero():
+                raise Unproved("the gap and its speed are not exactly 0 at lift-off")
+        flight.check_positive(each, zero_at_start=3)
+
+    def _check_separation(self, flight: Motion, contact: Motion | None) -> None:
+        def apart(motion: Motion, embed: Any = None) -> Callable:
+            distance = self.model.separation(motion.graphs.p)
+            return lambda x: distance.at(x if embed is None else _embedded(embed, x))
+
+        flight.check_positive(flight.chain(apart(flight), 1))
+        if contact is None:
+            raise Unproved("the contact is not enclosed")
+        contact.check_positive(contact.chain(apart(contact, self.model.embed), 1))
+
+    def _check_force(self, contact: Motion | None) -> None:
+        if contact is None:
+            raise Unproved("the contact is not enclosed")
+        force = self.model.contact.watch[CONTACT_FORCE]
+        each = contact.chain(lambda x: force(x, contact.graphs.p, []), 1)
+        contact.check_positive(each, zero_at_start=1)
+
+    def _check_end(self, contact: Motion | None) -> None:
+        if contact is None:
+            raise Unproved("the contact is not enclosed")
+        speed = self.model.contact_speed
+        each = contact.chain(lambda x: -speed.at(x), 1)
+        if self.model.one_speed:
+            contact.check_positive(each, zero_at_end=True)
+
+    def _enclose_extensions(self, flight: Motion) -> None:
+        """The extension at lift-off and in mid-flight."""
+        each = flight.chain(self.model.extension.at, 0)
+        self.enclosures["liftoff_extension"] = enclosure_of(flight.first(each, 0), self.digits)
+        self.enclosures["mid_flight_extension"] = enclosure_of(flight.last(each, 0), self.digits)
+
+
+def _exact_text(bounds: tuple[Fraction, Fraction]) -> str:
+    low, high = (_decimal_text(bound) for bound in bounds)
+    return f"= {low}" if low == high else f"in [{low}, {high}]"
+
+
+def _decimal_text(value: Fraction) -> str:
+    """The decimal that a fraction is, exactly."""
+    if value.denominator == 1:
+        return str(value.numerator)
+    places = next(n for n in range(1, 2000) if 10**n % value.denominator == 0)
+    digits = str(abs(value.numerator) * 10**places // value.denominator).rjust(places + 1, "0")
+    return f"{'-' if value < 0 else ''}{digits[:-places]}.{digits[-places:]}"
+
+
+def _embedded(embed: Any, x: Any) -> list[Any]:
+    """A contact state as one of the flight."""
+    return [sum(weight * part for weight, part in zip(row, x, strict=False) if weight) for row in embed.tolist()]
