@@ -1,7 +1,7 @@
 """Lossless periodic orbits of machines with plastic contact: found, certified, followed, controlled and designed."""
 
 from .continuation.family import End, Event, Family, Point
-from .continuation.folds import fold_statement, follow_fold
+from .continuation.folds import follow_fold
 from .continuation.follow import follow, follow_branch, orbit_at, trace
 from .continuation.starts import start_from_rest, starts
 from .continuation.step_control import StepControl
@@ -28,8 +28,9 @@ from .model.state_formula import StateFormula
 from .model.units import Units
 from .periodic.certificate import Certificate
 from .periodic.find import METHODS, find, find_all
+from .periodic.fold import fold_statement
 from .periodic.orbit import Orbit
-from .proof.prove import prove
+from .proof.prove import prove, prove_absence, prove_fold
 from .proof.theorem import Enclosure, Proof
 from .sweeps.answer import Sweep
 from .sweeps.existence import Existence, existence
@@ -43,7 +44,7 @@ __all__ = [
     "OutOfRange", "Phase", "Pieces", "Point", "Potential", "Proof", "Reduction", "ReturnMap", "Simulation", "Spring", "Stage",
     "StateFormula", "Statement", "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "Weight",
     "__version__", "check", "existence", "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold",
-    "linear_modes", "multiplier", "optimize", "orbit_at", "pareto", "prove", "quantities", "sensitivities", "simulate",
+    "linear_modes", "multiplier", "optimize", "orbit_at", "pareto", "prove", "prove_absence", "prove_fold", "quantities", "sensitivities", "simulate",
     "start_from_rest", "starts", "steer", "sweep", "trace", "uncertainty",
 ]  # fmt: skip
 

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Mapping
-from fractions import Fraction
 from typing import Any
 
 import casadi as ca
@@ -23,7 +22,7 @@ from .motion import Motion, Refuted
 from .refusal import Unproved
 from .root import FIRST_BITS, ProvedRoot, prove_root
 from .theorem import Enclosure, Proof
-from .wording import machine_sentence, motion_sentence, root_sentence
+from .wording import machine_sentence, motion_sentence, parameter_texts, root_sentence
 
 BITS_PER_DIGIT = 3.33
 # Bits that are asked for where no number of digits is.
@@ -70,6 +69,11 @@ def checked_digits(digits: int | None) -> int | None:
     return digits
 
 
+def bits_of_digits(digits: int | None) -> int:
+    """How many bits enclose so many decimal digits; the usual number for None."""
+    return USUAL_BITS if digits is None else int(BITS_PER_DIGIT * (digits + 2))
+
+
 def statement_to_prove(model: Model, with_contact: bool) -> Statement:
     """The boundary value statement of an orbit: the smallest of its flight and, unless that has it already, half of the
     contact, up to where its speed vanishes."""
@@ -114,7 +118,7 @@ class Case:
 
     def prove(self, motion: bool, loss: bool) -> None:
         """Prove existence and uniqueness, and the rest where it is asked for."""
-        bits = USUAL_BITS if self.digits is None else int(BITS_PER_DIGIT * (self.digits + 2))
+        bits = bits_of_digits(self.digits)
         try:
             self._prove_existence(motion and self.orbit.contact_time is not None, bits)
         except Unproved as error:
@@ -143,7 +147,7 @@ class Case:
 
     def told(self) -> str:
         """The theorem, as far as it is proved, in words."""
-        texts = {name: _exact_text(bounds) for name, bounds in self.numbers.values.items()}
+        texts = parameter_texts(self.numbers)
         for name in (self.model.homotopy, self.model.gauge):
             texts.pop(name or "", None)
         machine = machine_sentence(machine_in_words(self.machine), texts)
@@ -311,20 +315,6 @@ class Case:
         each = flight.chain(self.model.extension.at, 0)
         self.enclosures["liftoff_extension"] = enclosure_of(flight.first(each, 0), self.digits)
         self.enclosures["mid_flight_extension"] = enclosure_of(flight.last(each, 0), self.digits)
-
-
-def _exact_text(bounds: tuple[Fraction, Fraction]) -> str:
-    low, high = (_decimal_text(bound) for bound in bounds)
-    return f"= {low}" if low == high else f"in [{low}, {high}]"
-
-
-def _decimal_text(value: Fraction) -> str:
-    """The decimal that a fraction is, exactly."""
-    if value.denominator == 1:
-        return str(value.numerator)
-    places = next(n for n in range(1, 2000) if 10**n % value.denominator == 0)
-    digits = str(abs(value.numerator) * 10**places // value.denominator).rjust(places + 1, "0")
-    return f"{'-' if value < 0 else ''}{digits[:-places]}.{digits[-places:]}"
 
 
 def _embedded(embed: Any, x: Any) -> list[Any]:

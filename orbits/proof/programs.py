@@ -50,13 +50,9 @@ class BallProgram:
             if code == ca.OP_INPUT:
                 self._loads.append((count, ins[1]))
             elif code == ca.OP_CONST:
-                self._constants.append((count, _exact(function.instruction_constant(i))))
-            elif code in _BINARY:
-                self._operations.append((_BINARY[code], count, used[0], used[1]))
-            elif code in _UNARY:
-                self._operations.append((_UNARY[code], count, used[0], None))
+                self._constants.append((count, exact_ball(function.instruction_constant(i))))
             else:
-                raise Unproved(f"the laws use {_name_of(code)}, which has no Taylor series everywhere")
+                self._operations.append((operation(code), count, used[0], used[1] if len(used) > 1 else None))
             count += 1
         self._size = count
 
@@ -84,13 +80,21 @@ def coefficient(value: Value, order: int) -> arb:
     return value if order == 0 else _NULL
 
 
-def _exact(value: float) -> arb:
+def exact_ball(value: float) -> arb:
     """A number that stands in a model; raises `Unproved` where it has been rounded."""
     mantissa, _ = float(value).as_integer_ratio()
     if abs(mantissa) >= 2**SIGNIFICANT_BITS or (abs(value) < 2.0**-SIGNIFICANT_BITS and value != 0):
         told = "state it as a parameter or in a formula, where its decimal is taken as it stands"
         raise Unproved(f"the model has the rounded number {value!r}: {told}")
     return arb(value)
+
+
+def operation(code: int) -> Callable:
+    """The function of balls that CasADi's operation stands for; raises `Unproved` for one that has none."""
+    known = _BINARY.get(code) or _UNARY.get(code)
+    if known is None:
+        raise Unproved(f"the laws use {_name_of(code)}, which has no Taylor series everywhere")
+    return known
 
 
 def _name_of(code: int) -> str:

@@ -5,10 +5,10 @@ All of it needs python-flint, of the extra `proof`, which is imported when it is
 
 from collections.abc import Mapping
 from importlib.util import find_spec
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 from ..errors import InputError
-from ..model.machine import Machine, check_machine
+from ..model.machine import Machine, check_machine, check_parameters
 from ..periodic.orbit import Orbit
 from ..symbolic.exclusive import exclusive
 from .theorem import Proof
@@ -52,6 +52,64 @@ def prove(
     from .case import checked_digits, proof_of
 
     return proof_of(orbit, checked_digits(digits), machine, dict(parameters or {}), motion, loss)
+
+
+class Turning(Protocol):
+    """A point of a family where it folds, such as that of a "fold" event."""
+
+    @property
+    def value(self) -> float:
+        """The value of the parameter."""
+
+    @property
+    def u(self) -> tuple[float, ...]:
+        """The unknowns of the equations."""
+
+    @property
+    def tangent(self) -> tuple[float, ...]:
+        """The direction of the curve in the unknowns and the parameter."""
+
+
+@exclusive
+def prove_fold(machine: Machine, fold: Turning, along: str, *, digits: int | None = None, parameters: Exact = None) -> Proof:
+    """Prove that a family folds near a point, with an enclosure of the parameter there, and that the fold is
+    nondegenerate.
+
+    machine : that the family was followed with, by the simplest method
+    fold : the point of a "fold" event of that family
+    along : the name of the parameter that folds
+    digits, parameters : as in `prove`
+
+    Raises `InputError` as `prove` does, and for a machine without this parameter.
+    """
+    _need_flint()
+    check_parameters(machine, along)
+    from .case import bits_of_digits, checked_digits, statement_to_prove
+    from .fold import proof_of_fold
+
+    statement = statement_to_prove(machine.model, with_contact=False)
+    alpha = fold.tangent[statement.unknowns.index("alpha")]
+    direction = [d / alpha for name, d in zip(statement.unknowns, fold.tangent[:-1], strict=True) if name != "alpha"]
+    guess = [*fold.u, *direction, fold.value]
+    bits = bits_of_digits(checked_digits(digits))
+    return proof_of_fold(machine, statement, guess, along, dict(parameters or {}), bits)
+
+
+@exclusive
+def prove_absence(machine: Machine, family: int | None = None, *, parameters: Exact = None) -> Proof:
+    """Prove that a machine has no orbit of a family, or for None that nothing can lift off at all.
+
+    Of a family it is told for springs whose force is odd, rises everywhere and is bounded, as tanh: see
+    `orbits.proof.absence` for the theorem. The machine's extension has to move alone, as a hopper's does under constant
+    gravity. `parameters` as in `prove`; raises `InputError` as it does.
+    """
+    _need_flint()
+    check_machine(machine)
+    if family is not None and not (isinstance(family, int) and family >= 1):
+        raise InputError(f"family = {family!r}; families are numbered from 1")
+    from .absence import proof_of_absence
+
+    return proof_of_absence(machine, family, dict(parameters or {}))
 
 
 def _need_flint() -> None:

@@ -1,8 +1,10 @@
 """The theorem in words."""
 
 from collections.abc import Mapping
+from fractions import Fraction
 from typing import Any
 
+from .exact import Numbers
 from .theorem import Enclosure
 
 # What each condition of a motion says, where it is proved.
@@ -37,3 +39,22 @@ def motion_sentence(family: int | None, conditions: Mapping[str, str]) -> str:
         return ""
     whole = "It is a motion: " if told and set(conditions.values()) == {"proved"} else "Of the motion: "
     return f"{whole}{'; '.join([*counted, *told])}."
+
+
+def parameter_texts(numbers: Numbers) -> dict[str, str]:
+    """What each parameter is, exactly, by name."""
+    return {name: _exact_text(bounds) for name, bounds in numbers.values.items()}
+
+
+def _exact_text(bounds: tuple[Fraction, Fraction]) -> str:
+    low, high = (_decimal_text(bound) for bound in bounds)
+    return f"= {low}" if low == high else f"in [{low}, {high}]"
+
+
+def _decimal_text(value: Fraction) -> str:
+    """The decimal that a fraction is, exactly."""
+    if value.denominator == 1:
+        return str(value.numerator)
+    places = next(n for n in range(1, 2000) if 10**n % value.denominator == 0)
+    digits = str(abs(value.numerator) * 10**places // value.denominator).rjust(places + 1, "0")
+    return f"{'-' if value < 0 else ''}{digits[:-places]}.{digits[-places:]}"

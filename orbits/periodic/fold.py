@@ -1,0 +1,72 @@
+"""The statement of a fold: where two orbits of a family meet and vanish as a parameter goes on.
+
+At a fold F(u, a) = 0 and F_u v = 0 for a direction v: one boundary-value statement on phases with twice the states, the
+motion and its first variation. Shooting differentiates it as any other: the second derivatives of F are exact.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import casadi as ca
+
+from ..errors import InputError
+from ..model.phase import Arc, Phase, Statement
+
+
+@lru_cache(maxsize=64)
+def fold_statement(statement: Statement, along: str) -> Statement:
+    """The statement of the folds of another one in a parameter, with the unknowns u, v without its entry for "alpha",
+    and the parameter.
+
+    v is scaled so that its entry for the launch speed, which is never zero at a fold, is 1. Raises `InputError` for a
+    piecewise law, which has no second derivatives at its breakpoints.
+    """
+    if any(arc.phase.pieces for arc in statement.arcs):
+        raise InputError("a fold of a piecewise law cannot be followed: it has no second derivatives everywhere")
+    before = (0, *(len(arc.phase.states) for arc in statement.arcs))
+    arcs = tuple(_doubled(arc, statement.unknowns, along, n) for arc, n in zip(statement.arcs, before, strict=False))
+    unknowns = (*statement.unknowns, *(f"d{name}" for name in statement.unknowns if name != "alpha"), along)
+    return Statement(f"fold of the {statement.name}", unknowns, arcs, statement.durations)
+
+
+def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Arc:
+    """An arc whose states are motion, variation and parameter; the motion on the arc before it has `before` states."""
+    n, phase = len(arc.phase.states), arc.phase
+
+    def field(x, p, q):
+        rates = phase.field(x[:n], {**p, along: x[-1]}, q)
+        return [*_with_variation(rates, x[:n], x[n : 2 * n]), 0 * x[-1]]
+
+    def split(u, p):
+        """The statement's own unknowns by name, as a list, their direction, and the parameters with the varied one."""
+        own = [u[name] for name in unknowns]
+        direction = [1.0 if name == "alpha" else u[f"d{name}"] for name in unknowns]
+        return dict(zip(unknowns, own, strict=True)), own, direction, {**p, along: u[along]}
+
+    def start(u, last, p):
+        named, own, direction, p = split(u, p)
+        motion, variation = last[:before], last[before : 2 * before]
+        return [*_with_variation(arc.start(named, motion, p), [*own, *motion], [*direction, *variation]), u[along]]
+
+    def conditions(u, x, p):
+        named, own, direction, p = split(u, p)
+        end, (*_, longer) = x[:n], _with_variation([arc.duration(named, p)], own, direction)
+        changes = zip(x[n : 2 * n], phase.field(end, p, []), strict=True)
+        moved = [change + rate * longer for change, rate in changes]
+        return _with_variation(arc.conditions(named, end, p), [*own, *end], [*direction, *moved])
+
+    def guard(u, x, p, q):
+        named, own, direction, p = split(u, p)
+        return _with_variation(arc.guard(named, x[:n], p, q), [*own, *x[:n]], [*direction, *x[n : 2 * n]])
+
+    states = (*phase.states, *(f"d{name}" for name in phase.states), along)
+    doubled = Phase(phase.name, states, field, reaches=phase.reaches)
+    return Arc(doubled, start, lambda u, p: arc.duration(u, {**p, along: u[along]}), conditions, guard)
+
+
+def _with_variation(expressions: Sequence, symbols: Sequence, direction: Sequence) -> list:
+    """Expressions, and after them their derivatives in a direction of the symbols that they are made of."""
+    if (values := ca.vertcat(*expressions)).numel() == 0:
+        return []
+    derivatives = ca.densify(ca.jacobian(values, ca.vertcat(*symbols)) @ ca.vertcat(*direction))
+    return [*ca.vertsplit(values), *ca.vertsplit(derivatives)]

@@ -1,0 +1,198 @@
+"""What cannot be: orbits of a family of a spring whose force is bounded, and a lift-off that the force never reaches.
+
+The extension moves alone, r'' = -rate phi(r), from phi = 1 at lift-off, for half the flight T = alpha/rate; there r' = 0
+(`model.relative`). So the integral of phi over half the flight is T: phi is 1 on average.
+
+Theorem. Let phi be odd and increase strictly, and |phi| <= B. Then an orbit of family n needs B > 2 n + 1.
+Proof. Since phi increases strictly, |phi| < B. Since phi = 1 > 0 at lift-off, r > 0
+there. The motion rises to its top at a time t1, then swings between the two sides with half periods H: the potential is
+even and rises away from 0, so the motion is symmetric. In family n the half flight ends n half periods after the
+top, T = t1 + n H. The integral of phi over a half period vanishes, as r' is 0 at both of its ends. So T is the integral
+of phi up to t1, and T < B t1. From r > 0 to the top takes at most a quarter of a period, so H >= 2 t1 and
+T >= (2 n + 1) t1. Hence 2 n + 1 < B.
+
+For phi = tanh(b r)/b the bound is 1/b: no orbit of family n for b >= 1/(2 n + 1).
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+from flint import arb, ctx
+
+from ..errors import InputError
+from ..model.machine import Machine, machine_in_words
+from ..model.relative import Relative
+from ..symbolic.formula import symbolic_numerals
+from .exact import Decimals, ExactExpressions, Numbers
+from .programs import BallProgram, exact_ball, operation
+from .refusal import Unproved
+from .step import between
+from .theorem import Proof
+from .wording import machine_sentence, parameter_texts
+
+BITS = 80
+# Derivatives of a law that are looked at, the extensions beyond which its tails are told, and halvings of intervals.
+MOST_DERIVATIVES, TAILS, MOST_HALVES = 8, tuple(2.0**k for k in range(8)), 24
+# Functions that are odd and increase strictly on all of the real line.
+_ODD_AND_RISING = (ca.OP_ATAN, ca.OP_SINH, ca.OP_TANH, ca.OP_ASINH)
+
+
+def proof_of_absence(machine: Machine, family: int | None, parameters: dict[str, Decimals]) -> Proof:
+    """The proof that there is no orbit of a family, or for None that there is no lift-off; see `prove_absence`."""
+    began, model = time.perf_counter(), machine.model
+    if model.relative is None or model.homotopy:
+        raise InputError(f"the extension of a {model.name} does not move alone: nothing can be proved absent")
+    numbers, reasons = Numbers(machine.values, parameters), list[str]()
+    try:
+        with ctx.workprec(BITS):
+            law = _Law(model.relative, numbers)
+            told = law.no_liftoff() if family is None else law.no_family(family)
+    except Unproved as error:
+        told, reasons = "Nothing is proved.", [str(error)]
+    words = machine_in_words(machine)
+    return Proof(
+        proved=not reasons,
+        statement=f"{machine_sentence(words, parameter_texts(numbers))} {told}",
+        machine=words,
+        family=family if not reasons else None,
+        reasons=tuple(reasons),
+        seconds=time.perf_counter() - began,
+    )
+
+
+class _Law:
+    """The force of the extension alone, less the level of lift-off, with its derivatives, as programs of balls."""
+
+    def __init__(self, relative: Relative, numbers: Numbers):
+        if relative.law.pieces:
+            raise Unproved("the spring's law is in pieces")
+        expressions, r = ExactExpressions(numbers), ca.SX.sym("r")
+        with symbolic_numerals(expressions.numerals):
+            phi = ca.SX(relative.law.expression(r, relative.own(expressions.p), []))
+        self.load = relative.liftoff.load
+        functions = [phi + self.load - 1]
+        for _ in range(MOST_DERIVATIVES):
+            functions.append(ca.jacobian(functions[-1], r))
+        self.programs: list[BallProgram] = [expressions.program([r, *expressions.wide], [each]) for each in functions]
+        wide = [numbers.middle(name) + arb(0, numbers.radius(name)) for name in numbers.wide]
+        self.constants = [*wide, *expressions.constants()]
+        fixed = [expressions.p[name] for name in numbers.fixed]
+        others = [*expressions.wide, *fixed, *expressions.numerals.values()]
+        self.trend = _trend_of(phi, r, others, self.constants)
+
+    def value(self, order: int, at: arb) -> arb:
+        """A derivative of the force less the level on a ball of extensions."""
+        (found,) = self.programs[order]([at, *self.constants])
+        return found
+
+    def no_family(self, family: int) -> str:
+        """The theorem of the module's docstring; raises `Unproved` where its conditions are not proved."""
+        if self.load != 0 or not (self.trend.odd and self.trend.rises):
+            raise Unproved("the spring's formula does not show that its force is odd and rises everywhere")
+        bound = (self.value(0, arb(0, "inf")) + 1).abs_upper()
+        if not bound <= 2 * family + 1:
+            raise Unproved(f"the force is bounded by {float(bound):.6g}, and an orbit needs more than {2 * family + 1}")
+        return (
+            f"Its spring's force is odd, rises everywhere, and is at most {float(bound):.12g} times the level of lift-off: "
+            f"an orbit of family {family} needs more than {2 * family + 1}, so that there is none."
+        )
+
+    def no_liftoff(self) -> str:
+        """That the level of lift-off is nowhere reached by a force that rises; raises `Unproved` where it may be."""
+        for tail in TAILS:
+            if self._keeps_sign(tail, 1) and self._keeps_sign(tail, -1):
+                break
+        else:
+            raise Unproved("the force far from rest is not told")
+        self._check_between(arb(-tail), arb(tail), MOST_HALVES)
+        return (
+            "At no extension is the spring's force at the level of lift-off while it does not fall with the extension: "
+            "no motion can begin with a lift-off from sustained contact."
+        )
+
+    def _keeps_sign(self, tail: float, side: int) -> bool:
+        """Whether the force less the level has a sign beyond an extension: one that its first derivatives away from 0
+        share there, up to one that has it everywhere."""
+        sign = 0
+        for order in range(MOST_DERIVATIVES + 1):
+            here = side**order * self.value(order, arb(side * tail))
+            own = int(here > 0) - int(here < 0)
+            if own == 0 or sign not in (0, own):
+                return False
+            sign = own
+            everywhere = side**order * self.value(order, arb(0, "inf"))
+            if everywhere * sign > 0:
+                return True
+        return False
+
+    def _check_between(self, low: arb, high: arb, left: int) -> None:
+        """Prove on an interval that the force is off the level, or falls."""
+        inside = between(low, high)
+        force, slope = self.value(0, inside), self.value(1, inside)
+        if force > 0 or force < 0 or slope < 0:
+            return
+        middle = (low + high) / 2
+        at_middle = self.value(0, middle) + slope * (inside - middle)
+        if at_middle > 0 or at_middle < 0:
+            return
+        if left == 0:
+            raise Unproved(f"the force may reach the level of lift-off near the extension {float(middle):.6g}")
+        self._check_between(low, middle, left - 1)
+        self._check_between(middle, high, left - 1)
+
+
+@dataclass(frozen=True)
+class _Trend:
+    """What the operations of an expression show of it as a function of a variable.
+
+    odd, rises : whether it is an odd function, and whether it increases strictly everywhere
+    constant : its value, where it does not depend on the variable
+    """
+
+    odd: bool
+    rises: bool
+    constant: arb | None = None
+
+
+def _trend_of(expression: ca.SX, variable: ca.SX, others: Sequence[ca.SX], values: Sequence[arb]) -> _Trend:
+    """The trend of an expression of a variable and of others that have these values."""
+    function = ca.Function("law", [variable, ca.vertcat(*others)], [expression])
+    trends = dict[int, _Trend]()
+    for i in range(function.n_instructions()):
+        code, ins, outs = function.instruction_id(i), function.instruction_input(i), function.instruction_output(i)
+        if code == ca.OP_OUTPUT:
+            return trends[ins[0]]
+        if code == ca.OP_INPUT:
+            trends[outs[0]] = _Trend(True, True) if ins[0] == 0 else _Trend(False, False, values[ins[1]])
+        elif code == ca.OP_CONST:
+            trends[outs[0]] = _Trend(False, False, exact_ball(function.instruction_constant(i)))
+        else:
+            trends[outs[0]] = _combined(code, [trends[place] for place in ins])
+    return _Trend(False, False)
+
+
+def _combined(code: int, own: list[_Trend]) -> _Trend:
+    """The trend of an operation's result from those of what it is of."""
+    constants = [each.constant for each in own if each.constant is not None]
+    if len(constants) == len(own):
+        operate = operation(code)
+        return _Trend(False, False, operate(*constants))
+    first = own[0]
+    if code in (*_ODD_AND_RISING, ca.OP_TWICE, ca.OP_ASSIGN):
+        return first
+    if code in (ca.OP_EXP, ca.OP_EXPM1):
+        return _Trend(False, first.rises)
+    if code == ca.OP_ADD:
+        rises = all(each.rises or each.constant is not None for each in own)
+        return _Trend(all(each.odd for each in own), rises)
+    if code == ca.OP_SUB and own[1].constant is not None:
+        return _Trend(False, first.rises)
+    if code in (ca.OP_MUL, ca.OP_DIV) and constants and constants[0] > 0 and (code == ca.OP_MUL or first.constant is None):
+        return next(each for each in own if each.constant is None)
+    if code in (ca.OP_POW, ca.OP_CONSTPOW) and constants and own[1].constant is not None:
+        power = constants[0].unique_fmpz() if constants[0].is_exact() else None
+        whole = power is not None and int(power) > 0 and int(power) % 2 == 1
+        return _Trend(first.odd and whole, first.rises and whole)
+    return _Trend(False, False)
