@@ -17,6 +17,8 @@ Examples:
   orbits find --spring table:rows.csv --json           a measured spring, in the machine's units
   orbits find --gravity "1/(1 + z/R)**2" --set R=150 --rest-length 20
   orbits find --machine rover.toml --animate hop.gif   a machine in SI units
+  orbits prove --spring cubic --set beta=0.3 --rest-length 8
+  orbits prove --spring cubic --between beta=0.299:0.301 --rest-length 8
   orbits follow --spring cubic --along beta --from 0 --to 5 --at 0.5,1,2
   orbits follow --spring cubic --along beta --from 0 --to -0.02 --plot fold.png
   orbits follow --spring tanh --along b --from 0.1 --to 1 --family 2 --output tanh.jsonl
@@ -72,6 +74,36 @@ def find_command(
         click.echo("  what this scene did not need:")
         click.echo("".join(f"      {line}\n" for line in orbit.skipped), nl=False)
     if not orbit.admissible and not allow_inadmissible:
+        raise click.exceptions.Exit(1)
+
+
+@orbits.command("prove", epilog="\b\nExit code: 0 all is proved, 1 not all or no such orbit, 2 bad input.")
+@options.machine_options
+@options.family_option("As in find.")
+@click.option("--between", "intervals", metavar="NAME=LOW:HIGH", multiple=True, help="A parameter known so; repeatable.")
+@click.option("--digits", type=click.IntRange(1, 1000), metavar="N", help="Of the enclosures; default: about 18.")
+@click.option("--loss", is_flag=True, help="Enclose the loss coefficient too.")
+@options.json_option
+@options.file_option("--save", "document", "Save the proof (.json).")
+def prove_command(
+    family: int, intervals: tuple[str, ...], digits: int | None, loss: bool, as_json: bool, save: str | None,
+    **stated: Any,
+) -> None:  # fmt: skip
+    """Prove that a lossless orbit exists, is alone nearby and is a motion, as a theorem of interval arithmetic.
+
+    Numbers are taken as the exact decimals that are written. With --between it is proved for each value of a parameter
+    between two decimals. Needs python-flint: pip install 'persistent-orbits[proof]'.
+    """
+    from orbits.periodic.find import find
+    from orbits.proof.prove import prove
+
+    exact = options.exact_parameters(stated["settings"], intervals)
+    stated = options.with_middles(stated, intervals)
+    with options.progress() as report:
+        orbit = find(options.machine_of(**stated), family, progress=report)
+    proof = prove(orbit, digits, parameters=exact, loss=loss)
+    options.write(proof, as_json, save=save)
+    if not proof.proved:
         raise click.exceptions.Exit(1)
 
 

@@ -276,6 +276,35 @@ def _parameter_values(settings: Sequence[str]) -> dict[str, float]:
     return values
 
 
+def exact_parameters(settings: Sequence[str], intervals: Sequence[str]) -> dict[str, Any]:
+    """The parameters of --set as the decimals that are written, and those of --between as pairs of decimals."""
+    found: dict[str, Any] = {name.strip(): text.strip() for name, _, text in (each.partition("=") for each in settings)}
+    return found | {name: tuple(bounds) for name, bounds in _bounds(intervals)}
+
+
+def with_middles(stated: dict[str, Any], intervals: Sequence[str]) -> dict[str, Any]:
+    """The options with the middles of --between, of which an orbit is found first."""
+    middles = {name: (float(low) + float(high)) / 2 for name, (low, high) in _bounds(intervals)}
+    own = {name: middles.pop(name) for name in ("mass_ratio", "rest_length") if name in middles}
+    kept = [setting for setting in stated["settings"] if not any(sets(setting, name) for name in middles)]
+    return {**stated, **own, "settings": (*kept, *(f"{name}={value!r}" for name, value in middles.items()))}
+
+
+def _bounds(intervals: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
+    from orbits.errors import InputError
+
+    for each in intervals:
+        name, _, text = each.partition("=")
+        bounds = [part.strip() for part in text.split(":")]
+        try:
+            finite = len(bounds) == 2 and all(math.isfinite(float(bound)) for bound in bounds)
+        except ValueError:
+            finite = False
+        if not (name.strip() and finite):
+            raise InputError(f"--between {each!r} is not NAME=LOW:HIGH, as beta=0.29:0.31")
+        yield name.strip(), bounds
+
+
 def sets(setting: str, name: str) -> bool:
     """Whether a --set gives this name a value, which another option then replaces."""
     try:

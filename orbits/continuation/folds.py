@@ -17,7 +17,6 @@ from .family import Family, Point
 from .follow import bounds_of, start_tracer
 from .step_control import Options, StepControl, checked_options
 
-
 # At a fold the parameter changes by less than this share when the launch speed doubles.
 STEEPEST = 1e-3
 

@@ -9,12 +9,17 @@ from .theorem import Enclosure
 
 # Digits of a radius that are told beyond its first.
 DIGITS_OF_RADIUS = 2
+# A number that is known exactly is told with at most so many places.
+EXACT_PLACES = 40
 
 
 def enclosure_of(ball: arb, digits: int | None = None) -> Enclosure:
     """The bounds of a ball as decimals rounded outward, with as many places as its radius has, or so many digits."""
     low, high = _fraction(ball.lower()), _fraction(ball.upper())
-    places = _places(high - low) if high > low else 40
+    if low == high and (low * 10**EXACT_PLACES).denominator == 1:
+        text = _decimal(int(low * 10**EXACT_PLACES), EXACT_PLACES).rstrip("0").rstrip(".")
+        return Enclosure(text, text)
+    places = _places(high - low) if high > low else EXACT_PLACES
     if digits is not None:
         places = max(places, digits + 2 - _exponent(max(abs(low), abs(high))))
     return Enclosure(_decimal(math.floor(low * 10**places), places), _decimal(math.ceil(high * 10**places), places))

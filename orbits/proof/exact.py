@@ -122,17 +122,17 @@ class LegExpressions:
     state : symbols of the m states of the phase, of the duration, and of the interval parameters: n in all
     """
 
-    def __init__(self, graphs: ExactExpressions, phase: Phase):
+    def __init__(self, expressions: ExactExpressions, phase: Phase):
         if phase.pieces:
             raise Unproved("the spring's law is in pieces, with corners or of a table: it has no Taylor series there")
         self.phase = phase
         self.moving = ca.vertsplit(ca.SX.sym("x", len(phase.states)))
         self.duration = ca.SX.sym("duration")
-        self.state = [*self.moving, self.duration, *graphs.wide]
-        rates = phase.field(self.moving, graphs.p, [])
+        self.state = [*self.moving, self.duration, *expressions.wide]
+        rates = phase.field(self.moving, expressions.p, [])
         self.rates = [*(self.duration * ca.SX(rate) for rate in rates), *(ca.SX(0) for _ in self.state[len(rates) :])]
 
-    def variation(self, graphs: ExactExpressions) -> Variation:
+    def variation(self, expressions: ExactExpressions) -> Variation:
         """The system of the leg with its variational equations."""
         m, n = len(self.moving), len(self.state)
         varied = ca.SX.sym("d", n, m).T
@@ -141,16 +141,16 @@ class LegExpressions:
         # Row by row.
         states = [*self.state, *(varied[i, j] for i in range(m) for j in range(n))]
         rates = [*self.rates, *(slopes[i, j] for i in range(m) for j in range(n))]
-        return Variation(m, self._system(graphs, self.state, self.rates), self._system(graphs, states, rates))
+        return Variation(m, self._system(expressions, self.state, self.rates), self._system(expressions, states, rates))
 
-    def system(self, graphs: ExactExpressions) -> System:
+    def system(self, expressions: ExactExpressions) -> System:
         """The system of the leg alone."""
-        return self._system(graphs, self.state, self.rates)
+        return self._system(expressions, self.state, self.rates)
 
     @staticmethod
-    def _system(graphs: ExactExpressions, states: list[ca.SX], rates: list[ca.SX]) -> System:
-        slopes, places = graphs.derivatives(rates, states)
-        return System(len(states), graphs.program(states, rates), graphs.program(states, slopes), tuple(places))
+    def _system(expressions: ExactExpressions, states: list[ca.SX], rates: list[ca.SX]) -> System:
+        slopes, places = expressions.derivatives(rates, states)
+        return System(len(states), expressions.program(states, rates), expressions.program(states, slopes), tuple(places))
 
 
 class BallLeg:
@@ -161,13 +161,13 @@ class BallLeg:
     The derivatives of each come as a dense matrix, row by row.
     """
 
-    def __init__(self, graphs: ExactExpressions, arc: Arc, unknowns: Mapping[str, ca.SX], before: list[ca.SX]):
-        self.graph = LegExpressions(graphs, arc.phase)
-        self.arc, self.graphs, self.before = arc, graphs, before
-        self.w = [*unknowns.values(), *graphs.wide]
-        p, m = graphs.p, len(self.graph.moving)
+    def __init__(self, expressions: ExactExpressions, arc: Arc, unknowns: Mapping[str, ca.SX], before: list[ca.SX]):
+        self.graph = LegExpressions(expressions, arc.phase)
+        self.arc, self.expressions, self.before = arc, expressions, before
+        self.w = [*unknowns.values(), *expressions.wide]
+        p, m = expressions.p, len(self.graph.moving)
         start = [ca.SX(each) for each in arc.start(unknowns, before, p)]
-        self._start = [*start, ca.SX(arc.duration(unknowns, p)), *graphs.wide]
+        self._start = [*start, ca.SX(arc.duration(unknowns, p)), *expressions.wide]
         first = ca.vertsplit(ca.SX.sym("first", m))
         conditions = arc.conditions(unknowns, self.graph.moving, p)
         guards = arc.guard(unknowns, first, p, [])
@@ -175,18 +175,18 @@ class BallLeg:
 
     def compile(self) -> None:
         """Build the programs, once all expressions of the statement have been evaluated."""
-        graphs = self.graphs
-        self.variation = self.graph.variation(graphs)
+        expressions = self.expressions
+        self.variation = self.graph.variation(expressions)
         inputs = [*self.w, *self.before]
-        self.start, self.start_slopes = graphs.program(inputs, self._start), self._dense(self._start, inputs)
+        self.start, self.start_slopes = expressions.program(inputs, self._start), self._dense(self._start, inputs)
         (w, first, last), conditions = self._ends
         inputs = [*w, *first, *last]
-        self.conditions, self.condition_slopes = graphs.program(inputs, conditions), self._dense(conditions, inputs)
+        self.conditions, self.condition_slopes = expressions.program(inputs, conditions), self._dense(conditions, inputs)
         self.count = len(conditions)
 
     def _dense(self, outputs: list[ca.SX], inputs: list[ca.SX]) -> BallProgram:
         jacobian = ca.densify(ca.jacobian(ca.vertcat(*outputs), ca.vertcat(*inputs)))
-        return self.graphs.program(inputs, [jacobian[i, j] for i in range(len(outputs)) for j in range(len(inputs))])
+        return self.expressions.program(inputs, [jacobian[i, j] for i in range(len(outputs)) for j in range(len(inputs))])
 
 
 @dataclass(frozen=True)
@@ -210,12 +210,12 @@ class Equations:
 
     def __init__(self, statement: Statement, numbers: Numbers):
         self.numbers, self.unknowns = numbers, statement.unknowns
-        self.graphs = ExactExpressions(numbers)
-        with symbolic_numerals(self.graphs.numerals):
+        self.expressions = ExactExpressions(numbers)
+        with symbolic_numerals(self.expressions.numerals):
             u = {name: ca.SX.sym(name) for name in statement.unknowns}
             self.legs, before = list[BallLeg](), list[ca.SX]()
             for arc in statement.arcs:
-                self.legs.append(BallLeg(self.graphs, arc, u, before))
+                self.legs.append(BallLeg(self.expressions, arc, u, before))
                 before = ca.vertsplit(ca.SX.sym("before", len(arc.phase.states)))
         for leg in self.legs:
             leg.compile()
@@ -224,7 +224,7 @@ class Equations:
         """The equations on the box of unknowns within radii of a centre, for all values of the interval parameters, or
         for their middles alone."""
         names = self.numbers.wide
-        constants = self.graphs.constants()
+        constants = self.expressions.constants()
         middle = [*centre, *(self.numbers.middle(name).mid() for name in names)]
         reach = [*radii, *(self.numbers.radius(name) if wide else arb(0) for name in names)]
         box = [widened(value, radius) for value, radius in zip(middle, reach, strict=True)]

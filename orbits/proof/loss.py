@@ -28,9 +28,9 @@ def enclosed_loss(
     """
     if model.reversor is None:
         raise Unproved("the machine is not its own mirror image in time")
-    graphs, m = flight.graphs, len(model.flight.states)
-    with symbolic_numerals(graphs.numerals):
-        u, p = {name: ca.SX.sym(name) for name in unknowns}, graphs.p
+    expressions, m = flight.expressions, len(model.flight.states)
+    with symbolic_numerals(expressions.numerals):
+        u, p = {name: ca.SX.sym(name) for name in unknowns}, expressions.p
         launch = [ca.SX(each) for each in model.launch(u, p)]
         by_alpha = ca.jacobian(ca.vertcat(*launch), u["alpha"])
         if model.liftoff_slope:
@@ -40,17 +40,17 @@ def enclosed_loss(
         power = ca.dot(ca.vertcat(*gradient), by_alpha)
         weights = [ca.SX(each) for each in model.gap(p).weights]
         outputs = [ca.SX(model.impact_mass(landing, p)), power, *ca.vertsplit(ca.densify(by_alpha)), *weights]
-    program = graphs.program([*u.values(), *graphs.wide], outputs)
+    program = expressions.program([*u.values(), *expressions.wide], outputs)
     stills = flight.passage.start[m + 1 :]
-    mass, power_ball, *rest = program([*unknowns.values(), *stills, *graphs.constants()])
-    half = _transition(leg, flight.passage.start, graphs.constants(), m, bits)
+    mass, power_ball, *rest = program([*unknowns.values(), *stills, *expressions.constants()])
+    half = _transition(leg, flight.passage.start, expressions.constants(), m, bits)
     mirror = arb_mat(m, m, [sign if i == j else 0 for i, sign in enumerate(model.reversor) for j in range(m)])
     try:
         at_landing = mirror * half.solve(mirror * (half * arb_mat(m, 1, rest[:m])))
     except ZeroDivisionError:
         raise Unproved("the derivatives of the flight are not enclosed narrowly enough") from None
     slope = sum((weight * at_landing[i, 0] for i, weight in enumerate(rest[m : 2 * m])), arb(0))
-    jerk = flight.first(flight.chain(model.gap(graphs.p).at, 3), 3) / flight.passage.start[m] ** 3
+    jerk = flight.first(flight.chain(model.gap(expressions.p).at, 3), 3) / flight.passage.start[m] ** 3
     if not (jerk > 0 and (slope > 0 or slope < 0) and mass > 0 and power_ball > 0):
         raise Unproved("the signs of the jerk at landing and of the gap's change with alpha are not decided")
     loss = mass * jerk**2 / 8 * (6 * abs(slope) / jerk) ** (arb(4) / 3) / power_ball

@@ -38,22 +38,22 @@ class Derivatives:
 class Motion:
     """An enclosed motion, with what functions of its states are made of.
 
-    graphs, leg : the expressions of its states and rates
+    expressions, leg : the expressions of its states and rates
     """
 
-    graphs: ExactExpressions
+    expressions: ExactExpressions
     leg: LegExpressions
     passage: Passage
 
     def chain(self, function: Callable, orders: int) -> Derivatives:
         """A function of the phase's states with so many derivatives along the motion."""
         states, rates = ca.vertcat(*self.leg.state), ca.vertcat(*self.leg.rates)
-        with symbolic_numerals(self.graphs.numerals):
+        with symbolic_numerals(self.expressions.numerals):
             functions = [ca.SX(function(self.leg.moving))]
         for _ in range(orders):
             functions.append(ca.jtimes(functions[-1], states, rates))
-        programs = tuple(self.graphs.program(self.leg.state, [each]) for each in functions)
-        return Derivatives(programs, self.graphs.constants())
+        programs = tuple(self.expressions.program(self.leg.state, [each]) for each in functions)
+        return Derivatives(programs, self.expressions.constants())
 
     def value(self, each: Derivatives, order: int, step: Step, t: arb) -> arb:
         """An enclosure of a derivative at a time, or at all times of a ball, within a step."""

@@ -12,8 +12,7 @@ CONDITIONS = {
     "clearance": "the contact point is above what it lands on throughout the open flight",
     "separation": "the separation stays positive over the whole cycle",
     "contact_force": "the contact pushes throughout the open contact",
-    "contact_end": "the contact speed vanishes for the first time in mid-contact, so that the contact ends in a "
-    "lift-off that is the mirror image of the landing",
+    "contact_end": "the contact comes to rest, and ends in a lift-off that is the mirror image of the landing",
 }
 
 
