@@ -80,7 +80,9 @@ def find_command(
 @orbits.command("prove", epilog="\b\nExit code: 0 all is proved, 1 not all or no such orbit, 2 bad input.")
 @options.machine_options
 @options.family_option("As in find.")
-@click.option("--between", "intervals", metavar="NAME=LOW:HIGH", multiple=True, help="A parameter known so; repeatable.")
+@click.option(
+    "--between", "intervals", metavar="NAME=LOW:HIGH", multiple=True, help="A parameter known so; repeatable."
+)
 @click.option("--digits", type=click.IntRange(1, 1000), metavar="N", help="Of the enclosures; default: about 18.")
 @click.option("--loss", is_flag=True, help="Enclose the loss coefficient too.")
 @options.json_option

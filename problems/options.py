@@ -285,7 +285,7 @@ def exact_parameters(settings: Sequence[str], intervals: Sequence[str]) -> dict[
 def with_middles(stated: dict[str, Any], intervals: Sequence[str]) -> dict[str, Any]:
     """The options with the middles of --between, of which an orbit is found first."""
     middles = {name: (float(low) + float(high)) / 2 for name, (low, high) in _bounds(intervals)}
-    own = {name: middles.pop(name) for name in ("mass_ratio", "rest_length") if name in middles}
+    own: dict[str, Any] = {name: middles.pop(name) for name in ("mass_ratio", "rest_length") if name in middles}
     kept = [setting for setting in stated["settings"] if not any(sets(setting, name) for name in middles)]
     return {**stated, **own, "settings": (*kept, *(f"{name}={value!r}" for name, value in middles.items()))}
 

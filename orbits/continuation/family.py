@@ -10,9 +10,13 @@ import numpy as np
 
 from ..errors import InputError
 from ..io import MEGABYTE, check_ending, conform, fields_in_line, one_line, read_file, to_json, write_table, writing
+from ..model.machine import Machine, check_parameters
 from ..model.units import UNIT_TEXTS, Units, saved_units
 from ..periodic.certificate import Certificate
 from ..periodic.orbit import SavedLaws, certificate_in_units, with_note
+from ..proof.claim import CONTACT_DURATION, Claim
+from ..proof.prove import prove_claims
+from ..proof.theorem import Proof
 
 FAMILY_FORMAT = "persistent-orbits family 1"
 # Endings of the files that a family is saved to; the first two are lines of JSON.
@@ -192,6 +196,33 @@ class Family:
         for event in reversed(self.events):
             items.insert(event.after + 1, (event.point, event))
         return items
+
+    def prove(
+        self, machine: Machine, digits: int | None = None, *, motion: bool = True, workers: int = 1
+    ) -> tuple[Proof, ...]:
+        """Prove each point's orbit, on so many processes; between points nothing is claimed.
+
+        machine : that the family was followed with
+        digits, motion : as in `orbits.prove`
+
+        Raises `InputError` without python-flint, for another machine, and for a family of another method than the
+        simplest.
+        """
+        check_parameters(machine, self.name)
+        return prove_claims([self._claim(machine, point) for point in self.points], digits, motion, workers)
+
+    def _claim(self, machine: Machine, point: Point) -> Claim:
+        """What a point says of the machine there."""
+        here = machine.with_values(**{**point.also, self.name: point.value})
+        point = point_in_units(point, here.units and here.units.inverse())
+        model = here.model
+        names = model.reduction.statement.unknowns if model.reduction else model.half_unknowns
+        if len(names) != len(point.u):
+            raise InputError("this family was followed by another method than its machine's simplest one")
+        unknowns = {"duration": point.flight_time / 2, **dict(zip(names, point.u, strict=True))}
+        if point.contact_time is not None:
+            unknowns.setdefault(CONTACT_DURATION, point.contact_time / 2)
+        return Claim(here, point.alpha, point.error, point.family, tuple(point.violations), unknowns)
 
     def document(self) -> dict[str, Any]:
         """The family as the JSON document of the command line."""

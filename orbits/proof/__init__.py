@@ -29,10 +29,10 @@ is Krawczyk's for each q with the same U. The radius of uniqueness is how far U 
 enclosure. Later enclosures are intersections of Krawczyk images of boxes that hold the zero, hence hold it too.
 
 Lemma 4, the whole orbit. A reversor maps solutions to solutions with time reversed. A motion that reaches a state that
-the reversor leaves alone (all speeds 0) is its own mirror image about that time. So half a flight from the launch set to
-such a state is half of a flight that lands as it was launched; likewise for the contact. In the relative coordinate of a
-machine under constant gravity, F demands this of the extension alone; the coordinate that is thrown up with it is at
-the top of its parabola then by its closed form, which is where the half time comes from.
+the reversor leaves alone (all speeds 0) is its own mirror image about that time. So half a flight from the launch set
+to such a state is half of a flight that lands as it was launched; likewise for the contact. In the relative coordinate
+of a machine under constant gravity, F demands this of the extension alone; the coordinate that is thrown up with it is
+at the top of its parabola then by its closed form, which is where the half time comes from.
 
 Lemma 5, signs (`motion`). A function g of the states is positive where its enclosure is, also by g(m) + g'(T)(T - m).
 At lift-off the gap, its speed and its acceleration are 0: the first two identically, which is checked, the third by the
@@ -49,8 +49,8 @@ at landing through the monodromy of the half flight, and the energies.
 
 What is trusted: Arb and python-flint; CPython; CasADi's derivatives of elementary operations and the list of operations
 that it gives; this package's formula parser; and that the model says what the machine is: that what it calls lift-off
-is where its contact force vanishes, and so the acceleration of the gap, which holds of every `Mechanism` by construction
-and is looked at by `check` for models by hand. Laws in pieces, abs and sign are refused.
+is where its contact force vanishes, and so the acceleration of the gap, which holds of every `Mechanism` by
+construction and is looked at by `check` for models by hand. Laws in pieces, abs and sign are refused.
 
 Sources: R. Krawczyk, Computing 4 (1969) 187-201; R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval
 Analysis, SIAM 2009; T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, CAPD::DynSys, Communications in Nonlinear Science

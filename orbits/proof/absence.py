@@ -1,7 +1,7 @@
 """What cannot be: orbits of a family of a spring whose force is bounded, and a lift-off that the force never reaches.
 
-The extension moves alone, r'' = -rate phi(r), from phi = 1 at lift-off, for half the flight T = alpha/rate; there r' = 0
-(`model.relative`). So the integral of phi over half the flight is T: phi is 1 on average.
+The extension moves alone, r'' = -rate phi(r), from phi = 1 at lift-off, for half the flight T = alpha/rate; there
+r' = 0 (`model.relative`). So the integral of phi over half the flight is T: phi is 1 on average.
 
 Theorem. Let phi be odd and increase strictly, and |phi| <= B. Then an orbit of family n needs B > 2 n + 1.
 Proof. Since phi increases strictly, |phi| < B. Since phi = 1 > 0 at lift-off, r > 0
@@ -95,8 +95,8 @@ class _Law:
         if not bound <= 2 * family + 1:
             raise Unproved(f"the force is bounded by {float(bound):.6g}, and an orbit needs more than {2 * family + 1}")
         return (
-            f"Its spring's force is odd, rises everywhere, and is at most {float(bound):.12g} times the level of lift-off: "
-            f"an orbit of family {family} needs more than {2 * family + 1}, so that there is none."
+            f"Its spring's force is odd, rises everywhere, and is at most {float(bound):.12g} times the level of "
+            f"lift-off: an orbit of family {family} needs more than {2 * family + 1}, so that there is none."
         )
 
     def no_liftoff(self) -> str:
@@ -189,7 +189,8 @@ def _combined(code: int, own: list[_Trend]) -> _Trend:
         return _Trend(all(each.odd for each in own), rises)
     if code == ca.OP_SUB and own[1].constant is not None:
         return _Trend(False, first.rises)
-    if code in (ca.OP_MUL, ca.OP_DIV) and constants and constants[0] > 0 and (code == ca.OP_MUL or first.constant is None):
+    scaled = code == ca.OP_MUL or (code == ca.OP_DIV and first.constant is None)
+    if scaled and constants and constants[0] > 0:
         return next(each for each in own if each.constant is None)
     if code in (ca.OP_POW, ca.OP_CONSTPOW) and constants and own[1].constant is not None:
         power = constants[0].unique_fmpz() if constants[0].is_exact() else None

@@ -8,12 +8,12 @@ import casadi as ca
 from flint import arb, ctx
 
 from ..errors import InputError
-from ..model.machine import Machine, machine_in_words
+from ..model.machine import machine_in_words
 from ..model.model import Model
 from ..model.phase import Arc, Statement
 from ..periodic.formulations import CONTACT_FORCE, contact_reversor, half_orbit
-from ..periodic.orbit import Orbit
 from ..symbolic.formula import symbolic_numerals
+from .claim import CONTACT_DURATION, Claim
 from .decimals import enclosure_of, lower_decimal, upper_decimal
 from .enclosure import Passage
 from .exact import BallLeg, Decimals, Equations, Numbers
@@ -31,16 +31,12 @@ MOST_DIGITS = 1000
 # What an orbit says of alpha is right if it is within its own error, twice over, and a few units of the last place.
 CLAIMED, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
-# The conditions of a motion, and what each says.
-CONTACT_DURATION = "contact_duration"
 
 
-def proof_of(
-    orbit: Orbit, digits: int | None, machine: Machine, parameters: Mapping[str, Decimals], motion: bool, loss: bool
-) -> Proof:
-    """The proof of an orbit, see `prove`."""
+def proof_of(claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool) -> Proof:
+    """The proof of what is said of an orbit, see `prove`."""
     began = time.perf_counter()
-    case = Case(orbit, machine, parameters, digits)
+    case = Case(claim, parameters, digits)
     precision = ctx.prec
     ctx.prec = FIRST_BITS
     try:
@@ -50,7 +46,7 @@ def proof_of(
     return Proof(
         proved=not case.reasons,
         statement=case.told(),
-        machine=machine_in_words(machine),
+        machine=machine_in_words(claim.machine),
         family=case.family,
         enclosures=case.enclosures,
         radius=case.radius,
@@ -99,13 +95,13 @@ class Case:
     family, enclosures, conditions, reasons : as in `Proof`
     """
 
-    def __init__(self, orbit: Orbit, machine: Machine, parameters: Mapping[str, Decimals], digits: int | None):
-        model = machine.model
+    def __init__(self, claim: Claim, parameters: Mapping[str, Decimals], digits: int | None):
+        machine, model = claim.machine, claim.machine.model
         if model.reversor is None:
             raise InputError(f"a {model.name} is not its own mirror image in time: its orbits cannot be proved")
         if unknown := [name for name in parameters if name not in machine.values]:
             raise InputError(f"the machine has no parameter '{unknown[0]}'; it has {', '.join(machine.values)}")
-        self.orbit, self.machine, self.model, self.digits = orbit.dimensionless(), machine, model, digits
+        self.claim, self.machine, self.model, self.digits = claim, machine, model, digits
         self.numbers = Numbers(machine.values, parameters)
         self.family: int | None = None
         self.root: ProvedRoot | None = None
@@ -120,7 +116,7 @@ class Case:
         """Prove existence and uniqueness, and the rest where it is asked for."""
         bits = bits_of_digits(self.digits)
         try:
-            self._prove_existence(motion and self.orbit.contact_time is not None, bits)
+            self._prove_existence(motion and CONTACT_DURATION in self.claim.unknowns, bits)
         except Unproved as error:
             self.reasons.append(f"existence: {error}")
             self.conditions |= dict.fromkeys(self._names() if motion else (), UNDECIDED)
@@ -137,7 +133,7 @@ class Case:
             return
         if motion:
             self._prove_motion(flight)
-        if loss:
+        if loss and self.root is not None:
             try:
                 named = dict(zip(self.statement.unknowns, self.root.box, strict=True))
                 ball, self.stable_side = enclosed_loss(self.model, flight, leg, named, ctx.prec)
@@ -152,7 +148,7 @@ class Case:
             texts.pop(name or "", None)
         machine = machine_sentence(machine_in_words(self.machine), texts)
         if self.root is None:
-            return f"{machine} Nothing is proved of an orbit with alpha near {self.orbit.alpha!r}."
+            return f"{machine} Nothing is proved of an orbit with alpha near {self.claim.alpha!r}."
         names, each = ", ".join(self.statement.unknowns), bool(self.numbers.wide)
         root = root_sentence(names, self.enclosures, self.uniqueness_radius or "0", each)
         side = f" The hop attracts from {self.stable_side}, and not from the other side." if self.stable_side else ""
@@ -166,11 +162,7 @@ class Case:
     def _prove_existence(self, with_contact: bool, bits: int) -> None:
         self.statement = statement_to_prove(self.model, with_contact)
         self.equations = Equations(self.statement, self.numbers)
-        orbit = self.orbit
-        known = self.model.launch_at(orbit.flight(0.0)[: len(self.model.flight.states)].tolist())
-        known |= {"alpha": orbit.alpha, "duration": orbit.flight_time / 2}
-        if orbit.contact_time is not None:
-            known[CONTACT_DURATION] = orbit.contact_time / 2
+        known = self.claim.unknowns
         if missing := [name for name in self.statement.unknowns if name not in known]:
             raise Unproved(f"the orbit has no {missing[0]}")
         self.root = prove_root(self.equations, [known[name] for name in self.statement.unknowns], bits)
@@ -211,9 +203,9 @@ class Case:
 
     def _check_claims(self) -> None:
         """Compare what the orbit says of alpha with what is proved."""
-        error = CLAIMED * self.orbit.error + CLAIM_ROUNDINGS * abs(self.orbit.alpha)
-        if not (self.ball("alpha") + arb(0, error)).overlaps(arb(self.orbit.alpha)):
-            told = f"the orbit says {self.orbit.alpha!r} with an error of {self.orbit.error:.1e}"
+        error = CLAIMED * self.claim.error + CLAIM_ROUNDINGS * abs(self.claim.alpha)
+        if not (self.ball("alpha") + arb(0, error)).overlaps(arb(self.claim.alpha)):
+            told = f"the orbit says {self.claim.alpha!r} with an error of {self.claim.error:.1e}"
             self.reasons.append(f"alpha: {told}, and lies outside the enclosure {self.enclosures['alpha']}")
 
     def _flight(self) -> tuple[Motion, BallLeg]:
@@ -249,10 +241,10 @@ class Case:
             self.reasons.append(f"family: {error}")
         else:
             self._enclose_extensions(flight)
-            if self.family != self.orbit.family:
+            if self.family != self.claim.family:
                 told = f"the extension turns as in family {self.family}"
-                self.reasons.append(f"family: {told}, and the orbit says {self.orbit.family}")
-        for violation in self.orbit.violations:
+                self.reasons.append(f"family: {told}, and the orbit says {self.claim.family}")
+        for violation in self.claim.violations:
             self.reasons.append(f"the orbit itself says that it is no motion: {violation}")
 
         def gap(x: Any) -> Any:
@@ -290,7 +282,7 @@ class Case:
         u = {name: ca.SX.sym(name) for name in self.statement.unknowns}
         with symbolic_numerals(expressions.numerals):
             launch = ca.vertcat(*self.model.launch(u, expressions.p))
-            functions = ca.vertcat(gap(leg.moving), ca.jtimes(gap(leg.moving), *map(_column, (leg.state, leg.rates))))
+            functions = ca.vertcat(gap(leg.moving), ca.jtimes(gap(leg.moving), _column(leg.state), _column(leg.rates)))
         return ca.substitute(functions, _column(leg.moving), launch).is_zero()
 
     def _check_separation(self, flight: Motion, contact: Motion | None) -> None:

@@ -4,8 +4,8 @@ The starts are c + M w, where w are the deviations of the unknowns, within their
 start by them. By the mean value theorem the states later are c(t) + D(t) w, with D(t) in an enclosure of derivatives
 over all of the set. These are kept as Q M, with a rounded orthogonal matrix Q that turns with the motion and an
 interval matrix M: the product of many interval matrices would grow with every turn of the motion (the wrapping effect;
-R. Lohner's method, as in CAPD: T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, Communications in Nonlinear Science and
-Numerical Simulation 101, 2021).
+R. Lohner's method, as in CAPD: T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, Communications in Nonlinear Science
+and Numerical Simulation 101, 2021).
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from .step import Step, System, take_step
 
 # Derivatives are enclosed to about this many bits by polynomials of this order: they stand before deviations that are
 # small themselves.
-SLOPE_BITS, SLOPE_ORDER, SLOPE_ACCURACY = 64, 12, 2.0**-36
+SLOPE_BITS, SLOPE_ORDER, SLOPE_ACCURACY = 64, 12, 2.0**-30
 # The order of polynomials for the centre, per bit: about half of log 2, where steps cost the least.
 ORDER_PER_BIT = 0.36
 MOST_STEPS = 2000

@@ -150,7 +150,8 @@ class LegExpressions:
     @staticmethod
     def _system(expressions: ExactExpressions, states: list[ca.SX], rates: list[ca.SX]) -> System:
         slopes, places = expressions.derivatives(rates, states)
-        return System(len(states), expressions.program(states, rates), expressions.program(states, slopes), tuple(places))
+        of_rates, of_slopes = (expressions.program(states, each) for each in (rates, slopes))
+        return System(len(states), of_rates, of_slopes, tuple(places))
 
 
 class BallLeg:
@@ -181,12 +182,14 @@ class BallLeg:
         self.start, self.start_slopes = expressions.program(inputs, self._start), self._dense(self._start, inputs)
         (w, first, last), conditions = self._ends
         inputs = [*w, *first, *last]
-        self.conditions, self.condition_slopes = expressions.program(inputs, conditions), self._dense(conditions, inputs)
+        self.conditions = expressions.program(inputs, conditions)
+        self.condition_slopes = self._dense(conditions, inputs)
         self.count = len(conditions)
 
     def _dense(self, outputs: list[ca.SX], inputs: list[ca.SX]) -> BallProgram:
         jacobian = ca.densify(ca.jacobian(ca.vertcat(*outputs), ca.vertcat(*inputs)))
-        return self.expressions.program(inputs, [jacobian[i, j] for i in range(len(outputs)) for j in range(len(inputs))])
+        rows, columns = range(len(outputs)), range(len(inputs))
+        return self.expressions.program(inputs, [jacobian[i, j] for i in rows for j in columns])
 
 
 @dataclass(frozen=True)

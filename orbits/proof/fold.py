@@ -18,8 +18,9 @@ from .wording import machine_sentence, parameter_texts
 
 
 def proof_of_fold(
-    machine: Machine, statement: Statement, guess: Sequence[float], along: str, parameters: dict[str, Decimals], bits: int
-) -> Proof:
+    machine: Machine, statement: Statement, guess: Sequence[float], along: str, parameters: dict[str, Decimals],
+    bits: int,
+) -> Proof:  # fmt: skip
     """The proof of a fold near a guess of the unknowns of `fold_statement`; see `prove_fold`."""
     began, root, reasons = time.perf_counter(), None, list[str]()
     numbers, folded = Numbers(machine.values, parameters), fold_statement(statement, along)
@@ -34,7 +35,7 @@ def proof_of_fold(
     texts = parameter_texts(numbers)
     texts.pop(along)
     words = machine_sentence(machine_in_words(machine), texts)
-    found = _told(folded, root, along, enclosures) if root else f"Nothing is proved of a fold in {along}."
+    found = _fold_told(folded, root, along, enclosures) if root else f"Nothing is proved of a fold in {along}."
     return Proof(
         proved=root is not None,
         statement=f"{words} {found}",
@@ -51,8 +52,9 @@ def _least(root: ProvedRoot) -> arb:
     return min(root.unique_in)
 
 
-def _told(folded: Statement, root: ProvedRoot, along: str, enclosures: dict) -> str:
+def _fold_told(folded: Statement, root: ProvedRoot, along: str, enclosures: dict) -> str:
     names, radius = ", ".join(folded.unknowns), lower_decimal(_least(root))
-    place = f"Its lossless orbits have a fold in {along}, at {along} in {enclosures[along]}, alpha in {enclosures['alpha']}"
+    where = f"at {along} in {enclosures[along]}, alpha in {enclosures['alpha']}"
+    place = f"Its lossless orbits have a fold in {along}, {where}"
     regular = "It is nondegenerate: the equations of the fold are regular there, so that the family turns quadratically"
     return f"{place}. {regular}. No other zero of these has all unknowns ({names}) within {radius} of the middle."

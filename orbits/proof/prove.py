@@ -3,14 +3,18 @@
 All of it needs python-flint, of the extra `proof`, which is imported when it is used.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from importlib.util import find_spec
+from multiprocessing import get_context
 from typing import Protocol, TypeAlias
 
 from ..errors import InputError
 from ..model.machine import Machine, check_machine, check_parameters
 from ..periodic.orbit import Orbit
 from ..symbolic.exclusive import exclusive
+from .claim import Claim, claim_of
 from .theorem import Proof
 
 # An exact decimal, as text or as the shortest decimal of a float; two of them are an interval.
@@ -39,19 +43,36 @@ def prove(
     motion : whether to prove the conditions of a motion too
     loss : whether to enclose the loss coefficient too
 
-    What is proved, with which lemmas, and what is trusted, is said in `orbits.proof`. Where something is not proved, the
-    answer says what and why; that is no error. Lengths, times and speeds are in the machine's own units without SI.
-    Raises `InputError` without python-flint, for parameters and digits that cannot be, and for an orbit whose machine is
-    not known.
+    What is proved, with which lemmas, and what is trusted, is said in `orbits.proof`. Where something is not proved,
+    the answer says what and why; that is no error. Lengths, times and speeds are in the machine's own units without SI.
+    Raises `InputError` without python-flint, for parameters and digits that cannot be, and for an orbit whose machine
+    is not known.
     """
     _need_flint()
-    machine = machine or orbit.source
-    if machine is None:
-        raise InputError("this orbit does not know its machine: give prove(orbit, machine=...)")
-    check_machine(machine)
+    claim = claim_of(orbit, machine)
+    check_machine(claim.machine)
     from .case import checked_digits, proof_of
 
-    return proof_of(orbit, checked_digits(digits), machine, dict(parameters or {}), motion, loss)
+    return proof_of(claim, checked_digits(digits), dict(parameters or {}), motion, loss)
+
+
+def prove_claims(
+    claims: Sequence[Claim], digits: int | None = None, motion: bool = True, workers: int = 1
+) -> tuple[Proof, ...]:
+    """The proofs of what is said of several orbits, on so many processes, in their order; see `prove`."""
+    _need_flint()
+    if workers == 1 or len(claims) < 2:
+        return tuple(_claim_proved(claim, digits, motion) for claim in claims)
+    context = get_context("spawn")  # a fork of a process with threads may hang
+    with ProcessPoolExecutor(min(workers, len(claims)), context) as pool:
+        return tuple(pool.map(partial(_claim_proved, digits=digits, motion=motion), claims))
+
+
+@exclusive
+def _claim_proved(claim: Claim, digits: int | None, motion: bool) -> Proof:
+    from .case import checked_digits, proof_of
+
+    return proof_of(claim, checked_digits(digits), {}, motion, loss=False)
 
 
 class Turning(Protocol):
@@ -71,7 +92,9 @@ class Turning(Protocol):
 
 
 @exclusive
-def prove_fold(machine: Machine, fold: Turning, along: str, *, digits: int | None = None, parameters: Exact = None) -> Proof:
+def prove_fold(
+    machine: Machine, fold: Turning, along: str, *, digits: int | None = None, parameters: Exact = None
+) -> Proof:
     """Prove that a family folds near a point, with an enclosure of the parameter there, and that the fold is
     nondegenerate.
 

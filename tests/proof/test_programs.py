@@ -1,0 +1,131 @@
+"""Programs on balls and on series of balls against closed forms of mpmath."""
+
+import casadi as ca
+import mpmath as mp
+import pytest
+from balls import holds
+from flint import arb, arb_series, ctx
+
+from orbits.proof.programs import BallProgram, coefficient
+from orbits.proof.refusal import Unproved
+
+ORDER = 10
+# In CasADi, in mpmath, and a place.
+FUNCTIONS = {
+    **{name: (getattr(ca, name), getattr(mp, name), 0.625) for name in ("sin", "cos", "tan", "asin", "acos", "atan")},
+    **{name: (getattr(ca, name), getattr(mp, name), -0.375) for name in ("sinh", "cosh", "tanh", "asinh", "atanh")},
+    **{name: (getattr(ca, name), getattr(mp, name), 1.75) for name in ("acosh", "exp", "log", "sqrt")},
+    "expm1": (ca.expm1, mp.expm1, 0.0625),
+    "log1p": (ca.log1p, mp.log1p, 0.0625),
+    "power 0": (lambda x: x**0, lambda x: mp.mpf(1), 0.75),
+    "power 1": (lambda x: x**1, lambda x: x, 0.75),
+    "power 2": (lambda x: x**2, lambda x: x**2, 0.75),
+    "power 7": (lambda x: x**7, lambda x: x**7, -1.25),
+    "power 100": (lambda x: x**100, lambda x: x**100, 1.25),
+    "power -1": (lambda x: x**-1, lambda x: x**-1, -1.25),
+    "power -3": (lambda x: x**-3, lambda x: x**-3, -1.25),
+    "power 1/2": (lambda x: x**0.5, mp.sqrt, 1.25),
+    "power 5/2": (lambda x: x**2.5, lambda x: x ** mp.mpf("2.5"), 1.25),
+    "power -3/2": (lambda x: x**-1.5, lambda x: x ** mp.mpf("-1.5"), 1.25),
+    "power 3/4": (lambda x: x**0.75, lambda x: x ** mp.mpf("0.75"), 1.25),
+    "power x": (lambda x: x**x, lambda x: x**x, 1.25),
+    "base 2": (lambda x: 2**x, lambda x: mp.mpf(2) ** x, 1.25),
+    "quotient": (lambda x: (1 - x) / (3 + x * x), lambda x: (1 - x) / (3 + x * x), 1.25),
+}
+
+
+@pytest.fixture(autouse=True)
+def eighty_bits():
+    with ctx.workprec(80):
+        yield
+
+
+def program_of(function):
+    x = ca.SX.sym("x")
+    return BallProgram([x], [function(x)])
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_ball_holds_the_values_at_its_points(name):
+    function, exactly, place = FUNCTIONS[name]
+    program = program_of(function)
+    (narrow,), (wide,) = program([arb(place)]), program([arb(place, 2.0**-6)])
+    with mp.workdps(60):
+        assert holds(narrow, exactly(mp.mpf(place)))
+        assert float(narrow.rad()) < 1e-18 * max(1.0, abs(float(narrow)))
+        for share in range(-4, 5):
+            assert holds(wide, exactly(mp.mpf(place) + mp.mpf(share) / 256))
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_series_holds_the_taylor_coefficients(name):
+    function, exactly, place = FUNCTIONS[name]
+    cap = ctx.cap
+    try:
+        ctx.cap = ORDER + 1
+        (series,) = program_of(function)([arb_series([place, 1], ORDER + 1)])
+        found = [coefficient(series, k) for k in range(ORDER + 1)]
+    finally:
+        ctx.cap = cap
+    with mp.workdps(80):
+        for ball, expected in zip(found, mp.taylor(exactly, mp.mpf(place), ORDER), strict=True):
+            size = max(1.0, abs(float(expected)))
+            assert holds(ball, expected, 1e-28 * size)
+            assert float(ball.rad()) < 1e-15 * size
+
+
+@pytest.mark.parametrize("power", [1, 2, 3, 5])
+def test_powers_in_symbols_differentiate_to_balls_at_0(power):
+    """Numerals of formulas are symbols, so that the exponent is one; its value is a whole number."""
+    x, n = ca.SX.sym("x"), ca.SX.sym("n")
+    first = ca.jacobian(x**n, x)
+    (slope,) = BallProgram([x, n], [first])([arb(0, 0.25), arb(power)])
+    assert slope.is_finite()
+    for place in (-0.25, -0.125, 0, 0.125, 0.25):
+        assert slope.contains(power * arb(place) ** (power - 1))
+
+
+def test_several_results_of_several_inputs():
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    results = BallProgram([x, y], [x * y, x, ca.SX(3), ca.SX(0), x * y])([arb(2), arb(5)])
+    assert [int(value.unique_fmpz()) for value in results] == [10, 2, 3, 0, 10]
+
+
+@pytest.mark.parametrize("number", [0.1, 1 / 3, 3.141592653589793, 1e-9, 16777217.0])
+def test_a_rounded_number_is_refused_by_name(number):
+    x = ca.SX.sym("x")
+    with pytest.raises(Unproved, match=f"rounded number {number!r}".replace(".", r"\.")):
+        BallProgram([x], [number * x])
+
+
+@pytest.mark.parametrize("number", [0.0, 1.0, -2.0, 0.5, -0.375, 1048576.0])
+def test_an_exact_number_is_taken(number):
+    (value,) = program_of(lambda x: x + number)([arb(1)])
+    assert value == 1 + arb(number)
+
+
+@pytest.mark.parametrize(
+    ("function", "name"), [(ca.fabs, "abs"), (ca.sign, "sign"), (lambda x: ca.fmax(x, 1), "max"),
+                           (lambda x: ca.fmin(x, 1), "min"), (ca.floor, "CasADi's operation")],
+)  # fmt: skip
+def test_operations_without_series_are_refused_by_name(function, name):
+    with pytest.raises(Unproved, match=f"use {name}"):
+        program_of(function)
+
+
+@pytest.mark.parametrize("name", ["sin", "cos", "tanh"])
+@pytest.mark.parametrize("ball", [arb(0, float("inf")), arb("nan"), arb("inf")])
+def test_bounded_functions_are_bounded_on_balls_that_are_not_finite(name, ball):
+    (value,) = program_of(getattr(ca, name))([ball])
+    assert value.contains(arb(-1))
+    assert value.contains(arb(1))
+    assert abs(value) < 1.1
+
+
+@pytest.mark.parametrize(
+    ("name", "ball"), [("sqrt", arb(0, 1)), ("log", arb(0, 1)), ("asin", arb(1, 1)), ("acosh", arb(1, 1)),
+                       ("atanh", arb(1, 1)), ("tan", arb(1.5, 1))],
+)  # fmt: skip
+def test_a_function_that_is_not_defined_on_all_of_a_ball_has_no_finite_value(name, ball):
+    (value,) = program_of(getattr(ca, name))([ball])
+    assert not value.is_finite()

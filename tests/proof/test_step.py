@@ -1,0 +1,114 @@
+"""Rigorous steps against closed forms."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from balls import system_of
+from flint import arb, ctx
+
+from orbits.proof.enclosure import follow_centre
+from orbits.proof.refusal import Unproved
+from orbits.proof.step import take_step
+
+GROWTH = system_of(1, lambda x: [x[0]])
+OSCILLATOR = system_of(2, lambda x: [x[1], -x[0]])
+SQUARE = system_of(1, lambda x: [x[0] ** 2])
+
+
+def oscillated(start, t):
+    x, v = start
+    return [x * t.cos() + v * t.sin(), v * t.cos() - x * t.sin()]
+
+
+# System, its flow, and a start.
+CLOSED_FORMS = {
+    "growth": (GROWTH, lambda start, t: [start[0] * t.exp()], [1.0]),
+    "oscillator": (OSCILLATOR, oscillated, [0.5, 2.0]),
+    "square": (SQUARE, lambda start, t: [start[0] / (1 - start[0] * t)], [1.0]),
+}
+
+
+@pytest.fixture(autouse=True)
+def eighty_bits():
+    with ctx.workprec(80):
+        yield
+
+
+def stepped(system, centre, spread=0.0, longest=2.0, order=25, accuracy=2.0**-70):
+    n = len(centre)
+    return take_step(system, [], [arb(c) for c in centre], [arb(spread)] * n, arb(longest), order, accuracy)
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-9, 1e-2])
+@pytest.mark.parametrize("name", CLOSED_FORMS)
+def test_the_tube_holds_every_solution_from_the_spread(name, spread):
+    system, flow, centre = CLOSED_FORMS[name]
+    step, rng = stepped(system, centre, spread), np.random.default_rng(1)
+    assert 0 < float(step.h) <= 2
+    for _ in range(40):
+        start = [c + spread * shift for c, shift in zip(centre, rng.uniform(-1, 1, len(centre)), strict=True)]
+        t = step.h * arb(float(rng.uniform()))
+        with ctx.workprec(300):
+            exactly = flow([arb(value) for value in start], t.mid())
+        for each, whole, value in zip(step.at(t.mid()), step.whole(), exactly, strict=True):
+            assert each.contains(value)
+            assert whole.contains(value)
+    with ctx.workprec(300):
+        exactly = flow([arb(value) for value in centre], step.h)
+    assert all(each.contains(value) for each, value in zip(step.end(), exactly, strict=True))
+
+
+@pytest.mark.parametrize("name", CLOSED_FORMS)
+def test_a_step_from_a_point_is_narrow(name):
+    system, _, centre = CLOSED_FORMS[name]
+    assert all(float(value.rad()) < 1e-18 for value in stepped(system, centre).end())
+
+
+def test_a_step_is_no_longer_than_the_longest():
+    assert stepped(OSCILLATOR, [0.5, 2.0], longest=2.0**-6).h == arb(2) ** -6
+
+
+def test_the_defect_falls_with_the_order():
+    tubes = []
+    for order in (4, 8, 12, 16):
+        step = stepped(OSCILLATOR, [0.5, 2.0], longest=0.25, order=order, accuracy=1.0)
+        assert step.h == arb(0.25)
+        tubes.append(max(float(radius) for radius in step.tube))
+    assert all(later < 1e-3 * earlier for earlier, later in zip(tubes, tubes[1:], strict=False))
+
+
+def test_steps_do_not_pass_where_the_solution_grows_beyond_all_bounds():
+    """x' = x**2 from 1 is 1 / (1 - t)."""
+    state, time = arb(1), arb(0)
+    for _ in range(60):
+        step = stepped(SQUARE, [state.mid()], state.rad(), 2 - time)
+        time, (state,) = time + step.h, step.end()
+        assert time < 1
+        assert state.contains(1 / (1 - time))
+    with pytest.raises(Unproved):
+        follow_centre(SQUARE, [], [arb(1)], arb(2), 60)
+
+
+def test_a_step_ends_before_any_solution_of_the_spread_grows_beyond_all_bounds():
+    step = stepped(SQUARE, [1.0], 0.5, longest=10.0)
+    assert float(step.h) < 1 / 1.5
+    with pytest.raises(Unproved):
+        stepped(SQUARE, [0.0], float("inf"))
+
+
+@pytest.mark.parametrize(
+    ("law", "place"),
+    [(lambda x: 1 / x, 0.0), (lambda x: x**-2, 0.0), (lambda x: x**1.5, 0.0), (ca.sqrt, -1.0), (ca.log, 0.0),
+     (ca.atanh, 1.0), (ca.acos, 2.0), (ca.asin, 1.0), (ca.acosh, 1.0), (ca.cosh, 800.0), (ca.sinh, -800.0)],
+    ids=["1/x", "x**-2", "x**1.5", "sqrt", "log", "atanh", "acos", "asin", "acosh", "cosh", "sinh"],
+)  # fmt: skip
+def test_a_step_from_where_a_law_has_no_value_is_refused(law, place):
+    """What Arb says of a series without a value is no error of its own, but no proof."""
+    with pytest.raises(Unproved):
+        stepped(system_of(1, lambda x: [law(x[0])]), [place])
+
+
+@pytest.mark.parametrize("spread", [0.5, 1.0, 2.0])
+def test_a_spread_that_holds_a_pole_is_refused(spread):
+    with pytest.raises(Unproved):
+        stepped(system_of(1, lambda x: [1 / x[0]]), [0.5], spread)
