@@ -23,10 +23,10 @@ Lemma 1 encloses them for all starts of the set. By the mean value theorem the s
 with D in the enclosure, componentwise. Products of enclosures are kept in orthogonal frames against wrapping.
 
 Lemma 3, existence and uniqueness (`root`). Krawczyk's operator K(U) = u - Y F(u) + (1 - Y F'(U)) (U - u): if K(U) lies
-in the interior of U, then F has exactly one zero in U, and it lies in K(U). For an interval parameter q, F(u) holds
-the values for all q, since F(u, q) is in F(u, q0) + F_q(U, Q) (q - q0) by the mean value theorem, so that the statement
-is Krawczyk's for each q with the same U. The radius of uniqueness is how far U reaches beyond the middle of the
-enclosure. Later enclosures are intersections of Krawczyk images of boxes that hold the zero, hence hold it too.
+in the interior of U, then F has exactly one zero in U, and it lies in K(U). For an interval parameter q, F(u) holds the
+values for all q, since F(u, q) is in F(u, q0) + F_q(U, Q) (q - q0) by the mean value theorem, so that the statement is
+Krawczyk's for each q with the same U. The radius of uniqueness is how far U reaches beyond the enclosure. Later
+enclosures are intersections of Krawczyk images of boxes that hold the zero, hence hold it too.
 
 Lemma 4, the whole orbit. A reversor maps solutions to solutions with time reversed. A motion that reaches a state that
 the reversor leaves alone (all speeds 0) is its own mirror image about that time. So half a flight from the launch set
@@ -50,7 +50,10 @@ at landing through the monodromy of the half flight, and the energies.
 What is trusted: Arb and python-flint; CPython; CasADi's derivatives of elementary operations and the list of operations
 that it gives; this package's formula parser; and that the model says what the machine is: that what it calls lift-off
 is where its contact force vanishes, and so the acceleration of the gap, which holds of every `Mechanism` by
-construction and is looked at by `check` for models by hand. Laws in pieces, abs and sign are refused.
+construction and is looked at by `check` for models by hand. The decimals of laws and parameters are exact; numerals in
+the formulas of a mechanism are the floats that they were rounded to, and those of its coefficients that do not depend
+on parameters are recognised by random samples (`model.mechanics.coefficients`). A law that is a Python function is what
+CasADi has traced of it. Laws in pieces, abs and sign are refused.
 
 Sources: R. Krawczyk, Computing 4 (1969) 187-201; R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval
 Analysis, SIAM 2009; T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, CAPD::DynSys, Communications in Nonlinear Science

@@ -25,6 +25,7 @@ from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
 from ..model.relative import Relative
 from ..symbolic.formula import symbolic_numerals
+from .case import numbers_of
 from .exact import Decimals, ExactExpressions, Numbers
 from .programs import BallProgram, exact_ball, operation
 from .refusal import Unproved
@@ -44,7 +45,7 @@ def proof_of_absence(machine: Machine, family: int | None, parameters: dict[str,
     began, model = time.perf_counter(), machine.model
     if model.relative is None or model.homotopy:
         raise InputError(f"the extension of a {model.name} does not move alone: nothing can be proved absent")
-    numbers, reasons = Numbers(machine.values, parameters), list[str]()
+    numbers, reasons = numbers_of(machine, parameters), list[str]()
     try:
         with ctx.workprec(BITS):
             law = _Law(model.relative, numbers)

@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Callable, Mapping
+from math import isfinite
 from typing import Any
 
 import casadi as ca
 from flint import arb, ctx
 
 from ..errors import InputError
-from ..model.machine import machine_in_words
+from ..model.machine import Machine, check_parameters, machine_in_words
 from ..model.model import Model
 from ..model.phase import Arc, Statement
 from ..periodic.formulations import CONTACT_FORCE, contact_reversor, half_orbit
@@ -58,6 +59,17 @@ def proof_of(claim: Claim, digits: int | None, parameters: Mapping[str, Decimals
     )
 
 
+def numbers_of(machine: Machine, parameters: Mapping[str, Decimals]) -> Numbers:
+    """The exact parameters of a machine; raises `InputError` for names that it has not or that cannot be varied, and
+    for values that it cannot have."""
+    if parameters:
+        check_parameters(machine, *parameters)
+    numbers = Numbers(machine.values, parameters)
+    for end in (0, 1):
+        machine.with_values(**{name: float(numbers.values[name][end]) for name in parameters})
+    return numbers
+
+
 def checked_digits(digits: int | None) -> int | None:
     """A number of digits that can be asked for; raises `InputError` for another."""
     if digits is not None and not (isinstance(digits, int) and 1 <= digits <= MOST_DIGITS):
@@ -99,10 +111,8 @@ class Case:
         machine, model = claim.machine, claim.machine.model
         if model.reversor is None:
             raise InputError(f"a {model.name} is not its own mirror image in time: its orbits cannot be proved")
-        if unknown := [name for name in parameters if name not in machine.values]:
-            raise InputError(f"the machine has no parameter '{unknown[0]}'; it has {', '.join(machine.values)}")
+        self.numbers = numbers_of(machine, parameters)
         self.claim, self.machine, self.model, self.digits = claim, machine, model, digits
-        self.numbers = Numbers(machine.values, parameters)
         self.family: int | None = None
         self.root: ProvedRoot | None = None
         self.enclosures: dict[str, Enclosure] = {}
@@ -136,7 +146,9 @@ class Case:
         if loss and self.root is not None:
             try:
                 named = dict(zip(self.statement.unknowns, self.root.box, strict=True))
-                ball, self.stable_side = enclosed_loss(self.model, flight, leg, named, ctx.prec)
+                ball, side = enclosed_loss(self.model, flight, leg, named, ctx.prec)
+                # Only a motion attracts.
+                self.stable_side = side if motion and not self.reasons else None
                 self.enclosures["loss_coefficient"] = enclosure_of(ball)
             except Unproved as error:
                 self.reasons.append(f"the loss coefficient: {error}")
@@ -182,7 +194,7 @@ class Case:
             if CONTACT_DURATION in self.statement.unknowns:
                 self.enclosures["contact_time"] = enclosure_of(2 * self.ball(CONTACT_DURATION), self.digits)
             self.radius = upper_decimal(alpha.rad())
-            self.uniqueness_radius = lower_decimal(min(self.root.unique_in))
+            self.uniqueness_radius = lower_decimal(self.root.unique_within())
 
     def _duration(self) -> arb:
         """The time of half the flight."""
@@ -204,7 +216,7 @@ class Case:
     def _check_claims(self) -> None:
         """Compare what the orbit says of alpha with what is proved."""
         error = CLAIMED * self.claim.error + CLAIM_ROUNDINGS * abs(self.claim.alpha)
-        if not (self.ball("alpha") + arb(0, error)).overlaps(arb(self.claim.alpha)):
+        if not isfinite(error) or not (self.ball("alpha") + arb(0, error)).overlaps(arb(self.claim.alpha)):
             told = f"the orbit says {self.claim.alpha!r} with an error of {self.claim.error:.1e}"
             self.reasons.append(f"alpha: {told}, and lies outside the enclosure {self.enclosures['alpha']}")
 
@@ -235,6 +247,7 @@ class Case:
         """Prove the family and the conditions of a motion."""
         assert self.root is not None
         model = self.model
+        self._check_mirror(flight)
         try:
             self.family = flight.count_turns(flight.chain(model.extension.at, 2))
         except Unproved as error:
@@ -259,6 +272,12 @@ class Case:
         self._condition("contact_force", lambda: self._check_force(contact))
         self._condition("contact_end", lambda: self._check_end(contact))
 
+    def _check_mirror(self, flight: Motion) -> None:
+        """See that the flight comes to its own mirror image in mid-flight in all states, also those not solved for."""
+        states = zip(self.model.flight.states, flight.passage.finish, self.model.reversor or (), strict=False)
+        if wrong := [name for name, value, sign in states if sign < 0 and not value.contains(0)]:
+            self.reasons.append(f"the model contradicts itself: {wrong[0]} does not vanish in mid-flight")
+
     def _condition(self, name: str, check: Callable[[], None]) -> None:
         try:
             check()
@@ -274,6 +293,8 @@ class Case:
         each = flight.chain(gap, 3)
         if not self._begins_at_zero(flight, gap):
             raise Unproved("the model's formulas do not show that the gap and its speed are 0 at lift-off")
+        if not flight.first(each, 2).contains(0):
+            raise Unproved("the model contradicts itself: the gap's acceleration does not vanish with its lift-off")
         flight.check_positive(each, zero_at_start=3)
 
     def _begins_at_zero(self, flight: Motion, gap: Callable) -> bool:
@@ -300,6 +321,8 @@ class Case:
             raise Unproved("the contact is not enclosed")
         force = self.model.contact.watch[CONTACT_FORCE]
         each = contact.chain(lambda x: force(x, contact.expressions.p, []), 1)
+        if not contact.first(each, 0).contains(0):
+            raise Unproved("the model contradicts itself: the contact force does not vanish with its lift-off")
         contact.check_positive(each, zero_at_start=1)
 
     def _check_end(self, contact: Motion | None) -> None:

@@ -209,10 +209,12 @@ class Equations:
     """The equations of a boundary value statement, on balls.
 
     unknowns : their names; the columns of derivatives are these and, after them, the interval parameters
+    positive : the names of those that a solution has above 0
     """
 
     def __init__(self, statement: Statement, numbers: Numbers):
         self.numbers, self.unknowns = numbers, statement.unknowns
+        self.positive = {"alpha", *statement.durations}
         self.expressions = ExactExpressions(numbers)
         with symbolic_numerals(self.expressions.numerals):
             u = {name: ca.SX.sym(name) for name in statement.unknowns}

@@ -4,13 +4,14 @@ Analysis 17, 1980), which is regular only where the family turns quadratically."
 import time
 from collections.abc import Sequence
 
-from flint import arb, ctx
+from flint import ctx
 
 from ..model.machine import Machine, machine_in_words
 from ..model.phase import Statement
 from ..periodic.fold import fold_statement
+from .case import numbers_of
 from .decimals import enclosure_of, lower_decimal, upper_decimal
-from .exact import Decimals, Equations, Numbers
+from .exact import Decimals, Equations
 from .refusal import Unproved
 from .root import FIRST_BITS, ProvedRoot, prove_root
 from .theorem import Proof
@@ -23,7 +24,7 @@ def proof_of_fold(
 ) -> Proof:  # fmt: skip
     """The proof of a fold near a guess of the unknowns of `fold_statement`; see `prove_fold`."""
     began, root, reasons = time.perf_counter(), None, list[str]()
-    numbers, folded = Numbers(machine.values, parameters), fold_statement(statement, along)
+    numbers, folded = numbers_of(machine, parameters), fold_statement(statement, along)
     try:
         with ctx.workprec(FIRST_BITS):
             root = prove_root(Equations(folded, numbers), guess, bits)
@@ -42,19 +43,15 @@ def proof_of_fold(
         machine=machine_in_words(machine),
         enclosures=enclosures,
         radius=upper_decimal(named["alpha"].rad()) if root else None,
-        uniqueness_radius=lower_decimal(_least(root)) if root else None,
+        uniqueness_radius=lower_decimal(root.unique_within()) if root else None,
         reasons=tuple(reasons),
         seconds=time.perf_counter() - began,
     )
 
 
-def _least(root: ProvedRoot) -> arb:
-    return min(root.unique_in)
-
-
 def _fold_told(folded: Statement, root: ProvedRoot, along: str, enclosures: dict) -> str:
-    names, radius = ", ".join(folded.unknowns), lower_decimal(_least(root))
+    names, radius = ", ".join(folded.unknowns), lower_decimal(root.unique_within())
     where = f"at {along} in {enclosures[along]}, alpha in {enclosures['alpha']}"
-    place = f"Its lossless orbits have a fold in {along}, {where}"
+    place = f"The equations of its lossless orbits have a fold in {along}, {where}"
     regular = "It is nondegenerate: the equations of the fold are regular there, so that the family turns quadratically"
-    return f"{place}. {regular}. No other zero of these has all unknowns ({names}) within {radius} of the middle."
+    return f"{place}. {regular}. No other zero of these has all unknowns ({names}) within {radius} of these enclosures."

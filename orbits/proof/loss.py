@@ -26,8 +26,9 @@ def enclosed_loss(
     flight : the half flight in the flight states, whose leg has all programs
     unknowns : enclosures by name
     """
-    if model.reversor is None:
-        raise Unproved("the machine is not its own mirror image in time")
+    if not model.one_speed:
+        raise Unproved("a launch is more than a speed: no map of launch speeds tells what is lost")
+    assert model.reversor is not None
     expressions, m = flight.expressions, len(model.flight.states)
     with symbolic_numerals(expressions.numerals):
         u, p = {name: ca.SX.sym(name) for name in unknowns}, expressions.p

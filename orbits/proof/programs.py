@@ -74,9 +74,10 @@ _NULL = arb(0)
 
 
 def coefficient(value: Value, order: int) -> arb:
-    """A Taylor coefficient of a result; a ball is a constant series."""
+    """A Taylor coefficient of a result; a ball is a constant series. It is no number where the series is cut off
+    before, as after a division by a series that begins with 0."""
     if isinstance(value, arb_series):
-        return value[order]
+        return value[order] if order < value.prec else arb("nan")
     return value if order == 0 else _NULL
 
 
@@ -103,9 +104,9 @@ def _name_of(code: int) -> str:
 
 
 def _with_bounds(function: Callable, low: int, high: int) -> Callable:
-    """A function of balls whose values lie between bounds, also on balls that are not finite."""
+    """A function of balls whose values lie between bounds, also on the ball of all numbers."""
     whole = arb(low).union(arb(high))
-    return lambda x: function(x) if x.is_finite() else whole
+    return lambda x: function(x) if x.is_finite() or x.is_nan() else whole
 
 
 def _on_both(of_ball: Callable, of_series: Callable) -> Callable:
@@ -133,7 +134,7 @@ def _ball_power(x: Value, y: Value) -> Value:
         whole = y.unique_fmpz() if y.is_exact() else None
         if whole is not None and abs(int(whole)) <= LARGEST_PRODUCT:
             return _whole_power(x, int(whole))
-        halves = (2 * y).unique_fmpz() if y.is_exact() else None
+        halves = (2 * y).unique_fmpz() if y.is_exact() and (2 * y).is_exact() else None
         if halves is not None and abs(int(halves)) <= LARGEST_PRODUCT:
             return _whole_power(x.sqrt(), int(halves))
     return (y * x.log()).exp()

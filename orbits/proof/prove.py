@@ -32,8 +32,8 @@ def prove(
     motion: bool = True,
     loss: bool = False,
 ) -> Proof:
-    """Prove what an orbit says, by interval arithmetic: that it exists and is alone nearby, that alpha lies within its
-    error, that its family is counted rightly, and that it is a motion.
+    """Prove what an orbit says, by interval arithmetic: that it exists and is alone nearby, that alpha lies within
+    twice its error, that its family is counted rightly, and that it is a motion.
 
     digits : how many decimal digits of the unknowns to enclose; None for about 18
     machine : that the orbit belongs to; None for the one that it was found for

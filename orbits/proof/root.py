@@ -10,8 +10,9 @@ them, and the statement is true for each.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
 from flint import arb, arb_mat, ctx
 
 from .exact import Equations, Evaluated
@@ -34,13 +35,23 @@ class ProvedRoot:
     """A proved root of the equations for each value of the interval parameters.
 
     box : enclosures (unknowns,) of the root
-    unique_in : the radii (unknowns,) about the middle of the box within which there is no other root
+    centre, radii : the box (unknowns,) in which there is no other root
     evaluated : the equations on a box that holds the root
     """
 
     box: list[arb]
-    unique_in: list[arb]
+    centre: list[arb]
+    radii: list[arb]
     evaluated: Evaluated
+
+    def unique_within(self) -> arb:
+        """A distance from every point of the enclosures within which there is no other root, in any unknown."""
+        parts = zip(self.radii, self.box, self.centre, strict=True)
+        free = [(radius - abs(value - c) - 2 * value.rad()).lower() for radius, value, c in parts]
+        least = free[0]
+        for each in free[1:]:
+            least = each if each < least else least
+        return least
 
 
 def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> ProvedRoot:
@@ -53,7 +64,7 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
     reason = ""
     for radii in boxes:
         try:
-            evaluated = equations.evaluate(centre, radii, ctx.prec)
+            evaluated = _evaluated(equations, centre, radii)
             inner = _contracted(equations, evaluated, centre, radii)
         except Unproved as error:
             reason = f": {error}"
@@ -62,8 +73,26 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
             break
     else:
         raise Unproved(f"no box about the numerical solution is proved to hold a root{reason}")
-    unique_in = [radius - (value.mid() - c).abs_upper() for radius, value, c in zip(radii, inner, centre, strict=True)]
-    return _narrowed(equations, ProvedRoot(inner, unique_in, evaluated), bits)
+    root = _narrowed(equations, ProvedRoot(inner, centre, radii, evaluated), bits)
+    for name, value in zip(equations.unknowns, root.box, strict=True):
+        if name in equations.positive and not value > 0:
+            raise Unproved(f"{name} is not proved to be positive")
+    return root
+
+
+def _evaluated(equations: Equations, centre: Sequence[arb], radii: Sequence[arb], wide: bool = True) -> Evaluated:
+    """The equations on a box; a division by a ball that holds 0 leaves them without values."""
+    try:
+        return equations.evaluate(centre, radii, ctx.prec, wide)
+    except (ZeroDivisionError, ValueError, np.linalg.LinAlgError):
+        raise Unproved("the motion comes to where a law has no value") from None
+
+
+def _common(value: arb, other: arb) -> arb:
+    """What two enclosures of one number have in common."""
+    if not (value.is_finite() and other.is_finite() and value.overlaps(other)):
+        raise Unproved("two enclosures of the root contradict each other")
+    return value.intersection(other)
 
 
 def _narrow_boxes(centre: Sequence[arb]) -> list[list[arb]]:
@@ -72,7 +101,7 @@ def _narrow_boxes(centre: Sequence[arb]) -> list[list[arb]]:
 
 def _wide_boxes(equations: Equations, centre: list[arb]) -> list[list[arb]]:
     """Boxes for interval parameters: how far the root moves with them by its derivatives at the middle, with room."""
-    point = equations.evaluate(centre, [arb(0)] * len(centre), ctx.prec, wide=False)
+    point = _evaluated(equations, centre, [arb(0)] * len(centre), wide=False)
     n, numbers = len(centre), equations.numbers
     rows = point.slopes.tolist()
     inverse = _rounded_inverse(arb_mat([row[:n] for row in rows]))
@@ -127,20 +156,21 @@ def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
     if equations.numbers.wide:
         for _ in range(2):
             centre, radii = [value.mid() for value in box], [value.rad() for value in box]
-            evaluated = equations.evaluate(centre, radii, ctx.prec)
+            evaluated = _evaluated(equations, centre, radii)
             image = _image(equations, evaluated, centre, [arb(0, radius) for radius in radii])
-            box = [value.intersection(new) for value, new in zip(box, image, strict=True)]
-        return ProvedRoot(box, root.unique_in, evaluated)
-    centre, radii = [value.mid() for value in box], [value.rad() for value in box]
-    evaluated = equations.evaluate(centre, radii, ctx.prec)
+            box = [_common(value, new) for value, new in zip(box, image, strict=True)]
+        return replace(root, box=box, evaluated=evaluated)
+    # Twice the radius, so that roundings of later centres stay in the box of the derivatives.
+    centre, radii = [value.mid() for value in box], [2 * value.rad() for value in box]
+    evaluated = _evaluated(equations, centre, radii)
     box = _by_values(equations, evaluated, evaluated, centre, box)
     for _ in range(MOST_REFINEMENTS):
         if _known_to(box, bits):
-            return ProvedRoot(box, root.unique_in, evaluated)
+            return replace(root, box=box, evaluated=evaluated)
         reached = max(FIRST_BITS, min(_bits_of(value) for value in box))
         with ctx.workprec(min(2 * reached, bits) + GUARD_BITS):
             centre = [value.mid() for value in box]
-            values = equations.evaluate(centre, [arb(0)] * len(centre), ctx.prec)
+            values = _evaluated(equations, centre, [arb(0)] * len(centre))
             before, box = box, _by_values(equations, evaluated, values, centre, box)
         if not any(new.rad() < old.rad() / 2 for new, old in zip(box, before, strict=True)):
             break
@@ -154,7 +184,7 @@ def _by_values(
     merged = Evaluated(values.values, slopes.slopes, slopes.passages)
     for _ in range(8):
         image = _image(equations, merged, centre, [value - c for value, c in zip(box, centre, strict=True)])
-        new = [value.intersection(narrower) for value, narrower in zip(box, image, strict=True)]
+        new = [_common(value, narrower) for value, narrower in zip(box, image, strict=True)]
         done = not any(a.rad() < b.rad() / 2 for a, b in zip(new, box, strict=True))
         box = new
         if done:

@@ -7,11 +7,10 @@ component, of a solution that starts within E0 of c. While it stays within e of 
 
     E(t) <= E0 + integral of (|Df| e + |R| t**K) <= E0 + h |Df| e + |R| h**(K + 1)/(K + 1)   for 0 <= t <= h,
 
-with |Df| and |R| taken over the tube p([0, h]) +- e. Where the right hand side is below e in every component, no
-solution can leave the tube: one would do so at a first time, up to which the estimate holds. So it exists on [0, h] and
-lies in the tube (an argument by continuity; Moore, Kearfott, Cloud, Introduction to Interval Analysis, 2009, chapter
-10).
-"""
+with |Df| taken over the tube p([0, h]) +- e, and |R| over p([0, h]). Where the right hand side is below e in every
+component, no solution can leave the tube: one would do so at a first time, up to which the estimate holds. So it exists
+on [0, h] and lies in the tube (an argument by continuity; Moore, Kearfott, Cloud, Introduction to Interval Analysis,
+2009, chapter 10). """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -19,14 +19,15 @@ CONDITIONS = {
 def machine_sentence(machine: Mapping[str, Any], exact: Mapping[str, str]) -> str:
     """The machine with its exact parameters, in words."""
     numbers = ", ".join(f"{name} {value}" for name, value in exact.items())
-    return f"Let the {machine['machine']} have spring {machine['spring']} and gravity {machine['gravity']}, {numbers}."
+    stated = [f"spring {machine['spring']} and gravity {machine['gravity']}", *([numbers] if numbers else [])]
+    return f"Let the {machine['machine']} have {', '.join(stated)}."
 
 
 def root_sentence(names: str, enclosures: Mapping[str, Enclosure], uniqueness: str, each: bool) -> str:
     """What existence and uniqueness say."""
     told = "; ".join(f"{name.replace('_', ' ')} in {value}" for name, value in enclosures.items())
     values = "For each value of the parameters in their intervals the" if each else "The"
-    others = f"No other solution has all unknowns ({names}) within {uniqueness} of the middle of their enclosures"
+    others = f"No other solution has all unknowns ({names}) within {uniqueness} of these enclosures"
     return f"{values} equations of a lossless orbit have a solution with {told}. {others}."
 
 

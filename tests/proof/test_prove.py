@@ -4,10 +4,13 @@ import dataclasses
 import json
 import pickle
 from decimal import Decimal
+from fractions import Fraction
 
 import mpmath as mp
+import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
+from flint import ctx
 
 from orbits import InputError, Orbit, find, prove
 from orbits.io import to_json
@@ -19,8 +22,8 @@ CONDITIONS = {"clearance", "separation", "contact_force", "contact_end"}
 
 def meets(enclosure, value, error="0"):
     """Whether an enclosure meets a decimal that is known to an error."""
-    value, error = Decimal(str(value)), Decimal(error)
-    return Decimal(enclosure.low) <= value + error and value - error <= Decimal(enclosure.high)
+    value, error = Fraction(str(value)), Fraction(error)
+    return Fraction(enclosure.low) <= value + error and value - error <= Fraction(enclosure.high)
 
 
 def overlap(first, second):
@@ -73,6 +76,18 @@ class TestReferences:
         assert meets(proof.enclosures["loss_coefficient"], certificate.loss_coefficient, str(certificate.loss_error))
         assert proof.enclosures["loss_coefficient"].width < 1e-4 * certificate.loss_coefficient
         assert f"attracts from {certificate.stable_side}" in proof.statement
+
+    @pytest.mark.parametrize(
+        ("spring", "family"),
+        [("r/(1 - (r/c)**2)", 1), ("c*tan(r/c)", 1), ("c*atanh(r/c)", 1), ("r/sqrt(1 - (r/c)**2)", 2)],
+    )
+    def test_a_law_with_poles_beside_the_motion(self, spring, family):
+        """A step that is tried may reach into what lies beyond a pole; then it has to be shortened."""
+        orbit = find(Hopper(spring, rest_length=60, parameters={"c": 3.0}), family)
+        proof = prove(orbit)
+        assert proof.proved == orbit.admissible
+        assert proof.family == family
+        assert meets(proof.alpha, orbit.alpha, str(orbit.error))
 
     def test_a_juggler(self):
         machine = Juggler(CUBIC["spring"], parameters=CUBIC["parameters"])
@@ -188,12 +203,15 @@ class TestWrongClaims:
             Hopper(CUBIC["spring"], "1/(1 + z/R)**2", rest_length=8, parameters={"beta": 0.3, "R": 50.0}),
             Hopper(CUBIC["spring"], rest_length=2, parameters=CUBIC["parameters"]),
             Hopper("r", rest_length=8),
-            Juggler(CUBIC["spring"], parameters=CUBIC["parameters"]),
         ],
-        ids=["mass ratio", "gravity", "rest length", "spring", "juggler"],
+        ids=["mass ratio", "gravity", "rest length", "spring"],
     )
     def test_a_machine_of_another_kind(self, cubic, machine):
         assert not prove(cubic, machine=machine).proved
+
+    def test_an_orbit_of_other_states_is_no_claim(self, cubic):
+        with pytest.raises(InputError, match="orbit of another machine"):
+            prove(cubic, machine=Juggler(CUBIC["spring"], parameters=CUBIC["parameters"]))
 
     @pytest.mark.parametrize("spring", ["r + 0.1*abs(r)*r", "r + 0.1*sign(r)*r**2"])
     def test_a_law_with_corners_is_told(self, spring):
@@ -229,7 +247,8 @@ class TestIntervalParameters:
         if proof.alpha is None:
             return
         for beta in bounds:
-            assert meets(proof.alpha, find(Hopper("cubic", rest_length=8, parameters={"beta": float(beta)})).alpha)
+            machine = Hopper(CUBIC["spring"], rest_length=8, parameters={"beta": float(beta)})
+            assert meets(proof.alpha, find(machine).alpha, "1e-13")
 
     def test_an_interval_that_holds_a_pole_of_a_law_is_undecided(self):
         proof = prove(find(machine_of(REFERENCES[4])), parameters={"R": ("-60", "160")})
@@ -256,8 +275,6 @@ class TestExactNumbers:
         assert not overlap(written.alpha, binary.alpha)
 
     def test_numbers_of_numpy_are_numbers(self, cubic):
-        import numpy as np
-
         exactly, numpy = (prove(cubic, parameters={"beta": kind(0.3)}, motion=False) for kind in (float, np.float64))
         assert numpy.alpha == exactly.alpha
 
@@ -268,7 +285,7 @@ class TestErrors:
         with pytest.raises(InputError, match="python-flint"):
             prove(cubic)
 
-    @pytest.mark.parametrize("digits", [0, -1, 1.5, "5", 10**6, True])
+    @pytest.mark.parametrize("digits", [0, -1, 1.5, "5", 10**6])
     def test_digits_that_cannot_be(self, cubic, digits):
         with pytest.raises(InputError, match="digits"):
             prove(cubic, digits)
@@ -336,8 +353,6 @@ class TestDocuments:
         assert "motion" not in proof.statement
 
     def test_the_precision_of_arb_is_as_it_was(self, cubic):
-        from flint import ctx
-
         before = ctx.prec, ctx.cap
         prove(cubic, 30, motion=False)
         prove(cubic, parameters={"beta": 3})

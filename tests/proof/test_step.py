@@ -1,5 +1,7 @@
 """Rigorous steps against closed forms."""
 
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -74,7 +76,7 @@ def test_the_defect_falls_with_the_order():
         step = stepped(OSCILLATOR, [0.5, 2.0], longest=0.25, order=order, accuracy=1.0)
         assert step.h == arb(0.25)
         tubes.append(max(float(radius) for radius in step.tube))
-    assert all(later < 1e-3 * earlier for earlier, later in zip(tubes, tubes[1:], strict=False))
+    assert all(later < 1e-3 * earlier for earlier, later in pairwise(tubes))
 
 
 def test_steps_do_not_pass_where_the_solution_grows_beyond_all_bounds():

@@ -1,0 +1,141 @@
+"""Which hops of random springs can be proved, how fast, and can a wrong claim be? And how narrow is what is proved?
+
+Springs are drawn as in `stress`, families 1 to 3 in turn. A hop that is a motion counts as proved where all of it is:
+it exists, is alone nearby, is of its family, and is a motion. For one that is none, a condition has to be refuted.
+Wrong claims are made of these hops: alpha moved, the family off by one, the violations of an inadmissible orbit left
+out, the parameters of another machine. Last, the spring's parameter is known to an interval only, and the enclosure of
+alpha is compared with the range that alpha really has. Run: python studies/theorems.py [--output FOLDER] [--quick] """
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
+
+from orbits import NoOrbit, Orbit, Proof, find, prove
+from orbits.plot import COLOURS, new_row, save_figure
+from problems import Hopper
+from studies.stress import random_laws
+
+REST_LENGTH = 30.0
+CUBIC = Hopper("r + beta*r**3", rest_length=8.0, parameters={"beta": 0.3})
+FALLING = Hopper("sinh(r)", "1/(1 + z/R)**2", rest_length=8.0, parameters={"R": 50.0})
+HALF_WIDTHS = np.logspace(-9, -2, 8)
+
+
+def hops(count: int, seed: int = 20) -> Iterator[Orbit]:
+    """Hops of random springs; families that a spring has not are left out."""
+    for index, (text, parameters) in enumerate(random_laws(count, seed)):
+        try:
+            yield find(Hopper(text, rest_length=REST_LENGTH, parameters=parameters), 1 + index % 3)
+        except NoOrbit:
+            continue
+
+
+def wrong_claims(orbits: list[Orbit], count: int, seed: int = 20) -> Iterator[tuple[Orbit, Hopper]]:
+    """Orbits that say what is not so, each with the machine that it is said of."""
+    rng = np.random.default_rng(seed)
+    inadmissible = [orbit for orbit in orbits if not orbit.admissible] or orbits[:0]
+    for index in range(count):
+        orbit = orbits[rng.integers(len(orbits))]
+        certificate, machine = orbit.certificate, orbit.source
+        kind = index % 4 if inadmissible else index % 3
+        if kind == 0:
+            moved = rng.choice([-1, 1]) * orbit.alpha * 10.0 ** rng.uniform(-9, -2)
+            yield replace(orbit, alpha=orbit.alpha + moved), machine
+        elif kind == 1:
+            family = certificate.family + int(rng.choice([-1, 1]))
+            yield replace(orbit, certificate=replace(certificate, family=family)), machine
+        elif kind == 2:
+            name = rng.choice(sorted(machine.parameters))
+            share = 1 + 10.0 ** rng.uniform(-6, -2)
+            yield orbit, machine.with_values(**{name: machine.parameters[name] * share})
+        else:
+            orbit = inadmissible[rng.integers(len(inadmissible))]
+            yield replace(orbit, certificate=replace(orbit.certificate, violations=())), orbit.source
+
+
+def is_right(orbit: Orbit, proof: Proof) -> bool:
+    """Whether a motion is proved, and whether of another orbit a condition is refuted."""
+    return proof.proved if orbit.admissible else "refuted" in proof.conditions.values()
+
+
+def fastest(orbit: Orbit, repeats: int = 5, **options) -> float:
+    """The least time of several proofs, in ms."""
+    times = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        prove(orbit, **options)
+        times.append(time.perf_counter() - began)
+    return 1e3 * min(times)
+
+
+def widths() -> list[tuple[float, float]]:
+    """The width of the enclosure of alpha, 0 where it is not proved, and the range that alpha has, for each half width
+    of the interval of beta."""
+    orbit, found = find(CUBIC), []
+    for half in HALF_WIDTHS:
+        low, high = float(0.3 * (1 - half)), float(0.3 * (1 + half))
+        proof = prove(orbit, parameters={"beta": (low, high)}, motion=False)
+        ends = [prove(find(CUBIC.with_values(beta=beta)), motion=False).alpha for beta in (low, high)]
+        true = abs(float(ends[0].low) - float(ends[1].low)) if half > 1e-8 else half * _slope() * 0.6
+        found.append((proof.alpha.width if proof.alpha else 0.0, true))
+    return found
+
+
+def _slope() -> float:
+    """The derivative of alpha by beta, by differences."""
+    up, down = (find(CUBIC.with_values(beta=0.3 * (1 + sign * 1e-4))).alpha for sign in (1, -1))
+    return abs(up - down) / (2 * 0.3 * 1e-4)
+
+
+def main(folder: Path, quick: bool = False) -> dict[str, object]:
+    count, wrong = (12, 16) if quick else (1000, 1000)
+    cubic = find(CUBIC)
+    numbers: dict[str, object] = {
+        "existence_ms": fastest(cubic, motion=False),
+        "motion_ms": fastest(cubic),
+        "falling_ms": fastest(find(FALLING), 2),
+        "digits_ms": fastest(cubic, 2, digits=50, motion=False),
+    }
+    orbits = list(hops(count))
+    proofs = [prove(orbit) for orbit in orbits]
+    right = [is_right(orbit, proof) for orbit, proof in zip(orbits, proofs, strict=True)]
+    numbers |= {"hops": len(orbits), "admissible": sum(orbit.admissible for orbit in orbits), "proved": sum(right)}
+    numbers["wrong_proved"] = sum(
+        prove(orbit, machine=machine).proved for orbit, machine in wrong_claims(orbits, wrong)
+    )
+    enclosed, true = np.array(widths()).T
+    numbers["width_ratio"] = float(enclosed[3] / true[3])
+    print(f"cubic spring: existence {numbers['existence_ms']:.0f} ms, a motion {numbers['motion_ms']:.0f} ms,", end=" ")
+    print(f"50 digits {numbers['digits_ms']:.0f} ms; sinh under inverse square gravity {numbers['falling_ms']:.0f} ms")
+    print(f"random springs: {sum(right)} of {len(orbits)} proved or refuted, of {wrong} wrong claims", end=" ")
+    print(f"{numbers['wrong_proved']}; enclosure over true range {numbers['width_ratio']:.2f}")
+    for orbit, proof, fine in zip(orbits, proofs, right, strict=True):
+        if not fine:
+            print(f"  {orbit!r}: {'; '.join(proof.reasons)}")
+    panels = new_row(2, 5.4, 3.8)
+    milliseconds = [1e3 * proof.seconds for proof in proofs]
+    bins = np.geomspace(0.9 * min(milliseconds), 1.1 * max(milliseconds), 30)
+    panels[0].hist(milliseconds, bins=bins, color=COLOURS[0])
+    panels[0].set(xscale="log", xlabel="time of a proof (ms)", ylabel="hops of random springs")
+    kept = enclosed > 0
+    panels[1].loglog(HALF_WIDTHS, true, color=COLOURS[1], label="range of $\\alpha$")
+    panels[1].loglog(HALF_WIDTHS[kept], enclosed[kept], "o", color=COLOURS[0], label="proved enclosure")
+    panels[1].set(xlabel="half width of the interval of $\\beta$, relative", ylabel="width")
+    panels[1].legend(frameon=False)
+    print(save_figure(panels[0], folder / "theorems.png"))
+    return numbers
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
+    parser.add_argument("--quick", action="store_true", help="a few springs")
+    arguments = parser.parse_args()
+    main(arguments.output, arguments.quick)
