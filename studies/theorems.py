@@ -4,7 +4,7 @@ Springs are drawn as in `stress`, families 1 to 3 in turn. A hop that is a motio
 it exists, is alone nearby, is of its family, and is a motion. For one that is none, a condition has to be refuted.
 Wrong claims are made of these hops: alpha moved, the family off by one, the violations of an inadmissible orbit left
 out, the parameters of another machine. Last, the spring's parameter is known to an interval only, and the enclosure of
-alpha is compared with the range that alpha really has. Run: python studies/theorems.py [--output FOLDER] [--quick] """
+alpha is compared with the range that alpha really has. Run: python studies/theorems.py [--output FOLDER] [--quick]"""
 
 import argparse
 import sys

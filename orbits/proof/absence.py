@@ -25,7 +25,7 @@ from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
 from ..model.relative import Relative
 from ..symbolic.formula import symbolic_numerals
-from .case import numbers_of
+from .case import exact_numbers
 from .exact import Decimals, ExactExpressions, Numbers
 from .programs import BallProgram, exact_ball, operation
 from .refusal import Unproved
@@ -45,7 +45,7 @@ def proof_of_absence(machine: Machine, family: int | None, parameters: dict[str,
     began, model = time.perf_counter(), machine.model
     if model.relative is None or model.homotopy:
         raise InputError(f"the extension of a {model.name} does not move alone: nothing can be proved absent")
-    numbers, reasons = numbers_of(machine, parameters), list[str]()
+    numbers, reasons = exact_numbers(machine, parameters), list[str]()
     try:
         with ctx.workprec(BITS):
             law = _Law(model.relative, numbers)

@@ -59,7 +59,7 @@ def proof_of(claim: Claim, digits: int | None, parameters: Mapping[str, Decimals
     )
 
 
-def numbers_of(machine: Machine, parameters: Mapping[str, Decimals]) -> Numbers:
+def exact_numbers(machine: Machine, parameters: Mapping[str, Decimals]) -> Numbers:
     """The exact parameters of a machine; raises `InputError` for names that it has not or that cannot be varied, and
     for values that it cannot have."""
     if parameters:
@@ -72,7 +72,9 @@ def numbers_of(machine: Machine, parameters: Mapping[str, Decimals]) -> Numbers:
 
 def checked_digits(digits: int | None) -> int | None:
     """A number of digits that can be asked for; raises `InputError` for another."""
-    if digits is not None and not (isinstance(digits, int) and 1 <= digits <= MOST_DIGITS):
+    if digits is not None and (
+        isinstance(digits, bool) or not (isinstance(digits, int) and 1 <= digits <= MOST_DIGITS)
+    ):
         raise InputError(f"digits = {digits!r}; it is a whole number from 1 to {MOST_DIGITS}")
     return digits
 
@@ -111,7 +113,7 @@ class Case:
         machine, model = claim.machine, claim.machine.model
         if model.reversor is None:
             raise InputError(f"a {model.name} is not its own mirror image in time: its orbits cannot be proved")
-        self.numbers = numbers_of(machine, parameters)
+        self.numbers = exact_numbers(machine, parameters)
         self.claim, self.machine, self.model, self.digits = claim, machine, model, digits
         self.family: int | None = None
         self.root: ProvedRoot | None = None

@@ -1,6 +1,7 @@
 """Balls as decimals that are rounded outward."""
 
 import math
+from collections.abc import Callable
 from fractions import Fraction
 
 from flint import arb
@@ -30,9 +31,7 @@ def upper_decimal(radius: arb) -> str:
     value = _fraction(radius.abs_upper())
     if value == 0:
         return "0"
-    places = DIGITS_OF_RADIUS - _exponent(value)
-    scaled = math.ceil(value * Fraction(10) ** places)
-    return f"{scaled}e{-places}"
+    return _scientific(value, math.ceil)
 
 
 def lower_decimal(radius: arb) -> str:
@@ -40,8 +39,14 @@ def lower_decimal(radius: arb) -> str:
     value = _fraction(radius.abs_lower())
     if value == 0:
         return "0"
-    places = DIGITS_OF_RADIUS - _exponent(value)
-    return f"{math.floor(value * Fraction(10) ** places)}e{-places}"
+    return _scientific(value, math.floor)
+
+
+def _scientific(value: Fraction, rounded: Callable[[Fraction], int]) -> str:
+    """A number above 0 as 1.23e-4."""
+    exponent = _exponent(value)
+    digits = rounded(value * Fraction(10) ** (DIGITS_OF_RADIUS - exponent))
+    return f"{digits // 10**DIGITS_OF_RADIUS}.{digits % 10**DIGITS_OF_RADIUS:0{DIGITS_OF_RADIUS}d}e{exponent}"
 
 
 def _fraction(exact: arb) -> Fraction:

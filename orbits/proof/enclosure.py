@@ -17,9 +17,10 @@ from flint import arb, arb_mat, ctx
 from .refusal import Unproved
 from .step import Step, System, take_step
 
-# Derivatives are enclosed to about this many bits by polynomials of this order: they stand before deviations that are
-# small themselves.
-SLOPE_BITS, SLOPE_ORDER, SLOPE_ACCURACY = 64, 12, 2.0**-30
+# Derivatives are enclosed in balls of so many bits by polynomials of an order for an accuracy: coarse ones stand before
+# deviations that are small themselves, fine ones are wanted for their own sake.
+SLOPE_BITS = 64
+COARSE, FINE = (12, 2.0**-30), (18, 2.0**-50)
 # The order of polynomials for the centre, per bit: about half of log 2, where steps cost the least.
 ORDER_PER_BIT = 0.36
 MOST_STEPS = 2000
@@ -67,7 +68,7 @@ class Passage:
 
 def order_for(bits: int) -> int:
     """The order of the polynomials that enclose a centre to a number of bits."""
-    return max(SLOPE_ORDER, round(ORDER_PER_BIT * bits))
+    return max(COARSE[0], round(ORDER_PER_BIT * bits))
 
 
 def follow_centre(system: System, constants: Sequence[arb], start: Sequence[arb], length: arb, bits: int) -> list[arb]:
@@ -85,7 +86,7 @@ def follow_centre(system: System, constants: Sequence[arb], start: Sequence[arb]
 
 def follow_set(
     variation: Variation, constants: Sequence[arb], start: Sequence[arb], by_unknowns: arb_mat, radii: arb_mat,
-    bits: int,
+    bits: int, slopes: tuple[int, float] = COARSE,
 ) -> Passage:  # fmt: skip
     """The motions over the times from 0 to 1 of the starts from enclosures (n,) of a centre, by deviations of the
     unknowns within radii (unknowns, 1), given enclosures (n, unknowns) of the derivatives of the start by them."""
@@ -104,10 +105,10 @@ def follow_set(
         with ctx.workprec(SLOPE_BITS):
             long = take_step(
                 variation.varied, constants, [*centre, *identity], [*spread, *[arb(0)] * (m * n)], left,
-                SLOPE_ORDER, SLOPE_ACCURACY,
+                *slopes,
             )  # fmt: skip
-            slopes = long.end()[n:]
-        rows = [slopes[i * n : (i + 1) * n] for i in range(m)] + _identity(n).tolist()[m:]
+            by_start = long.end()[n:]
+        rows = [by_start[i * n : (i + 1) * n] for i in range(m)] + _identity(n).tolist()[m:]
         transition = arb_mat(rows)
         end = follow_centre(variation.system, constants, centre, long.h, bits)
         pieces.append(Piece(at, Step(long.h, long.polynomials[:n], long.hull[:n], long.tube[:n])))

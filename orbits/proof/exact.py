@@ -26,13 +26,20 @@ from .step import System, widened
 Decimals = str | float | int | tuple[str | float | int, str | float | int]
 
 
+# Decimals have at most so many places, before or after the point.
+MOST_PLACES = 1500
+
+
 def exact_fraction(name: str, value: str | float | int) -> Fraction:
     """The exact value of a decimal, given as text, or of the shortest decimal that rounds to a float; raises
     `InputError` for what is no finite number."""
     try:
-        return Fraction(Decimal(value if isinstance(value, str) else repr(value)))
-    except (ArithmeticError, ValueError, OverflowError, TypeError):
-        raise InputError(f"{name} = {value!r} is no decimal number") from None
+        decimal = Decimal(value if isinstance(value, str) else repr(float(value)))
+        if not abs(decimal.adjusted()) <= MOST_PLACES or abs(int(decimal.as_tuple().exponent)) > MOST_PLACES:
+            raise ValueError
+        return Fraction(decimal)
+    except (ArithmeticError, ValueError, TypeError):
+        raise InputError(f"{name} = {str(value)[:40]!r} is no decimal number that can be computed with") from None
 
 
 class Numbers:

@@ -9,7 +9,7 @@ from flint import ctx
 from ..model.machine import Machine, machine_in_words
 from ..model.phase import Statement
 from ..periodic.fold import fold_statement
-from .case import numbers_of
+from .case import exact_numbers
 from .decimals import enclosure_of, lower_decimal, upper_decimal
 from .exact import Decimals, Equations
 from .refusal import Unproved
@@ -24,7 +24,7 @@ def proof_of_fold(
 ) -> Proof:  # fmt: skip
     """The proof of a fold near a guess of the unknowns of `fold_statement`; see `prove_fold`."""
     began, root, reasons = time.perf_counter(), None, list[str]()
-    numbers, folded = numbers_of(machine, parameters), fold_statement(statement, along)
+    numbers, folded = exact_numbers(machine, parameters), fold_statement(statement, along)
     try:
         with ctx.workprec(FIRST_BITS):
             root = prove_root(Equations(folded, numbers), guess, bits)

@@ -12,7 +12,7 @@ from flint import arb, arb_mat
 
 from ..model.model import Model
 from ..symbolic.formula import symbolic_numerals
-from .enclosure import follow_set
+from .enclosure import FINE, follow_set
 from .exact import BallLeg
 from .motion import Motion
 from .refusal import Unproved
@@ -44,14 +44,18 @@ def enclosed_loss(
     program = expressions.program([*u.values(), *expressions.wide], outputs)
     stills = flight.passage.start[m + 1 :]
     mass, power_ball, *rest = program([*unknowns.values(), *stills, *expressions.constants()])
-    half = _transition(leg, flight.passage.start, expressions.constants(), m, bits)
+    # From the narrowest enclosures of the unknowns, not from the wider set of the enclosed motion.
+    start = leg.start([*unknowns.values(), *stills, *expressions.constants()])
+    half = _transition(leg, start, expressions.constants(), m, bits)
     mirror = arb_mat(m, m, [sign if i == j else 0 for i, sign in enumerate(model.reversor) for j in range(m)])
     try:
         at_landing = mirror * half.solve(mirror * (half * arb_mat(m, 1, rest[:m])))
     except ZeroDivisionError:
         raise Unproved("the derivatives of the flight are not enclosed narrowly enough") from None
     slope = sum((weight * at_landing[i, 0] for i, weight in enumerate(rest[m : 2 * m])), arb(0))
-    jerk = flight.first(flight.chain(model.gap(expressions.p).at, 3), 3) / flight.passage.start[m] ** 3
+    gap = flight.chain(model.gap(expressions.p).at, 3)
+    (by_leg,) = gap.programs[3]([*start, *gap.constants])
+    jerk = by_leg / start[m] ** 3
     if not (jerk > 0 and (slope > 0 or slope < 0) and mass > 0 and power_ball > 0):
         raise Unproved("the signs of the jerk at landing and of the gap's change with alpha are not decided")
     loss = mass * jerk**2 / 8 * (6 * abs(slope) / jerk) ** (arb(4) / 3) / power_ball
@@ -63,5 +67,5 @@ def _transition(leg: BallLeg, start: Sequence[arb], constants: Sequence[arb], m:
     n = len(start)
     radii = arb_mat(n, 1, [arb(0, value.rad()) for value in start])
     identity = arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
-    passage = follow_set(leg.variation, constants, [value.mid() for value in start], identity, radii, bits)
+    passage = follow_set(leg.variation, constants, [value.mid() for value in start], identity, radii, bits, FINE)
     return arb_mat([row[:m] for row in passage.slopes.tolist()[:m]])

@@ -16,6 +16,8 @@ from .step import Step, between
 
 # Halvings of a step's time after which a sign is left undecided.
 MOST_BISECTIONS = 14
+# Times of a step at which an undecided sign is looked at again.
+SAMPLES_OF_STEP = 8
 
 
 class Refuted(OrbitsError):
@@ -78,6 +80,16 @@ class Motion:
 
         Raises `Refuted` where it is not positive, and `Unproved` where that stays undecided.
         """
+        try:
+            self._check_pieces(each, zero_at_start, zero_at_end)
+        except Unproved:
+            for piece in self.passage.pieces:  # the times after an undecided one may refute it
+                for i in range(SAMPLES_OF_STEP):
+                    if self.value(each, 0, piece.step, piece.step.h * (i + arb(0.5)) / SAMPLES_OF_STEP) < 0:
+                        raise Refuted("it is proved to be negative") from None
+            raise
+
+    def _check_pieces(self, each: Derivatives, zero_at_start: int, zero_at_end: bool) -> None:
         pieces = self.passage.pieces
         for i, piece in enumerate(pieces):
             low, high = arb(0), piece.step.h

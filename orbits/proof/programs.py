@@ -18,6 +18,8 @@ Value: TypeAlias = Any
 # Whole numbers below 2**21, and these over powers of 2 that small, are meant as they stand in a model. Any other
 # number there has been rounded.
 SIGNIFICANT_BITS = 21
+# What is raised where a series is divided by one that may begin with 0.
+UNDEFINED = (ZeroDivisionError, ValueError)
 # Powers up to this one are products.
 LARGEST_PRODUCT = 64
 
@@ -114,8 +116,7 @@ def _on_both(of_ball: Callable, of_series: Callable) -> Callable:
 
 
 def _exponential_pair(x: arb_series) -> tuple[arb_series, arb_series]:
-    grown = x.exp()
-    return grown, 1 / grown
+    return x.exp(), (-x).exp()
 
 
 def _sinh(x: arb_series) -> arb_series:

@@ -16,6 +16,7 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from .exact import Equations, Evaluated
+from .programs import UNDEFINED
 from .refusal import Unproved
 
 # Bits of the first proof, and relative radii of the boxes that are tried, the largest first.
@@ -25,7 +26,9 @@ BOXES = (2.0**-20, 2.0**-27, 2.0**-34, 2.0**-40)
 ROOM = (1.5, 2.5, 6.0)
 # How many bits are kept beyond those asked for, since motions amplify roundings.
 GUARD_BITS = 40
-MOST_REFINEMENTS = 12
+MOST_REFINEMENTS = 6
+# Each refinement adds at least so many bits.
+BITS_OF_REFINEMENT = 24
 # The bits of a number that is known exactly.
 EXACT = 10**9
 
@@ -47,7 +50,8 @@ class ProvedRoot:
     def unique_within(self) -> arb:
         """A distance from every point of the enclosures within which there is no other root, in any unknown."""
         parts = zip(self.radii, self.box, self.centre, strict=True)
-        free = [(radius - abs(value - c) - 2 * value.rad()).lower() for radius, value, c in parts]
+        # Decimals that are rounded outward reach a little further than the balls.
+        free = [(radius - abs(value - c) - value.rad() / 10).lower() for radius, value, c in parts]
         least = free[0]
         for each in free[1:]:
             least = each if each < least else least
@@ -84,7 +88,7 @@ def _evaluated(equations: Equations, centre: Sequence[arb], radii: Sequence[arb]
     """The equations on a box; a division by a ball that holds 0 leaves them without values."""
     try:
         return equations.evaluate(centre, radii, ctx.prec, wide)
-    except (ZeroDivisionError, ValueError, np.linalg.LinAlgError):
+    except (*UNDEFINED, np.linalg.LinAlgError):
         raise Unproved("the motion comes to where a law has no value") from None
 
 
@@ -164,7 +168,7 @@ def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
     centre, radii = [value.mid() for value in box], [2 * value.rad() for value in box]
     evaluated = _evaluated(equations, centre, radii)
     box = _by_values(equations, evaluated, evaluated, centre, box)
-    for _ in range(MOST_REFINEMENTS):
+    for _ in range(MOST_REFINEMENTS + bits // BITS_OF_REFINEMENT):
         if _known_to(box, bits):
             return replace(root, box=box, evaluated=evaluated)
         reached = max(FIRST_BITS, min(_bits_of(value) for value in box))

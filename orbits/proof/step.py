@@ -10,7 +10,7 @@ component, of a solution that starts within E0 of c. While it stays within e of 
 with |Df| taken over the tube p([0, h]) +- e, and |R| over p([0, h]). Where the right hand side is below e in every
 component, no solution can leave the tube: one would do so at a first time, up to which the estimate holds. So it exists
 on [0, h] and lies in the tube (an argument by continuity; Moore, Kearfott, Cloud, Introduction to Interval Analysis,
-2009, chapter 10). """
+2009, chapter 10)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, arb_poly, arb_series, ctx
 
-from .programs import BallProgram, coefficient
+from .programs import UNDEFINED, BallProgram, coefficient
 from .refusal import Unproved
 
 # The step is chosen so that the tube grows at most by about this share of itself.
@@ -101,6 +101,8 @@ def picard_coefficients(
             series = [arb_series(row, k + 1) for row in found]
             for row, rate in zip(found, rates([*series, *constants]), strict=True):
                 row.append(coefficient(rate, k) / (k + 1))
+    except UNDEFINED:
+        raise Unproved("the motion comes to where a law has no value") from None
     finally:
         ctx.cap = cap
     return found
@@ -180,6 +182,8 @@ def _remainder(system: System, constants: Sequence[arb], polynomials: list[arb_p
         shift = arb_poly([between(arb(0), h), 1])
         moved = [arb_series(p(shift).coeffs(), order + 1) for p in polynomials]
         rests = [coefficient(rate, order) for rate in system.rates([*moved, *constants])]
+    except UNDEFINED:
+        return [arb("inf")] * system.size
     finally:
         ctx.cap = cap
     scale = h ** (order + 1) / (order + 1)

@@ -114,12 +114,14 @@ def test_operations_without_series_are_refused_by_name(function, name):
 
 
 @pytest.mark.parametrize("name", ["sin", "cos", "tanh"])
-@pytest.mark.parametrize("ball", [arb(0, float("inf")), arb("nan"), arb("inf")])
+@pytest.mark.parametrize("ball", [arb(0, float("inf")), arb("inf")])
 def test_bounded_functions_are_bounded_on_balls_that_are_not_finite(name, ball):
     (value,) = program_of(getattr(ca, name))([ball])
     assert value.contains(arb(-1))
     assert value.contains(arb(1))
     assert abs(value) < 1.1
+    (value,) = program_of(getattr(ca, name))([arb("nan")])  # what is no number has no value
+    assert value.is_nan()
 
 
 @pytest.mark.parametrize(
