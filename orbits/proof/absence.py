@@ -188,8 +188,8 @@ def _combined(code: int, own: list[_Trend]) -> _Trend:
     if code == ca.OP_ADD:
         rises = all(each.rises or each.constant is not None for each in own)
         return _Trend(all(each.odd for each in own), rises)
-    if code == ca.OP_SUB and own[1].constant is not None:
-        return _Trend(False, first.rises)
+    if code == ca.OP_SUB:
+        return _Trend(all(each.odd for each in own), first.rises and own[1].constant is not None)
     scaled = code == ca.OP_MUL or (code == ca.OP_DIV and first.constant is None)
     if scaled and constants and constants[0] > 0:
         return next(each for each in own if each.constant is None)

@@ -166,7 +166,8 @@ class Case:
         names, each = ", ".join(self.statement.unknowns), bool(self.numbers.wide)
         root = root_sentence(names, self.enclosures, self.uniqueness_radius or "0", each)
         side = f" The hop attracts from {self.stable_side}, and not from the other side." if self.stable_side else ""
-        return " ".join(filter(None, (machine, root, motion_sentence(self.family, self.conditions)))) + side
+        units = "" if self.machine.units is None else "Lengths, times and speeds are in the machine's units without SI."
+        return " ".join(filter(None, (machine, root, motion_sentence(self.family, self.conditions), units))) + side
 
     def _names(self) -> tuple[str, ...]:
         """The conditions of a motion that apply."""
@@ -189,7 +190,7 @@ class Case:
     def _enclose(self) -> None:
         """The decimals of what is known from the root alone."""
         assert self.root is not None
-        with ctx.workprec(max(ctx.prec, int(BITS_PER_DIGIT * ((self.digits or 0) + 20)))):
+        with ctx.workprec(bits_of_digits(self.digits) + FIRST_BITS):
             alpha = self.ball("alpha")
             self.enclosures["alpha"] = enclosure_of(alpha, self.digits)
             self.enclosures["flight_time"] = enclosure_of(2 * self._duration(), self.digits)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from fractions import Fraction
 
-from flint import arb
+from flint import arb, ctx
 
 from .theorem import Enclosure
 
@@ -12,11 +12,14 @@ from .theorem import Enclosure
 DIGITS_OF_RADIUS = 2
 # A number that is known exactly is told with at most so many places.
 EXACT_PLACES = 40
+# More than any ball has.
+EXACT_BITS = 8192
 
 
 def enclosure_of(ball: arb, digits: int | None = None) -> Enclosure:
     """The bounds of a ball as decimals rounded outward, with as many places as its radius has, or so many digits."""
-    low, high = _fraction(ball.lower()), _fraction(ball.upper())
+    with ctx.workprec(EXACT_BITS):  # else the bounds would be rounded too
+        low, high = _fraction(ball.lower()), _fraction(ball.upper())
     if low == high and (low * 10**EXACT_PLACES).denominator == 1:
         text = _decimal(int(low * 10**EXACT_PLACES), EXACT_PLACES).rstrip("0").rstrip(".")
         return Enclosure(text, text)

@@ -165,7 +165,10 @@ def _as_tuples(node: ast.expr, tokens: list[_Token]) -> tuple:
         case _:
             raise AssertionError(f"{type(node).__name__} is no part of a formula")
     for parent in reversed(chain):
-        tree = (_SIGNS[type(parent.op)], tree, _as_tuples(parent.right, tokens))
+        right = _as_tuples(parent.right, tokens)
+        if isinstance(parent.op, ast.Pow) and right[0] == "number" and right[1].is_integer():
+            right = right[:2]  # a whole exponent is exact, and has no text that a symbol could stand for
+        tree = (_SIGNS[type(parent.op)], tree, right)
     return tree
 
 
@@ -214,7 +217,8 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, library):
     for node in _nodes(tree):
         kind = node[0]
         if kind == "number":
-            stack.append(constant(node[1]) if _numerals is None or library is np else _numeral(node[2]))
+            known = _numerals is None or library is np or len(node) == 2
+            stack.append(constant(node[1]) if known else _numeral(node[2]))
         elif kind == "name" and node[1] in CONSTANTS:
             known = _numerals is None or library is np
             stack.append(constant(CONSTANTS[node[1]]) if known else _numeral(node[1]))

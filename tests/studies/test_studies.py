@@ -37,6 +37,7 @@ from studies import (
     start_up,
     stress,
     sweeps,
+    theorems,
     tolerances,
     tutorial,
 )
@@ -58,6 +59,15 @@ def test_air_track_amplitudes_are_equation_14():
     top, hand, depth = a**2 / 2, -1 + (1 + a**2) ** 0.5, (1 + M) / M * (1 + (1 + M / (1 + M) * a**2) ** 0.5)
     assert first == pytest.approx(length * (top + depth), rel=1e-7)
     assert second == pytest.approx(length * (hand + depth), rel=1e-7)
+
+
+def test_theorems(tmp_path):
+    """Every hop is proved or refuted, and no wrong claim is proved; an enclosure is hardly wider than what it holds."""
+    numbers = theorems.main(tmp_path, quick=True)
+    assert numbers["proved"] == numbers["hops"] > 8
+    assert numbers["wrong_proved"] == 0
+    assert 1 <= numbers["width_ratio"] < 10
+    assert (tmp_path / "theorems.png").stat().st_size > 10_000
 
 
 def test_tolerances(tmp_path, capsys):

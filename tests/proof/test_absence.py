@@ -1,0 +1,90 @@
+"""What is proved not to be, beside searches that find what there is."""
+
+import casadi as ca
+import pytest
+from flint import arb
+
+from orbits import InputError, NoOrbit, find, prove_absence
+from orbits.proof.absence import _trend_of
+from problems import Chain, Hopper, Juggler
+
+
+@pytest.mark.parametrize(("b", "family"), [(0.3333334, 1), (0.5, 1), (5.0, 1), (0.2000001, 2), (0.15, 3)])
+def test_no_orbit_of_a_tanh_spring(b, family):
+    machine = Hopper("tanh", parameters={"b": b})
+    proof = prove_absence(machine, family)
+    assert proof.proved
+    assert f"family {family}" in proof.statement
+    with pytest.raises(NoOrbit):
+        find(machine, family)
+
+
+@pytest.mark.parametrize(("b", "family"), [(0.33, 1), (0.199, 2), (0.05, 1)])
+def test_what_may_be_is_not_proved_absent(b, family):
+    proof = prove_absence(Hopper("tanh", parameters={"b": b}), family)
+    assert not proof.proved
+    assert "bounded by" in proof.reasons[0]
+
+
+def test_a_whole_interval_of_springs():
+    proof = prove_absence(Hopper("tanh", parameters={"b": 0.3}), 2, parameters={"b": ("0.21", "5")})
+    assert proof.proved
+    assert "b in [0.21, 5]" in proof.statement
+
+
+@pytest.mark.parametrize("spring", ["atan(r)/2", "0.4*tanh(r) + 0.3*atan(r)"])
+def test_other_bounded_springs(spring):
+    assert prove_absence(Hopper(spring), 1).proved
+
+
+@pytest.mark.parametrize(
+    ("spring", "why"), [("r", "bounded by"), ("sin(r)", "odd"), ("tanh(r - 1)", "odd"), ("exp(r) - 1", "odd")]
+)
+def test_springs_that_the_theorem_does_not_tell(spring, why):
+    proof = prove_absence(Hopper(spring), 1)
+    assert not proof.proved
+    assert why in proof.reasons[0]
+
+
+@pytest.mark.parametrize("spring", ["r - 0.5*r**3", "r - 0.2*r**3", "r - 0.3*r**5"])
+def test_no_lift_off(spring):
+    """The largest tensions are 0.544, 0.861 and 0.723 of the foot's weight."""
+    assert prove_absence(Hopper(spring)).proved
+    with pytest.raises(NoOrbit, match="never reaches"):
+        find(Hopper(spring))
+
+
+@pytest.mark.parametrize("spring", ["r", "r - 0.1*r**3", "r - 0.14*r**3", "sinh(r)"])
+def test_a_lift_off_is_not_proved_absent(spring):
+    """The largest tension of the third is 1.029 times the foot's weight."""
+    assert not prove_absence(Hopper(spring)).proved
+
+
+def test_of_what_nothing_can_be_said():
+    for machine in (Hopper(gravity="exp(-z/H)", rest_length=8.0, parameters={"H": 90.0}), Chain([1, 1, 1])):
+        with pytest.raises(InputError, match="does not move alone"):
+            prove_absence(machine, 1)
+    assert "odd" in prove_absence(Juggler("tanh"), 1).reasons[0]  # its hand's weight is no odd force
+    with pytest.raises(InputError, match="numbered from 1"):
+        prove_absence(Hopper(), 0)
+
+
+@pytest.mark.parametrize(
+    ("law", "odd", "rises"),
+    [
+        (lambda r, b, n: ca.tanh(b * r) / b, True, True),
+        (lambda r, b, n: r + b * r**n, True, True),
+        (lambda r, b, n: r - b * r**n, True, False),
+        (lambda r, b, n: ca.exp(b * r), False, True),
+        (lambda r, b, n: ca.sin(r), False, False),
+        (lambda r, b, n: r * ca.tanh(r), False, False),
+        (lambda r, b, n: -r, False, False),
+        (lambda r, b, n: b / r, False, False),
+        (lambda r, b, n: ca.atan(r) + b, False, True),
+    ],
+)
+def test_trends(law, odd, rises):
+    """What the operations show is true; what they do not show may be true all the same."""
+    r, b, n = (ca.SX.sym(name) for name in "rbn")  # numerals are symbols too
+    trend = _trend_of(law(r, b, n), r, [b, n], [arb("0.3"), arb(3)])
+    assert (trend.odd, trend.rises) == (odd, rises)

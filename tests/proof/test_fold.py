@@ -1,0 +1,51 @@
+"""Folds that are proved: beside what curves along them find, and only where there are some."""
+
+from decimal import Decimal
+
+import pytest
+
+from orbits import InputError, follow, prove_fold
+from problems import Hopper
+
+# The fold of family 1 of the cubic spring, in 30 digits by another program.
+FOLD = "-0.01069521491640"
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return Hopper("cubic", rest_length=8.0)
+
+
+@pytest.fixture(scope="module")
+def fold(machine):
+    family = follow(machine, "beta", stop=-0.02)
+    return next(event.point for event in family.events if event.kind == "fold")
+
+
+def test_the_fold_of_the_cubic_family(machine, fold):
+    proof = prove_fold(machine, fold, "beta")
+    assert proof.proved
+    place = proof.enclosures["beta"]
+    assert round(Decimal(place.low), 14) == round(Decimal(place.high), 14) == Decimal(FOLD)
+    assert fold.alpha - 1e-6 < float(proof.alpha.low) <= float(proof.alpha.high) < fold.alpha + 1e-6
+    assert "nondegenerate" in proof.statement
+    assert "beta = " not in proof.statement  # it is what is enclosed
+
+
+def test_more_digits_of_a_fold(machine, fold):
+    place = prove_fold(machine, fold, "beta", digits=30).enclosures["beta"]
+    assert Decimal(place.high) - Decimal(place.low) < Decimal("1e-30")
+
+
+def test_a_point_beside_the_fold_is_no_fold(machine):
+    """A tangent along which the parameter changes leads to no zero of the fold's equations, or to the fold itself."""
+    point = follow(machine, "beta", stop=0.5).points[-1]
+    proof = prove_fold(machine, point, "beta")
+    assert not proof.proved
+    assert proof.reasons
+    assert not proof.enclosures
+
+
+def test_an_unknown_parameter(machine, fold):
+    with pytest.raises(InputError, match="no parameter 'gamma'"):
+        prove_fold(machine, fold, "gamma")
