@@ -22,6 +22,12 @@ Lemma 2, a set of motions (`enclosure`). The derivatives D of the flow by its st
 Lemma 1 encloses them for all starts of the set. By the mean value theorem the state from c + d is that from c, plus D d
 with D in the enclosure, componentwise. Products of enclosures are kept in orthogonal frames against wrapping.
 
+A law that is smooth in pieces (`crossing`) is followed by Lemma 1 within a piece, while the tube stays off the
+breakpoints. Its force is continuous, so that the rates are. Where a set crosses a breakpoint, x' and the variational
+equations lie in the hull of both laws over a tube that is proved by x0 + [0, h] F(tube) in tube; the set goes on until
+all of it is in the next piece. The speed of the coordinate has a sign at the crossing, so that the flow is continuously
+differentiable there as elsewhere, and the mean value theorem holds on.
+
 Lemma 3, existence and uniqueness (`root`). Krawczyk's operator K(U) = u - Y F(u) + (1 - Y F'(U)) (U - u): if K(U) lies
 in the interior of U, then F has exactly one zero in U, and it lies in K(U). For an interval parameter q, F(u) holds the
 values for all q, since F(u, q) is in F(u, q0) + F_q(U, Q) (q - q0) by the mean value theorem, so that the statement is
@@ -53,7 +59,7 @@ is where its contact force vanishes, and so the acceleration of the gap, which h
 construction and is looked at by `check` for models by hand. The decimals of laws and parameters are exact; numerals in
 the formulas of a mechanism are the floats that they were rounded to, and those of its coefficients that do not depend
 on parameters are recognised by random samples (`model.mechanics.coefficients`). A law that is a Python function is what
-CasADi has traced of it. Laws in pieces, abs and sign are refused.
+CasADi has traced of it. Tables, abs and sign are refused.
 
 Sources: R. Krawczyk, Computing 4 (1969) 187-201; R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval
 Analysis, SIAM 2009; T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, CAPD::DynSys, Communications in Nonlinear Science

@@ -252,7 +252,7 @@ class Case:
         model = self.model
         self._check_mirror(flight)
         try:
-            self.family = flight.count_turns(flight.chain(model.extension.at, 2))
+            self.family = flight.count_turns(flight.chain(lambda x, data: model.extension.at(x), 2))
         except Unproved as error:
             self.reasons.append(f"family: {error}")
         else:
@@ -263,7 +263,7 @@ class Case:
         for violation in self.claim.violations:
             self.reasons.append(f"the orbit itself says that it is no motion: {violation}")
 
-        def gap(x: Any) -> Any:
+        def gap(x: Any, data: Any = ()) -> Any:
             return model.gap(flight.expressions.p).at(x)
 
         self._condition("clearance", lambda: self._check_gap(flight, gap))
@@ -306,13 +306,15 @@ class Case:
         u = {name: ca.SX.sym(name) for name in self.statement.unknowns}
         with symbolic_numerals(expressions.numerals):
             launch = ca.vertcat(*self.model.launch(u, expressions.p))
-            functions = ca.vertcat(gap(leg.moving), ca.jtimes(gap(leg.moving), _column(leg.state), _column(leg.rates)))
+            functions = ca.vertcat(
+                gap(leg.moving), ca.jtimes(gap(leg.moving), _column(leg.state), _column(leg.rates[0]))
+            )
         return ca.substitute(functions, _column(leg.moving), launch).is_zero()
 
     def _check_separation(self, flight: Motion, contact: Motion | None) -> None:
         def apart(motion: Motion, embed: Any = None) -> Callable:
             distance = self.model.separation(motion.expressions.p)
-            return lambda x: distance.at(x if embed is None else _embedded(embed, x))
+            return lambda x, data: distance.at(x if embed is None else _embedded(embed, x))
 
         flight.check_positive(flight.chain(apart(flight), 1))
         if contact is None:
@@ -323,7 +325,7 @@ class Case:
         if contact is None:
             raise Unproved("the contact is not enclosed")
         force = self.model.contact.watch[CONTACT_FORCE]
-        each = contact.chain(lambda x: force(x, contact.expressions.p, []), 1)
+        each = contact.chain(lambda x, data: force(x, contact.expressions.p, data), 1)
         if not contact.first(each, 0).contains(0):
             raise Unproved("the model contradicts itself: the contact force does not vanish with its lift-off")
         contact.check_positive(each, zero_at_start=1)
@@ -332,13 +334,13 @@ class Case:
         if contact is None:
             raise Unproved("the contact is not enclosed")
         speed = self.model.contact_speed
-        each = contact.chain(lambda x: -speed.at(x), 1)
+        each = contact.chain(lambda x, data: -speed.at(x), 1)
         if self.model.one_speed:
             contact.check_positive(each, zero_at_end=True)
 
     def _enclose_extensions(self, flight: Motion) -> None:
         """The extension at lift-off and in mid-flight."""
-        each = flight.chain(self.model.extension.at, 0)
+        each = flight.chain(lambda x, data: self.model.extension.at(x), 0)
         self.enclosures["liftoff_extension"] = enclosure_of(flight.first(each, 0), self.digits)
         self.enclosures["mid_flight_extension"] = enclosure_of(flight.last(each, 0), self.digits)
 

@@ -10,17 +10,19 @@ and Numerical Simulation 101, 2021).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from flint import arb, arb_mat, ctx
 
+from .crossing import NO_BREAKPOINTS, Breakpoints, advance_step
 from .refusal import Unproved
-from .step import Step, System, take_step
+from .step import Step, System
 
-# Derivatives are enclosed in balls of so many bits by polynomials of an order for an accuracy: coarse ones stand before
-# deviations that are small themselves, fine ones are wanted for their own sake.
-SLOPE_BITS = 64
-COARSE, FINE = (12, 2.0**-30), (18, 2.0**-50)
+# How derivatives are enclosed: the order of polynomials, their accuracy, and the bits of balls. Coarse ones stand
+# before deviations that are small themselves, fine ones are wanted for their own sake.
+Fineness: TypeAlias = tuple[int, float, int]
+COARSE, FINE = (12, 2.0**-30, 64), (18, 2.0**-50, 100)
 # The order of polynomials for the centre, per bit: about half of log 2, where steps cost the least.
 ORDER_PER_BIT = 0.36
 MOST_STEPS = 2000
@@ -32,21 +34,27 @@ class Variation:
     """A system of n states, of which the first are moving and the others constant, with its variational equations.
 
     moving : m, the number of moving states
-    system : the states alone
-    varied : the states, and after them the derivatives of the m moving states by all n, row by row
+    systems : the states alone, one system for each law of a phase that is smooth in pieces
+    varied : the states, and after them the derivatives of the m moving states by all n, row by row; likewise
     """
 
     moving: int
-    system: System
-    varied: System
+    systems: tuple[System, ...]
+    varied: tuple[System, ...]
+
+    @property
+    def size(self) -> int:
+        """n, the number of states."""
+        return self.systems[0].size
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A step that begins at a time of the motion, which lasts from 0 to 1."""
+    """A step that begins at a time of the motion, which lasts from 0 to 1, with the laws that hold in it."""
 
     begins: arb
     step: Step
+    laws: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -71,47 +79,56 @@ def order_for(bits: int) -> int:
     return max(COARSE[0], round(ORDER_PER_BIT * bits))
 
 
-def follow_centre(system: System, constants: Sequence[arb], start: Sequence[arb], length: arb, bits: int) -> list[arb]:
-    """Enclosures (n,) of the state a short time after a start (n,), by tubes alone, which grow with every step."""
+def follow_centre(
+    systems: Sequence[System], breakpoints: Breakpoints, law: int, constants: Sequence[arb], start: Sequence[arb],
+    length: arb, bits: int,
+) -> tuple[list[arb], int]:  # fmt: skip
+    """Enclosures (n,) of the state a short time after a start (n,) in the piece of a law, by tubes alone, which grow
+    with every step; and the law there."""
     states, left = list(start), length
     for _ in range(MOST_STEPS):
         centre, spread = [value.mid() for value in states], [value.rad() for value in states]
-        step = take_step(system, constants, centre, spread, left, order_for(bits), 2.0**-bits)
-        states = step.end()
-        if not step.h < left:
-            return states
-        left = left - step.h
+        done = advance_step(
+            systems, breakpoints, law, constants, centre, spread, left, order_for(bits), 2.0**-bits
+        )  # fmt: skip
+        states, law = done.step.end(), done.law
+        if not done.step.h < left:
+            return states, law
+        left = left - done.step.h
     raise Unproved(TOO_LONG)
 
 
 def follow_set(
     variation: Variation, constants: Sequence[arb], start: Sequence[arb], by_unknowns: arb_mat, radii: arb_mat,
-    bits: int, slopes: tuple[int, float] = COARSE,
+    bits: int, fineness: Fineness = COARSE, breakpoints: Breakpoints = NO_BREAKPOINTS,
 ) -> Passage:  # fmt: skip
     """The motions over the times from 0 to 1 of the starts from enclosures (n,) of a centre, by deviations of the
     unknowns within radii (unknowns, 1), given enclosures (n, unknowns) of the derivatives of the start by them."""
-    n, m = variation.system.size, variation.moving
+    n, m = variation.size, variation.moving
     identity = [arb(int(i == j)) for i in range(m) for j in range(n)]
     frame, inner = _identity(n), by_unknowns
     # What the centre may be off by, in the frame.
     centre, error = [value.mid() for value in start], arb_mat(n, 1, [arb(0, value.rad()) for value in start])
-    pieces, at = list[Piece](), arb(0)
+    pieces, at, law = list[Piece](), arb(0), breakpoints.law_of(_moved(start, by_unknowns * radii))
     while True:
         if len(pieces) == MOST_STEPS:
             raise Unproved(TOO_LONG)
         deviations = frame * (inner * radii + error)
         spread = [deviations[i, 0].abs_upper() for i in range(n)]
         left = 1 - at
-        with ctx.workprec(SLOPE_BITS):
-            long = take_step(
-                variation.varied, constants, [*centre, *identity], [*spread, *[arb(0)] * (m * n)], left,
-                *slopes,
+        with ctx.workprec(fineness[2]):
+            done = advance_step(
+                variation.varied, breakpoints, law, constants, [*centre, *identity], [*spread, *[arb(0)] * (m * n)],
+                left, *fineness[:2],
             )  # fmt: skip
+            long = done.step
             by_start = long.end()[n:]
         rows = [by_start[i * n : (i + 1) * n] for i in range(m)] + _identity(n).tolist()[m:]
         transition = arb_mat(rows)
-        end = follow_centre(variation.system, constants, centre, long.h, bits)
-        pieces.append(Piece(at, Step(long.h, long.polynomials[:n], long.hull[:n], long.tube[:n])))
+        end, law = follow_centre(variation.systems, breakpoints, law, constants, centre, long.h, bits)
+        if law != done.law:
+            raise Unproved("the centre of the set does not cross a breakpoint with the rest of it")
+        pieces.append(Piece(at, Step(long.h, long.polynomials[:n], long.hull[:n], long.tube[:n]), done.laws))
         turned = transition * frame
         frame, inverse = _orthogonal(turned)
         inner, centre = (inverse * turned) * inner, [value.mid() for value in end]

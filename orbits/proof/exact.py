@@ -5,6 +5,8 @@ units of which it is followed, and the parameters that are only known within int
 those of the statement and, after them, these parameters.
 """
 
+import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -17,6 +19,7 @@ from flint import arb, arb_mat, fmpq
 from ..errors import InputError
 from ..model.phase import Arc, Phase, Statement
 from ..symbolic.formula import CONSTANTS, symbolic_numerals
+from .crossing import Breakpoints
 from .enclosure import Passage, Variation, follow_set
 from .programs import BallProgram
 from .refusal import Unproved
@@ -26,6 +29,8 @@ from .step import System, widened
 Decimals = str | float | int | tuple[str | float | int, str | float | int]
 
 
+# A law with more pieces is a table.
+MOST_LAWS = 12
 # Decimals have at most so many places, before or after the point.
 MOST_PLACES = 1500
 
@@ -127,32 +132,42 @@ class LegExpressions:
     """The expressions of one leg: its states, the rates of a moving phase in units of the leg's duration.
 
     state : symbols of the m states of the phase, of the duration, and of the interval parameters: n in all
+    laws : the data of each piece of a phase that is smooth in pieces, else one without data
+    breaks : where one follows the other
+    rates : of the states, for each law
     """
 
     def __init__(self, expressions: ExactExpressions, phase: Phase):
+        self.phase, self.laws, self.breaks = phase, [list[Any]()], list[Any]()
+        self.weights: tuple[float, ...] = ()
         if phase.pieces:
-            raise Unproved("the spring's law is in pieces, with corners or of a table: it has no Taylor series there")
-        self.phase = phase
+            self.weights = phase.pieces.coordinate
+            table: Any = phase.pieces.table  # of expressions, as of numbers
+            breaks, data = table(expressions.p)
+            if len(data) > MOST_LAWS or not (breaks[0] == -math.inf and breaks[-1] == math.inf):
+                raise Unproved("the spring's law is a table: its numbers are rounded")
+            self.laws, self.breaks = [list(row) for row in data], list(breaks[1:-1])
         self.moving = ca.vertsplit(ca.SX.sym("x", len(phase.states)))
         self.duration = ca.SX.sym("duration")
         self.state = [*self.moving, self.duration, *expressions.wide]
-        rates = phase.field(self.moving, expressions.p, [])
-        self.rates = [*(self.duration * ca.SX(rate) for rate in rates), *(ca.SX(0) for _ in self.state[len(rates) :])]
+        still = [ca.SX(0) for _ in self.state[len(self.moving) :]]
+        fields = [phase.field(self.moving, expressions.p, data) for data in self.laws]
+        self.rates = [[*(self.duration * ca.SX(rate) for rate in field), *still] for field in fields]
 
     def variation(self, expressions: ExactExpressions) -> Variation:
         """The system of the leg with its variational equations."""
         m, n = len(self.moving), len(self.state)
         varied = ca.SX.sym("d", n, m).T
         by_all = ca.vertcat(varied, ca.SX(ca.DM.eye(n)[m:, :]))
-        slopes = ca.jacobian(ca.vertcat(*self.rates[:m]), ca.vertcat(*self.state)) @ by_all
-        # Row by row.
-        states = [*self.state, *(varied[i, j] for i in range(m) for j in range(n))]
-        rates = [*self.rates, *(slopes[i, j] for i in range(m) for j in range(n))]
-        return Variation(m, self._system(expressions, self.state, self.rates), self._system(expressions, states, rates))
-
-    def system(self, expressions: ExactExpressions) -> System:
-        """The system of the leg alone."""
-        return self._system(expressions, self.state, self.rates)
+        states = [*self.state, *(varied[i, j] for i in range(m) for j in range(n))]  # row by row
+        systems, both = list[System](), list[System]()
+        for rates in self.rates:
+            slopes = ca.jacobian(ca.vertcat(*rates[:m]), ca.vertcat(*self.state)) @ by_all
+            systems.append(self._system(expressions, self.state, rates))
+            both.append(
+                self._system(expressions, states, [*rates, *(slopes[i, j] for i in range(m) for j in range(n))])
+            )
+        return Variation(m, tuple(systems), tuple(both))
 
     @staticmethod
     def _system(expressions: ExactExpressions, states: list[ca.SX], rates: list[ca.SX]) -> System:
@@ -165,7 +180,7 @@ class BallLeg:
     """An arc of a statement as programs.
 
     start : (unknowns, states at the end of the leg before) -> the states of this leg, n
-    conditions : (unknowns, states at the start, states at the end) -> what vanishes
+    conditions : (unknowns, states at the start, states at the end) -> what vanishes, for each law at the start
     The derivatives of each come as a dense matrix, row by row.
     """
 
@@ -178,8 +193,9 @@ class BallLeg:
         self._start = [*start, ca.SX(arc.duration(unknowns, p)), *expressions.wide]
         first = ca.vertsplit(ca.SX.sym("first", m))
         conditions = arc.conditions(unknowns, self.graph.moving, p)
-        guards = arc.guard(unknowns, first, p, [])
-        self._ends = [self.w, first, self.graph.moving], [*map(ca.SX, conditions), *map(ca.SX, guards)]
+        guards = [arc.guard(unknowns, first, p, data) for data in self.graph.laws]
+        self._inputs = [*self.w, *first, *self.graph.moving]
+        self._conditions = [[*map(ca.SX, conditions), *map(ca.SX, guard)] for guard in guards]
 
     def compile(self) -> None:
         """Build the programs, once all expressions of the statement have been evaluated."""
@@ -187,11 +203,17 @@ class BallLeg:
         self.variation = self.graph.variation(expressions)
         inputs = [*self.w, *self.before]
         self.start, self.start_slopes = expressions.program(inputs, self._start), self._dense(self._start, inputs)
-        (w, first, last), conditions = self._ends
-        inputs = [*w, *first, *last]
-        self.conditions = expressions.program(inputs, conditions)
-        self.condition_slopes = self._dense(conditions, inputs)
-        self.count = len(conditions)
+        self.conditions = [expressions.program(self._inputs, each) for each in self._conditions]
+        self.condition_slopes = [self._dense(each, self._inputs) for each in self._conditions]
+        self.count = len(self._conditions[0])
+        self._breaks = expressions.program(expressions.wide, [ca.SX(value) for value in self.graph.breaks])
+
+    def breakpoints(self, wide: Sequence[arb]) -> Breakpoints:
+        """Where the law changes, for enclosures of the interval parameters."""
+        values = self._breaks([*wide, *self.expressions.constants()])
+        if not all(low < high for low, high in itertools.pairwise(values)):
+            raise Unproved("the breakpoints of the spring's law are not proved to be apart and in order")
+        return Breakpoints(self.graph.weights, values)
 
     def _dense(self, outputs: list[ca.SX], inputs: list[ca.SX]) -> BallProgram:
         jacobian = ca.densify(ca.jacobian(ca.vertcat(*outputs), ca.vertcat(*inputs)))
@@ -250,7 +272,11 @@ class Equations:
             by_unknowns = _sliced(slopes, 0, columns)
             if last_slopes is not None:
                 by_unknowns = by_unknowns + _sliced(slopes, columns, len(last)) * last_slopes
-            passage = follow_set(leg.variation, constants, start, by_unknowns, deviations, bits)
+            breakpoints = leg.breakpoints(box[len(self.unknowns) :])
+            passage = follow_set(
+                leg.variation, constants, start, by_unknowns, deviations, bits, breakpoints=breakpoints
+            )
+            law = passage.pieces[0].laws[0]
             m = leg.variation.moving
             end, end_slopes = passage.end[:m], _first_rows(passage.slopes, m)
             start_slopes = _first_rows(by_unknowns, m)
@@ -259,8 +285,8 @@ class Equations:
             last, last_box, last_slopes = end, end_box, end_slopes
             if leg.count == 0:
                 continue
-            values += leg.conditions([*middle, *start[:m], *end, *constants])
-            slopes = _matrix_of(leg.condition_slopes([*box, *start_box, *end_box, *constants]), leg.count)
+            values += leg.conditions[law]([*middle, *start[:m], *end, *constants])
+            slopes = _matrix_of(leg.condition_slopes[law]([*box, *start_box, *end_box, *constants]), leg.count)
             total = _sliced(slopes, 0, columns) + _sliced(slopes, columns, m) * start_slopes
             rows += (total + _sliced(slopes, columns + m, m) * end_slopes).tolist()
         return Evaluated(values, arb_mat(rows), passages)

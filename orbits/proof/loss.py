@@ -8,7 +8,7 @@ sign of the gap's derivative by alpha, the hop attracts from that side, and on t
 from collections.abc import Mapping, Sequence
 
 import casadi as ca
-from flint import arb, arb_mat
+from flint import arb, arb_mat, ctx
 
 from ..model.model import Model
 from ..symbolic.formula import symbolic_numerals
@@ -31,13 +31,14 @@ def enclosed_loss(
     assert model.reversor is not None
     expressions, m = flight.expressions, len(model.flight.states)
     with symbolic_numerals(expressions.numerals):
+        data = flight.leg.laws[flight.passage.pieces[0].laws[0]]
         u, p = {name: ca.SX.sym(name) for name in unknowns}, expressions.p
         launch = [ca.SX(each) for each in model.launch(u, p)]
         by_alpha = ca.jacobian(ca.vertcat(*launch), u["alpha"])
         if model.liftoff_slope:
             by_alpha = by_alpha + ca.jacobian(ca.vertcat(*launch), u["liftoff"]) * model.liftoff_slope(u, p)
         landing = [sign * each for sign, each in zip(model.reversor, launch, strict=True)]
-        gradient = [ca.SX(each) for each in model.flight_gradient(launch, p, [])]
+        gradient = [ca.SX(each) for each in model.flight_gradient(launch, p, data)]
         power = ca.dot(ca.vertcat(*gradient), by_alpha)
         weights = [ca.SX(each) for each in model.gap(p).weights]
         outputs = [ca.SX(model.impact_mass(landing, p)), power, *ca.vertsplit(ca.densify(by_alpha)), *weights]
@@ -46,15 +47,17 @@ def enclosed_loss(
     mass, power_ball, *rest = program([*unknowns.values(), *stills, *expressions.constants()])
     # From the narrowest enclosures of the unknowns, not from the wider set of the enclosed motion.
     start = leg.start([*unknowns.values(), *stills, *expressions.constants()])
-    half = _transition(leg, start, expressions.constants(), m, bits)
+    with ctx.workprec(2 * bits):
+        half = _transition(leg, start, expressions.constants(), m, bits)
     mirror = arb_mat(m, m, [sign if i == j else 0 for i, sign in enumerate(model.reversor) for j in range(m)])
     try:
         at_landing = mirror * half.solve(mirror * (half * arb_mat(m, 1, rest[:m])))
     except ZeroDivisionError:
         raise Unproved("the derivatives of the flight are not enclosed narrowly enough") from None
     slope = sum((weight * at_landing[i, 0] for i, weight in enumerate(rest[m : 2 * m])), arb(0))
-    gap = flight.chain(model.gap(expressions.p).at, 3)
-    (by_leg,) = gap.programs[3]([*start, *gap.constants])
+    gap = flight.chain(lambda x, data: model.gap(expressions.p).at(x), 3)
+    law = flight.passage.pieces[0].laws[0]
+    (by_leg,) = gap.programs[law][3]([*start, *gap.constants])
     jerk = by_leg / start[m] ** 3
     if not (jerk > 0 and (slope > 0 or slope < 0) and mass > 0 and power_ball > 0):
         raise Unproved("the signs of the jerk at landing and of the gap's change with alpha are not decided")
@@ -67,5 +70,14 @@ def _transition(leg: BallLeg, start: Sequence[arb], constants: Sequence[arb], m:
     n = len(start)
     radii = arb_mat(n, 1, [arb(0, value.rad()) for value in start])
     identity = arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
-    passage = follow_set(leg.variation, constants, [value.mid() for value in start], identity, radii, bits, FINE)
+    passage = follow_set(
+        leg.variation,
+        constants,
+        [value.mid() for value in start],
+        identity,
+        radii,
+        bits,
+        FINE,
+        leg.breakpoints(start[m + 1 :]),
+    )
     return arb_mat([row[:m] for row in passage.slopes.tolist()[:m]])

@@ -1,6 +1,6 @@
 """Signs of functions along an enclosed motion, for all motions of the set at once."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -8,11 +8,11 @@ from flint import arb
 
 from ..errors import OrbitsError
 from ..symbolic.formula import symbolic_numerals
-from .enclosure import Passage
+from .enclosure import Passage, Piece
 from .exact import ExactExpressions, LegExpressions
 from .programs import BallProgram
 from .refusal import Unproved
-from .step import Step, between
+from .step import between
 
 # Halvings of a step's time after which a sign is left undecided.
 MOST_BISECTIONS = 14
@@ -28,11 +28,11 @@ class Refuted(OrbitsError):
 class Derivatives:
     """A function of the states of a leg and its derivatives by the time of the leg, which lasts from 0 to 1.
 
-    programs : of the function and of its derivatives, one order after the other
+    programs : for each law of the leg, of the function and of its derivatives, one order after the other
     constants : of these programs
     """
 
-    programs: tuple[BallProgram, ...]
+    programs: tuple[tuple[BallProgram, ...], ...]
     constants: list[arb]
 
 
@@ -48,29 +48,38 @@ class Motion:
     passage: Passage
 
     def chain(self, function: Callable, orders: int) -> Derivatives:
-        """A function of the phase's states with so many derivatives along the motion."""
-        states, rates = ca.vertcat(*self.leg.state), ca.vertcat(*self.leg.rates)
+        """A function (states of the phase, data of a piece) with so many derivatives along the motion."""
+        leg, by_law = self.leg, list[list[ca.SX]]()
         with symbolic_numerals(self.expressions.numerals):
-            functions = [ca.SX(function(self.leg.moving))]
-        for _ in range(orders):
-            functions.append(ca.jtimes(functions[-1], states, rates))
-        programs = tuple(self.expressions.program(self.leg.state, [each]) for each in functions)
+            for data, rates in zip(leg.laws, leg.rates, strict=True):
+                functions = [ca.SX(function(leg.moving, data))]
+                for _ in range(orders):
+                    functions.append(ca.jtimes(functions[-1], ca.vertcat(*leg.state), ca.vertcat(*rates)))
+                by_law.append(functions)
+        program = self.expressions.program
+        programs = tuple(tuple(program(leg.state, [each]) for each in functions) for functions in by_law)
         return Derivatives(programs, self.expressions.constants())
 
-    def value(self, each: Derivatives, order: int, step: Step, t: arb) -> arb:
-        """An enclosure of a derivative at a time, or at all times of a ball, within a step."""
-        (value,) = each.programs[order]([*step.at(t), *each.constants])
-        return value
+    def value(self, each: Derivatives, order: int, piece: Piece, t: arb) -> arb:
+        """An enclosure of a derivative at a time, or at all times of a ball, within a piece; across a breakpoint of the
+        law it holds the derivatives on both sides."""
+        return self._on(each, order, piece.laws, piece.step.at(t))
 
     def first(self, each: Derivatives, order: int) -> arb:
         """An enclosure of a derivative at the start."""
-        (value,) = each.programs[order]([*self.passage.start, *each.constants])
-        return value
+        return self._on(each, order, self.passage.pieces[0].laws[:1], self.passage.start)
 
     def last(self, each: Derivatives, order: int) -> arb:
         """An enclosure of a derivative at the end."""
-        (value,) = each.programs[order]([*self.passage.finish, *each.constants])
-        return value
+        return self._on(each, order, self.passage.pieces[-1].laws[-1:], self.passage.finish)
+
+    @staticmethod
+    def _on(each: Derivatives, order: int, laws: Sequence[int], states: Sequence[arb]) -> arb:
+        (found,) = each.programs[laws[0]][order]([*states, *each.constants])
+        for law in laws[1:]:
+            (other,) = each.programs[law][order]([*states, *each.constants])
+            found = found.union(other)
+        return found
 
     def check_positive(self, each: Derivatives, zero_at_start: int = 0, zero_at_end: bool = False) -> None:
         """Prove that a function is positive inside the motion.
@@ -85,7 +94,7 @@ class Motion:
         except Unproved:
             for piece in self.passage.pieces:  # the times after an undecided one may refute it
                 for i in range(SAMPLES_OF_STEP):
-                    if self.value(each, 0, piece.step, piece.step.h * (i + arb(0.5)) / SAMPLES_OF_STEP) < 0:
+                    if self.value(each, 0, piece, piece.step.h * (i + arb(0.5)) / SAMPLES_OF_STEP) < 0:
                         raise Refuted("it is proved to be negative") from None
             raise
 
@@ -94,48 +103,48 @@ class Motion:
         for i, piece in enumerate(pieces):
             low, high = arb(0), piece.step.h
             if i == 0 and zero_at_start:
-                low = self._beginning(each, zero_at_start, piece.step)
+                low = self._beginning(each, zero_at_start, piece)
             if i == len(pieces) - 1 and zero_at_end:
-                high = self._ending(each, piece.step, low)
+                high = self._ending(each, piece, low)
             if low < high:
-                self._check_between(each, piece.step, low, high, MOST_BISECTIONS)
+                self._check_between(each, piece, low, high, MOST_BISECTIONS)
 
-    def _beginning(self, each: Derivatives, order: int, step: Step) -> arb:
+    def _beginning(self, each: Derivatives, order: int, piece: Piece) -> arb:
         """A time up to which the first derivative that is not zero at the start is positive, and so the function."""
-        until = step.h
+        until = piece.step.h
         for _ in range(MOST_BISECTIONS):
-            derivative = self.value(each, order, step, between(arb(0), until))
+            derivative = self.value(each, order, piece, between(arb(0), until))
             if derivative > 0:
                 return until
-            if self.value(each, order, step, arb(0)) < 0:
+            if self.value(each, order, piece, arb(0)) < 0:
                 raise Refuted("it has the wrong sign as soon as the motion begins")
             until = until / 2
         raise Unproved("its sign at the beginning is not decided")
 
-    def _ending(self, each: Derivatives, step: Step, low: arb) -> arb:
+    def _ending(self, each: Derivatives, piece: Piece, low: arb) -> arb:
         """A time from which the function falls to its zero at the end."""
         since = low
         for _ in range(MOST_BISECTIONS):
-            if self.value(each, 1, step, between(since, step.h)) < 0:
+            if self.value(each, 1, piece, between(since, piece.step.h)) < 0:
                 return since
-            if self.value(each, 1, step, step.h) > 0:
+            if self.value(each, 1, piece, piece.step.h) > 0:
                 raise Refuted("it has the wrong sign just before the motion ends")
-            since = (since + step.h) / 2
+            since = (since + piece.step.h) / 2
         raise Unproved("its sign at the end is not decided")
 
-    def _check_between(self, each: Derivatives, step: Step, low: arb, high: arb, left: int) -> None:
+    def _check_between(self, each: Derivatives, piece: Piece, low: arb, high: arb, left: int) -> None:
         times, middle = between(low, high), (low + high) / 2
-        if self.value(each, 0, step, times) > 0:
+        if self.value(each, 0, piece, times) > 0:
             return
-        at_middle = self.value(each, 0, step, middle)
+        at_middle = self.value(each, 0, piece, middle)
         if at_middle < 0:
             raise Refuted("it is proved to be negative")
-        if at_middle + self.value(each, 1, step, times) * (times - middle) > 0:
+        if at_middle + self.value(each, 1, piece, times) * (times - middle) > 0:
             return
         if left == 0:
             raise Unproved("its sign is not decided: it comes very near to 0")
-        self._check_between(each, step, low, middle, left - 1)
-        self._check_between(each, step, middle, high, left - 1)
+        self._check_between(each, piece, low, middle, left - 1)
+        self._check_between(each, piece, middle, high, left - 1)
 
     def count_turns(self, each: Derivatives) -> int:
         """The number of stationary points of a function inside the motion, at whose end it is known to have one.
@@ -146,7 +155,7 @@ class Motion:
         """
         marks = list[tuple[int, int]]()  # sign of the rate, 0 where it has none, and of the rate's derivative
         for piece in self.passage.pieces:
-            self._mark(each, piece.step, arb(0), piece.step.h, MOST_BISECTIONS, marks)
+            self._mark(each, piece, arb(0), piece.step.h, MOST_BISECTIONS, marks)
         if marks[0][0] == 0:
             marks.insert(0, (_sign(self.first(each, 1)), 0))
         if marks[0][0] == 0 or marks[-1][0] != 0:
@@ -163,19 +172,19 @@ class Motion:
         return turns
 
     def _mark(
-        self, each: Derivatives, step: Step, low: arb, high: arb, left: int, marks: list[tuple[int, int]]
+        self, each: Derivatives, piece: Piece, low: arb, high: arb, left: int, marks: list[tuple[int, int]]
     ) -> None:
         times = between(low, high)
-        if sign := _sign(self.value(each, 1, step, times)):
+        if sign := _sign(self.value(each, 1, piece, times)):
             marks.append((sign, 0))
-        elif slope := _sign(self.value(each, 2, step, times)):
+        elif slope := _sign(self.value(each, 2, piece, times)):
             marks.append((0, slope))
         elif left == 0:
             raise Unproved("the turns of the extension cannot be told apart")
         else:
             middle = (low + high) / 2
-            self._mark(each, step, low, middle, left - 1, marks)
-            self._mark(each, step, middle, high, left - 1, marks)
+            self._mark(each, piece, low, middle, left - 1, marks)
+            self._mark(each, piece, middle, high, left - 1, marks)
 
 
 def _sign(value: arb) -> int:

@@ -32,7 +32,7 @@ def clock(first=0.0, last=END, radius=0.0):
 
 def check(function, zero_at_start=0, zero_at_end=False):
     motion = clock()
-    each = motion.chain(lambda x: function(x[0]), max(zero_at_start, 1))
+    each = motion.chain(lambda x, data: function(x[0]), max(zero_at_start, 1))
     motion.check_positive(each, zero_at_start, zero_at_end)
 
 
@@ -92,14 +92,14 @@ def test_a_set_of_motions_of_which_some_are_positive_stays_undecided():
     """The clocks end within 0.01 of 3, and the function falls to 0 there."""
     motion = clock(radius=0.01)
     with pytest.raises(Unproved):
-        motion.check_positive(motion.chain(lambda x: 3 - x[0], 1))
+        motion.check_positive(motion.chain(lambda x, data: 3 - x[0], 1))
 
 
 @pytest.mark.parametrize("turns", range(6))
 def test_the_turns_of_a_cosine_are_counted(turns):
     """It turns at the multiples of pi, the last of which is the end."""
     motion = clock(first=1.0, last=(turns + 1) * np.pi, radius=1e-14)
-    assert motion.count_turns(motion.chain(lambda x: ca.cos(x[0]), 2)) == turns
+    assert motion.count_turns(motion.chain(lambda x, data: ca.cos(x[0]), 2)) == turns
 
 
 # Functions by their rates, all of which vanish at 3, with the number of turns before.
@@ -119,7 +119,7 @@ HANGING = {"touching": [1, 1, 3], "at the start": [0, 3], "double at the end": [
 def integral(zeros):
     """The polynomial whose rate has these zeros, in exact numbers, as a function of the time, 60-fold."""
     powers = np.rint(60 * 2**10 * np.polyint(np.poly(zeros))) / 2**10
-    return lambda x: sum(float(power) * x[0] ** k for k, power in enumerate(powers[::-1]) if power)
+    return lambda x, data: sum(float(power) * x[0] ** k for k, power in enumerate(powers[::-1]) if power)
 
 
 @pytest.mark.parametrize("name", RATES)
@@ -147,4 +147,4 @@ def test_turns_that_cannot_be_told_apart_are_not_counted(name):
 def test_a_function_that_does_not_turn_at_the_end_is_not_counted():
     motion = clock()
     with pytest.raises(Unproved, match="hangs"):
-        motion.count_turns(motion.chain(lambda x: x[0], 2))
+        motion.count_turns(motion.chain(lambda x, data: x[0], 2))

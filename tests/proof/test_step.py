@@ -8,6 +8,7 @@ import pytest
 from balls import system_of
 from flint import arb, ctx
 
+from orbits.proof.crossing import NO_BREAKPOINTS
 from orbits.proof.enclosure import follow_centre
 from orbits.proof.refusal import Unproved
 from orbits.proof.step import take_step
@@ -88,7 +89,7 @@ def test_steps_do_not_pass_where_the_solution_grows_beyond_all_bounds():
         assert time < 1
         assert state.contains(1 / (1 - time))
     with pytest.raises(Unproved):
-        follow_centre(SQUARE, [], [arb(1)], arb(2), 60)
+        follow_centre([SQUARE], NO_BREAKPOINTS, 0, [], [arb(1)], arb(2), 60)
 
 
 def test_a_step_ends_before_any_solution_of_the_spread_grows_beyond_all_bounds():

@@ -1,0 +1,195 @@
+"""Steps of systems that are smooth in pieces, within a piece and across the breakpoint to the next one.
+
+The rates are continuous and change their law where a coordinate of the state passes a breakpoint. Within a piece a step
+is that of a smooth system, whose tube stays off the breakpoints. Across one, for the short time that a set of states
+needs, x' lies in the hull of both laws' rates F over a tube that holds the motion: where x0 + [0, h] F is inside the
+tube, x(t) is in x0 + t F. The derivatives by the start are continuous there too, as the rates are, so that the
+variational equations are crossed in the same way. The speed of the coordinate does not vanish (a transversal crossing):
+else the set does not come to the other side, and nothing is proved.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flint import arb, arb_poly, ctx
+
+from .refusal import Unproved
+from .step import Step, System, between, take_step
+
+# Halvings that locate a breakpoint on a polynomial, per bit; attempts at a window, each wider than the last.
+HALVINGS_PER_BIT, MOST_WINDOWS, WIDER_WINDOW = 1, 12, 4
+# Parts of a step that are held against the breakpoints, and how often a part is halved.
+MOST_PARTS, MOST_HALVINGS_OF_STEP = 400, 60
+# Beyond a breakpoint a set goes on until it is so many times its own width away from it.
+CLEAR_OF = 8
+
+
+@dataclass(frozen=True)
+class Breakpoints:
+    """Where a coordinate changes the law of a system.
+
+    weights : of the coordinate, of the first states
+    values : enclosures of the breakpoints, ascending; law k holds between number k - 1 and number k
+    """
+
+    weights: tuple[float, ...]
+    values: list[arb]
+
+    def coordinate(self, states: Sequence[arb]) -> arb:
+        """The coordinate of states."""
+        parts = zip(self.weights, states, strict=False)
+        return sum((arb(weight) * state for weight, state in parts if weight), arb(0))
+
+    def holds(self, law: int, states: Sequence[arb]) -> bool:
+        """Whether states are strictly between the breakpoints of a law."""
+        place = self.coordinate(states)
+        above = law == 0 or self.values[law - 1] < place
+        return above and (law == len(self.values) or place < self.values[law])
+
+    def beyond(self, law: int, states: Sequence[arb]) -> int:
+        """The law on the other side of the breakpoint of a law that is nearest to states."""
+        place = self.coordinate(states).mid()
+        numbers = [number for number in (law - 1, law) if 0 <= number < len(self.values)]
+        nearest = min(numbers, key=lambda number: float(abs(place - self.values[number].mid())))
+        return law - 1 if nearest == law - 1 else law + 1
+
+    def law_of(self, states: Sequence[arb]) -> int:
+        """The law of states; raises `Unproved` where they are not all strictly within one piece."""
+        for law in range(len(self.values) + 1):
+            if self.holds(law, states):
+                return law
+        raise Unproved("the motion begins at a breakpoint of the spring's law")
+
+
+NO_BREAKPOINTS = Breakpoints((), [])
+
+
+@dataclass(frozen=True)
+class Advance:
+    """A step with the laws that hold in it, and the law at its end."""
+
+    step: Step
+    laws: tuple[int, ...]
+    law: int
+
+
+def advance_step(
+    systems: Sequence[System], breakpoints: Breakpoints, law: int, constants: Sequence[arb], centre: Sequence[arb],
+    spread: Sequence[arb], longest: arb, order: int, accuracy: float,
+) -> Advance:  # fmt: skip
+    """A step from the states within a spread of a centre, all of them in the piece of a law: up to a breakpoint where
+    one is in the way, and across it from there. The arguments are as in `take_step`."""
+    step = take_step(systems[law], constants, centre, spread, longest, order, accuracy)
+    if _stays(breakpoints, law, step):
+        return Advance(step, (law,), law)
+    meeting, room = _meeting(breakpoints, law, step), arb(0)
+    if meeting is not None:
+        speed = abs(breakpoints.coordinate([p.derivative()(meeting) for p in step.polynomials]))
+        room = 2 * breakpoints.coordinate([arb(0, radius) for radius in step.tube]).abs_upper() / speed.mid()
+    until = step.h
+    for _ in range(MOST_WINDOWS):
+        until = until / 2 if meeting is None else meeting - room
+        if not until > 4 * room:
+            break
+        short = take_step(systems[law], constants, centre, spread, _rounded_down(until), order, accuracy)
+        if _stays(breakpoints, law, short):
+            return Advance(short, (law,), law)
+        room = WIDER_WINDOW * room + (arb(0) if meeting is None else arb(2) ** (8 - ctx.prec))
+    beyond = breakpoints.beyond(law, centre)
+    states = [value + arb(0, radius) for value, radius in zip(centre, spread, strict=True)]
+    return _across(systems, breakpoints, law, beyond, constants, states, longest)
+
+
+def _stays(breakpoints: Breakpoints, law: int, step: Step) -> bool:
+    """Whether all motions of a step are proved to stay strictly within the piece of a law."""
+    if not breakpoints.values:
+        return True
+    waiting = [(arb(0), step.h, MOST_HALVINGS_OF_STEP)]
+    for _ in range(MOST_PARTS):
+        if not waiting:
+            return True
+        low, high, left = waiting.pop()
+        if breakpoints.holds(law, step.at(between(low, high))):
+            continue
+        if left == 0:
+            return False
+        middle = ((low + high) / 2).mid()
+        waiting += [(middle, high, left - 1), (low, middle, left - 1)]
+    return not waiting
+
+
+def _meeting(breakpoints: Breakpoints, law: int, step: Step) -> arb | None:
+    """A guess of when the centre of a step comes to a breakpoint of its law."""
+    parts = zip(breakpoints.weights, step.polynomials, strict=False)
+    coordinate = sum((arb(weight) * p for weight, p in parts if weight), arb_poly([]))
+    samples = [step.h * i / 32 for i in range(33)]
+    for upper, number in ((False, law - 1), (True, law)):
+        if not 0 <= number < len(breakpoints.values):
+            continue
+        goal = breakpoints.values[number].mid()
+        past = [((coordinate(t).mid() > goal) == upper) for t in samples]
+        if True not in past[1:]:
+            continue
+        first = past.index(True, 1)
+        low, high = samples[first - 1], samples[first]
+        for _ in range(HALVINGS_PER_BIT * ctx.prec):
+            middle = ((low + high) / 2).mid()
+            if (coordinate(middle).mid() > goal) == upper:
+                high = middle
+            else:
+                low = middle
+        return low.mid()
+    return None
+
+
+def _rounded_down(time: arb) -> arb:
+    """A time a little shorter, with so many digits that its sums are exact."""
+    unit = arb(2) ** (ctx.prec - 8)
+    return (time.lower() * unit).floor().mid() / unit
+
+
+def _across(
+    systems: Sequence[System], breakpoints: Breakpoints, law: int, beyond: int, constants: Sequence[arb],
+    states: Sequence[arb], longest: arb,
+) -> Advance:  # fmt: skip
+    """A step across a breakpoint, for as long as all states need to be on the other side."""
+    both = (law, beyond)
+    goal = breakpoints.values[max(both) - 1]
+    speed = breakpoints.coordinate(systems[law].rates([*states, *constants]))
+    if not (speed > 0 or speed < 0):
+        raise Unproved("a breakpoint of the spring's law is not crossed transversally")
+    h = 2 * (goal - breakpoints.coordinate(states)).abs_upper() / speed.abs_lower() + arb(2) ** (16 - ctx.prec)
+    for _ in range(MOST_WINDOWS):
+        h = h.abs_upper().mid()
+        if not h < longest:
+            raise Unproved("the motion ends at a breakpoint of the spring's law")
+        h = _rounded_down(h)
+        rates = _rates_across([systems[k] for k in both], constants, states, h)
+        step = Step(h, [arb_poly([x, rate]) for x, rate in zip(states, rates, strict=True)], [], [arb(0)] * len(states))
+        hull = [p(between(arb(0), h)) for p in step.polynomials]
+        step = Step(h, step.polynomials, hull, step.tube)
+        place = breakpoints.coordinate(step.end())
+        clear = abs(place.mid() - goal) > CLEAR_OF * (place.rad() + goal.rad())
+        if clear and breakpoints.holds(beyond, step.end()):
+            return Advance(step, both, beyond)
+        h = 2 * h
+    raise Unproved("a breakpoint of the spring's law is not crossed transversally")
+
+
+def _wider(value: arb) -> arb:
+    """A ball of twice the radius and a little more."""
+    return value + (value - value.mid()) + arb(0, (1 + abs(value)).abs_upper() * arb(2) ** -ctx.prec)
+
+
+def _rates_across(systems: Sequence[System], constants: Sequence[arb], states: Sequence[arb], h: arb) -> list[arb]:
+    """The hull of the rates of two laws over a tube that is proved to hold the motions from states for a time."""
+    times, tube = between(arb(0), h), list(states)
+    for _ in range(MOST_WINDOWS):
+        rates = [a.union(b) for a, b in zip(*(system.rates([*tube, *constants]) for system in systems), strict=True)]
+        moved = [x + times * rate for x, rate in zip(states, rates, strict=True)]
+        if not all(value.is_finite() for value in moved):
+            break
+        if all(x.contains(value) for x, value in zip(tube, moved, strict=True)):
+            return rates
+        tube = [_wider(value) for value in moved]
+    raise Unproved("the motion near a breakpoint of the spring's law is not enclosed")
