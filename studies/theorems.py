@@ -124,6 +124,9 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     bins = np.geomspace(0.9 * min(milliseconds), 1.1 * max(milliseconds), 30)
     panels[0].hist(milliseconds, bins=bins, color=COLOURS[0])
     panels[0].set(xscale="log", xlabel="time of a proof (ms)", ylabel="hops of random springs")
+    ticks = [tick for tick in (100, 200, 500, 1000, 2000, 5000, 10000) if bins[0] <= tick <= bins[-1]]
+    panels[0].set_xticks(ticks, [str(tick) for tick in ticks])
+    panels[0].set_xticks([], minor=True)
     kept = enclosed > 0
     panels[1].loglog(HALF_WIDTHS, true, color=COLOURS[1], label="range of $\\alpha$")
     panels[1].loglog(HALF_WIDTHS[kept], enclosed[kept], "o", color=COLOURS[0], label="proved enclosure")

@@ -2,7 +2,8 @@
 
 import time
 from collections.abc import Callable, Mapping
-from math import isfinite
+from dataclasses import replace
+from math import inf, isfinite
 from typing import Any
 
 import casadi as ca
@@ -23,19 +24,66 @@ from .motion import Motion, Refuted
 from .refusal import Unproved
 from .root import FIRST_BITS, ProvedRoot, prove_root
 from .theorem import Enclosure, Proof
-from .wording import machine_sentence, motion_sentence, parameter_texts, root_sentence
+from .wording import decimal_text, joined_proof, machine_sentence, motion_sentence, parameter_texts, root_sentence
 
 BITS_PER_DIGIT = 3.33
 # Bits that are asked for where no number of digits is.
 USUAL_BITS = 60
 MOST_DIGITS = 1000
+# Intervals of parameters are halved so often where they are too wide for one proof.
+HALVINGS_OF_INTERVALS = 4
 # What an orbit says of alpha is right if it is within its own error, twice over, and a few units of the last place.
 CLAIMED, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
 
 
 def proof_of(claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool) -> Proof:
-    """The proof of what is said of an orbit, see `prove`."""
+    """The proof of what is said of an orbit, see `prove`: for intervals that are too wide at once, in parts."""
+    began = time.perf_counter()
+    whole = _whole_proof(claim, digits, parameters, motion, loss)
+    if whole.proved or not exact_numbers(claim.machine, parameters).wide or REFUTED in whole.conditions.values():
+        return whole
+    options = {"digits": digits, "motion": motion, "loss": loss}
+    parts = _parts(replace(claim, error=inf), dict(parameters), options, HALVINGS_OF_INTERVALS)
+    if parts is None or not any(claim.alpha in part.enclosures["alpha"] for part in parts):
+        return whole
+    joined = joined_proof(parts, machine_sentence(machine_in_words(claim.machine), _texts(claim, parameters)))
+    return replace(joined, seconds=time.perf_counter() - began)
+
+
+def _parts(claim: Claim, parameters: dict[str, Any], options: dict[str, Any], left: int) -> list[Proof] | None:
+    """Proofs of halves of the widest interval, and of their halves where they are needed; None where one fails."""
+    numbers, found = exact_numbers(claim.machine, parameters), list[Proof]()
+    widest = max(numbers.wide, key=numbers.relative_width)
+    low, high = numbers.values[widest]
+    middle = (low + high) / 2
+    for ends in ((low, middle), (middle, high)):
+        half = {**parameters, widest: tuple(map(decimal_text, ends))}
+        proof = _whole_proof(claim, parameters=half, **options)
+        if proof.proved:
+            found.append(proof)
+            continue
+        if left == 1 or REFUTED in proof.conditions.values():
+            return None
+        deeper = _parts(claim, half, options, left - 1)
+        if deeper is None:
+            return None
+        found += deeper
+    return found
+
+
+def _texts(claim: Claim, parameters: Mapping[str, Decimals]) -> dict[str, str]:
+    """What the parameters are exactly, by name, without those that only set a scene."""
+    texts = parameter_texts(exact_numbers(claim.machine, parameters))
+    for name in (claim.machine.model.homotopy, claim.machine.model.gauge):
+        texts.pop(name or "", None)
+    return texts
+
+
+def _whole_proof(
+    claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool
+) -> Proof:
+    """The proof for all values of the parameters at once."""
     began = time.perf_counter()
     case = Case(claim, parameters, digits)
     precision = ctx.prec
@@ -113,7 +161,7 @@ class Case:
         machine, model = claim.machine, claim.machine.model
         if model.reversor is None:
             raise InputError(f"a {model.name} is not its own mirror image in time: its orbits cannot be proved")
-        self.numbers = exact_numbers(machine, parameters)
+        self.numbers, self.parameters = exact_numbers(machine, parameters), parameters
         self.claim, self.machine, self.model, self.digits = claim, machine, model, digits
         self.family: int | None = None
         self.root: ProvedRoot | None = None
@@ -157,10 +205,7 @@ class Case:
 
     def told(self) -> str:
         """The theorem, as far as it is proved, in words."""
-        texts = parameter_texts(self.numbers)
-        for name in (self.model.homotopy, self.model.gauge):
-            texts.pop(name or "", None)
-        machine = machine_sentence(machine_in_words(self.machine), texts)
+        machine = machine_sentence(machine_in_words(self.machine), _texts(self.claim, self.parameters))
         if self.root is None:
             return f"{machine} Nothing is proved of an orbit with alpha near {self.claim.alpha!r}."
         names, each = ", ".join(self.statement.unknowns), bool(self.numbers.wide)
@@ -219,6 +264,8 @@ class Case:
     def _check_claims(self) -> None:
         """Compare what the orbit says of alpha with what is proved."""
         error = CLAIMED * self.claim.error + CLAIM_ROUNDINGS * abs(self.claim.alpha)
+        if error == inf:
+            return  # of a part of the parameters' intervals, where alpha is another one
         if not isfinite(error) or not (self.ball("alpha") + arb(0, error)).overlaps(arb(self.claim.alpha)):
             told = f"the orbit says {self.claim.alpha!r} with an error of {self.claim.error:.1e}"
             self.reasons.append(f"alpha: {told}, and lies outside the enclosure {self.enclosures['alpha']}")

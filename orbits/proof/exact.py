@@ -84,6 +84,11 @@ class Numbers:
         low, high = self.values[name]
         return (_ball((high - low) / 2) + 2 * self.middle(name).rad()).abs_upper()
 
+    def relative_width(self, name: str) -> float:
+        """The width of a parameter's interval, relative to the parameter."""
+        low, high = self.values[name]
+        return float((high - low) / max(abs(low), abs(high)))
+
     def floats(self) -> dict[str, float]:
         """The middles as floats, for guesses."""
         return {name: float((low + high) / 2) for name, (low, high) in self.values.items()}

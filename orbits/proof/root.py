@@ -29,6 +29,8 @@ GUARD_BITS = 40
 MOST_REFINEMENTS = 6
 # Each refinement adds at least so many bits.
 BITS_OF_REFINEMENT = 24
+# Steps of Newton's method, until one is this small relative to the unknowns.
+MOST_POLISHES, POLISHED = 6, 1e-6
 # The bits of a number that is known exactly.
 EXACT = 10**9
 
@@ -64,7 +66,11 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
     Raises `Unproved` where no root can be proved.
     """
     centre = [arb(value) for value in guess]
-    boxes = _wide_boxes(equations, centre) if equations.numbers.wide else _narrow_boxes(centre)
+    if equations.numbers.wide:
+        centre = _polished(equations, centre)
+        boxes = _wide_boxes(equations, centre)
+    else:
+        boxes = _narrow_boxes(centre)
     reason = ""
     for radii in boxes:
         try:
@@ -97,6 +103,17 @@ def _common(value: arb, other: arb) -> arb:
     if not (value.is_finite() and other.is_finite() and value.overlaps(other)):
         raise Unproved("two enclosures of the root contradict each other")
     return value.intersection(other)
+
+
+def _polished(equations: Equations, centre: list[arb]) -> list[arb]:
+    """A guess by Newton's method for the middle of the parameters' intervals, of which the given one need not be."""
+    for _ in range(MOST_POLISHES):
+        point = _evaluated(equations, centre, [arb(0)] * len(centre), wide=False)
+        step = _rounded_inverse(_by_unknowns(point.slopes, len(centre))) * arb_mat(len(centre), 1, point.values)
+        centre = [(value - step[i, 0]).mid() for i, value in enumerate(centre)]
+        if all(abs(step[i, 0]) < POLISHED * (1 + abs(value)) for i, value in enumerate(centre)):
+            break
+    return centre
 
 
 def _narrow_boxes(centre: Sequence[arb]) -> list[list[arb]]:

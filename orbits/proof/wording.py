@@ -1,11 +1,13 @@
 """The theorem in words."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
 from .exact import Numbers
-from .theorem import Enclosure
+from .theorem import Enclosure, Proof
 
 # What each condition of a motion says, where it is proved.
 CONDITIONS = {
@@ -41,17 +43,46 @@ def motion_sentence(family: int | None, conditions: Mapping[str, str]) -> str:
     return f"{whole}{'; '.join([*counted, *told])}."
 
 
+def joined_proof(parts: Sequence[Proof], machine: str) -> Proof:
+    """One proof of those of parts of the parameters' intervals, each of which is proved; `machine` is the sentence
+    about the whole."""
+    first = parts[0]
+    enclosures = {name: _union([part.enclosures[name] for part in parts]) for name in first.enclosures}
+    told = "; ".join(f"{name.replace('_', ' ')} in {value}" for name, value in enclosures.items())
+    radius = min((part.uniqueness_radius or "0" for part in parts), key=Decimal)
+    each = "For each value of the parameters in their intervals"
+    solved = f"{each} the equations of a lossless orbit have a solution with {told}"
+    unique = (
+        f"In each of {len(parts)} parts of the intervals, no other solution has all unknowns within {radius} of its own"
+    )
+    same = {part.family for part in parts}
+    family = first.family if len(same) == 1 else None
+    conditions = first.conditions if family is not None else {}
+    statement = " ".join(filter(None, (machine, f"{solved}. {unique}.", motion_sentence(family, conditions))))
+    half = (Decimal(enclosures["alpha"].high) - Decimal(enclosures["alpha"].low)) / 2
+    reasons = () if family is not None or not first.conditions else ("family: the parts are of several families",)
+    return replace(
+        first, proved=not reasons, statement=statement, family=family, enclosures=enclosures, conditions=conditions,
+        radius=str(half), uniqueness_radius=radius, reasons=reasons,
+    )  # fmt: skip
+
+
+def _union(enclosures: Sequence[Enclosure]) -> Enclosure:
+    low = min((each.low for each in enclosures), key=Decimal)
+    return Enclosure(low, max((each.high for each in enclosures), key=Decimal))
+
+
 def parameter_texts(numbers: Numbers) -> dict[str, str]:
     """What each parameter is, exactly, by name."""
     return {name: _exact_text(bounds) for name, bounds in numbers.values.items()}
 
 
 def _exact_text(bounds: tuple[Fraction, Fraction]) -> str:
-    low, high = (_decimal_text(bound) for bound in bounds)
+    low, high = (decimal_text(bound) for bound in bounds)
     return f"= {low}" if low == high else f"in [{low}, {high}]"
 
 
-def _decimal_text(value: Fraction) -> str:
+def decimal_text(value: Fraction) -> str:
     """The decimal that a fraction is, exactly."""
     if value.denominator == 1:
         return str(value.numerator)

@@ -1,0 +1,32 @@
+"""Intervals of parameters that are too wide for one proof, proved in parts."""
+
+import pytest
+
+from orbits import find, prove
+from problems import Hopper
+
+CUBIC = Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3})
+
+
+def test_a_spring_known_to_one_percent():
+    proof = prove(find(CUBIC), parameters={"beta": ("0.297", "0.303")})
+    assert proof.proved, proof.reasons
+    assert "parts of the intervals" in proof.statement
+    assert "beta in [0.297, 0.303]" in proof.statement
+    alphas = [find(CUBIC.with_values(beta=beta)).alpha for beta in (0.297, 0.2985, 0.3, 0.3017, 0.303)]
+    assert all(float(proof.alpha.low) < alpha < float(proof.alpha.high) for alpha in alphas)
+    assert proof.alpha.width < 2 * (alphas[0] - alphas[-1])
+    assert float(proof.uniqueness_radius) > 0
+
+
+def test_an_orbit_of_another_machine_is_not_proved_by_a_part():
+    """Its alpha lies outside of what alpha can be."""
+    proof = prove(find(CUBIC.with_values(beta=0.31)), machine=CUBIC, parameters={"beta": ("0.297", "0.303")})
+    assert not proof.proved
+
+
+@pytest.mark.parametrize("bounds", [("-0.02", "0.3"), ("0.1", "5")])
+def test_too_wide_an_interval_stays_undecided(bounds):
+    proof = prove(find(CUBIC), parameters={"beta": bounds}, motion=False)
+    assert not proof.proved
+    assert proof.reasons
