@@ -19,12 +19,14 @@ def test_a_spring_known_to_one_percent():
     assert float(proof.uniqueness_radius) > 0
 
 
+@pytest.mark.slow
 def test_an_orbit_of_another_machine_is_not_proved_by_a_part():
     """Its alpha lies outside of what alpha can be."""
     proof = prove(find(CUBIC.with_values(beta=0.31)), machine=CUBIC, parameters={"beta": ("0.297", "0.303")})
     assert not proof.proved
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounds", [("-0.02", "0.3"), ("0.1", "5")])
 def test_too_wide_an_interval_stays_undecided(bounds):
     proof = prove(find(CUBIC), parameters={"beta": bounds}, motion=False)
