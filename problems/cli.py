@@ -81,9 +81,13 @@ def find_command(
 @options.machine_options
 @options.family_option("As in find.")
 @click.option(
-    "--between", "intervals", metavar="NAME=LOW:HIGH", multiple=True, help="A parameter known so; repeatable."
+    "--between",
+    "intervals",
+    metavar="NAME=LOW:HIGH",
+    multiple=True,
+    help="A parameter between decimals; repeatable.",
 )
-@click.option("--digits", type=click.IntRange(1, 1000), metavar="N", help="Of the enclosures; default: about 18.")
+@click.option("--digits", type=click.IntRange(1, 300), metavar="N", help="Digits to enclose; default: about 18.")
 @click.option("--loss", is_flag=True, help="Enclose the loss coefficient too.")
 @options.json_option
 @options.file_option("--save", "document", "Save the proof (.json).")
@@ -93,7 +97,8 @@ def prove_command(
 ) -> None:  # fmt: skip
     """Prove that a lossless orbit exists, is alone nearby and is a motion, as a theorem of interval arithmetic.
 
-    Numbers are taken as the exact decimals that are written. With --between it is proved for each value of a parameter
+    The numbers of --set and --between are the exact decimals that are written, others the shortest decimals of floats.
+    With --between it is proved for each value of a parameter
     between two decimals. Needs python-flint: pip install 'persistent-orbits[proof]'.
     """
     from orbits.periodic.find import find

@@ -40,7 +40,7 @@ def hops(count: int, seed: int = 20) -> Iterator[Orbit]:
 def wrong_claims(orbits: list[Orbit], count: int, seed: int = 20) -> Iterator[tuple[Orbit, Hopper]]:
     """Orbits that say what is not so, each with the machine that it is said of."""
     rng = np.random.default_rng(seed)
-    inadmissible = [orbit for orbit in orbits if not orbit.admissible] or orbits[:0]
+    inadmissible = [orbit for orbit in orbits if not orbit.admissible]
     for index in range(count):
         orbit = orbits[rng.integers(len(orbits))]
         certificate, machine = orbit.certificate, orbit.source

@@ -57,7 +57,6 @@ def proof_of_absence(machine: Machine, family: int | None, parameters: dict[str,
         proved=not reasons,
         statement=f"{machine_sentence(words, parameter_texts(numbers))} {told}",
         machine=words,
-        family=family if not reasons else None,
         reasons=tuple(reasons),
         seconds=time.perf_counter() - began,
     )

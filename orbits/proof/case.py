@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from math import inf, isfinite
+from math import isfinite
 from typing import Any
 
 import casadi as ca
@@ -16,24 +16,25 @@ from ..model.phase import Arc, Statement
 from ..periodic.formulations import CONTACT_FORCE, contact_reversor, half_orbit
 from ..symbolic.formula import symbolic_numerals
 from .claim import CONTACT_DURATION, Claim
-from .decimals import enclosure_of, lower_decimal, upper_decimal
+from .decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, upper_decimal
 from .enclosure import Passage
 from .exact import BallLeg, Decimals, Equations, Numbers
 from .loss import enclosed_loss
 from .motion import Motion, Refuted
 from .refusal import Unproved
-from .root import FIRST_BITS, ProvedRoot, prove_root
+from .root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
 from .theorem import Enclosure, Proof
-from .wording import decimal_text, joined_proof, machine_sentence, motion_sentence, parameter_texts, root_sentence
+from .wording import joined_proof, machine_sentence, motion_sentence, parameter_texts, root_sentence
 
 BITS_PER_DIGIT = 3.33
 # Bits that are asked for where no number of digits is.
 USUAL_BITS = 60
-MOST_DIGITS = 1000
+MOST_DIGITS = 300
 # Intervals of parameters are halved so often where they are too wide for one proof.
 HALVINGS_OF_INTERVALS = 4
 # What an orbit says of alpha is right if it is within its own error, twice over, and a few units of the last place.
 CLAIMED, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
+NO_CONTACT = "the orbit has no contact that ends, of which anything could be proved"
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
 
 
@@ -44,7 +45,7 @@ def proof_of(claim: Claim, digits: int | None, parameters: Mapping[str, Decimals
     if whole.proved or not exact_numbers(claim.machine, parameters).wide or REFUTED in whole.conditions.values():
         return whole
     options = {"digits": digits, "motion": motion, "loss": loss}
-    parts = _parts(replace(claim, error=inf), dict(parameters), options, HALVINGS_OF_INTERVALS)
+    parts = _parts(claim, dict(parameters), options, HALVINGS_OF_INTERVALS)
     if parts is None or not any(claim.alpha in part.enclosures["alpha"] for part in parts):
         return whole
     joined = joined_proof(parts, machine_sentence(machine_in_words(claim.machine), _texts(claim, parameters)))
@@ -59,7 +60,7 @@ def _parts(claim: Claim, parameters: dict[str, Any], options: dict[str, Any], le
     middle = (low + high) / 2
     for ends in ((low, middle), (middle, high)):
         half = {**parameters, widest: tuple(map(decimal_text, ends))}
-        proof = _whole_proof(claim, parameters=half, **options)
+        proof = _whole_proof(claim, parameters=half, **options, about_alpha=False)
         if proof.proved:
             found.append(proof)
             continue
@@ -81,15 +82,17 @@ def _texts(claim: Claim, parameters: Mapping[str, Decimals]) -> dict[str, str]:
 
 
 def _whole_proof(
-    claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool
-) -> Proof:
-    """The proof for all values of the parameters at once."""
+    claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool,
+    about_alpha: bool = True,
+) -> Proof:  # fmt: skip
+    """The proof for all values of the parameters at once; whether with what is said of alpha, which is not that of each
+    part of an interval."""
     began = time.perf_counter()
     case = Case(claim, parameters, digits)
     precision = ctx.prec
     ctx.prec = FIRST_BITS
     try:
-        case.prove(motion, loss)
+        case.prove(motion, loss, about_alpha)
     finally:
         ctx.prec = precision
     return Proof(
@@ -97,6 +100,7 @@ def _whole_proof(
         statement=case.told(),
         machine=machine_in_words(claim.machine),
         family=case.family,
+        parameters={name: bounds_of_fractions(bounds) for name, bounds in case.numbers.values.items()},
         enclosures=case.enclosures,
         radius=case.radius,
         uniqueness_radius=case.uniqueness_radius,
@@ -172,7 +176,7 @@ class Case:
         self.uniqueness_radius: str | None = None
         self.stable_side: str | None = None
 
-    def prove(self, motion: bool, loss: bool) -> None:
+    def prove(self, motion: bool, loss: bool, about_alpha: bool) -> None:
         """Prove existence and uniqueness, and the rest where it is asked for."""
         bits = bits_of_digits(self.digits)
         try:
@@ -182,14 +186,15 @@ class Case:
             self.conditions |= dict.fromkeys(self._names() if motion else (), UNDECIDED)
             return
         self._enclose()
-        self._check_claims()
+        if about_alpha:
+            self._check_alpha()
         if not (motion or loss):
             return
         try:
             flight, leg = self._flight()
         except Unproved as error:
             self.reasons.append(f"the flight: {error}")
-            self.conditions |= dict.fromkeys(self._names(), UNDECIDED)
+            self.conditions |= dict.fromkeys(self._names() if motion else (), UNDECIDED)
             return
         if motion:
             self._prove_motion(flight)
@@ -211,7 +216,7 @@ class Case:
         names, each = ", ".join(self.statement.unknowns), bool(self.numbers.wide)
         root = root_sentence(names, self.enclosures, self.uniqueness_radius or "0", each)
         side = f" The hop attracts from {self.stable_side}, and not from the other side." if self.stable_side else ""
-        units = "" if self.machine.units is None else "Lengths, times and speeds are in the machine's units without SI."
+        units = "" if self.machine.units is None else "Lengths, times and speeds are dimensionless."
         return " ".join(filter(None, (machine, root, motion_sentence(self.family, self.conditions), units))) + side
 
     def _names(self) -> tuple[str, ...]:
@@ -261,11 +266,9 @@ class Case:
         numbers = self.numbers
         return [numbers.middle(name) + arb(0, numbers.radius(name)) for name in numbers.wide]
 
-    def _check_claims(self) -> None:
+    def _check_alpha(self) -> None:
         """Compare what the orbit says of alpha with what is proved."""
         error = CLAIMED * self.claim.error + CLAIM_ROUNDINGS * abs(self.claim.alpha)
-        if error == inf:
-            return  # of a part of the parameters' intervals, where alpha is another one
         if not isfinite(error) or not (self.ball("alpha") + arb(0, error)).overlaps(arb(self.claim.alpha)):
             told = f"the orbit says {self.claim.alpha!r} with an error of {self.claim.error:.1e}"
             self.reasons.append(f"alpha: {told}, and lies outside the enclosure {self.enclosures['alpha']}")
@@ -285,7 +288,7 @@ class Case:
         equations = Equations(Statement("flight", self.statement.unknowns, (whole,)), self.numbers)
         box = self.root.box
         centre, radii = [value.mid() for value in box], [value.rad() for value in box]
-        passage = equations.evaluate(centre, radii, ctx.prec).passages[0]
+        passage = evaluated_on(equations, centre, radii).passages[0]
         return self._enclosed(0, equations, passage), equations.legs[0]
 
     @staticmethod
@@ -365,12 +368,12 @@ class Case:
 
         flight.check_positive(flight.chain(apart(flight), 1))
         if contact is None:
-            raise Unproved("the contact is not enclosed")
+            raise Unproved(NO_CONTACT)
         contact.check_positive(contact.chain(apart(contact, self.model.embed), 1))
 
     def _check_force(self, contact: Motion | None) -> None:
         if contact is None:
-            raise Unproved("the contact is not enclosed")
+            raise Unproved(NO_CONTACT)
         force = self.model.contact.watch[CONTACT_FORCE]
         each = contact.chain(lambda x, data: force(x, contact.expressions.p, data), 1)
         if not contact.first(each, 0).contains(0):
@@ -379,11 +382,11 @@ class Case:
 
     def _check_end(self, contact: Motion | None) -> None:
         if contact is None:
-            raise Unproved("the contact is not enclosed")
-        speed = self.model.contact_speed
-        each = contact.chain(lambda x, data: -speed.at(x), 1)
+            raise Unproved(NO_CONTACT)
         if self.model.one_speed:
-            contact.check_positive(each, zero_at_end=True)
+            speed = self.model.contact_speed
+            contact.check_positive(contact.chain(lambda x, data: -speed.at(x), 1), zero_at_end=True)
+        # Of several speeds the equations demand that all vanish at the end of the half contact, which is mid-contact.
 
     def _enclose_extensions(self, flight: Motion) -> None:
         """The extension at lift-off and in mid-flight."""

@@ -12,6 +12,8 @@ from .theorem import Enclosure
 DIGITS_OF_RADIUS = 2
 # A number that is known exactly is told with at most so many places.
 EXACT_PLACES = 40
+# More than any decimal that is taken has, also after intervals were halved.
+MOST_PLACES_OF_DECIMALS = 2000
 # More than any ball has.
 EXACT_BITS = 8192
 
@@ -29,6 +31,17 @@ def enclosure_of(ball: arb, digits: int | None = None) -> Enclosure:
     return Enclosure(_decimal(math.floor(low * 10**places), places), _decimal(math.ceil(high * 10**places), places))
 
 
+def bounds_of_fractions(bounds: tuple[Fraction, Fraction]) -> Enclosure:
+    """The exact bounds of a parameter."""
+    return Enclosure(*map(decimal_text, bounds))
+
+
+def decimal_text(value: Fraction) -> str:
+    """The decimal that a fraction is, exactly."""
+    places = next(n for n in range(MOST_PLACES_OF_DECIMALS) if 10**n % value.denominator == 0)
+    return _decimal(int(value * 10**places), places)
+
+
 def upper_decimal(radius: arb) -> str:
     """A decimal with few digits that is no less than a radius."""
     value = _fraction(radius.abs_upper())
@@ -38,9 +51,9 @@ def upper_decimal(radius: arb) -> str:
 
 
 def lower_decimal(radius: arb) -> str:
-    """A decimal with few digits that is no more than a radius."""
-    value = _fraction(radius.abs_lower())
-    if value == 0:
+    """A decimal with few digits that is no more than a radius, 0 for one that may not be positive."""
+    value = _fraction(radius.lower())
+    if value <= 0:
         return "0"
     return _scientific(value, math.floor)
 

@@ -191,7 +191,7 @@ class BallLeg:
 
     def __init__(self, expressions: ExactExpressions, arc: Arc, unknowns: Mapping[str, ca.SX], before: list[ca.SX]):
         self.graph = LegExpressions(expressions, arc.phase)
-        self.arc, self.expressions, self.before = arc, expressions, before
+        self.expressions, self.before = expressions, before
         self.w = [*unknowns.values(), *expressions.wide]
         p, m = expressions.p, len(self.graph.moving)
         start = [ca.SX(each) for each in arc.start(unknowns, before, p)]

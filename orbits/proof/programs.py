@@ -34,7 +34,6 @@ class BallProgram:
     def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]):
         function = ca.Function("program", [ca.vertcat(*inputs)], [ca.densify(ca.vertcat(*outputs))])
         self.outputs = len(outputs)
-        self._size = function.sz_w() + 1
         self._loads: list[tuple[int, int]] = []
         self._constants: list[tuple[int, arb]] = []
         self._operations: list[tuple[Callable, int, int, int | None]] = []

@@ -33,7 +33,7 @@ def prove(
     loss: bool = False,
 ) -> Proof:
     """Prove what an orbit says, by interval arithmetic: that it exists and is alone nearby, that alpha lies within
-    twice its error, that its family is counted rightly, and that it is a motion.
+    twice the bound on its error, that its family is counted rightly, and that it is a motion.
 
     digits : how many decimal digits of the unknowns to enclose; None for about 18
     machine : that the orbit belongs to; None for the one that it was found for
@@ -61,6 +61,8 @@ def prove_claims(
 ) -> tuple[Proof, ...]:
     """The proofs of what is said of several orbits, on so many processes, in their order; see `prove`."""
     _need_flint()
+    if not (isinstance(workers, int) and workers >= 1):
+        raise InputError(f"workers = {workers!r}; it is a whole number from 1")
     if workers == 1 or len(claims) < 2:
         return tuple(_claim_proved(claim, digits, motion) for claim in claims)
     context = get_context("spawn")  # a fork of a process with threads may hang
@@ -107,10 +109,18 @@ def prove_fold(
     """
     _need_flint()
     check_parameters(machine, along)
+    if not all(hasattr(fold, name) for name in ("u", "tangent", "value")):
+        raise InputError('the fold is the `point` of a "fold" event of a family')
+    if along in (parameters or {}):
+        raise InputError(f"'{along}' is what folds: it has no value of its own")
+    if machine.units is not None:
+        raise InputError("a fold is proved of a dimensionless machine: follow and prove machine.dimensionless()")
     from .case import bits_of_digits, checked_digits, statement_to_prove
     from .fold import proof_of_fold
 
     statement = statement_to_prove(machine.model, with_contact=False)
+    if len(fold.u) != len(statement.unknowns) or not fold.tangent[statement.unknowns.index("alpha")]:
+        raise InputError("this point is no fold of the machine's simplest equations")
     alpha = fold.tangent[statement.unknowns.index("alpha")]
     direction = [d / alpha for name, d in zip(statement.unknowns, fold.tangent[:-1], strict=True) if name != "alpha"]
     guess = [*fold.u, *direction, fold.value]
@@ -128,7 +138,7 @@ def prove_absence(machine: Machine, family: int | None = None, *, parameters: Ex
     """
     _need_flint()
     check_machine(machine)
-    if family is not None and not (isinstance(family, int) and family >= 1):
+    if family is not None and (isinstance(family, bool) or not (isinstance(family, int) and family >= 1)):
         raise InputError(f"family = {family!r}; families are numbered from 1")
     from .absence import proof_of_absence
 

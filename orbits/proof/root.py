@@ -74,7 +74,7 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
     reason = ""
     for radii in boxes:
         try:
-            evaluated = _evaluated(equations, centre, radii)
+            evaluated = evaluated_on(equations, centre, radii)
             inner = _contracted(equations, evaluated, centre, radii)
         except Unproved as error:
             reason = f": {error}"
@@ -90,7 +90,7 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
     return root
 
 
-def _evaluated(equations: Equations, centre: Sequence[arb], radii: Sequence[arb], wide: bool = True) -> Evaluated:
+def evaluated_on(equations: Equations, centre: Sequence[arb], radii: Sequence[arb], wide: bool = True) -> Evaluated:
     """The equations on a box; a division by a ball that holds 0 leaves them without values."""
     try:
         return equations.evaluate(centre, radii, ctx.prec, wide)
@@ -108,7 +108,7 @@ def _common(value: arb, other: arb) -> arb:
 def _polished(equations: Equations, centre: list[arb]) -> list[arb]:
     """A guess by Newton's method for the middle of the parameters' intervals, of which the given one need not be."""
     for _ in range(MOST_POLISHES):
-        point = _evaluated(equations, centre, [arb(0)] * len(centre), wide=False)
+        point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
         step = _rounded_inverse(_by_unknowns(point.slopes, len(centre))) * arb_mat(len(centre), 1, point.values)
         centre = [(value - step[i, 0]).mid() for i, value in enumerate(centre)]
         if all(abs(step[i, 0]) < POLISHED * (1 + abs(value)) for i, value in enumerate(centre)):
@@ -122,7 +122,7 @@ def _narrow_boxes(centre: Sequence[arb]) -> list[list[arb]]:
 
 def _wide_boxes(equations: Equations, centre: list[arb]) -> list[list[arb]]:
     """Boxes for interval parameters: how far the root moves with them by its derivatives at the middle, with room."""
-    point = _evaluated(equations, centre, [arb(0)] * len(centre), wide=False)
+    point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
     n, numbers = len(centre), equations.numbers
     rows = point.slopes.tolist()
     inverse = _rounded_inverse(arb_mat([row[:n] for row in rows]))
@@ -177,13 +177,13 @@ def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
     if equations.numbers.wide:
         for _ in range(2):
             centre, radii = [value.mid() for value in box], [value.rad() for value in box]
-            evaluated = _evaluated(equations, centre, radii)
+            evaluated = evaluated_on(equations, centre, radii)
             image = _image(equations, evaluated, centre, [arb(0, radius) for radius in radii])
             box = [_common(value, new) for value, new in zip(box, image, strict=True)]
         return replace(root, box=box, evaluated=evaluated)
     # Twice the radius, so that roundings of later centres stay in the box of the derivatives.
     centre, radii = [value.mid() for value in box], [2 * value.rad() for value in box]
-    evaluated = _evaluated(equations, centre, radii)
+    evaluated = evaluated_on(equations, centre, radii)
     box = _by_values(equations, evaluated, evaluated, centre, box)
     for _ in range(MOST_REFINEMENTS + bits // BITS_OF_REFINEMENT):
         if _known_to(box, bits):
@@ -191,7 +191,7 @@ def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
         reached = max(FIRST_BITS, min(_bits_of(value) for value in box))
         with ctx.workprec(min(2 * reached, bits) + GUARD_BITS):
             centre = [value.mid() for value in box]
-            values = _evaluated(equations, centre, [arb(0)] * len(centre))
+            values = evaluated_on(equations, centre, [arb(0)] * len(centre))
             before, box = box, _by_values(equations, evaluated, values, centre, box)
         if not any(new.rad() < old.rad() / 2 for new, old in zip(box, before, strict=True)):
             break

@@ -44,10 +44,12 @@ class Proof:
     proved : whether all that was asked is proved
     statement : the theorem in words; where not all is proved, what is
     machine : the machine in words and numbers
+    parameters : the exact decimals between which each parameter lies, equal for a number
     family : the number of the family, counted from enclosures; None where that is not proved
-    enclosures : of alpha, flight_time, contact_time and other quantities by name, in the machine's own units
+    enclosures : of alpha, flight_time, contact_time and other quantities by name, dimensionless
     radius : of the enclosure of alpha
-    uniqueness_radius : no other solution of the equations has all unknowns within it
+    uniqueness_radius : no other solution of the equations has all unknowns within it of their enclosures; None where
+        intervals were proved in parts
     conditions : of a motion, by name: "proved", "refuted" or "undecided"
     reasons : what is not proved, and why, in words
     digits : that were asked for
@@ -57,6 +59,7 @@ class Proof:
     proved: bool
     statement: str
     machine: Mapping[str, Any]
+    parameters: Mapping[str, Enclosure] = field(default_factory=dict)
     family: int | None = None
     enclosures: Mapping[str, Enclosure] = field(default_factory=dict)
     radius: str | None = None
@@ -96,6 +99,8 @@ class Proof:
             "reasons": list(self.reasons),
             "digits": self.digits,
             "seconds": self.seconds,
+            "units": "dimensionless",
+            "parameters": {name: each.document() for name, each in self.parameters.items()},
             "about": dict(self.machine),
         }
 

@@ -6,6 +6,7 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
+from .decimals import decimal_text
 from .exact import Numbers
 from .theorem import Enclosure, Proof
 
@@ -52,18 +53,17 @@ def joined_proof(parts: Sequence[Proof], machine: str) -> Proof:
     radius = min((part.uniqueness_radius or "0" for part in parts), key=Decimal)
     each = "For each value of the parameters in their intervals"
     solved = f"{each} the equations of a lossless orbit have a solution with {told}"
-    unique = (
-        f"In each of {len(parts)} parts of the intervals, no other solution has all unknowns within {radius} of its own"
-    )
+    alone = f"no other solution has all unknowns within {radius} of the enclosures that hold in that part"
+    unique = f"In each of {len(parts)} parts of the intervals {alone}"
     same = {part.family for part in parts}
     family = first.family if len(same) == 1 else None
     conditions = first.conditions if family is not None else {}
     statement = " ".join(filter(None, (machine, f"{solved}. {unique}.", motion_sentence(family, conditions))))
-    half = (Decimal(enclosures["alpha"].high) - Decimal(enclosures["alpha"].low)) / 2
+    half = (Decimal(enclosures["alpha"].high) - Decimal(enclosures["alpha"].low)) * Decimal("0.501")
     reasons = () if family is not None or not first.conditions else ("family: the parts are of several families",)
     return replace(
         first, proved=not reasons, statement=statement, family=family, enclosures=enclosures, conditions=conditions,
-        radius=str(half), uniqueness_radius=radius, reasons=reasons,
+        radius=f"{half:.3E}", uniqueness_radius=None, reasons=reasons,
     )  # fmt: skip
 
 
@@ -80,12 +80,3 @@ def parameter_texts(numbers: Numbers) -> dict[str, str]:
 def _exact_text(bounds: tuple[Fraction, Fraction]) -> str:
     low, high = (decimal_text(bound) for bound in bounds)
     return f"= {low}" if low == high else f"in [{low}, {high}]"
-
-
-def decimal_text(value: Fraction) -> str:
-    """The decimal that a fraction is, exactly."""
-    if value.denominator == 1:
-        return str(value.numerator)
-    places = next(n for n in range(1, 2000) if 10**n % value.denominator == 0)
-    digits = str(abs(value.numerator) * 10**places // value.denominator).rjust(places + 1, "0")
-    return f"{'-' if value < 0 else ''}{digits[:-places]}.{digits[-places:]}"

@@ -246,11 +246,11 @@ def symbolic_numerals(symbols: dict[str, casadi.SX]) -> Iterator[None]:
     Nothing that is kept for later may be built in the block: it would keep the symbols.
     """
     global _numerals
-    _numerals = symbols
+    before, _numerals = _numerals, symbols
     try:
         yield
     finally:
-        _numerals = None
+        _numerals = before
 
 
 def _numeral(text: str) -> casadi.SX:
