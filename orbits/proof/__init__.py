@@ -31,8 +31,9 @@ differentiable there as elsewhere, and the mean value theorem holds on.
 Lemma 3, existence and uniqueness (`root`). Krawczyk's operator K(U) = u - Y F(u) + (1 - Y F'(U)) (U - u): if K(U) lies
 in the interior of U, then F has exactly one zero in U, and it lies in K(U). For an interval parameter q, F(u) holds the
 values for all q, since F(u, q) is in F(u, q0) + F_q(U, Q) (q - q0) by the mean value theorem, so that the statement is
-Krawczyk's for each q with the same U. The radius of uniqueness is how far U reaches beyond the enclosure. Later
-enclosures are intersections of Krawczyk images of boxes that hold the zero, hence hold it too.
+Krawczyk's for each q with the same U. An interval that is too wide is halved, and each part is proved by itself. The
+radius of uniqueness is how far U reaches beyond the enclosure. Later enclosures are intersections of Krawczyk images of
+boxes that hold the zero, hence hold it too.
 
 Lemma 4, the whole orbit. A reversor maps solutions to solutions with time reversed. A motion that reaches a state that
 the reversor leaves alone (all speeds 0) is its own mirror image about that time. So half a flight from the launch set

@@ -21,6 +21,7 @@ from .enclosure import Passage
 from .exact import BallLeg, Decimals, Equations, Numbers
 from .loss import enclosed_loss
 from .motion import Motion, Refuted
+from .programs import UNDEFINED
 from .refusal import Unproved
 from .root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
 from .theorem import Enclosure, Proof
@@ -201,7 +202,10 @@ class Case:
         if loss and self.root is not None:
             try:
                 named = dict(zip(self.statement.unknowns, self.root.box, strict=True))
-                ball, side = enclosed_loss(self.model, flight, leg, named, ctx.prec)
+                try:
+                    ball, side = enclosed_loss(self.model, flight, leg, named, ctx.prec)
+                except UNDEFINED:
+                    raise Unproved("the motion comes to where a law has no value") from None
                 # Only a motion attracts.
                 self.stable_side = side if motion and not self.reasons else None
                 self.enclosures["loss_coefficient"] = enclosure_of(ball)
