@@ -168,6 +168,9 @@ def _across(
         step = Step(h, [arb_poly([x, rate]) for x, rate in zip(states, rates, strict=True)], [], [arb(0)] * len(states))
         hull = [p(between(arb(0), h)) for p in step.polynomials]
         step = Step(h, step.polynomials, hull, step.tube)
+        pace = breakpoints.coordinate(rates)
+        if not (pace > 0 or pace < 0):
+            break  # a longer time only widens it
         place = breakpoints.coordinate(step.end())
         clear = abs(place.mid() - goal) > CLEAR_OF * (place.rad() + goal.rad())
         if clear and breakpoints.holds(beyond, step.end()):

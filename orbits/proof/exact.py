@@ -159,6 +159,19 @@ class LegExpressions:
         fields = [phase.field(self.moving, expressions.p, data) for data in self.laws]
         self.rates = [[*(self.duration * ca.SX(rate) for rate in field), *still] for field in fields]
 
+    def jumps(self) -> list[ca.SX]:
+        """How much the rates differ on both sides of each breakpoint, as functions of the state; its first state that
+        the coordinate depends on is put to where the breakpoint is."""
+        found = list[ca.SX]()
+        for k, place in enumerate(self.breaks):
+            first = next(i for i, weight in enumerate(self.weights) if weight)
+            parts = list(zip(self.weights, self.moving, strict=False))
+            others = sum((weight * x for i, (weight, x) in enumerate(parts) if i != first), ca.SX(0))
+            there = (ca.SX(place) - others) / self.weights[first]
+            change = ca.vertcat(*self.rates[k]) - ca.vertcat(*self.rates[k + 1])
+            found += ca.vertsplit(ca.substitute(change, self.moving[first], there))
+        return found
+
     def variation(self, expressions: ExactExpressions) -> Variation:
         """The system of the leg with its variational equations."""
         m, n = len(self.moving), len(self.state)
@@ -211,7 +224,13 @@ class BallLeg:
         self.conditions = [expressions.program(self._inputs, each) for each in self._conditions]
         self.condition_slopes = [self._dense(each, self._inputs) for each in self._conditions]
         self.count = len(self._conditions[0])
+        self._jumps = expressions.program(self.graph.state, self.graph.jumps())
         self._breaks = expressions.program(expressions.wide, [ca.SX(value) for value in self.graph.breaks])
+
+    def check_continuous(self, states: Sequence[arb]) -> None:
+        """Raise `Unproved` where the rates jump at a breakpoint, which continuous laws do by rounding at most."""
+        if not all(jump.contains(0) for jump in self._jumps([*states, *self.expressions.constants()])):
+            raise Unproved("the spring's force jumps at a breakpoint")
 
     def breakpoints(self, wide: Sequence[arb]) -> Breakpoints:
         """Where the law changes, for enclosures of the interval parameters."""
@@ -277,6 +296,7 @@ class Equations:
             by_unknowns = _sliced(slopes, 0, columns)
             if last_slopes is not None:
                 by_unknowns = by_unknowns + _sliced(slopes, columns, len(last)) * last_slopes
+            leg.check_continuous(start)
             breakpoints = leg.breakpoints(box[len(self.unknowns) :])
             passage = follow_set(
                 leg.variation, constants, start, by_unknowns, deviations, bits, breakpoints=breakpoints

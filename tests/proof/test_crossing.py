@@ -1,5 +1,8 @@
 """Laws in pieces, proved across their breakpoints, against closed forms of the pieces."""
 
+import dataclasses
+import math
+
 import mpmath as mp
 import pytest
 from flint import arb
@@ -88,3 +91,16 @@ def test_breakpoints():
     assert [points.beyond(1, [arb(x), arb(0)]) for x in (-0.9, 1.9)] == [0, 2]
     with pytest.raises(Unproved, match="begins at a breakpoint"):
         points.law_of([arb(2), arb(0)])
+
+
+def _jumping(p):
+    return [-math.inf, 0.5, math.inf], [[0.0, 0.0, 1.0], [0.5, 0.5 + 2.0**-20, 1.0]]
+
+
+def test_a_force_that_jumps_is_refused():
+    """By 1e-6 of the foot's weight, which the orbit itself hardly shows."""
+    bilinear = springs.bilinear(gap=0.5, ratio=1.0)
+    machine = Hopper(dataclasses.replace(bilinear, text="jumping", pieces=(3, _jumping), parameters={}))
+    proof = prove(find(Hopper(bilinear)), machine=machine)
+    assert not proof.proved
+    assert "jumps" in proof.reasons[0]
