@@ -6,6 +6,7 @@ import shlex
 import signal
 import sys
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each worker has a core of its own
@@ -18,10 +19,16 @@ from problems.cli import main
 
 DATA = Path(__file__).parent / "data"
 REFERENCES = json.loads((DATA / "orbits.json").read_text(encoding="utf-8"))
+PROVED = json.loads((DATA / "proved.json").read_text(encoding="utf-8"))
 
 # Shells let what they run in the background ignore keyboard interrupts, and so would all that the tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def middle(enclosure: dict) -> float:
+    """The middle of a proved enclosure."""
+    return float((Decimal(enclosure["low"]) + Decimal(enclosure["high"])) / 2)
 
 
 def machine_of(reference: dict) -> Hopper:

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import PROVED, middle
 
 from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
 from orbits.continuation.corrector import correct, correct_all, predict_and_correct
@@ -24,9 +25,9 @@ from orbits.plot import spread, thumbnails
 from problems import Hopper, Juggler, hopper_in_si, springs
 from studies.random_families import differences, random_springs, twice
 
-GOLDEN = {0.5: 2.7218099551244222, 1.0: 2.4464033594052791, 2.0: 2.1928659123582987, 5.0: 1.8928045469451067}
+GOLDEN = {float(beta): middle(hop["alpha"]) for beta, hop in PROVED["cubic"].items()}
 SINH = Hopper("sinh", "1/(1 + z/R)**2", rest_length=12, parameters={"b": 0.1, "R": 80.0})
-FOLD, FOLD_ALPHA = -0.0106952149164040, 5.83222367210583
+FOLD, FOLD_ALPHA = (middle(PROVED["fold"][name]) for name in ("beta", "alpha"))
 
 
 def events(family: Family, kind: str) -> list:

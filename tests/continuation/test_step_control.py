@@ -4,12 +4,13 @@ from dataclasses import FrozenInstanceError, fields
 
 import numpy as np
 import pytest
+from conftest import PROVED, middle
 
 from orbits import InputError, NoOrbit, StepControl, follow, follow_fold, trace
 from orbits.continuation.corrector import predict_and_correct
 from problems import Hopper
 
-ALPHA = 2.4464033594052791  # of the cubic spring at beta = 1
+ALPHA = middle(PROVED["cubic"]["1"]["alpha"])
 
 
 def cubic(stop: float = 1.0, longest: float = 0.2, **constants):

@@ -7,7 +7,7 @@ import pytest
 from orbits import InputError, follow, prove_fold
 from problems import Hopper
 
-# The fold of family 1 of the cubic spring, in 30 digits by another program.
+# The fold of family 1 of the cubic spring, by continuation in another program.
 FOLD = "-0.01069521491640"
 
 

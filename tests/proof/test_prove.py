@@ -9,7 +9,7 @@ from fractions import Fraction
 import mpmath as mp
 import numpy as np
 import pytest
-from conftest import REFERENCES, machine_of
+from conftest import PROVED, REFERENCES, machine_of
 from flint import ctx
 
 from orbits import InputError, Orbit, find, prove
@@ -357,3 +357,14 @@ class TestDocuments:
         prove(cubic, 30, motion=False)
         prove(cubic, parameters={"beta": 3})
         assert (ctx.prec, ctx.cap) == before
+
+
+@pytest.mark.parametrize("beta", PROVED["cubic"])
+def test_the_values_that_other_tests_take(beta):
+    """They are proved anew, in decimals."""
+    orbit = find(Hopper("cubic", parameters={"beta": float(beta)}))
+    proof = prove(orbit, 22, parameters={"beta": beta})
+    assert proof.proved
+    for name, kept in PROVED["cubic"][beta].items():
+        assert Decimal(proof.enclosures[name].low) <= Decimal(kept["high"])
+        assert Decimal(kept["low"]) <= Decimal(proof.enclosures[name].high)
