@@ -22,7 +22,7 @@ from .programs import UNDEFINED, BallProgram, coefficient
 from .refusal import Unproved
 
 # The step is chosen so that the tube grows at most by about this share of itself.
-STIFFEST = 0.4
+STIFFEST = 0.6
 # How much wider than its estimate a tube is tried.
 WIDER = 1.05
 MOST_TRIES = 60
@@ -140,13 +140,13 @@ def _suggested(
     lasts = [max(abs(float(row[k].mid())) for k in (order - 1, order)) for row in rows]
     last = max(each / size for each, size in zip(lasts, sizes, strict=True))
     length = (accuracy / last) ** (1 / order) if last > 0 else np.inf
-    for _ in range(2):  # laws stiffen along the step
-        reach = arb(min(length, float(longest)))
-        for t in (arb(0), reach):
-            places = [arb_poly(row)(t).mid() for row in rows]
-            stiffness = _magnitudes(system, system.slopes([*places, *constants]))
-            if np.isfinite(stiffness).all() and (radius := np.abs(np.linalg.eigvals(stiffness)).max()) > 0:
-                length = min(length, STIFFEST / radius)
+    reach = arb(min(length, float(longest)))
+    for t in (arb(0), reach):  # laws stiffen along the step
+        places = [arb_poly(row)(t).mid() for row in rows]
+        stiffness = _magnitudes(system, system.slopes([*places, *constants]))
+        fourth = np.linalg.matrix_power(stiffness, 4)
+        if np.isfinite(fourth).all() and (radius := fourth.sum(1).max() ** 0.25) > 0:
+            length = min(length, STIFFEST / radius)
     whole = float(longest)
     if not length < whole:
         return longest
