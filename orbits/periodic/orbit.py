@@ -83,7 +83,7 @@ class Orbit:
     bare : the same orbit without units, None where there are none
     known_in_family : how many orbits of its family a search over launch speeds has found, this one among them; None
         where none was made. A search of many sign changes ends after 20,000 launches and may leave some out.
-    source : the machine that it was found for; None for an orbit from a file or from another process
+    source : the machine that it was found for; None for an orbit from a file or another process, and for a copy
     """
 
     machine: Mapping[str, Any]

@@ -14,9 +14,12 @@ T >= (2 n + 1) t1. Hence 2 n + 1 < B.
 For phi = tanh(b r)/b the bound is 1/b: no orbit of family n for b >= 1/(2 n + 1).
 """
 
+import operator
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TypeAlias
 
 import casadi as ca
 from flint import arb, ctx
@@ -24,10 +27,10 @@ from flint import arb, ctx
 from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
 from ..model.relative import Relative
-from ..symbolic.formula import symbolic_numerals
-from .case import exact_numbers
-from .exact import Decimals, ExactExpressions, Numbers
-from .programs import BallProgram, exact_ball, operation
+from ..symbolic.formula import CONSTANTS, symbolic_numerals
+from .case import exact_numbers, parameter_bounds
+from .exact import Decimals, ExactExpressions, Numbers, exact_fraction
+from .programs import BallProgram
 from .refusal import Unproved
 from .step import between
 from .theorem import Proof
@@ -36,8 +39,13 @@ from .wording import machine_sentence, parameter_texts
 BITS = 80
 # Derivatives of a law that are looked at, the extensions beyond which its tails are told, and halvings of intervals.
 MOST_DERIVATIVES, TAILS, MOST_HALVES = 8, tuple(2.0**k for k in range(8)), 24
-# Functions that are odd and increase strictly on all of the real line.
-_ODD_AND_RISING = (ca.OP_ATAN, ca.OP_SINH, ca.OP_TANH, ca.OP_ASINH)
+# What a number lies between.
+Bounds: TypeAlias = tuple[Fraction, Fraction]
+# Functions that are odd, increase strictly on all of the real line, and are bounded; the second by pi/2.
+BOUNDED = {ca.OP_TANH: Fraction(1), ca.OP_ATAN: Fraction("1.5707963267948967")}
+_BOUNDED_ARITHMETIC: dict[int, Callable] = {
+    ca.OP_ADD: operator.add, ca.OP_SUB: operator.sub, ca.OP_MUL: operator.mul, ca.OP_DIV: operator.truediv,
+}  # fmt: skip
 
 
 def proof_of_absence(machine: Machine, family: int | None, parameters: dict[str, Decimals]) -> Proof:
@@ -57,6 +65,7 @@ def proof_of_absence(machine: Machine, family: int | None, parameters: dict[str,
         proved=not reasons,
         statement=f"{machine_sentence(words, parameter_texts(numbers))} {told}",
         machine=words,
+        parameters=parameter_bounds(numbers),
         reasons=tuple(reasons),
         seconds=time.perf_counter() - began,
     )
@@ -76,11 +85,10 @@ class _Law:
         for _ in range(MOST_DERIVATIVES):
             functions.append(ca.jacobian(functions[-1], r))
         self.programs: list[BallProgram] = [expressions.program([r, *expressions.wide], [each]) for each in functions]
-        wide = [numbers.middle(name) + arb(0, numbers.radius(name)) for name in numbers.wide]
-        self.constants = [*wide, *expressions.constants()]
-        fixed = [expressions.p[name] for name in numbers.fixed]
-        others = [*expressions.wide, *fixed, *expressions.numerals.values()]
-        self.trend = _trend_of(phi, r, others, self.constants)
+        self.constants = [*numbers.balls(), *expressions.constants()]
+        exact: dict[ca.SX, Bounds] = {expressions.p[name]: bounds for name, bounds in numbers.values.items()}
+        exact |= {symbol: _bounds_of_numeral(text) for text, symbol in expressions.numerals.items()}
+        self.trend = _trend_of(phi, r, list(exact), list(exact.values()))
 
     def value(self, order: int, at: arb) -> arb:
         """A derivative of the force less the level on a ball of extensions."""
@@ -91,8 +99,10 @@ class _Law:
         """The theorem of the module's docstring; raises `Unproved` where its conditions are not proved."""
         if self.load != 0 or not (self.trend.odd and self.trend.rises):
             raise Unproved("the spring's formula does not show that its force is odd and rises everywhere")
-        bound = (self.value(0, arb(0, "inf")) + 1).abs_upper()
-        if not bound <= 2 * family + 1:
+        bound = self.trend.bound
+        if bound is None:
+            raise Unproved("the spring's formula does not show that its force is bounded by anything")
+        if bound > 2 * family + 1:
             raise Unproved(f"the force is bounded by {float(bound):.6g}, and an orbit needs more than {2 * family + 1}")
         return (
             f"Its spring's force is odd, rises everywhere, and is at most {float(bound):.12g} times the level of "
@@ -145,19 +155,33 @@ class _Law:
 
 @dataclass(frozen=True)
 class _Trend:
-    """What the operations of an expression show of it as a function of a variable.
+    """What the operations of an expression show of it as a function of a variable, in exact numbers.
 
     odd, rises : whether it is an odd function, and whether it increases strictly everywhere
-    constant : its value, where it does not depend on the variable
+    bound : of its absolute value; None where none is shown
+    constant : what it lies between, where it does not depend on the variable
     """
 
-    odd: bool
-    rises: bool
-    constant: arb | None = None
+    odd: bool = False
+    rises: bool = False
+    bound: Fraction | None = None
+    constant: Bounds | None = None
 
 
-def _trend_of(expression: ca.SX, variable: ca.SX, others: Sequence[ca.SX], values: Sequence[arb]) -> _Trend:
-    """The trend of an expression of a variable and of others that have these values."""
+def _constant(bounds: Bounds | None) -> _Trend:
+    return _Trend(bound=bounds and max(map(abs, bounds)), constant=bounds)
+
+
+def _bounds_of_numeral(text: str) -> Bounds:
+    """What a numeral of a formula, or pi, lies between."""
+    if text in CONSTANTS:
+        digits = Fraction(CONSTANTS[text])
+        return digits - Fraction(1, 10**15), digits + Fraction(1, 10**15)
+    return exact_fraction("a numeral", text), exact_fraction("a numeral", text)
+
+
+def _trend_of(expression: ca.SX, variable: ca.SX, others: Sequence[ca.SX], values: Sequence[Bounds]) -> _Trend:
+    """The trend of an expression of a variable and of others that lie between these values."""
     function = ca.Function("law", [variable, ca.vertcat(*others)], [expression])
     trends = dict[int, _Trend]()
     for i in range(function.n_instructions()):
@@ -165,35 +189,56 @@ def _trend_of(expression: ca.SX, variable: ca.SX, others: Sequence[ca.SX], value
         if code == ca.OP_OUTPUT:
             return trends[ins[0]]
         if code == ca.OP_INPUT:
-            trends[outs[0]] = _Trend(True, True) if ins[0] == 0 else _Trend(False, False, values[ins[1]])
+            trends[outs[0]] = _Trend(odd=True, rises=True) if ins[0] == 0 else _constant(values[ins[1]])
         elif code == ca.OP_CONST:
-            trends[outs[0]] = _Trend(False, False, exact_ball(function.instruction_constant(i)))
+            number = Fraction(function.instruction_constant(i))
+            trends[outs[0]] = _constant((number, number))
         else:
             trends[outs[0]] = _combined(code, [trends[place] for place in ins])
-    return _Trend(False, False)
+    return _Trend()
 
 
 def _combined(code: int, own: list[_Trend]) -> _Trend:
     """The trend of an operation's result from those of what it is of."""
-    constants = [each.constant for each in own if each.constant is not None]
+    first, constants = own[0], [each.constant for each in own if each.constant is not None]
     if len(constants) == len(own):
-        operate = operation(code)
-        return _Trend(False, False, operate(*constants))
-    first = own[0]
-    if code in (*_ODD_AND_RISING, ca.OP_TWICE, ca.OP_ASSIGN):
+        return _constant(_bounds_of_value(code, constants))
+    bounds = [each.bound for each in own if each.bound is not None]
+    total = sum(bounds, Fraction(0)) if len(bounds) == len(own) else None
+    if code in BOUNDED:
+        return replace(first, bound=BOUNDED[code])
+    if code in (ca.OP_SINH, ca.OP_ASINH):
+        return replace(first, bound=None)
+    if code == ca.OP_ASSIGN:
         return first
+    if code == ca.OP_TWICE:
+        return replace(first, bound=first.bound and 2 * first.bound)
     if code in (ca.OP_EXP, ca.OP_EXPM1):
-        return _Trend(False, first.rises)
+        return _Trend(rises=first.rises)
     if code == ca.OP_ADD:
         rises = all(each.rises or each.constant is not None for each in own)
-        return _Trend(all(each.odd for each in own), rises)
+        return _Trend(all(each.odd for each in own), rises, total)
     if code == ca.OP_SUB:
-        return _Trend(all(each.odd for each in own), first.rises and own[1].constant is not None)
-    scaled = code == ca.OP_MUL or (code == ca.OP_DIV and first.constant is None)
-    if scaled and constants and constants[0] > 0:
-        return next(each for each in own if each.constant is None)
+        return _Trend(all(each.odd for each in own), first.rises and own[1].constant is not None, total)
+    if code in (ca.OP_MUL, ca.OP_DIV) and constants and constants[0][0] > 0:
+        low, high = constants[0]
+        moving = next(each for each in own if each.constant is None)
+        if code == ca.OP_MUL:
+            return replace(moving, bound=moving.bound and moving.bound * high)
+        return replace(moving, bound=moving.bound and moving.bound / low) if moving is first else _Trend()
     if code in (ca.OP_POW, ca.OP_CONSTPOW) and constants and own[1].constant is not None:
-        power = constants[0].unique_fmpz() if constants[0].is_exact() else None
-        whole = power is not None and int(power) > 0 and int(power) % 2 == 1
+        low, high = constants[0]
+        whole = low == high > 0 and low.denominator == 1 and low % 2 == 1
         return _Trend(first.odd and whole, first.rises and whole)
-    return _Trend(False, False)
+    return _Trend()
+
+
+def _bounds_of_value(code: int, own: list[Bounds]) -> Bounds | None:
+    """What the result of arithmetic on numbers between bounds lies between; None where that is not told."""
+    if code in (ca.OP_NEG, ca.OP_TWICE):
+        scaled = [(-1 if code == ca.OP_NEG else 2) * end for end in own[0]]
+        return min(scaled), max(scaled)
+    if code not in _BOUNDED_ARITHMETIC or (code == ca.OP_DIV and own[1][0] <= 0 <= own[1][1]):
+        return None
+    ends = [_BOUNDED_ARITHMETIC[code](x, y) for x in own[0] for y in own[1]]
+    return min(ends), max(ends)

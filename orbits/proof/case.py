@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from math import isfinite
 from typing import Any
 
@@ -16,65 +15,27 @@ from ..model.phase import Arc, Statement
 from ..periodic.formulations import CONTACT_FORCE, contact_reversor, half_orbit
 from ..symbolic.formula import symbolic_numerals
 from .claim import CONTACT_DURATION, Claim
-from .decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, upper_decimal
+from .decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
 from .enclosure import Passage
 from .exact import BallLeg, Decimals, Equations, Numbers
 from .loss import enclosed_loss
 from .motion import Motion, Refuted
-from .programs import UNDEFINED
 from .refusal import Unproved
 from .root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
 from .theorem import Enclosure, Proof
-from .wording import joined_proof, machine_sentence, motion_sentence, parameter_texts, root_sentence
+from .wording import machine_sentence, motion_sentence, parameter_texts, root_sentence
 
 BITS_PER_DIGIT = 3.33
 # Bits that are asked for where no number of digits is.
 USUAL_BITS = 60
 MOST_DIGITS = 300
-# Intervals of parameters are halved so often where they are too wide for one proof.
-HALVINGS_OF_INTERVALS = 4
 # What an orbit says of alpha is right if it is within its own error, twice over, and a few units of the last place.
 CLAIMED, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
 NO_CONTACT = "the orbit has no contact that ends, of which anything could be proved"
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
 
 
-def proof_of(claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool) -> Proof:
-    """The proof of what is said of an orbit, see `prove`: for intervals that are too wide at once, in parts."""
-    began = time.perf_counter()
-    whole = _whole_proof(claim, digits, parameters, motion, loss)
-    if whole.proved or not exact_numbers(claim.machine, parameters).wide or REFUTED in whole.conditions.values():
-        return whole
-    options = {"digits": digits, "motion": motion, "loss": loss}
-    parts = _parts(claim, dict(parameters), options, HALVINGS_OF_INTERVALS)
-    if parts is None or not any(claim.alpha in part.enclosures["alpha"] for part in parts):
-        return whole
-    joined = joined_proof(parts, machine_sentence(machine_in_words(claim.machine), _texts(claim, parameters)))
-    return replace(joined, seconds=time.perf_counter() - began)
-
-
-def _parts(claim: Claim, parameters: dict[str, Any], options: dict[str, Any], left: int) -> list[Proof] | None:
-    """Proofs of halves of the widest interval, and of their halves where they are needed; None where one fails."""
-    numbers, found = exact_numbers(claim.machine, parameters), list[Proof]()
-    widest = max(numbers.wide, key=numbers.relative_width)
-    low, high = numbers.values[widest]
-    middle = (low + high) / 2
-    for ends in ((low, middle), (middle, high)):
-        half = {**parameters, widest: tuple(map(decimal_text, ends))}
-        proof = _whole_proof(claim, parameters=half, **options, about_alpha=False)
-        if proof.proved:
-            found.append(proof)
-            continue
-        if left == 1 or REFUTED in proof.conditions.values():
-            return None
-        deeper = _parts(claim, half, options, left - 1)
-        if deeper is None:
-            return None
-        found += deeper
-    return found
-
-
-def _texts(claim: Claim, parameters: Mapping[str, Decimals]) -> dict[str, str]:
+def scene_texts(claim: Claim, parameters: Mapping[str, Decimals]) -> dict[str, str]:
     """What the parameters are exactly, by name, without those that only set a scene."""
     texts = parameter_texts(exact_numbers(claim.machine, parameters))
     for name in (claim.machine.model.homotopy, claim.machine.model.gauge):
@@ -82,7 +43,7 @@ def _texts(claim: Claim, parameters: Mapping[str, Decimals]) -> dict[str, str]:
     return texts
 
 
-def _whole_proof(
+def whole_proof(
     claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool,
     about_alpha: bool = True,
 ) -> Proof:  # fmt: skip
@@ -90,18 +51,14 @@ def _whole_proof(
     part of an interval."""
     began = time.perf_counter()
     case = Case(claim, parameters, digits)
-    precision = ctx.prec
-    ctx.prec = FIRST_BITS
-    try:
+    with ctx.workprec(FIRST_BITS):
         case.prove(motion, loss, about_alpha)
-    finally:
-        ctx.prec = precision
     return Proof(
         proved=not case.reasons,
         statement=case.told(),
         machine=machine_in_words(claim.machine),
         family=case.family,
-        parameters={name: bounds_of_fractions(bounds) for name, bounds in case.numbers.values.items()},
+        parameters=parameter_bounds(case.numbers),
         enclosures=case.enclosures,
         radius=case.radius,
         uniqueness_radius=case.uniqueness_radius,
@@ -110,6 +67,11 @@ def _whole_proof(
         digits=digits,
         seconds=time.perf_counter() - began,
     )
+
+
+def parameter_bounds(numbers: Numbers) -> dict[str, Enclosure]:
+    """The exact bounds of the parameters by name."""
+    return {name: bounds_of_fractions(bounds) for name, bounds in numbers.values.items()}
 
 
 def exact_numbers(machine: Machine, parameters: Mapping[str, Decimals]) -> Numbers:
@@ -202,10 +164,7 @@ class Case:
         if loss and self.root is not None:
             try:
                 named = dict(zip(self.statement.unknowns, self.root.box, strict=True))
-                try:
-                    ball, side = enclosed_loss(self.model, flight, leg, named, ctx.prec)
-                except UNDEFINED:
-                    raise Unproved("the motion comes to where a law has no value") from None
+                ball, side = enclosed_loss(self.model, flight, leg, named, ctx.prec)
                 # Only a motion attracts.
                 self.stable_side = side if motion and not self.reasons else None
                 self.enclosures["loss_coefficient"] = enclosure_of(ball)
@@ -214,7 +173,7 @@ class Case:
 
     def told(self) -> str:
         """The theorem, as far as it is proved, in words."""
-        machine = machine_sentence(machine_in_words(self.machine), _texts(self.claim, self.parameters))
+        machine = machine_sentence(machine_in_words(self.machine), scene_texts(self.claim, self.parameters))
         if self.root is None:
             return f"{machine} Nothing is proved of an orbit with alpha near {self.claim.alpha!r}."
         names, each = ", ".join(self.statement.unknowns), bool(self.numbers.wide)
@@ -262,13 +221,9 @@ class Case:
             duration = ca.SX(self.statement.arcs[0].duration(u, equations.expressions.p))
         inputs = [*u.values(), *equations.expressions.wide]
         (value,) = equations.expressions.program(inputs, [duration])(
-            [*self.root.box, *self._wide_balls(), *equations.expressions.constants()]
+            [*self.root.box, *self.numbers.balls(), *equations.expressions.constants()]
         )
         return value
-
-    def _wide_balls(self) -> list[arb]:
-        numbers = self.numbers
-        return [numbers.middle(name) + arb(0, numbers.radius(name)) for name in numbers.wide]
 
     def _check_alpha(self) -> None:
         """Compare what the orbit says of alpha with what is proved."""

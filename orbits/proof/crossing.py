@@ -16,8 +16,8 @@ from flint import arb, arb_poly, ctx
 from .refusal import Unproved
 from .step import Step, System, between, take_step
 
-# Halvings that locate a breakpoint on a polynomial, per bit; attempts at a window, each wider than the last.
-HALVINGS_PER_BIT, MOST_WINDOWS, WIDER_WINDOW = 1, 12, 4
+# Attempts at a window about a breakpoint, each wider than the last.
+MOST_WINDOWS, WIDER_WINDOW = 12, 4
 # Parts of a step that are held against the breakpoints, and how often a part is halved.
 MOST_PARTS, MOST_HALVINGS_OF_STEP = 400, 60
 # Beyond a breakpoint a set goes on until it is so many times its own width away from it.
@@ -132,7 +132,7 @@ def _meeting(breakpoints: Breakpoints, law: int, step: Step) -> arb | None:
             continue
         first = past.index(True, 1)
         low, high = samples[first - 1], samples[first]
-        for _ in range(HALVINGS_PER_BIT * ctx.prec):
+        for _ in range(ctx.prec):
             middle = ((low + high) / 2).mid()
             if (coordinate(middle).mid() > goal) == upper:
                 high = middle
@@ -165,9 +165,8 @@ def _across(
             raise Unproved("the motion ends at a breakpoint of the spring's law")
         h = _rounded_down(h)
         rates = _rates_across([systems[k] for k in both], constants, states, h)
-        step = Step(h, [arb_poly([x, rate]) for x, rate in zip(states, rates, strict=True)], [], [arb(0)] * len(states))
-        hull = [p(between(arb(0), h)) for p in step.polynomials]
-        step = Step(h, step.polynomials, hull, step.tube)
+        lines = [arb_poly([x, rate]) for x, rate in zip(states, rates, strict=True)]
+        step = Step(h, lines, [arb(0)] * len(states))
         pace = breakpoints.coordinate(rates)
         if not (pace > 0 or pace < 0):
             break  # a longer time only widens it

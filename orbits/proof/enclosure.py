@@ -88,9 +88,7 @@ def follow_centre(
     states, left = list(start), length
     for _ in range(MOST_STEPS):
         centre, spread = [value.mid() for value in states], [value.rad() for value in states]
-        done = advance_step(
-            systems, breakpoints, law, constants, centre, spread, left, order_for(bits), 2.0**-bits
-        )  # fmt: skip
+        done = advance_step(systems, breakpoints, law, constants, centre, spread, left, order_for(bits), 2.0**-bits)
         states, law = done.step.end(), done.law
         if not done.step.h < left:
             return states, law
@@ -106,7 +104,7 @@ def follow_set(
     unknowns within radii (unknowns, 1), given enclosures (n, unknowns) of the derivatives of the start by them."""
     n, m = variation.size, variation.moving
     identity = [arb(int(i == j)) for i in range(m) for j in range(n)]
-    frame, inner = _identity(n), by_unknowns
+    frame, inner = unit_matrix(n), by_unknowns
     # What the centre may be off by, in the frame.
     centre, error = [value.mid() for value in start], arb_mat(n, 1, [arb(0, value.rad()) for value in start])
     pieces, at, law = list[Piece](), arb(0), breakpoints.law_of(_moved(start, by_unknowns * radii))
@@ -123,12 +121,12 @@ def follow_set(
             )  # fmt: skip
             long = done.step
             by_start = long.end()[n:]
-        rows = [by_start[i * n : (i + 1) * n] for i in range(m)] + _identity(n).tolist()[m:]
+        rows = [by_start[i * n : (i + 1) * n] for i in range(m)] + unit_matrix(n).tolist()[m:]
         transition = arb_mat(rows)
         end, law = follow_centre(variation.systems, breakpoints, law, constants, centre, long.h, bits)
         if law != done.law:
             raise Unproved("the centre of the set does not cross a breakpoint with the rest of it")
-        pieces.append(Piece(at, Step(long.h, long.polynomials[:n], long.hull[:n], long.tube[:n]), done.laws))
+        pieces.append(Piece(at, Step(long.h, long.polynomials[:n], long.tube[:n]), done.laws))
         turned = transition * frame
         frame, inverse = _orthogonal(turned)
         inner, centre = (inverse * turned) * inner, [value.mid() for value in end]
@@ -144,7 +142,8 @@ def _moved(centre: Sequence[arb], deviations: arb_mat) -> list[arb]:
     return [value + deviations[i, 0] for i, value in enumerate(centre)]
 
 
-def _identity(n: int) -> arb_mat:
+def unit_matrix(n: int) -> arb_mat:
+    """The unit matrix (n, n)."""
     return arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
 
 

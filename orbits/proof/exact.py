@@ -25,19 +25,19 @@ from .programs import BallProgram
 from .refusal import Unproved
 from .step import System, widened
 
-# An exact decimal, or the bounds of an interval.
-Decimals = str | float | int | tuple[str | float | int, str | float | int]
-
-
+# An exact decimal, a fraction, or the bounds of an interval.
+Decimals = str | float | Fraction | tuple[str | float | Fraction, str | float | Fraction]
 # A law with more pieces is a table.
 MOST_LAWS = 12
 # Decimals have at most so many places, before or after the point.
 MOST_PLACES = 1500
 
 
-def exact_fraction(name: str, value: str | float | int) -> Fraction:
+def exact_fraction(name: str, value: str | float | Fraction) -> Fraction:
     """The exact value of a decimal, given as text, or of the shortest decimal that rounds to a float; raises
     `InputError` for what is no finite number."""
+    if isinstance(value, Fraction):
+        return value
     try:
         decimal = Decimal(value if isinstance(value, str) else repr(float(value)))
         if not abs(decimal.adjusted()) <= MOST_PLACES or abs(int(decimal.as_tuple().exponent)) > MOST_PLACES:
@@ -83,6 +83,10 @@ class Numbers:
         """How far a parameter may be from a number that its `middle` holds."""
         low, high = self.values[name]
         return (_ball((high - low) / 2) + 2 * self.middle(name).rad()).abs_upper()
+
+    def balls(self) -> list[arb]:
+        """Enclosures of the interval parameters."""
+        return [self.middle(name) + arb(0, self.radius(name)) for name in self.wide]
 
     def relative_width(self, name: str) -> float:
         """The width of a parameter's interval, relative to the parameter."""
@@ -293,9 +297,9 @@ class Equations:
             columns = len(middle)
             start = leg.start([*middle, *last, *constants])
             slopes = _matrix_of(leg.start_slopes([*box, *last_box, *constants]), len(start))
-            by_unknowns = _sliced(slopes, 0, columns)
+            by_unknowns = columns_of(slopes, 0, columns)
             if last_slopes is not None:
-                by_unknowns = by_unknowns + _sliced(slopes, columns, len(last)) * last_slopes
+                by_unknowns = by_unknowns + columns_of(slopes, columns, len(last)) * last_slopes
             leg.check_continuous(start)
             breakpoints = leg.breakpoints(box[len(self.unknowns) :])
             passage = follow_set(
@@ -312,8 +316,8 @@ class Equations:
                 continue
             values += leg.conditions[law]([*middle, *start[:m], *end, *constants])
             slopes = _matrix_of(leg.condition_slopes[law]([*box, *start_box, *end_box, *constants]), leg.count)
-            total = _sliced(slopes, 0, columns) + _sliced(slopes, columns, m) * start_slopes
-            rows += (total + _sliced(slopes, columns + m, m) * end_slopes).tolist()
+            total = columns_of(slopes, 0, columns) + columns_of(slopes, columns, m) * start_slopes
+            rows += (total + columns_of(slopes, columns + m, m) * end_slopes).tolist()
         return Evaluated(values, arb_mat(rows), passages)
 
 
@@ -321,8 +325,8 @@ def _matrix_of(values: list[arb], rows: int) -> arb_mat:
     return arb_mat(rows, len(values) // rows, values)
 
 
-def _sliced(matrix: arb_mat, first: int, count: int) -> arb_mat:
-    """Columns of a matrix."""
+def columns_of(matrix: arb_mat, first: int, count: int) -> arb_mat:
+    """So many columns of a matrix, from the first one on."""
     return arb_mat([row[first : first + count] for row in matrix.tolist()])
 
 

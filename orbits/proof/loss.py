@@ -12,9 +12,10 @@ from flint import arb, arb_mat, ctx
 
 from ..model.model import Model
 from ..symbolic.formula import symbolic_numerals
-from .enclosure import FINE, follow_set
+from .enclosure import FINE, follow_set, unit_matrix
 from .exact import BallLeg
 from .motion import Motion
+from .programs import UNDEFINED
 from .refusal import Unproved
 
 
@@ -47,8 +48,11 @@ def enclosed_loss(
     mass, power_ball, *rest = program([*unknowns.values(), *stills, *expressions.constants()])
     # From the narrowest enclosures of the unknowns, not from the wider set of the enclosed motion.
     start = leg.start([*unknowns.values(), *stills, *expressions.constants()])
-    with ctx.workprec(2 * bits):
-        half = _transition(leg, start, expressions.constants(), m, bits)
+    try:
+        with ctx.workprec(2 * bits):
+            half = _transition(leg, start, expressions.constants(), m, bits)
+    except UNDEFINED:
+        raise Unproved("the motion comes to where a law has no value") from None
     mirror = arb_mat(m, m, [sign if i == j else 0 for i, sign in enumerate(model.reversor) for j in range(m)])
     try:
         at_landing = mirror * half.solve(mirror * (half * arb_mat(m, 1, rest[:m])))
@@ -69,15 +73,6 @@ def _transition(leg: BallLeg, start: Sequence[arb], constants: Sequence[arb], m:
     """The derivatives (m, m) of the state in mid-flight by the state at lift-off, over fixed times."""
     n = len(start)
     radii = arb_mat(n, 1, [arb(0, value.rad()) for value in start])
-    identity = arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
-    passage = follow_set(
-        leg.variation,
-        constants,
-        [value.mid() for value in start],
-        identity,
-        radii,
-        bits,
-        FINE,
-        leg.breakpoints(start[m + 1 :]),
-    )
+    middles, breakpoints = [value.mid() for value in start], leg.breakpoints(start[m + 1 :])
+    passage = follow_set(leg.variation, constants, middles, unit_matrix(n), radii, bits, FINE, breakpoints)
     return arb_mat([row[:m] for row in passage.slopes.tolist()[:m]])

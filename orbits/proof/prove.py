@@ -51,7 +51,8 @@ def prove(
     _need_flint()
     claim = claim_of(orbit, machine)
     check_machine(claim.machine)
-    from .case import checked_digits, proof_of
+    from .case import checked_digits
+    from .intervals import proof_of
 
     return proof_of(claim, checked_digits(digits), dict(parameters or {}), motion, loss)
 
@@ -72,7 +73,8 @@ def prove_claims(
 
 @exclusive
 def _claim_proved(claim: Claim, digits: int | None, motion: bool) -> Proof:
-    from .case import checked_digits, proof_of
+    from .case import checked_digits
+    from .intervals import proof_of
 
     return proof_of(claim, checked_digits(digits), {}, motion, loss=False)
 
@@ -115,7 +117,7 @@ def prove_fold(
         raise InputError(f"'{along}' is what folds: it has no value of its own")
     if machine.units is not None:
         raise InputError("a fold is proved of a dimensionless machine: follow and prove machine.dimensionless()")
-    from .case import bits_of_digits, checked_digits, statement_to_prove
+    from .case import checked_digits, statement_to_prove
     from .fold import proof_of_fold
 
     statement = statement_to_prove(machine.model, with_contact=False)
@@ -124,8 +126,7 @@ def prove_fold(
     alpha = fold.tangent[statement.unknowns.index("alpha")]
     direction = [d / alpha for name, d in zip(statement.unknowns, fold.tangent[:-1], strict=True) if name != "alpha"]
     guess = [*fold.u, *direction, fold.value]
-    bits = bits_of_digits(checked_digits(digits))
-    return proof_of_fold(machine, statement, guess, along, dict(parameters or {}), bits)
+    return proof_of_fold(machine, statement, guess, along, dict(parameters or {}), checked_digits(digits))
 
 
 @exclusive

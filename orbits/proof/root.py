@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from .exact import Equations, Evaluated
+from .enclosure import unit_matrix
+from .exact import Equations, Evaluated, columns_of
 from .programs import UNDEFINED
 from .refusal import Unproved
 
@@ -109,7 +110,7 @@ def _polished(equations: Equations, centre: list[arb]) -> list[arb]:
     """A guess by Newton's method for the middle of the parameters' intervals, of which the given one need not be."""
     for _ in range(MOST_POLISHES):
         point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
-        step = _rounded_inverse(_by_unknowns(point.slopes, len(centre))) * arb_mat(len(centre), 1, point.values)
+        step = _rounded_inverse(columns_of(point.slopes, 0, len(centre))) * arb_mat(len(centre), 1, point.values)
         centre = [(value - step[i, 0]).mid() for i, value in enumerate(centre)]
         if all(abs(step[i, 0]) < POLISHED * (1 + abs(value)) for i, value in enumerate(centre)):
             break
@@ -124,20 +125,14 @@ def _wide_boxes(equations: Equations, centre: list[arb]) -> list[list[arb]]:
     """Boxes for interval parameters: how far the root moves with them by its derivatives at the middle, with room."""
     point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
     n, numbers = len(centre), equations.numbers
-    rows = point.slopes.tolist()
-    inverse = _rounded_inverse(arb_mat([row[:n] for row in rows]))
-    by_parameters = inverse * arb_mat([row[n:] for row in rows])
+    inverse = _rounded_inverse(columns_of(point.slopes, 0, n))
+    by_parameters = inverse * columns_of(point.slopes, n, len(numbers.wide))
     moved = [
         sum((abs(by_parameters[i, j]) * numbers.radius(name) for j, name in enumerate(numbers.wide)), arb(0))
         for i in range(n)
     ]
     least = arb(2) ** -40
     return [[(arb(room) * move + least).abs_upper() for move in moved] for room in ROOM]
-
-
-def _by_unknowns(slopes: arb_mat, n: int) -> arb_mat:
-    """The derivatives by the unknowns alone."""
-    return arb_mat([row[:n] for row in slopes.tolist()])
 
 
 def _rounded_inverse(matrix: arb_mat) -> arb_mat:
@@ -159,15 +154,14 @@ def _contracted(
 def _image(equations: Equations, evaluated: Evaluated, centre: Sequence[arb], deviations: Sequence[arb]) -> list[arb]:
     """Krawczyk's operator about a centre, on the deviations (unknowns,) of a box from it."""
     n, numbers = len(centre), equations.numbers
-    slopes = _by_unknowns(evaluated.slopes, n)
+    slopes = columns_of(evaluated.slopes, 0, n)
     inverse = _rounded_inverse(slopes)
     values = arb_mat(n, 1, evaluated.values)
     if numbers.wide:
-        by_parameters = arb_mat([row[n:] for row in evaluated.slopes.tolist()])
+        by_parameters = columns_of(evaluated.slopes, n, len(numbers.wide))
         reach = arb_mat(len(numbers.wide), 1, [arb(0, numbers.radius(name)) for name in numbers.wide])
         values = values + by_parameters * reach
-    identity = arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
-    change = (identity - inverse * slopes) * arb_mat(n, 1, list(deviations)) - inverse * values
+    change = (unit_matrix(n) - inverse * slopes) * arb_mat(n, 1, list(deviations)) - inverse * values
     return [value + change[i, 0] for i, value in enumerate(centre)]
 
 

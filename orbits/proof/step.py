@@ -10,7 +10,8 @@ component, of a solution that starts within E0 of c. While it stays within e of 
 with |Df| taken over the tube p([0, h]) +- e, and |R| over p([0, h]). Where the right hand side is below e in every
 component, no solution can leave the tube: one would do so at a first time, up to which the estimate holds. So it exists
 on [0, h] and lies in the tube (an argument by continuity; Moore, Kearfott, Cloud, Introduction to Interval Analysis,
-2009, chapter 10)."""
+2009, chapter 10).
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -56,18 +57,12 @@ class Step:
     polynomials(t) +- tube, 0 <= t <= h.
 
     polynomials : n of them, in the time since the step's beginning, with balls as coefficients
-    hull : of the polynomials on all of [0, h], n balls
     tube : n radii
     """
 
     h: arb
     polynomials: list[arb_poly]
-    hull: list[arb]
     tube: list[arb]
-
-    def whole(self) -> list[arb]:
-        """Enclosures (n,) of the states over all of the step."""
-        return [widened(value, radius) for value, radius in zip(self.hull, self.tube, strict=True)]
 
     def at(self, t: arb) -> list[arb]:
         """Enclosures (n,) of the states at a time, or at all times of a ball, within the step."""
@@ -205,7 +200,7 @@ def _proved(
         if slopes is None:
             return None
         if all(new < old for new, old in zip(_grown(system, slopes, added, tube, h), tube, strict=True)):
-            return Step(h, polynomials, hull, tube)
+            return Step(h, polynomials, tube)
         guess = _fixed_point(system, slopes, added, h)
         if guess is None:
             return None

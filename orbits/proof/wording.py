@@ -1,14 +1,12 @@
 """The theorem in words."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from decimal import Decimal
+from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
 from .decimals import decimal_text
 from .exact import Numbers
-from .theorem import Enclosure, Proof
+from .theorem import Enclosure
 
 # What each condition of a motion says, where it is proved.
 CONDITIONS = {
@@ -42,34 +40,6 @@ def motion_sentence(family: int | None, conditions: Mapping[str, str]) -> str:
         return ""
     whole = "It is a motion: " if told and set(conditions.values()) == {"proved"} else "Of the motion: "
     return f"{whole}{'; '.join([*counted, *told])}."
-
-
-def joined_proof(parts: Sequence[Proof], machine: str) -> Proof:
-    """One proof of those of parts of the parameters' intervals, each of which is proved; `machine` is the sentence
-    about the whole."""
-    first = parts[0]
-    enclosures = {name: _union([part.enclosures[name] for part in parts]) for name in first.enclosures}
-    told = "; ".join(f"{name.replace('_', ' ')} in {value}" for name, value in enclosures.items())
-    radius = min((part.uniqueness_radius or "0" for part in parts), key=Decimal)
-    each = "For each value of the parameters in their intervals"
-    solved = f"{each} the equations of a lossless orbit have a solution with {told}"
-    alone = f"no other solution has all unknowns within {radius} of the enclosures that hold in that part"
-    unique = f"In each of {len(parts)} parts of the intervals {alone}"
-    same = {part.family for part in parts}
-    family = first.family if len(same) == 1 else None
-    conditions = first.conditions if family is not None else {}
-    statement = " ".join(filter(None, (machine, f"{solved}. {unique}.", motion_sentence(family, conditions))))
-    half = (Decimal(enclosures["alpha"].high) - Decimal(enclosures["alpha"].low)) * Decimal("0.501")
-    reasons = () if family is not None or not first.conditions else ("family: the parts are of several families",)
-    return replace(
-        first, proved=not reasons, statement=statement, family=family, enclosures=enclosures, conditions=conditions,
-        radius=f"{half:.3E}", uniqueness_radius=None, reasons=reasons,
-    )  # fmt: skip
-
-
-def _union(enclosures: Sequence[Enclosure]) -> Enclosure:
-    low = min((each.low for each in enclosures), key=Decimal)
-    return Enclosure(low, max((each.high for each in enclosures), key=Decimal))
 
 
 def parameter_texts(numbers: Numbers) -> dict[str, str]:

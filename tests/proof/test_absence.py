@@ -1,15 +1,16 @@
 """What is proved not to be, beside searches that find what there is."""
 
+from fractions import Fraction
+
 import casadi as ca
 import pytest
-from flint import arb
 
 from orbits import InputError, NoOrbit, find, prove_absence
 from orbits.proof.absence import _trend_of
 from problems import Chain, Hopper, Juggler
 
 
-@pytest.mark.parametrize(("b", "family"), [(0.3333334, 1), (0.5, 1), (5.0, 1), (0.2000001, 2), (0.15, 3)])
+@pytest.mark.parametrize(("b", "family"), [(0.3333334, 1), (0.5, 1), (5.0, 1), (0.2, 2), (0.2000001, 2), (0.15, 3)])
 def test_no_orbit_of_a_tanh_spring(b, family):
     machine = Hopper("tanh", parameters={"b": b})
     proof = prove_absence(machine, family)
@@ -86,5 +87,5 @@ def test_of_what_nothing_can_be_said():
 def test_trends(law, odd, rises):
     """What the operations show is true; what they do not show may be true all the same."""
     r, b, n = (ca.SX.sym(name) for name in "rbn")  # numerals are symbols too
-    trend = _trend_of(law(r, b, n), r, [b, n], [arb("0.3"), arb(3)])
+    trend = _trend_of(law(r, b, n), r, [b, n], [(Fraction(3, 10),) * 2, (Fraction(3),) * 2])
     assert (trend.odd, trend.rises) == (odd, rises)

@@ -32,3 +32,10 @@ def test_too_wide_an_interval_stays_undecided(bounds):
     proof = prove(find(CUBIC), parameters={"beta": bounds}, motion=False)
     assert not proof.proved
     assert proof.reasons
+
+
+def test_the_document_has_the_whole_interval():
+    document = prove(find(CUBIC), parameters={"beta": ("0.297", "0.303")}, motion=False).document()
+    assert document["proved"]
+    assert document["parameters"]["beta"] == {"low": "0.297", "high": "0.303"}
+    assert document["uniqueness_radius"] is None
