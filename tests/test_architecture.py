@@ -18,6 +18,7 @@ ROOMS = (
     "symbolic",
     "model",
     "plot",
+    "pages",
     "flow",
     "periodic",
     "proof",
