@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits import Control, Guess, InputError, NoOrbit, Orbit, Simulation, Stage, find, simulate, steer
-from orbits.control.rollout import control_in_units
+from orbits.control.answer import control_in_units
 from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of
 from orbits.hybrid.simulation import run_in_units
