@@ -20,7 +20,7 @@ from .transcription import Multipliers, Transcription
 CONTROL_FORMAT = "persistent-orbits control 1"
 RUNNING_COST = "running cost"  # the last row of a leg, in the unit of the cost; the space keeps it apart from states
 TABLE_ROWS = 201  # of a table whose times are not given
-NUMBERS = ("cost", "violation", "error", "seconds")
+CONTROL_NUMBERS = ("cost", "violation", "error", "seconds")
 
 
 @dataclass(frozen=True)
@@ -168,13 +168,8 @@ class Control:
         states, inputs = self(t), self.inputs_at(t)
         stages = np.array([leg.phase for leg in self.legs])[index_of_legs(self.legs, t)]
         columns = {"time": np.asarray(t, dtype=float), "stage": stages}
-        columns |= dict(zip(self.state_columns, states.T, strict=True)) | dict(zip(self.inputs, inputs.T, strict=True))
+        columns |= dict(zip(self.states, states.T, strict=True)) | dict(zip(self.inputs, inputs.T, strict=True))
         return columns | {RUNNING_COST: self._spent(t)}
-
-    @property
-    def state_columns(self) -> tuple[str, ...]:
-        """Names of what a call gives."""
-        return self.states
 
     def _spent(self, t: ArrayLike) -> np.ndarray:
         """The running costs (...) of all stages up to times (...)."""
@@ -206,7 +201,9 @@ class Control:
             | {"path": leg.path.saved(), "inputs": leg.inputs.saved()}
             for leg in self.legs
         ]
-        told = {name: getattr(self, name) for name in ("status", *NUMBERS, "iterations", "rounds", "parameters")}
+        told = {
+            name: getattr(self, name) for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters")
+        }
         coarseness = None if np.isnan(self.coarseness) else self.coarseness
         bare = self.bare and self.bare.document()
         whole = {"format": CONTROL_FORMAT, **told, "coarseness": coarseness, "units": self.units}
@@ -272,16 +269,17 @@ def control_of(document: Any) -> Control:
     data = conform(document, SavedControl)
     if data["format"] != CONTROL_FORMAT:
         raise ValueError(f"format {data['format']!r}, expected {CONTROL_FORMAT!r}")
-    if (data["units"] is None) != (data["bare"] is None) or not {"cost", "time"} <= {*(data["units"] or ("cost", "time"))}:
+    units, bare = data["units"], data["bare"]
+    if (units is None) != (bare is None) or (units is not None and not {"cost", "time"} <= units.keys()):
         raise ValueError("its units do not fit its numbers")
     legs = tuple(map(_leg_of, data["legs"]))
     ends = np.cumsum([0.0, *(leg.duration for leg in legs)])
     if not legs or not np.allclose([leg.start for leg in legs], ends[:-1], rtol=1e-9, atol=1e-9 * ends[-1]):
         raise ValueError("its stages do not follow each other")
-    bare = data["bare"] and control_of({**data["bare"], "units": None, "bare": None})
-    if bare and [_names_of(leg) for leg in bare.legs] != [_names_of(leg) for leg in legs]:
+    bare = None if bare is None else control_of({**bare, "units": None, "bare": None})
+    if bare is not None and [*map(_names_of, bare.legs)] != [*map(_names_of, legs)]:
         raise ValueError("its motions in SI and without units have other stages")
-    told = {name: data[name] for name in ("status", *NUMBERS, "iterations", "rounds", "parameters", "units")}
+    told = {name: data[name] for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters", "units")}
     coarseness = np.nan if data["coarseness"] is None else data["coarseness"]
     return Control(legs, **told, coarseness=coarseness, bare=bare)
 

@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import InputError
 from ..plot import COLOURS, Axes, new_axes
 
-SAMPLES = 401  # times of a stage at which its curves are drawn
+STAGE_SAMPLES = 401  # times of a stage at which its curves are drawn
 DASHES = ("-", (0, (5, 2)), (0, (1, 1.5)))  # of curves beyond the number of colours
 
 
@@ -16,7 +16,7 @@ def plot_control(control: Any, axes: Axes | None = None) -> Axes:
     """Plot the states of all stages against time, and the inputs in a panel below; return the axes of the states.
 
     Where a stage begins there is a dotted line, and its name above; a curve is interrupted where a stage does not have
-    it.
+    it. Raises `InputError` for axes that stand in no grid.
     """
     axes = axes or new_axes(7.0, 5.2)
     names = tuple(dict.fromkeys(name for leg in control.legs for name in leg.states))
@@ -28,6 +28,7 @@ def plot_control(control: Any, axes: Axes | None = None) -> Axes:
             panel.plot(t, values, color=colour, ls=dash, lw=1.8, label=control.heading(name))
         panel.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     mark_stages(control, panels)
+    _name_stages(control, axes)
     return finished_panels(control, panels)
 
 
@@ -47,7 +48,7 @@ def _curve(control: Any, name: str, of_leg: Any) -> tuple[np.ndarray, np.ndarray
     times, values = [], []
     for leg in control.legs:
         ends = leg.inputs.times[1:]
-        since = np.sort(np.concatenate([np.linspace(0, leg.duration, SAMPLES), np.nextafter(ends, 0.0), ends]))
+        since = np.sort(np.concatenate([np.linspace(0, leg.duration, STAGE_SAMPLES), np.nextafter(ends, 0.0), ends]))
         found = of_leg(leg, name, since)
         times += [leg.start + since, [leg.start + leg.duration]]
         values += [np.full(len(since), np.nan) if found is None else found, [np.nan]]
@@ -67,25 +68,27 @@ def panels_below(axes: Axes, count: int, height: float = 0.5) -> list[Axes]:
 
 
 def mark_stages(control: Any, panels: list[Axes]) -> None:
-    """Draw a dotted line in all panels where a stage begins, and write its name above the first."""
+    """Draw a dotted line in all panels where a stage begins."""
+    for panel in panels:
+        for leg in control.legs[1:]:
+            panel.axvline(leg.start, color="0.6", lw=0.8, ls=":", zorder=0.5)
+
+
+def _name_stages(control: Any, axes: Axes) -> None:
+    """Write the names of the stages above the axes."""
     from matplotlib.transforms import blended_transform_factory
 
-    above = blended_transform_factory(panels[0].transData, panels[0].transAxes)
+    place: dict[str, Any] = {"transform": blended_transform_factory(axes.transData, axes.transAxes), "ha": "center"}
     for leg in control.legs:
-        for panel in panels:
-            if leg.start > 0:
-                panel.axvline(leg.start, color="0.6", lw=0.8, ls=":", zorder=0)
-        panels[0].text(
-            leg.start + 0.5 * leg.duration, 1.02, leg.phase, transform=above, ha="center", fontsize="small", color="0.4"
-        )
+        axes.text(leg.start + 0.5 * leg.duration, 1.02, leg.phase, fontsize="small", color="0.4", **place)
 
 
-def finished_panels(control: Any, panels: list[Axes]) -> Axes:
-    """The first of the panels, all open above and on the right; the last one has the label of time."""
+def finished_panels(motion: Any, panels: list[Axes], time: str | None = None) -> Axes:
+    """The first of the panels, all open above and on the right; the last one has the label of the motion's time."""
     for panel in panels:
         panel.axhline(0, color="0.4", lw=0.8, zorder=0)
         panel.spines[["top", "right"]].set_visible(False)
-        panel.set(xlim=(0, control.end), xlabel="")
+        panel.set(xlim=(0, motion.end), xlabel="")
         panel.tick_params(labelbottom=panel is panels[-1])
-    panels[-1].set_xlabel(control.heading("time"))
+    panels[-1].set_xlabel(time or motion.heading("time"))
     return panels[0]
