@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
-from ..hybrid.simulation import Leg, index_of_legs, rows_of_legs
+from ..hybrid.simulation import Leg, index_of_legs, rows_of_legs, times_within
 from ..io import check_ending, conform, extra_package, fields_in_line, read_file, write_json, write_table
 from ..model.units import Dimension, Units, dimension_of_state, unit_text
 from ..plot import Axes
@@ -145,7 +145,12 @@ class Control:
         return self._rows(t, rows)
 
     def _rows(self, t: ArrayLike, rows: Callable[[ControlledLeg, np.ndarray], np.ndarray]) -> np.ndarray:
-        return rows_of_legs(self.legs, self.end, t, rows, " s" if self.units else "")
+        return rows_of_legs(self.legs, self.end, t, rows, self._second)
+
+    @property
+    def _second(self) -> str:
+        """The unit of time after a number."""
+        return " s" if self.units else ""
 
     def schedule(self, *names: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """The times (k + 1,) at which piecewise constant inputs change, and their values (k,) in between, 0 where a
@@ -164,18 +169,19 @@ class Control:
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """Columns (k,) by name at times (k,), evenly spaced if they are not given: "time", "stage", the states, the
         inputs, and the "running cost", what the stages have cost so far without what their ends cost."""
-        t = np.linspace(0.0, self.end, TABLE_ROWS) if t is None else np.ravel(np.asarray(t))
+        asked = np.linspace(0.0, self.end, TABLE_ROWS) if t is None else t
+        t = times_within(asked, self.end, self._second).ravel()
         states, inputs = self(t), self.inputs_at(t)
         stages = np.array([leg.phase for leg in self.legs])[index_of_legs(self.legs, t)]
-        columns = {"time": np.asarray(t, dtype=float), "stage": stages}
+        columns = {"time": t, "stage": stages}
         columns |= dict(zip(self.states, states.T, strict=True)) | dict(zip(self.inputs, inputs.T, strict=True))
         return columns | {RUNNING_COST: self._spent(t)}
 
-    def _spent(self, t: ArrayLike) -> np.ndarray:
+    def _spent(self, t: np.ndarray) -> np.ndarray:
         """The running costs (...) of all stages up to times (...)."""
         before = np.cumsum([0.0, *(leg.path.end[-1] for leg in self.legs)])
         within = self._rows(t, lambda leg, since: leg.path(since)[..., -1:])[..., 0]
-        return within + before[index_of_legs(self.legs, np.asarray(t, dtype=float))]
+        return within + before[index_of_legs(self.legs, t)]
 
     def dataframe(self, t: ArrayLike | None = None) -> Any:
         """The `table` as a `pandas.DataFrame`; raises `InputError` without pandas, which the extra `data` installs."""
@@ -225,7 +231,7 @@ class Control:
         return read_file(path, f"{path} is not a saved control", control_in_file)
 
     def __str__(self) -> str:
-        second, unit = (" s", f" {self.units['cost']}") if self.units else ("", "")
+        second, unit = self._second, f" {self.units['cost']}" if self.units else ""
         rows = [f"  {leg.phase:<12}from {leg.start:<12.8g}for {leg.duration:.10g}{second}" for leg in self.legs]
         found = f"  cost {self.cost:.12g}{unit}, violation {self.violation:.1e}, error {self.error:.1e}"
         return "\n".join([*rows, found, f"  {self.iterations} iterations, {self.rounds} rounds, {self.seconds:.2f} s"])

@@ -206,22 +206,30 @@ def index_of_legs(legs: Sequence[Leg], t: np.ndarray) -> np.ndarray:
     return np.clip(np.searchsorted([leg.start for leg in legs], t, side="right") - 1, 0, None)
 
 
+def times_within(t: ArrayLike, end: float, second: str = "") -> np.ndarray:
+    """Times (...) that lie between 0 and the end of a motion; raises `InputError` for others and for what is no number.
+
+    second : the unit of time in the message
+    """
+    try:
+        times = np.asarray(t, dtype=float)
+    except (TypeError, ValueError):
+        times = np.array(np.nan)
+    if not ((times >= 0) & (times <= end * (1 + 1e-12))).all():
+        raise InputError(f"times lie between 0 and {end:.6g}{second}")
+    return times
+
+
 def rows_of_legs(
     legs: Sequence[Leg], end: float, t: ArrayLike, rows: Callable[[Any, np.ndarray], np.ndarray], second: str = ""
 ) -> np.ndarray:
     """Rows (..., n) of a motion in legs at times (...), which lie between 0 and its end.
 
     rows : (a leg, times (k,) since its start) -> rows (k, n)
-    second : the unit of time in a message
 
-    Raises `InputError` for other times and for what is no number.
+    Raises as `times_within` does.
     """
-    try:
-        t = np.asarray(t, dtype=float)
-    except (TypeError, ValueError):
-        t = np.array(np.nan)
-    if not ((t >= 0) & (t <= end * (1 + 1e-12))).all():
-        raise InputError(f"times lie between 0 and {end:.6g}{second}")
+    t = times_within(t, end, second)
     flat = t.ravel()
     index, found = index_of_legs(legs, flat), rows(legs[0], flat[:0])
     found = np.empty((len(flat), found.shape[1]))
