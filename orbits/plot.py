@@ -26,6 +26,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
 BELOW = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14), "ncols": 4}  # for a legend of curves that fill the axes
+SPRING_END = "spring's end"  # the height of an end that an actuator moves; it is drawn as a thin bar
 MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
 MARKERS |= {"landing jerk": "<", "collapse": "D", "family": "*"}
 
@@ -292,7 +293,7 @@ def animate_simulation(run: Any, path: str | Path, frames: int = 200, progress: 
     """Write a simulated motion as an animation, as `animate_orbit` does; returns the path."""
     t, machine = np.linspace(0, run.end, _frames(frames)), run.machine
     words = np.where(run.in_contact(t), "contact", "flight")
-    floating, joints = machine.rest_length is None, (machine.model.springs, run.knees, machine.model.embed)
+    floating, joints = machine.rest_length is None, (run.springs, run.knees, machine.model.embed)
     return _animate(path, words, run(t), run.heights, joints, floating, machine.units, progress)
 
 
@@ -355,7 +356,7 @@ def _animate(
     if floating:
         generic = embed @ np.sqrt(np.arange(2.0, 2.0 + embed.shape[1]))
         heights = _lifted(heights, springs, {name: functions[name](generic) for name in names} | {None: 0.0})
-    axes = new_axes(5.8 if knees else 3.2, 5.2)
+    axes = new_axes(5.8 if knees else 4.0 if SPRING_END in names else 3.2, 5.2)
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
     high = max([high, *(low + 2 * length for *_, length in knees)])  # room for a knee at the side too
     margin = 0.08 * (high - low)
@@ -367,8 +368,9 @@ def _animate(
     axes.axhline(0, color="0.3", lw=1.5)
     coils = [axes.plot([], [], color="0.35", lw=1.4, zorder=2)[0] for _ in springs]
     legs = [axes.plot([], [], color="0.35", lw=4, zorder=2)[0] for _ in knees]
-    look = [{"marker": "o", "ms": 18}] * (len(names) - 1) + [{"marker": "_", "ms": 34, "mew": 6}]
-    looks = zip(names, cycle(COLOURS), look, strict=False)
+    count = len(names) - (SPRING_END in names)
+    look = [{"marker": "o", "ms": 18}] * (count - 1) + [{"marker": "_", "ms": 34, "mew": 6}]
+    looks = zip(names, cycle(COLOURS), [*look, {"marker": "_", "ms": 24, "mew": 3}], strict=False)
     masses = [axes.plot([], [], ls="", color=colour, label=name, zorder=3, **how)[0] for name, colour, how in looks]
     label = axes.set_title("contact", fontsize="small")
     zigzag = np.concatenate([[0, 0], np.tile([0.12, -0.12], 7), [0, 0]])

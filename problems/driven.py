@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 from orbits import Control, InputError, Simulation
 from orbits.control.answer import control_of
 from orbits.io import conform, read_file, to_json
+from orbits.model.phase import Affine
 from orbits.model.units import LIFTOFF_SPEED, without_units
-from orbits.plot import Axes, Report, animate_simulation
+from orbits.plot import SPRING_END, Axes, Report, animate_simulation
 
 from .actuated import RATE, Actuated
 from .disturbed import Disturbed, disturbed
@@ -61,7 +62,7 @@ class Driven(Control):
     def motion(self) -> Simulation:
         """The motion as that of a simulation, which shows heights, separation and contact; it has no events."""
         launches = np.array([] if self.launch is None else [self.launch])
-        return Simulation(self.legs, (), "done", launches, self.end, self.actuated)
+        return DrivenMotion(self.legs, (), "done", launches, self.end, self.actuated)
 
     @property
     def launch(self) -> float | None:
@@ -133,8 +134,12 @@ class Driven(Control):
         return plot_driven(self, axes)
 
     def animate(self, path: str | Path, frames: int = 200, *, progress: Report = None) -> Path:
-        """Write an animation (.gif or .mp4); returns its path. See `orbits.plot.animate_simulation`."""
-        return animate_simulation(self.motion, path, frames, progress)
+        """Write an animation (.gif or .mp4), for a machine with a rest length also of the spring's end; returns its
+        path. See `orbits.plot.animate_simulation`."""
+        motion = self.motion
+        if self.machine.rest_length is not None:
+            motion = WithMovedEnd(**{each.name: getattr(motion, each.name) for each in fields(motion)})
+        return animate_simulation(motion, path, frames, progress)
 
     def document(self) -> dict[str, Any]:
         """The motion as JSON-ready data, with the machine in words and, where a file can state it, its statement."""
@@ -149,6 +154,34 @@ class Driven(Control):
         Raises `InputError` when the file is not one, or is of another machine.
         """
         return read_file(path, f"{path} is not a saved motion of a driven machine", partial(_driven_of, machine))
+
+
+class DrivenMotion(Simulation):
+    """A motion of an actuated machine, whose spring joins what it joins without the actuator."""
+
+    @property
+    def springs(self) -> tuple[tuple[str | None, str], ...]:
+        """As in `Simulation`."""
+        return cast(Actuated, self.machine).machine.model.springs
+
+
+class WithMovedEnd(DrivenMotion):
+    """The same with the spring's end among its heights."""
+
+    @property
+    def heights(self) -> dict[str, Any]:
+        """The heights of the machine, and last that of the spring's end, which is the displacement above the lower one
+        of what the spring joins."""
+        ((below, _),) = super().springs
+        heights = super().heights
+        foot = Affine((0.0,) * len(self.machine.model.flight.states)) if below is None else heights[below]
+        return {**heights, SPRING_END: Affine((*foot.weights[:-1], 1.0), foot.offset)}
+
+    @property
+    def springs(self) -> tuple[tuple[str | None, str], ...]:
+        """The spring from its moved end."""
+        ((_, above),) = super().springs
+        return ((SPRING_END, above),)
 
 
 class _SavedDriven(TypedDict):

@@ -132,6 +132,11 @@ class Simulation:
         return {name: self._length(height) for name, height in self.machine.model.heights(self.machine.values).items()}
 
     @property
+    def springs(self) -> tuple[tuple[str | None, str], ...]:
+        """Names of the heights, lower and upper, that springs join, None for the ground."""
+        return self.machine.model.springs
+
+    @property
     def knees(self) -> tuple[Knee, ...]:
         """The knees of the machine's model, as its `heights`."""
         model, unit = self.machine.model, self.machine.units.length if self.machine.units else 1.0

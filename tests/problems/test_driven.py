@@ -2,6 +2,7 @@
 equations written out for another integrator, the return map, and linearised growth."""
 
 import json
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.linalg import expm
 from orbits import Control, InputError, ReturnMap, find, simulate
 from orbits.hybrid.simulation import Simulation
 from problems import Actuated, Disturbed, Driven, Hopper, Juggler, hopper_in_si, springs, steering
+from problems.driven import WithMovedEnd
 
 C = 0.01
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 1e5}, rest_length=0.8, damping=5.0)
@@ -342,6 +344,20 @@ def test_a_juggler(tmp_path):
     again = Driven.load(driven.save(tmp_path / "juggler.json"))
     assert again.machine == Juggler()
     assert isinstance(again.actuated, Actuated)
+
+
+@pytest.mark.parametrize("machine", [Hopper(rest_length=9.0), Juggler(rest_length=20.0)], ids=repr)
+def test_an_animation_shows_the_end_that_moves(machine):
+    """The spring is drawn from there, as long as its force says."""
+    driven = steering.recover(machine, 0.1, intervals=14)
+    motion = driven.motion
+    shown = WithMovedEnd(**{each.name: getattr(motion, each.name) for each in fields(motion)})
+    ((end, above),) = shown.springs
+    states = driven(np.linspace(0, driven.end, 20))
+    drawn = shown.heights[above](states) - shown.heights[end](states)
+    extension = driven.actuated.model.extension(states) - states[:, -1]
+    assert drawn == pytest.approx(machine.rest_length + extension, abs=1e-12)
+    assert np.abs(states[:, -1]).max() > 1e-3
 
 
 def test_an_animation(leg, tmp_path):
