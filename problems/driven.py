@@ -174,7 +174,8 @@ class WithMovedEnd(DrivenMotion):
         of what the spring joins."""
         ((below, _),) = super().springs
         heights = super().heights
-        foot = Affine((0.0,) * len(self.machine.model.flight.states)) if below is None else heights[below]
+        ground = Affine((0.0,) * len(self.machine.model.flight.states))
+        foot = ground if below is None else cast(Affine, heights[below])
         return {**heights, SPRING_END: Affine((*foot.weights[:-1], 1.0), foot.offset)}
 
     @property

@@ -12,7 +12,8 @@ from .actuated import RATE
 from .disturbed import launch_times
 
 LONGEST = 1.1  # of a disturbed motion that comes to rest is drawn, as a multiple of the undisturbed one
-ABOVE = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "frameon": False, "fontsize": "small", "ncols": 6}
+ABOVE = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "frameon": False, "fontsize": "small", "ncols": 3}
+ABOVE |= {"handlelength": 1.4, "columnspacing": 1.4, "borderaxespad": 0.2}
 
 
 def plot_driven(driven: Any, axes: Axes | None = None) -> Axes:

@@ -6,7 +6,8 @@ squared rate of the spring's end, goes with c^2: at M = 1 and with a rate held 4
 if it is never held) 125.81 c^2 for a lossless landing, and 111.9 c^2 where the foot may land as it likes, which it does
 at a speed of 3.06 c. Energy alone asks for less: Schwarz's inequality for the
 work, the integral of M phi w, gives the bound in the figure; the rest of the effort brings the foot down. The injection
-that just lets it hop on does the same work to leading order, all of it at once, at the edge of losing its hop.
+that just lets it hop on does the same work to leading order, all of it at once, at the edge of losing its hop. On the
+left of the figure is the answer for c = 0.01.
 Run: python studies/damped_hopper.py [--output FOLDER] [--quick]
 """
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from orbits import ReturnMap, find
 from orbits.hybrid.impacts import Impacts
-from orbits.plot import COLOURS, SHADE, new_row, save_figure
+from orbits.plot import COLOURS, new_row, save_figure
 from problems import Hopper
 from problems.steering import keep_hopping, missed, work
 
@@ -47,31 +48,6 @@ def bound(orbit) -> tuple[float, float]:
         lost += float(share @ (v1 - v2) ** 2)
         pull += float(share @ (y1 - y2) ** 2)
     return lost, lost**2 / pull
-
-
-def draw(axes, found):
-    """The motion of one hop and of the spring's end, and its rate."""
-    t = np.linspace(0, 1, 1000)
-    flight, contact = found.legs
-    end = flight.duration
-    axes.axvspan(end, found.end, fc=SHADE, zorder=0)
-    for column, (name, scale) in enumerate(
-        (("body $y_1$", 1), ("", 0), ("foot $y_2$", 1), ("", 0), ("end $100\\,u$", 100))
-    ):
-        if name:
-            air = scale * flight.path(t * end)[:, column]
-            on = {0: contact.path(t * contact.duration)[:, 0], 2: 0 * t, 4: contact.path(t * contact.duration)[:, 2]}
-            axes.plot(
-                np.append(t * end, end + t * contact.duration), np.append(air, scale * on[column]),
-                color=COLOURS[column // 2], lw=1.8, label=name,
-            )  # fmt: skip
-    times, rates = found.schedule("w")
-    axes.stairs(200 * rates["w"], times, color="0.35", lw=1.2, label="its rate $200\\,w$")
-    axes.axhline(0, color="0.4", lw=0.8)
-    axes.set(xlabel="time", ylabel="position", xlim=(0, found.end), title=f"least effort at c = {SHOWN:g}")
-    axes.legend(
-        frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=4, handlelength=1.2
-    )
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
@@ -105,7 +81,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     print(f"\n  the effort goes with c to the power {exponent:.6f}; by energy alone it would be {floor:.4f} c^2")
     print(f"  the dissipation of the lossless hop is {lost:.6f} c; open loop the answers are missed by {worst:.1e}")
     left, middle, right = new_row(3, 4.6, 4.0)
-    draw(left, keep_hopping(Hopper(damping=SHOWN), orbit=orbit))
+    keep_hopping(Hopper(damping=SHOWN), orbit=orbit).plot(left)
     for lossless, name, colour in ((True, "lossless landing", COLOURS[0]), (False, "any landing", COLOURS[1])):
         middle.semilogx(dampings, efforts[lossless] / dampings**2, "o-", color=colour, ms=4, label=name)
         right.semilogx(dampings, works[lossless] / dampings, "o-", color=colour, ms=4, label=name)

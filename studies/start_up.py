@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import NoOrbit, find
-from orbits.plot import COLOURS, SHADE, new_row, save_figure
+from orbits.plot import COLOURS, new_row, save_figure
 from problems import Hopper
 from problems.steering import missed, recover, rerun, start_up
 
@@ -46,19 +46,10 @@ def draw(axes, orbit, hops: int = 2):
     """A start and the hops after it."""
     answer = start_up(MACHINE, orbit=orbit, **SHOWN)
     run = rerun(MACHINE, answer, hops=hops)
+    run.plot(axes)
     t = np.linspace(0, run.end, 4001)
-    states = run(t)
-    inside = run.in_contact(t)
-    for column, name, colour in (
-        (0, "body $y_1$", COLOURS[0]),
-        (2, "foot $y_2$", COLOURS[1]),
-        (4, "spring's end $u$", COLOURS[2]),
-    ):
-        axes.plot(t, states[:, column], color=colour, lw=1.8, label=name)
-    axes.fill_between(t, 0, 1, where=inside, transform=axes.get_xaxis_transform(), fc=SHADE, lw=0, zorder=0)
-    axes.axhline(0, color="0.4", lw=0.8)
+    axes.plot(t, run(t)[:, -1], color=COLOURS[3], lw=1.8, label="spring's end")
     axes.axvline(answer.end, color="0.4", lw=0.8, ls="--")
-    axes.set(xlabel="time", ylabel="position", xlim=(0, run.end))
     axes.set_title(f"from rest in {SHOWN['pumps']} pumps, stroke {SHOWN['stroke']:g}")
     axes.legend(frameon=False, fontsize="small", loc="upper left")
     return run
