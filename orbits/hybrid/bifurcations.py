@@ -189,28 +189,25 @@ def _visits(maps: MapsAlong, between: tuple[float, float], count: int) -> np.nda
         return np.zeros((0, 2))
     values = np.linspace(maps.low, maps.high, count)
     starts = np.linspace(*between, STARTS_OF_HOPS + 2)[1:-1]
+    together = np.repeat(values, len(starts))
     if maps.name == INJECT:
-        found = _settled(maps, 0.0, np.tile(starts, count), np.repeat(values, len(starts)))
-        places = np.broadcast_to(np.repeat(values, len(starts)), found.shape)
+        found = _settled(maps, np.tile(starts, count), together)
     else:
-        columns = []
-        for value in values.tolist():
-            interrupts.heed()
-            columns.append(_settled(maps, value, starts, np.zeros(len(starts))))
-        found = np.hstack(columns)
-        places = np.broadcast_to(np.repeat(values, len(starts)), found.shape)
+        found = np.hstack([_settled(maps, starts, np.full(len(starts), value)) for value in values])
+    places = np.broadcast_to(together, found.shape)
     inside = (found >= between[0]) & (found <= between[1])
     return np.column_stack([places[inside], found[inside]])
 
 
-def _settled(maps: MapsAlong, value: float, alpha: np.ndarray, added: np.ndarray) -> np.ndarray:
-    """The launch speeds (KEPT_HOPS, m) after many hops from launches (m,), to each of which something is added after
-    every hop; NaN where the machine comes to rest."""
+def _settled(maps: MapsAlong, alpha: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The launch speeds (KEPT_HOPS, m) that are visited after many hops from launches (m,) at values (m,) of the
+    parameter, all the same unless it is the injection; NaN where the machine comes to rest."""
     found = np.full((KEPT_HOPS, len(alpha)), np.nan)
     going, alpha = np.arange(len(alpha)), alpha.copy()
     for hop in range(TRANSIENT + KEPT_HOPS):
-        following = maps.next(alpha[going], value) + added[going]
-        alive = np.isfinite(following) & (following > 0)
+        interrupts.heed()
+        following = maps.next(alpha[going], values[going] if maps.name == INJECT else values[0])
+        alive = np.isfinite(following)
         going = going[alive]
         if not len(going):
             break

@@ -77,8 +77,8 @@ class BranchTracer:
         """The point at a corrected place, with the tangent that points `ahead`."""
         alpha = float(place[0] * self.scale[0])
         value = self._value(place) if value is None else value
-        launches = self.maps.cycle(alpha, value, self.period)
-        slope, impacts = self.maps.multiplier(launches, value), self.maps.impacts(launches, value)
+        launches, impacts = self.maps.cycle(alpha, value, self.period)
+        slope = self.maps.multiplier(launches, value)
         step = float(np.linalg.norm(ahead)) * 0.01
         across = slope - 1.0 if self.period == 1 else np.nan
         if not np.isfinite(across):

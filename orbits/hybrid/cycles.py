@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import InputError, NoOrbit
 from ..model.machine import Machine, check_machine, free_parameters
 from .multiplier import multiplier
-from .return_map import ReturnMap
+from .return_map import Hops, ReturnMap
 
 INJECT, RESTITUTION = "inject", "restitution"
 DAMPERS_OF_HOPS = ("damping", "drag")  # a machine may have these at 0 without its model having such a parameter
@@ -57,16 +57,27 @@ class MapsAlong:
                 self._kept.popitem(last=False)
         return self._kept[value]
 
-    def next(self, alpha: np.ndarray, value: float) -> np.ndarray:
-        """The next launch speeds (m,) after launch speeds (m,), NaN where there are none."""
-        return self.at(value)(alpha).next
+    def hops(self, alpha: np.ndarray, value: float | np.ndarray) -> Hops:
+        """The hops from launch speeds (m,); along the injection, which may differ from launch to launch (m,), they are
+        those of one map, to which it is added."""
+        if self.name != INJECT:
+            return self.at(float(value))(alpha)
+        plain = self.at(0.0)(alpha)
+        following = plain.next + value
+        return replace(plain, next=np.where(following > 0, following, np.nan))
 
-    def cycle(self, alpha: float, value: float, period: int) -> tuple[float, ...]:
-        """The launch speeds of the hops from a periodic launch until it comes back."""
-        launches = [float(alpha)]
-        while len(launches) < period:
-            launches.append(float(self.next(np.array([launches[-1]]), value)[0]))
-        return tuple(launches)
+    def next(self, alpha: np.ndarray, value: float | np.ndarray) -> np.ndarray:
+        """The next launch speeds (m,) after launch speeds (m,), NaN where there are none."""
+        return self.hops(alpha, value).next
+
+    def cycle(self, alpha: float, value: float, period: int) -> tuple[tuple[float, ...], tuple[int, ...]]:
+        """The launch speeds of the hops from a periodic launch until it comes back, and their numbers of impacts."""
+        launches, impacts = [float(alpha)], list[int]()
+        while len(impacts) < period:
+            hops = self.hops(np.array(launches[-1:]), value)
+            launches.append(float(hops.next[0]))
+            impacts.append(int(hops.impacts[0]))
+        return tuple(launches[:period]), tuple(impacts)
 
     def multiplier(self, launches: tuple[float, ...], value: float) -> float:
         """The multiplier of a cycle, NaN where it has none. It is 1 on lossless hops, which have only one-sided
@@ -104,6 +115,8 @@ class MapsAlong:
 
     def slope_along(self, alpha: float, value: float, period: int) -> float:
         """The derivative of the excess with respect to the parameter, by a difference within its range."""
+        if self.name == INJECT and period == 1:
+            return 1.0
         step = STEP_ALONG * (self.high - self.low)
         ends = [max(value - step, self.low), min(value + step, self.high)]
         before, behind = (self.excess(np.array([alpha]), end, period)[0] for end in ends)
@@ -123,10 +136,6 @@ class MapsAlong:
     def status(self, alpha: float, value: float) -> str:
         """What becomes of a launch, in the words of `orbits.hybrid.impacts.STATUSES`."""
         return str(self.at(value)(np.array([alpha])).status[0])
-
-    def impacts(self, launches: tuple[float, ...], value: float) -> tuple[int, ...]:
-        """The numbers of impacts of the hops from some launches."""
-        return tuple(self.at(value)(np.array(launches)).impacts.tolist())
 
 
 def _has(machine: Machine, name: str) -> bool:
