@@ -169,7 +169,7 @@ class _Search:
     def _note(self, event: FoundEvent, branch: int) -> str:
         period = self.branches[branch].period
         if event.kind == "flip":
-            return self.notes.get(id(event.point), "hops of period four begin here" if period == 2 else "")
+            return self.notes.get(id(event.point), "hops of period four branch off here" if period == 2 else "")
         if event.kind == "fold":
             at_rest = self.maps.lossless(event.point.value) or abs(event.point.value) <= 1e-12 * self.maps.high
             lossless = self.maps.name == INJECT and at_rest and self.maps.at(0.0).impacts.model.conservative
