@@ -73,7 +73,7 @@ def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set_title(title(orbit), fontsize="medium", wrap=True)
     vertical = _vertical(orbit.machine["rest_length"]) + metres
-    return _finished(axes, BELOW, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=vertical)
+    return finished(axes, BELOW, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=vertical)
 
 
 def _cycle(orbit, count: int):
@@ -82,7 +82,7 @@ def _cycle(orbit, count: int):
     return t, orbit(t)
 
 
-def _finished(axes: Axes, legend: Mapping | None = None, **labels) -> Axes:
+def finished(axes: Axes, legend: Mapping | None = None, **labels: Any) -> Axes:
     """The axes with limits and labels, open above and on the right; with a legend if its place is given."""
     axes.set(**labels)
     axes.spines[["top", "right"]].set_visible(False)
@@ -105,7 +105,7 @@ def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
         axes.plot(height(states), speed, color=colour, lw=1.6, label=name)
     axes.set_title(title(orbit), fontsize="small", wrap=True)
     vertical = _vertical(orbit.machine["rest_length"]) + metres
-    return _finished(axes, {}, xlabel=vertical, ylabel="speed" + speeds_in)
+    return finished(axes, {}, xlabel=vertical, ylabel="speed" + speeds_in)
 
 
 def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", label: str | None = None) -> Axes:
@@ -130,7 +130,7 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
             known.append(event.kind)
     machine = family.machine
     axes.set_title(f"{machine['machine']}, spring {machine['spring']}, gravity {machine['gravity']}", fontsize="small")
-    return _finished(
+    return finished(
         axes,
         {} if known or label else None,
         xlabel=family.heading(family.name),
@@ -179,41 +179,7 @@ def plot_front(front: Any, axes: Axes | None = None) -> Axes:
     texts = [text.lstrip().lstrip("-").strip() for text in front.texts]
     units = [front.designs[0].unit_of(text) for text in texts]
     labels = [text.replace("_", " ") + (unit and f" ({unit})") for text, unit in zip(texts, units, strict=True)]
-    return _finished(axes, xlabel=labels[0], ylabel=labels[1])
-
-
-def plot_map(
-    step: Any,
-    low: float,
-    high: float,
-    axes: Axes | None = None,
-    samples: int = 4000,
-    start: float | None = None,
-    hops: int = 60,
-) -> Axes:
-    """Plot the return map between two launch speeds, with the identity line; return the axes.
-
-    step : a `ReturnMap`
-    start : launch speed from which a cobweb of so many `hops` is drawn, None for no cobweb
-    """
-    axes, alpha = axes or new_axes(5.2, 5.0), np.linspace(low, high, samples)
-    found = step(alpha)
-    broken = step.jumps(found) + 1
-    x, y = (np.insert(values, broken, np.nan) for values in (alpha, found.next))
-    axes.plot([low, high], [low, high], color="0.6", lw=0.8, label="identity")
-    axes.plot(x, y, color=COLOURS[0], lw=1.6, label="map")
-    if start is not None:
-        web, here = [(start, start)], float(start)
-        for _ in range(hops):
-            there = float(step(here).next)
-            if not np.isfinite(there):
-                break
-            web += [(here, there), (there, there)]
-            here = there
-        axes.plot(*np.transpose(web), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
-    unit = f" ({step.machine.units.text(LIFTOFF_SPEED)})" if step.machine.units else ""
-    labels = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
-    return _finished(axes, {"loc": "upper left"}, xlim=(low, high), ylim=(0, high), **labels)
+    return finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 
 def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
@@ -236,7 +202,7 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
     axes.plot(times, places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
     axes.axhline(0, color="0.4", lw=0.8)
     vertical = _vertical(machine.rest_length) + metres
-    return _finished(axes, BELOW, xlim=(0, run.end), xlabel="time" + seconds, ylabel=vertical)
+    return finished(axes, BELOW, xlim=(0, run.end), xlabel="time" + seconds, ylabel=vertical)
 
 
 def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Axes:
@@ -245,7 +211,7 @@ def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Ax
     metres, seconds, _ = unit_labels(run.machine.units)
     axes.plot(t, run.gap(run(t)), color=COLOURS[1], lw=2, label=label)
     _shade_contacts(run, axes)
-    return _finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel="gap" + metres)
+    return finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel="gap" + metres)
 
 
 def _shade_contacts(run, axes):
