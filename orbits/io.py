@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, BinaryIO, TypeVar, get_args, get_origin, get_type_hints, is_typeddict
@@ -32,6 +33,15 @@ def version(package: str) -> str:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
         return "unknown"
+
+
+def extra_package(package: str, what: str, extra: str = "data") -> Any:
+    """A package that one of the extras installs; raises `InputError`, saying what it is needed for, where it is
+    missing."""
+    try:
+        return import_module(package)
+    except ImportError:
+        raise InputError(f"{what}, {package} is needed: pip install 'persistent-orbits[{extra}]'") from None
 
 
 def in_words(values: Mapping[str, Any]) -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..design.many import DESIGN_STATUSES
 from ..errors import InputError
-from ..io import check_path, fields_in_line, to_json, write_table, writing
+from ..io import check_path, extra_package, fields_in_line, to_json, write_table, writing
 from ..model.machine import Machine, machine_in_words
 from ..model.units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from ..periodic.find import find
@@ -195,7 +195,7 @@ class Sweep:
     @property
     def dataset(self) -> Any:
         """The sweep as an `xarray.Dataset`: with the parameters as coordinates for a grid, else along "member"."""
-        xarray = _needed("xarray", "for a dataset")
+        xarray = extra_package("xarray", "for a dataset")
         shape, families = self.about["shape"], self.about["families"]
         complete = len(self) == self.count
         dims: tuple[str, ...] = ("member",)
@@ -224,7 +224,7 @@ class Sweep:
 
     def dataframe(self) -> Any:
         """The sweep as a `pandas.DataFrame`, a row for each member."""
-        pandas = _needed("pandas", "for a data frame")
+        pandas = extra_package("pandas", "for a data frame")
         return pandas.DataFrame(dict(self.columns), index=pandas.Index(self.index, name="member"))
 
     def save(self, path: str | Path) -> Path:
@@ -276,20 +276,10 @@ def check_table(path: str | Path) -> Path:
     missing that writes it."""
     path = check_path(path, tuple(TABLES))
     for package in TABLES[path.suffix.lower()]:
-        _needed(package, f"to write {path}")
+        extra_package(package, f"to write {path}")
     return path
 
 
 def _blank(value: Any) -> Any:
     """A value of a CSV file; nothing for what a member does not have."""
     return "" if isinstance(value, float) and np.isnan(value) else value
-
-
-def _needed(package: str, what: str) -> Any:
-    """A package of the extra `data`; raises `InputError` where it is missing."""
-    from importlib import import_module
-
-    try:
-        return import_module(package)
-    except ImportError:
-        raise InputError(f"{what}, {package} is needed: pip install 'persistent-orbits[data]'") from None
