@@ -64,8 +64,9 @@ def html_table(rows: Sequence[Sequence[str]], title: str, heads: Sequence[str] =
     Every text is escaped.
     """
     above = "".join(f'<th scope="col" style="{NAME};font-weight:600">{escape(text)}</th>' for text in heads)
-    lines = [f"<thead><tr>{above}</tr></thead>" if heads else "", "<tbody>"]
+    lines = [f'<table style="{TABLE}"><caption style="{CAPTION}">{escape(title)}</caption>']
+    lines.append(f"<thead><tr>{above}</tr></thead><tbody>" if heads else "<tbody>")
     for name, *values in rows:
         cells = "".join(f'<td style="{VALUE}">{escape(text)}</td>' for text in values)
         lines.append(f'<tr><th scope="row" style="{NAME}">{escape(name)}</th>{cells}</tr>')
-    return f'<table style="{TABLE}"><caption style="{CAPTION}">{escape(title)}</caption>{"".join(lines)}</tbody></table>'
+    return "".join([*lines, "</tbody></table>"])

@@ -18,6 +18,7 @@ from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..model.units import EXTENSION, UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from ..numerics.bernstein import lowest
+from ..pages.cells import cell
 from ..pages.tables import VIOLATED, orbit_rows
 from ..plot import Report, animate_orbit, plot_orbit, plot_phase_portrait
 from .certificate import Certificate
@@ -212,8 +213,9 @@ class Orbit:
         }
 
     def __repr__(self) -> str:
-        told = {name: self.machine[name] for name in ("machine", "spring", "gravity")} | self.machine["parameters"]
-        return one_line(self, told | {name: getattr(self, name) for name in ("family", "alpha", "error", "admissible")})
+        told = {name: getattr(self, name) for name in ("family", "alpha", "admissible", "error")}
+        told |= {name: self.machine[name] for name in ("spring", "gravity")} | self.machine["parameters"]
+        return one_line(self, {"machine": self.machine["machine"], **told})
 
     def summary(self) -> str:
         """What the orbit is in one line: its family, machine and laws."""
@@ -232,6 +234,9 @@ class Orbit:
         rows = orbit_rows(self, ALL_DIGITS)
         lines = [f"      {text}" if name == VIOLATED else f"  {name:<24}{text}" for name, text in rows]
         return "\n".join([self.summary(), "  " + ", ".join(said), *lines])
+
+    def _repr_html_(self) -> str:
+        return cell(self.summary(), orbit_rows(self), self.plot)
 
     def plot(self, axes: Any = None) -> Any:
         """Plot heights against time as in Fig. 3 of the paper; returns the axes. See `orbits.plot.plot_orbit`."""
