@@ -155,6 +155,9 @@ class End:
     limit: float | None = None
     limit_error: float | None = None
 
+    def __repr__(self) -> str:
+        return fields_in_line(self, "kind", "reason", "limit", "limit_error")
+
 
 @dataclass(frozen=True)
 class Family:

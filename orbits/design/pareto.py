@@ -85,7 +85,8 @@ class Front:
         rows = [(*_objectives(design), *design.parameters.values()) for design in self.designs]
         texts = [[number_text(value) for value in row] for row in rows]
         draw = getattr(self, "plot", partial(plot_front, self))
-        return cell(f"{len(self.designs)} designs of which none is better", texts, draw, self._headings())
+        title = f"Pareto front, minimise {' and '.join(self.texts)}; certified designs: {len(self.designs)}"
+        return cell(title, texts, draw, self._headings())
 
     def __str__(self) -> str:
         heads = self._headings()

@@ -19,7 +19,7 @@ from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..model.units import EXTENSION, UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from ..numerics.bernstein import lowest
 from ..pages.cells import cell
-from ..pages.tables import VIOLATED, orbit_rows
+from ..pages.tables import VIOLATED, machine_rows, orbit_rows
 from ..plot import Report, animate_orbit, plot_orbit, plot_phase_portrait
 from .certificate import Certificate
 
@@ -224,13 +224,7 @@ class Orbit:
         return f"lossless orbit of family {self.family}: {machine['machine']}, {laws}"
 
     def __str__(self) -> str:
-        machine, own = self.machine, self.machine.get("units", {})
-        stated = {name: machine[name] for name in own if name in machine}
-        numbers = stated or {"mass ratio": machine["mass_ratio"], "rest length": machine["rest_length"]}
-        numbers |= machine["parameters"]
-        said = [
-            f"{name} = {value:g} {own.get(name, '')}".rstrip() for name, value in numbers.items() if value is not None
-        ]
+        said = [f"{name} = {text}" for name, text in machine_rows(self.machine)]
         rows = orbit_rows(self, ALL_DIGITS)
         lines = [f"      {text}" if name == VIOLATED else f"  {name:<24}{text}" for name, text in rows]
         return "\n".join([self.summary(), "  " + ", ".join(said), *lines])

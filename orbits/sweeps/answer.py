@@ -11,11 +11,10 @@ import numpy as np
 
 from ..design.many import DESIGN_STATUSES
 from ..errors import InputError
-from ..io import check_path, fields_in_line, needed_package, to_json, write_table, writing
+from ..io import check_path, needed_package, one_line, to_json, write_table, writing
 from ..model.machine import Machine, machine_in_words
 from ..model.units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from ..pages.cells import cell
-from ..pages.tables import number_text
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from .question import COLUMNS_OF, Question, Table
@@ -131,7 +130,7 @@ class Sweep:
         return {"count": self.count, "done": len(self), "status": self.statuses(), "quantiles": quantiles}
 
     def __repr__(self) -> str:
-        return fields_in_line(self, "parameters", "count")
+        return one_line(self, {"parameters": self.parameters, "count": self.count, **self.statuses()})
 
     def title(self) -> str:
         """What was swept and what became of the members, in one line."""
@@ -150,7 +149,10 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         told = self.summary()
-        rows = [(self.heading(name), *map(number_text, each.values())) for name, each in told["quantiles"].items()]
+        rows = [
+            (self.heading(name), *(f"{value:.5g}" for value in each.values()))
+            for name, each in told["quantiles"].items()
+        ]
         over = f"over {', '.join(map(self.heading, self.parameters))}"
         return cell(self.title(), rows, self.plot, [over, *(f"{share:.0%}" for share in QUANTILES)] if rows else ())
 

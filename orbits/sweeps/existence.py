@@ -19,6 +19,7 @@ from ..design.many import DESIGN_STATUSES, solved_designs
 from ..errors import InputError, whole_number
 from ..io import check_ending, fields_in_line, to_json, write_table, writing
 from ..model.machine import Machine
+from ..pages.cells import cell
 from ..periodic.find import LARGEST_FAMILY
 from ..symbolic import interrupts
 from .answer import Sweep
