@@ -1,4 +1,4 @@
-"""What a cell of a notebook shows: tables that are whole and escaped, pictures that are drawn, and nothing that breaks."""
+"""What a cell of a notebook shows: whole and escaped tables, drawn pictures, and nothing that breaks."""
 
 import base64
 import re
