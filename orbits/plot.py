@@ -3,7 +3,11 @@
 Results draw themselves by these functions, so this module stands below them and knows them by their attributes only.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from itertools import cycle
 from pathlib import Path
 from subprocess import CalledProcessError
@@ -28,15 +32,47 @@ PALE = "#cfdbe6"
 BELOW = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14), "ncols": 4}  # for a legend of curves that fill the axes
 MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
 MARKERS |= {"landing jerk": "<", "collapse": "D", "family": "*"}
+_OFF_SCREEN = ContextVar("off screen", default=False)
+
+
+@contextmanager
+def off_screen() -> Iterator[None]:
+    """Where figures are drawn for a file or a page: `new_axes` hides them from pyplot, whatever is loaded."""
+    token = _OFF_SCREEN.set(True)
+    try:
+        yield
+    finally:
+        _OFF_SCREEN.reset(token)
+
+
+def _on_screen() -> bool:
+    """Whether a new figure is one of pyplot's: in the main thread of a notebook's kernel, and of a program that has
+    loaded pyplot, unless it is for a file."""
+    if _OFF_SCREEN.get() or threading.current_thread() is not threading.main_thread():
+        return False
+    if "matplotlib.pyplot" in sys.modules:
+        return True
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    return getattr(shell, "kernel", None) is not None
 
 
 def new_axes(width: float = 7.0, height: float = 4.0) -> Axes:
-    """Axes on a new figure, which no window and no global state of matplotlib knows."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    """Axes on a new figure.
 
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
+    In a notebook, and where `matplotlib.pyplot` has been imported before, it is one of pyplot's figures, so that the
+    cell or `plt.show()` shows it. Otherwise, in a thread and within `off_screen` no window and no global state of
+    matplotlib knows it, and it is gone with the last reference to it.
+    """
+    if _on_screen():
+        from matplotlib import pyplot
+
+        figure = pyplot.figure(figsize=(width, height), layout="constrained")
+    else:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
     return figure.add_subplot()
 
 
@@ -115,18 +151,18 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
     """
     axes = axes or new_axes(6.5, 4.5)
     along = family.in_order()  # admissibility changes at an event, not at a point beside it
-    x, y = (np.array([family.quantity(point, name) for point, _ in along]) for name in ("value", quantity))
+    x, y = (family.values_at([point for point, _ in along], name) for name in ("value", quantity))
     motion = np.array([point.admissible for point, _ in along])
     joint = np.array([event is not None for _, event in along])
     joint[1:-1] &= motion[2:] != motion[:-2]
     line = axes.plot(x, np.where(motion | joint, y, np.nan), lw=2, label=label)[0]
     axes.plot(x, np.where(~motion | joint, y, np.nan), lw=1.4, ls=(0, (4, 2)), color=line.get_color(), zorder=1)
     known = axes.get_legend_handles_labels()[1]
-    for event in family.events:
-        if event.kind != "asked":
+    for i, (_, event) in enumerate(along):
+        if event and event.kind != "asked":
             look = {"marker": MARKERS.get(event.kind, "P"), "ls": "", "ms": 6, "mfc": "white", "mew": 1.4, "zorder": 4}
             name = None if event.kind in known else event.kind
-            axes.plot(event.point.value, family.quantity(event.point, quantity), color="0.15", label=name, **look)
+            axes.plot(x[i], y[i], color="0.15", label=name, **look)
             known.append(event.kind)
     machine = family.machine
     axes.set_title(f"{machine['machine']}, spring {machine['spring']}, gravity {machine['gravity']}", fontsize="small")
@@ -321,7 +357,8 @@ def _animate(
     if floating:
         generic = embed @ np.sqrt(np.arange(2.0, 2.0 + embed.shape[1]))
         heights = _lifted(heights, springs, {name: functions[name](generic) for name in names} | {None: 0.0})
-    axes = new_axes(5.8 if knees else 3.2, 5.2)
+    with off_screen():
+        axes = new_axes(5.8 if knees else 3.2, 5.2)
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
     high = max([high, *(low + 2 * length for *_, length in knees)])  # room for a knee at the side too
     margin = 0.08 * (high - low)
