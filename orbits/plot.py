@@ -22,6 +22,7 @@ Report: TypeAlias = Callable[[float], None] | None  # called with the share of t
 
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 ANIMATIONS = (".gif", ".mp4")
+RESOLUTION = 160  # of figures that are written, in pixels an inch
 # One colour for each role; colour-blind readers can tell them apart too (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 SHADE = "#e8e4d8"
@@ -323,7 +324,7 @@ def save_figure(axes: Axes, path: str | Path) -> Path:
     """Write the figure of some axes to a file, its kind from the ending; raises `InputError` when it cannot."""
     path = check_path(path, FIGURES)
     try:
-        axes.figure.savefig(path, dpi=160)
+        axes.figure.savefig(path, dpi=RESOLUTION)
     except (OSError, ValueError) as error:
         raise InputError(f"the figure cannot be written to {path}: {error}") from None
     return path
