@@ -1,4 +1,4 @@
-"""Figures of the return map: the map with a cobweb, its basins, and bifurcation diagrams; in SI where the machine is."""
+"""Figures of the return map: the map with a cobweb, its basins, bifurcation diagrams; in SI where the machine is."""
 
 from itertools import cycle
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import InputError, finite_number
 from ..model.units import LIFTOFF_SPEED
-from ..plot import BELOW, COLOURS, Axes, finished, new_axes
+from ..plot import COLOURS, Axes, finished, new_axes, title_of_machine
 
 IDENTITY: dict[str, Any] = {"color": "0.6", "lw": 0.8, "zorder": 1}
 # How fixed points look: full where they attract, open where they do not, half where they attract from above only.
@@ -56,7 +56,7 @@ def _labelled_map(axes: Axes, step: Any, low: float, high: float) -> Axes:
     labels = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
     lowest = min([low, *(float(np.nanmin(line.get_ydata())) for line in axes.lines if len(line.get_ydata()))])
     bottom = 0.0 if lowest < 0.3 * high else lowest - 0.05 * (high - lowest)
-    return finished(axes, BELOW, xlim=(low, high), ylim=(bottom, high), **labels)
+    return finished(axes, xlim=(low, high), ylim=(bottom, high), **labels)
 
 
 def _cobweb(step: Any, here: float, hops: int) -> list[tuple[float, float]]:
@@ -142,10 +142,10 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
                   label=name, zorder=4, clip_on=False)  # fmt: skip
         known.add(event.kind)
     machine = diagram.machine
-    axes.set_title(f"return map of {machine['machine']}, spring {machine['spring']}", fontsize="small")
+    axes.set_title(f"return map of {title_of_machine(machine)}", fontsize="medium", wrap=True)
     labels = {"xlabel": diagram.heading(diagram.along).replace("_", " "),
               "ylabel": diagram.heading("alpha").replace("alpha", "launch speed")}  # fmt: skip
     drawn = np.concatenate([diagram.visits[:, 1], *(branch.alphas.ravel() for branch in diagram.branches)])
     margin = 0.05 * (np.ptp(drawn) or np.ptp(diagram.between))
     ends = (float(drawn.min() - margin), float(drawn.max() + margin))
-    return finished(axes, {**BELOW, "ncols": 3}, xlim=diagram.span, ylim=ends, **labels)
+    return finished(axes, xlim=diagram.span, ylim=ends, **labels)
