@@ -20,6 +20,8 @@ from .errors import InputError
 
 Read = TypeVar("Read")
 MEGABYTE = 1 << 20
+# Characters of a value in the one line that tells a result, and of that line.
+LONGEST_TOLD, LONGEST_TOLD_LINE = 100, 195
 DOCUMENTS = (".json",)  # endings of JSON documents
 # What a document says where one of these is expected, and how a message calls it.
 WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
@@ -51,8 +53,13 @@ def in_words(values: Mapping[str, Any]) -> list[str]:
 
 
 def one_line(result: Any, values: Mapping[str, Any]) -> str:
-    """A result in one line: its type, and some of its values by name."""
-    return f"{type(result).__name__}({', '.join(in_words(values))})"
+    """A result in one line of fewer than 200 characters: its type, and some of its values by name, the first as many
+    as there is room for, long ones without their middle."""
+    told = [each if len(each) <= LONGEST_TOLD else f"{each[:70]}...{each[-25:]}" for each in in_words(values)]
+    name, kept = type(result).__name__, len(told)
+    while kept > 1 and len(f"{name}({', '.join(told[:kept])}, ...)") > LONGEST_TOLD_LINE:
+        kept -= 1
+    return f"{name}({', '.join([*told[:kept], *(['...'] if kept < len(told) else [])])})"
 
 
 def fields_in_line(result: Any, *names: str) -> str:

@@ -206,7 +206,8 @@ def test_results(kind):
     assert repr(again) == repr(result)
     assert "\n" not in repr(result)
     assert "0x" not in repr(result)
-    assert len(repr(result)) < 500
+    assert len(repr(result)) < 200
+    assert repr(result).startswith(type(result).__name__ + "(")
 
 
 def test_what_comes_back_can_be_used():

@@ -14,6 +14,7 @@ from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
 from ..hybrid.simulation import Leg, index_of_legs, rows_of_legs, times_within
 from ..io import check_ending, conform, extra_package, fields_in_line, read_file, write_json, write_table
 from ..model.units import Dimension, Units, dimension_of_state, unit_text
+from ..pages.cells import cell
 from ..plot import Axes
 from .transcription import Multipliers, Transcription
 
@@ -230,11 +231,18 @@ class Control:
         file is not one."""
         return read_file(path, f"{path} is not a saved control", control_in_file)
 
+    def rows(self) -> list[tuple[str, str]]:
+        """The motion as rows of a table, (name, text): its stages, its cost and errors, how it was found."""
+        unit = f" {self.units['cost']}" if self.units else ""
+        rows = [(leg.phase, f"from {leg.start:<12.8g}for {leg.duration:.10g}{self._second}") for leg in self.legs]
+        rows.append(("cost", f"{self.cost:.12g}{unit}, violation {self.violation:.1e}, error {self.error:.1e}"))
+        return [*rows, ("found in", f"{self.iterations} iterations, {self.rounds} rounds, {self.seconds:.2f} s")]
+
     def __str__(self) -> str:
-        second, unit = self._second, f" {self.units['cost']}" if self.units else ""
-        rows = [f"  {leg.phase:<12}from {leg.start:<12.8g}for {leg.duration:.10g}{second}" for leg in self.legs]
-        found = f"  cost {self.cost:.12g}{unit}, violation {self.violation:.1e}, error {self.error:.1e}"
-        return "\n".join([*rows, found, f"  {self.iterations} iterations, {self.rounds} rounds, {self.seconds:.2f} s"])
+        return "\n".join(f"  {name:<12}{text}" for name, text in self.rows())
+
+    def _repr_html_(self) -> str:
+        return cell("motion of locally least cost", self.rows(), self.plot)
 
 
 class _SavedLeg(TypedDict):

@@ -18,7 +18,7 @@ def plot_control(control: Any, axes: Axes | None = None) -> Axes:
     Where a stage begins there is a dotted line, and its name above; a curve is interrupted where a stage does not have
     it. Raises `InputError` for axes that stand in no grid.
     """
-    axes = axes or new_axes(7.0, 5.2)
+    axes = axes or new_axes(5.6, 4.8)
     names = tuple(dict.fromkeys(name for leg in control.legs for name in leg.states))
     panels = [axes, *panels_below(axes, 1 if control.inputs else 0)]
     for panel, drawn, of_leg in zip(panels, (names, control.inputs), (_states_of, _inputs_of), strict=False):

@@ -308,7 +308,7 @@ def test_a_machine_in_si_is_followed_in_its_own_units():
 
 def test_plots(softening):
     axes = softening.plot(label="first")
-    follow(Hopper("cubic"), "beta", -0.003, 0.0, 2).plot(axes, label="second")
+    follow(Hopper("cubic"), "beta", -0.003, 0.0, 2).plot(axes=axes, label="second")
     solid, dashed, *_ = axes.lines
     assert np.nanmin(solid.get_xdata()[~np.isnan(solid.get_ydata())]) == events(softening, "collapse")[0].value
     assert np.nanmax(dashed.get_ydata()) == softening[-1].alpha
@@ -376,7 +376,7 @@ def test_an_isola_closes():
 
 def test_questions_about_quantities_and_values_that_are_not_there(softening, tmp_path):
     with pytest.raises(InputError, match="no quantity 'height'; they have beta, alpha"):
-        softening.plot(quantity="height")
+        softening.plot("height")
     with pytest.raises(InputError, match=r"at = 0\.1 is not reached: beta lies between 0 and -0.02"):
         follow(Hopper("cubic"), "beta", -0.02, 0.0, at=[0.1])
     with pytest.raises(InputError, match=r"ending, \.jsonl or \.json or \.csv or \.nc"):

@@ -1,0 +1,144 @@
+"""A family as a data frame: every quantity, of the points and the events, against the orbits themselves."""
+
+import builtins
+
+import numpy as np
+import pytest
+
+from orbits import Family, InputError, find, follow, follow_fold, orbit_at, quantities
+from orbits.continuation.table import AT_ONCE_IN_TABLE
+from problems import Hopper, Juggler, hopper_in_si, knee_hopper
+
+pytest.importorskip("pandas")
+
+GRAVITY = 9.80665
+
+
+@pytest.fixture(scope="module")
+def leg():
+    return hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
+
+
+@pytest.fixture(scope="module")
+def stiffening(leg):
+    return follow(leg, "b", 4e6, at=[3e6])
+
+
+@pytest.fixture(scope="module")
+def softening():
+    return follow(Hopper("cubic", rest_length=30), "beta", stop=-0.02, start=0.0, at=[-0.005], most=120)
+
+
+def test_it_has_the_quantities_of_the_orbits(leg, stiffening):
+    """The others by `orbits.quantities`, which solves for the extremes of each orbit; the rise of the centre of mass
+    also by its closed form, that of a throw."""
+    frame = stiffening.dataframe()
+    assert len(frame) == len(stiffening)
+    for i in (0, len(frame) // 2, len(frame) - 1):
+        row, machine = frame.iloc[i], leg.with_values(b=frame["b"][i])
+        orbit = orbit_at(leg, stiffening[i], "b")
+        for name, value in quantities(machine, orbit).items():
+            if name not in ("largest_spring_force", "landing_sensitivity"):
+                assert row[name] == pytest.approx(value, rel=1e-11), name
+        assert row["admissible"]
+        assert row["error"] == stiffening[i].error
+    thrown = (60.0 * frame["alpha"] / 63.0) ** 2 / (2 * GRAVITY)
+    assert frame["centre_of_mass_rise"].to_numpy() == pytest.approx(thrown.to_numpy(), rel=1e-12)
+    assert frame["stroke"].to_numpy() == pytest.approx(stiffening.column("stroke"), rel=1e-14)
+
+
+def test_its_units_are_told(stiffening, softening):
+    units = stiffening.dataframe().attrs["units"]
+    assert units["b"] == "N/m^3"
+    assert {units[name] for name in ("stroke", "clearance", "body_rise", "liftoff_extension")} == {"m"}
+    assert {units[name] for name in ("flight_time", "contact_time", "period")} == {"s"}
+    assert (units["alpha"], units["largest_contact_force"], units["error"]) == ("m/s", "N", "m/s")
+    assert "residual" not in units
+    assert softening.dataframe().attrs["units"] == {}
+
+
+def test_events_stand_in_order_along_the_curve(softening):
+    frame = softening.dataframe()
+    asked = [event for event in softening.events if event.kind == "asked"]
+    assert len(frame) == len(softening) + len(softening.events) - len(asked)
+    (fold,) = np.flatnonzero(frame["event"] == "fold")
+    assert frame["beta"][fold] == pytest.approx(-0.0106952149164040, rel=1e-12)
+    assert frame["beta"].idxmin() == fold
+    assert frame["beta"][frame["event"] == "asked"].tolist() == [event.point.value for event in asked]
+    assert (np.diff(frame["alpha"]) > 0).all()
+    collapsed = ~frame["admissible"]
+    (collapse,) = np.flatnonzero(frame["event"] == "collapse")
+    assert collapsed.idxmax() in (collapse, collapse + 1)
+    assert frame["violations"][collapsed].str.contains("collapses").all()
+    assert frame["stroke"][collapsed].iloc[1:].isna().all()
+    assert frame["foot_rise"].notna().all()
+
+
+def test_a_family_from_a_file_needs_its_machine(softening, tmp_path):
+    again = Family.load(softening.save(tmp_path / "family.jsonl"))
+    bare, whole = again.dataframe(), softening.dataframe()
+    assert [name for name in whole if name not in bare] == ["stroke", "body_rise", "foot_rise", "centre_of_mass_rise"]
+    assert again.dataframe(Hopper("cubic", rest_length=30)).equals(whole)
+    with pytest.raises(InputError, match=r"no quantity 'stroke'; they have beta, alpha, .*period$"):
+        again.plot("stroke")
+    with pytest.raises(InputError, match="beta"):
+        again.dataframe(Hopper())
+
+
+def test_many_orbits_are_computed_by_parts(softening, monkeypatch):
+    whole = softening.column("foot_rise")
+    monkeypatch.setattr("orbits.continuation.table.AT_ONCE_IN_TABLE", 7)
+    assert softening.column("foot_rise") == pytest.approx(whole, rel=1e-14)
+    assert AT_ONCE_IN_TABLE > 100
+
+
+def test_families_of_other_methods_and_curves_of_folds(softening):
+    shot = follow(Hopper("r + b*r**3", "1/(1 + z/R)**2", 1.0, 9.0, parameters={"b": 0.1, "R": 80.0}), "R", 60.0)
+    row = shot.dataframe().iloc[-1]
+    assert row["foot_rise"] == pytest.approx(find(shot.source.with_values(R=60.0)).rises["foot"], rel=1e-10)
+    machine = Hopper("r + beta*r**3 + d*r**5", rest_length=30.0, parameters={"beta": 0.0, "d": 0.0})
+    fold = next(event.point for event in softening.events if event.kind == "fold")
+    folds = follow_fold(machine, fold, "beta", "d", 1e-6)
+    first = folds.dataframe().iloc[0]
+    orbit = orbit_at(machine, fold, "beta")
+    assert (first["beta"], first["d"]) == (pytest.approx(fold.value, rel=1e-12), 0.0)
+    assert first["body_rise"] == pytest.approx(orbit.rises["body"], rel=1e-7)
+    juggled = follow(Juggler(), "mass_ratio", 1.5).dataframe().iloc[-1]
+    assert juggled["ball_rise"] == pytest.approx(find(Juggler(mass_ratio=1.5)).rises["ball"], rel=1e-11)
+
+
+def test_any_quantity_is_plotted(stiffening, softening):
+    axes = softening.plot("loss_coefficient")
+    assert axes.get_ylabel() == "loss coefficient"
+    axes = stiffening.plot("stroke")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("b (N/m^3)", "stroke (m)")
+    assert sorted({*axes.lines[0].get_ydata()}) == pytest.approx(sorted({*stiffening.dataframe()["stroke"]}))
+    axes = softening.plot("foot_rise")
+    marks = {line.get_label(): line.get_ydata() for line in axes.lines}
+    rows = softening.dataframe().set_index("event")
+    assert marks["fold"] == pytest.approx(rows["foot_rise"]["fold"])
+
+
+def test_without_pandas(softening, monkeypatch):
+    plain = builtins.__import__
+
+    def missing(name, *rest, **options):
+        if name.split(".")[0] == "pandas":
+            raise ImportError(name)
+        return plain(name, *rest, **options)
+
+    monkeypatch.setattr("importlib.import_module", missing)
+    with pytest.raises(InputError, match=r"pandas is needed: pip install 'persistent-orbits\[data\]'"):
+        softening.dataframe()
+
+
+def test_a_machine_whose_spring_turns():
+    """The extension of a knee's spring is an angle, and its heights are no affine functions of the state."""
+    machine = knee_hopper()
+    family = follow(machine, "stiffness", 1.02 * machine.values["stiffness"])
+    frame, orbit = family.dataframe(), orbit_at(machine, family[-1], "stiffness")
+    for name, rise in orbit.rises.items():
+        assert frame[f"{name}_rise"].iloc[-1] == pytest.approx(rise, rel=1e-10)
+    turned = orbit(np.linspace(0, orbit.period, 20001))[:, 2]
+    assert frame["stroke"].iloc[-1] == pytest.approx(np.ptp(turned), rel=1e-6)
+    assert frame.attrs["units"] == {**frame.attrs["units"], "stroke": "rad", "alpha": "rad/s", "foot_rise": "m"}
