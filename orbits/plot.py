@@ -32,8 +32,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
 # A legend below axes, in its font sizes: where it begins, to keep clear of the name of the abscissa; how far apart its
-# columns are; the width of a letter; and that of an entry without its letters.
-BELOW, APART, LETTER, BESIDE = 4.4, 1.4, 0.52, 4.2
+# columns are; the width of a letter; and that of an entry without its letters. Axes get wider by the layout.
+BELOW, APART, LETTER, BESIDE, WIDER = 4.4, 1.4, 0.52, 4.2, 1.15
 SPRING_END = "spring's end"  # the height of an end that an actuator moves; it is drawn as a thin bar
 MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
 MARKERS |= {"landing jerk": "<", "collapse": "D", "family": "*"}
@@ -154,7 +154,8 @@ def legend_below(axes: Axes, of: Axes | None = None) -> Axes:
     last = {NO_MOTIONS, NO_ORBITS, *MARKERS}  # curves are named before what is marked on them
     entries = list(zip(*(of or axes).get_legend_handles_labels(), strict=True))
     entries.sort(key=lambda entry: entry[1] in last and hasattr(entry[0], "get_marker"))
-    room = axes.get_window_extent().width * 72 / axes.figure.dpi / FontProperties(size="small").get_size_in_points()
+    inches = WIDER * axes.get_window_extent().width / axes.figure.dpi
+    room = 72 * inches / FontProperties(size="small").get_size_in_points()
     lengths = [LETTER * len(name) + BESIDE for _, name in entries]
     count = rows = len(entries)
     for rows in range(1, count + 1):

@@ -71,7 +71,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         fontsize="medium",
     )
     legend_below(path)
-    zoom = path.inset_axes([0.36, 0.2, 0.3, 0.38])
+    zoom = path.inset_axes([0.38, 0.3, 0.3, 0.34])
     first = t < 0.08 * best.flight_time
     for name, colour in colours.items():
         zoom.plot(t[first], best.shape.heights[name](states[first]), color=colour, lw=1.2)

@@ -17,6 +17,7 @@ from problems import Chain
 
 LONGEST = 10.0
 HARDENING = "r + b*r**3"
+HIGHEST = 12.0  # launch speed in the figure
 
 
 def counted(count: int) -> tuple[int, int]:
@@ -69,13 +70,14 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
                 known = axes.get_legend_handles_labels()[1]
                 names = f"from {orbit.alpha:.5g}", NO_MOTIONS
                 own, none = (None if name in known else name for name in names)
+                none = none if (~good & (speeds < HIGHEST)).any() else None
                 axes.plot(values, np.where(good, speeds, np.nan), color=colour, lw=2, label=own)
                 if not good.all():
                     axes.plot(values, np.where(good, np.nan, speeds), color=colour, lw=1.2, ls="--", label=none)
                 print(f"  from {orbit.alpha:.6g} towards {along} = {stop:g}: {family.end.kind}, {family.end.reason}")
-    three.set(xlabel="nonlinearity b of $r + b r^3$", ylabel="launch speed", title="two families", ylim=(0, 12))
+    three.set(xlabel="nonlinearity b of $r + b r^3$", ylabel="launch speed", title="two families", ylim=(0, HIGHEST))
     three.set_xticks([0.0, 0.01, 0.02, 0.03])
-    four.set(xlabel="top mass $m_1$", ylabel="launch speed", title="the same in a mass", ylim=(0, 12))
+    four.set(xlabel="top mass $m_1$", ylabel="launch speed", title="the same in a mass", ylim=(0, HIGHEST))
     legend_below(three)
     legend_below(four)
     folder.mkdir(parents=True, exist_ok=True)

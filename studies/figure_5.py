@@ -52,7 +52,6 @@ def main(folder: Path) -> dict[str, float]:
     alpha = np.linspace(2.9, 3.8, 1200)
     other.plot(alpha, heavy(alpha).impacts, color=COLOURS[1], lw=0.8)
     other.set_ylabel("impacts", color=COLOURS[1])
-    panels[1, 1].get_legend().set_loc("lower left")
     for axes, words in zip(
         panels.flat, ("(a) M = 1", "(b) M = 1, enlarged", f"(c) M = {LIGHT:g}", f"(d) M = {HEAVY:g}"), strict=True
     ):

@@ -101,7 +101,7 @@ def main(folder: Path) -> dict[str, float]:
     middle.set(xlabel="height h of the centre of mass", ylabel="compression a", title="where a pair of extrema is born")
     right.axhline(0, color="0.6", lw=0.8)
     right.plot(curve[:, 0], curve[:, 5], color=COLOURS[0], lw=2)
-    right.plot(HEIGHT, critical[5], "ks", ms=6, mfc="w")
+    right.plot(HEIGHT, critical[5], "ks", ms=6, mfc="w", label=f"h = {HEIGHT:g}")
     right.plot(height, 0, "o", color=COLOURS[1], label=f"lossless hop, alpha = {-speed:.6g}")
     right.set(
         xlabel="height h of the centre of mass",

@@ -123,7 +123,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     left.set(xlabel="launch speed", ylabel="next launch speed", ylim=(4.0, 4.75), title="injections at M = 1")
     legend_below(left)
     for start, colour in starts.items():
-        look = {"marker": ".", "ms": 0.7, "ls": "", "mew": 0, "color": colour, "label": f"from {start:g}"}
+        look = {"marker": ".", "ms": 1.2, "ls": "", "mew": 0, "color": colour, "label": f"from {start:g}"}
         right.plot(np.tile(injections, (64, 1)).ravel(), visits[start].ravel(), **look, rasterized=True)
     for line in (eps, numbers["last cycle"], numbers["crisis"]):
         right.axvline(line, color="0.6", lw=0.8, ls="--", zorder=0)

@@ -1,10 +1,11 @@
-"""Animations of machines whose springs are no column from the top down to the ground."""
+"""Figures that can be read, and animations of machines whose springs are no column from the top down to the ground."""
 
 import numpy as np
 import pytest
+from legibility import faults, smallest_text
 
-from orbits import Mass, Mechanism, Spring, find, plot, simulate, starts
-from problems import Chain, Hopper, Juggler, chain_hand, plate_hopper
+from orbits import Mass, Mechanism, Spring, find, follow, orbit_at, pareto, plot, simulate, starts
+from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si, plate_hopper
 
 FRAMES = 6
 
@@ -87,3 +88,90 @@ def test_a_simulation_of_a_plate_is_drawn_too(drawn):
     heights, _ = drawn(run)
     assert heights["foot"] - heights["plate"] == pytest.approx(run.gap(run(run.end)), abs=1e-9)
     assert heights["body"] > heights["foot"]
+
+
+NOTEBOOK, SMALLEST = 400, 7.0  # pixels: the width of a figure in a narrow notebook, and its smallest type there
+LONG = Hopper("r + 0.1*r**3 + 0.02*r**5 + 0.1*tanh(0.2*r) + 0.1*sinh(0.1*r)", "1/(1 + z/150)**2", rest_length=20)
+LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
+SOFTENING = Hopper("cubic", rest_length=30, parameters={"beta": 0.0})
+
+
+def families():
+    """Two families in the same axes."""
+    axes = None
+    for number in (1, 2):
+        family = follow(Hopper("tanh", rest_length=30), "b", 0.19, start=0.1, family=number)
+        axes = family.plot(axes, label=f"family {number}")
+    return axes
+
+
+def front():
+    """A front of three designs."""
+    over, limits = {"k": (500.0, 5e4), "b": (0.0, 1e7)}, ["stroke <= 0.25", "centre_of_mass_rise >= 0.1"]
+    aims = "-centre_of_mass_rise", "largest_contact_force"
+    return pareto(LEG, minimise=aims, over=over, subject_to=limits, family=2, points=3)
+
+
+def with_thumbnails():
+    """A family with small orbits above."""
+    family = follow(SOFTENING, "beta", -0.02, at=[-0.005])
+    small = [(point, orbit_at(SOFTENING, point, "beta")) for point in plot.spread(family, 5)]
+    return plot.thumbnails(family.plot(), family, small)
+
+
+FIGURES = {
+    "orbit": lambda: find(Hopper()).plot(),
+    "orbit in SI": lambda: find(LEG).plot(),
+    "orbit of a long law": lambda: find(LONG).plot(),
+    "orbit of a chain": lambda: first_motion(Chain().mechanism).plot(),
+    "phase portrait": lambda: plot.plot_phase_portrait(find(Hopper())),
+    "phase portrait in SI": lambda: plot.plot_phase_portrait(find(LEG)),
+    "phase portrait of a long law": lambda: plot.plot_phase_portrait(find(LONG)),
+    "family": lambda: follow(SOFTENING, "beta", -0.02).plot(),
+    "family in SI": lambda: follow(LEG, "body_mass", 80.0).plot(quantity="flight_time"),
+    "families": families,
+    "thumbnails": with_thumbnails,
+    "front": lambda: plot.plot_front(front()),
+    "simulation": lambda: simulate(Hopper(restitution=0.3, damping=0.01), 4.6, hops=3).plot(),
+    "simulation in SI": lambda: simulate(LEG, 0.9, hops=3).plot(),
+    "gap": lambda: plot.plot_gap(simulate(Hopper(), 4.0, hops=2)),
+}
+
+
+@pytest.mark.parametrize("kind", FIGURES)
+def test_figures_can_be_read(kind):
+    """No text leaves a figure or meets another, legends name what is drawn, and the type is large enough."""
+    axes = FIGURES[kind]()
+    assert faults(axes.figure) == []
+    assert smallest_text(axes.figure, NOTEBOOK) >= SMALLEST
+    assert axes.get_title() or axes.figure.get_suptitle()
+    names = axes.get_xlabel() + axes.get_ylabel()
+    assert ("SI" in kind or kind == "front") == any(unit in names for unit in ("(s)", "(m)", "(m/s)", "(kg)"))
+
+
+def test_legends_name_only_what_is_there():
+    names = lambda axes: [text.get_text() for text in axes.get_legend().get_texts()]  # noqa: E731
+    assert names(find(Hopper(rest_length=20)).plot()) == ["body", "foot", "centre of mass", "contact"]
+    assert "impact" in names(simulate(Hopper(), 4.0, hops=1).plot())
+    family = follow(SOFTENING, "beta", -0.02)
+    assert set(names(family.plot())) == {"no motions", *(event.kind for event in family.events)}
+    assert follow(LEG, "body_mass", 80.0).plot().get_legend() is None
+    flight = simulate(Hopper(), 4.0, time=1.0)
+    assert set(names(flight.plot())) == {"body", "foot", "centre of mass"}
+    assert plot.plot_gap(flight).get_legend() is None
+
+
+def test_faults_are_found():
+    """The test of figures sees each fault where it is."""
+    axes = plot.new_axes()
+    axes.plot([0, 1], [0, 1], label="curve")
+    axes.plot([], [], label="nothing")
+    axes.legend(loc="lower left")
+    axes.text(0.5, 0.5, "one")
+    axes.text(0.5, 0.5, "another")
+    axes.text(1.2, 0.5, "outside", in_layout=False)
+    axes.set_ylabel("height")
+    found = "\n".join(faults(axes.figure))
+    for words in ("nothing of 'nothing'", "'one' meets 'another'", "'outside' leaves", "'curve' runs under", "x axis"):
+        assert words in found
+    assert smallest_text(axes.figure, 560) == pytest.approx(10 / 72 * 100)

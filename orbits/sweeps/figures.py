@@ -198,7 +198,7 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
             if name in sweep.about["logarithmic"]:
                 _scale(axes, sweep, name, one)
             else:
-                axes.locator_params(axis=one, nbins=4)
+                axes.locator_params(axis=one, nbins=3)
     figure, corner = panels[0, 0].figure, panels[0, -1].inset_axes((0.0, 0.0, 0.12, 1.0))
     figure.colorbar(drawn, cax=corner, label=_axis_label(sweep, quantity))
     figure.suptitle(_title_of(sweep), fontsize="medium", wrap=True)

@@ -1,10 +1,13 @@
-"""Every study runs in its quick mode, draws its figure, and gives the number it is for."""
+"""Every study runs in its quick mode, draws a figure that can be read, and gives the number it is for."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import mpmath as mp
 import numpy as np
 import pytest
+from legibility import faults, smallest_text
+from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -42,6 +45,25 @@ from studies import (
     tutorial,
 )
 from studies.oracle import by_another_integrator
+
+WIDTH, SMALLEST = 900, 9  # pixels: of the figures in the README, and of their type
+
+
+@pytest.fixture(autouse=True)
+def legible(monkeypatch):
+    """Fails where a figure that a study saves has faults."""
+    save, found = Figure.savefig, []
+
+    def saved(figure, path, *arguments, **options):
+        save(figure, path, *arguments, **options)
+        if isinstance(path, str | Path):  # and no frame of an animation
+            found.extend(f"{path}: {fault}" for fault in faults(figure))
+            if (size := smallest_text(figure, WIDTH)) < SMALLEST:
+                found.append(f"{path}: type of {size:.1f} pixels where the figure is {WIDTH} pixels wide")
+
+    monkeypatch.setattr(Figure, "savefig", saved)
+    yield
+    assert not found, "\n".join(found)
 
 
 def test_air_track(tmp_path, capsys):
