@@ -24,7 +24,7 @@ from problems import springs
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "studies" / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
-BLOCK = re.compile(r"^```(python|toml|csv|console|\{drawn\}[^\n]*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```(python|toml|text|console|\{drawn\}[^\n]*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 # The pages whose code takes more than some seconds.
 LONG = ("control.md", "design.md", "thousand_orbits.md", "proof.md", "command_line.md")
 # What waits for a reader at the browser, or for a machine that a page only speaks of.
@@ -42,6 +42,12 @@ def blocks_of(page: Path) -> list[tuple[str, str]]:
     """The kinds and texts of a page's blocks of code that can be run."""
     found = BLOCK.findall(page.read_text(encoding="utf-8"))
     return [("python" if kind.startswith("{drawn}") else kind, text) for kind, text in found]
+
+
+def compiled(page: Path, text: str):
+    """The code of a block; where it fails, the line is that of the page."""
+    before = page.read_text(encoding="utf-8").partition(f"\n{text}```")[0].count("\n") + 1
+    return compile("\n" * before + text, str(page), "exec")
 
 
 def with_marks(page: Path):
@@ -69,7 +75,7 @@ def test_page_runs(page, orbits, tmp_path, monkeypatch, capsys):
     names: dict = {"__name__": "page"}
     for kind, text in blocks_of(page):
         if kind == "python":
-            exec(compile(text, name_of(page), "exec"), names)
+            exec(compiled(page, text), names)
             plt.close("all")
             capsys.readouterr()  # what is printed here is no document of a command
         elif kind == "console":
@@ -129,7 +135,7 @@ def test_the_mechanism_that_is_shown_has_its_closed_form():
     page = DOCS / "how_to" / "machine.md"
     text = next(text for kind, text in blocks_of(page) if "leg = Mechanism" in text)
     names: dict = {}
-    exec(compile(text, name_of(page), "exec"), names)
+    exec(compiled(page, text), names)
     linear = names["leg"].with_values(c=0.0)
     m1, m2, k, _, b = (linear.values[name] for name in ("m1", "m2", "k", "c", "b"))
     x = names["find"](linear).flight_time / 2 * np.sqrt(k / (m1 * m2 / (m1 + m2) + b))
