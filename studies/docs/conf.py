@@ -1,0 +1,46 @@
+"""How Sphinx builds the documentation; `build.py` is the command."""
+
+import os
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parents[1])]
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+project = "persistent-orbits"
+author = "The persistent-orbits developers"
+copyright = author  # noqa: A001 - the name that Sphinx asks for
+html_title = project
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "parts.mathematics",
+    "parts.docstrings",
+    "parts.names",
+    "parts.drawings",
+    "parts.commands",
+    "parts.notebooks",
+]
+myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
+myst_heading_anchors = 3
+exclude_patterns = ["parts/**"]
+
+nitpicky = True
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+autoclass_content = "class"
+add_module_names = False
+python_use_unqualified_type_names = True
+maximum_signature_line_length = 90
+pygments_style = "tango"  # legible on white for the colour-blind too
+toc_object_entries_show_parents = "hide"
+
+html_theme = "furo"
+html_math_renderer = "mathml"
+html_copy_source = False
+html_show_sphinx = False
+html_static_path = ["style"]
+html_css_files = ["page.css"]
+html_theme_options = {"navigation_with_keys": True}

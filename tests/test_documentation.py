@@ -1,0 +1,285 @@
+"""What README and pages show runs as it stands, every public name has a docstring and a page, and the site builds."""
+
+import doctest
+import inspect
+import pkgutil
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+from importlib import import_module
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import orbits
+import problems
+from problems import springs
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "studies" / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+BLOCK = re.compile(r"^```(python|toml|text|console|\{drawn\}[^\n]*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
+# The pages whose code takes more than some seconds.
+LONG = ("control.md", "design.md", "thousand_orbits.md", "proof.md", "command_line.md")
+# What waits for a reader at the browser, or for a machine that a page only speaks of.
+NOT_RUN = ("orbits explore",)
+# The package that a block needs beside the required ones.
+NEEDED = {"prove": "flint", "dataframe": "pandas", "dataset": "xarray", ".page(": "bokeh", "explore": "panel"}
+
+
+def name_of(path: Path) -> str:
+    """The path of a page from the project's root."""
+    return str(path.relative_to(ROOT))
+
+
+def blocks_of(page: Path) -> list[tuple[str, str]]:
+    """The kinds and texts of a page's blocks of code that can be run."""
+    found = BLOCK.findall(page.read_text(encoding="utf-8"))
+    return [("python" if kind.startswith("{drawn}") else kind, text) for kind, text in found]
+
+
+def compiled(page: Path, text: str):
+    """The code of a block; where it fails, the line is that of the page."""
+    before = page.read_text(encoding="utf-8").partition(f"\n{text}```")[0].count("\n") + 1
+    return compile("\n" * before + text, str(page), "exec")
+
+
+def with_marks(page: Path):
+    return pytest.param(page, id=name_of(page), marks=[pytest.mark.slow] if page.name in LONG else [])
+
+
+def save_named(text: str) -> Path | None:
+    """A file whose first line is a comment with its name, written to where the page runs; None for another block."""
+    name = re.match(r"# ([\w.]+)", text)
+    if name is None:
+        return None
+    path = Path(name[1])
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("page", [with_marks(page) for page in PAGES if blocks_of(page)])
+def test_page_runs(page, orbits, tmp_path, monkeypatch, capsys):
+    """A page's Python runs from its top to its end, its files are machines that hop, and its commands exit with 0."""
+    for word, package in NEEDED.items():
+        if any(word in text for _, text in blocks_of(page)):
+            pytest.importorskip(package)
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(springs.SAMPLE, tmp_path)
+    names: dict = {"__name__": "page"}
+    for kind, text in blocks_of(page):
+        if kind == "python":
+            exec(compiled(page, text), names)
+            plt.close("all")
+            capsys.readouterr()  # what is printed here is no document of a command
+        elif kind == "console":
+            for line in text.replace("\\\n", " ").splitlines():
+                command = shlex.split(line.removeprefix("$ "), comments=True)
+                if line.startswith("$ orbits") and " ".join(command[:2]) not in NOT_RUN:
+                    done = orbits("", *command[1:])
+                    assert done.code == 0, f"{line}: {done.err}"
+        else:
+            path = save_named(text)
+            if kind == "toml":
+                path = path or Path("machine.toml")
+                path.write_text(text, encoding="utf-8")
+                done = orbits("find --json --machine", path)
+                assert (done.code, done.document["admissible"]) == (0, True), done.err
+
+
+def test_readme_has_its_commands():
+    """The first two lines of shell code install and test; continuous integration takes the second from there."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    lines = re.search(r"^```sh\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)[1].splitlines()
+    assert "pip install ." in lines[0]
+    assert "orbits find" in lines[0]
+    assert 'pip install -e ".[test]"' in lines[1]
+    assert "pytest" in lines[1]
+
+
+def test_readme_is_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 160
+
+
+@pytest.mark.parametrize("page", [path for path in PAGES], ids=name_of)
+def test_links_in_the_repository(page):
+    """What a page links to beside it is there, with the heading that is named."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        path, _, anchor = unquote(target).partition("#")
+        if urlsplit(target).scheme:
+            continue
+        file = (page.parent / path).resolve() if path else page
+        assert file.exists(), target
+        if anchor and file.suffix == ".md":
+            titles = re.findall(r"^#+ (.*)$", file.read_text(encoding="utf-8"), flags=re.MULTILINE)
+            assert anchor in {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}, target
+
+
+@pytest.mark.parametrize("what", ["springs.formula", "gravity.function", "leg = Mechanism"])
+def test_extensions_are_short(what):
+    texts = [text for page in PAGES for kind, text in blocks_of(page) if kind == "python" and what in text]
+    frame = ("from ", "import ", "print(")
+    lines = [[line for line in text.splitlines() if line.strip() and not line.startswith(frame)] for text in texts]
+    assert min(map(len, lines)) < 15
+
+
+def test_the_mechanism_that_is_shown_has_its_closed_form():
+    """With a linear spring half the flight of the hopper with an inerter obeys tan x = x."""
+    page = DOCS / "how_to" / "machine.md"
+    text = next(text for kind, text in blocks_of(page) if "leg = Mechanism" in text)
+    names: dict = {}
+    exec(compiled(page, text), names)
+    linear = names["leg"].with_values(c=0.0)
+    m1, m2, k, _, b = (linear.values[name] for name in ("m1", "m2", "k", "c", "b"))
+    x = names["find"](linear).flight_time / 2 * np.sqrt(k / (m1 * m2 / (m1 + m2) + b))
+    assert x == pytest.approx(np.tan(x), rel=1e-12)
+
+
+# Every public name.
+
+PUBLIC = [(package, name) for package in (orbits, problems) for name in package.__all__]
+DOCUMENTED = re.compile(r"^\.\. (?:autofunction|autoclass|autoexception|automodule|data):: (\S+)$", flags=re.MULTILINE)
+
+
+def test_every_public_name_has_a_page():
+    described = DOCUMENTED.findall("\n".join(page.read_text(encoding="utf-8") for page in (DOCS / "api").glob("*.md")))
+    assert len(set(described)) == len(described)
+    missing = {f"{package.__name__}.{name}" for package, name in PUBLIC} - set(described)
+    assert not missing
+
+
+def public_members(thing: type):
+    """The public methods and properties that a class itself defines, by name."""
+    for name, member in vars(thing).items():
+        function = getattr(member, "__func__", getattr(member, "fget", getattr(member, "func", member)))
+        if not name.startswith("_") and inspect.isfunction(function) and function.__name__ != "<lambda>":
+            yield name, function
+
+
+@pytest.mark.parametrize(("package", "name"), PUBLIC, ids=lambda value: getattr(value, "__name__", value))
+def test_every_public_name_has_a_docstring(package, name):
+    thing = getattr(package, name)
+    if inspect.isclass(thing):
+        assert "doc" not in vars(thing)
+        assert not (thing.__doc__ or "").startswith(f"{thing.__name__}("), "the signature that a dataclass makes"
+        for member, function in public_members(thing):
+            assert function.__doc__, f"{name}.{member}"
+    if callable(thing) or inspect.ismodule(thing):
+        assert inspect.getdoc(thing)
+
+
+# Examples in docstrings.
+
+MODULES = sorted(
+    module.name
+    for package in (orbits, problems)
+    for module in pkgutil.walk_packages(package.__path__, package.__name__ + ".")
+    if not module.name.endswith("__main__")
+)
+WITH_EXAMPLES = (
+    *("find", "find_all", "follow", "follow_fold", "trace", "orbit_at", "prove", "prove_fold", "prove_absence"),
+    *("ReturnMap", "multiplier", "simulate", "steer", "optimize", "pareto", "quantities", "sensitivities", "sweep"),
+    *("uncertainty", "existence", "check", "Mechanism", "Orbit", "Family", "Stage", "StepControl", "linear_modes"),
+    *("Hopper", "Juggler", "HeavyHand", "Chain", "hopper_in_si", "juggler_in_si", "inerter_hopper", "knee_hopper"),
+    *("plate_hopper", "chain_hand", "springs.formula", "springs.potential", "springs.function", "springs.table"),
+    *("gravity.formula", "gravity.function", "steering.keep_hopping", "steering.recover", "steering.start_up"),
+)
+OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+
+
+def examples_of(module) -> list[doctest.DocTest]:
+    """The examples in the docstrings of a module."""
+    return [test for test in doctest.DocTestFinder(exclude_empty=True).find(module) if test.examples]
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if not name.startswith("orbits.proof.")])
+def test_examples_in_docstrings_run(name, tmp_path, monkeypatch):
+    try:
+        tests = examples_of(import_module(name))
+    except ModuleNotFoundError as error:
+        pytest.skip(f"needs {error.name}")
+    monkeypatch.chdir(tmp_path)
+    for test in tests:
+        said: list[str] = []
+        doctest.DocTestRunner(optionflags=OPTIONS).run(test, out=said.append)
+        assert not said, "".join(said)
+
+
+@pytest.mark.parametrize("name", WITH_EXAMPLES)
+def test_main_names_have_an_example(name):
+    thing: object = problems if name.split(".")[0] in problems.__all__ else orbits
+    for part in name.split("."):
+        thing = getattr(thing, part)
+    assert ">>>" in (inspect.getdoc(thing) or "")
+
+
+# The site.
+
+
+class Page(HTMLParser):
+    """What a page loads and links to, and the names that can be linked to in it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.names: set[str] = set()
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.names |= {given[key] for key in ("id", "name") if given.get(key)}
+        # Links to other places are for readers; what a page itself loads has to lie beside it.
+        key = {"a": "href", "link": "href", "script": "src", "img": "src"}.get(tag)
+        if key and given.get(key):
+            self.links.append(given[key] if tag == "a" else f"loaded {given[key]}")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory) -> Path:
+    """The built site; the build ends with an error on any warning."""
+    pytest.importorskip("furo")
+    pytest.importorskip("myst_parser")
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, DOCS / "build.py", "--output", folder]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+@pytest.mark.docs
+def test_site_links(site):
+    """No link within the site leads nowhere, and nothing is loaded from elsewhere."""
+    pages = {path.resolve(): Page() for path in site.rglob("*.html")}
+    for path, page in pages.items():
+        page.feed(path.read_text(encoding="utf-8"))
+    assert len(pages) > 30
+    for path, page in pages.items():
+        for link in page.links:
+            loaded, target = link.startswith("loaded "), urlsplit(link.removeprefix("loaded "))
+            if target.scheme or target.netloc:
+                assert not loaded or target.scheme == "data", f"{path.name} loads {link}"
+                continue
+            file = (path.parent / unquote(target.path)).resolve() if target.path else path
+            assert file.exists(), f"{path.name} links to {link}"
+            if target.fragment and file in pages:
+                assert unquote(target.fragment) in pages[file].names, f"{path.name} links to {link}"
+    for sheet in site.rglob("*.css"):
+        assert not re.search(r"(url\(|@import)\s*['\"]?(https?:)?//", sheet.read_text(encoding="utf-8")), sheet.name
+
+
+@pytest.mark.docs
+def test_site_describes_every_public_name(site):
+    described = {name for path in (site / "api").glob("*.html") for name in re.findall(r'id="([\w.]+)"', path.read_text())}
+    for package, name in PUBLIC:
+        full = f"{package.__name__}.{name}"
+        assert full in described or f"module-{full}" in described or f"{full}.formula" in described or name == "steering"
+        thing = getattr(package, name)
+        if inspect.isclass(thing):
+            for member, _ in public_members(thing):
+                assert f"{full}.{member}" in described
