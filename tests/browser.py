@@ -21,7 +21,7 @@ SWITCHES = (
     "no-first-run",
     "disable-background-networking",
 )
-SWITCHES += ("disable-component-update", "disable-sync", "disable-dev-shm-usage", "hide-scrollbars")
+SWITCHES += ("disable-background-networking", "disable-component-update", "disable-sync", "disable-dev-shm-usage")
 PATIENCE = 20.0  # seconds that a page may take on a slow machine that does much else
 
 
