@@ -260,6 +260,16 @@ class Orbit:
         """Write an animation of one cycle (.gif or .mp4); returns its path. See `orbits.plot.animate_orbit`."""
         return animate_orbit(self, path, frames, progress)
 
+    def page(self, path: str | Path) -> Path:
+        """Write a page in one file (.html) that needs no network: the animated machine, the certificate, heights, phase
+        portrait, contact force and, where the orbit knows its machine, the spring's law; returns its path.
+
+        Raises `InputError` for a bad path, and without Bokeh.
+        """
+        from ..pages.still import orbit_page
+
+        return orbit_page(self, path)
+
     def save(self, path: str | Path) -> Path:
         """Write the orbit to a JSON file, every float with 17 significant digits; returns the path.
 
