@@ -12,6 +12,7 @@ TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 GREY, INK = "#7a7a7a", "#333333"
 # A range stays as long as what it shows fills at least this share of it.
 FILLED = 0.7
+FLAT = 1e-9  # what varies by a smaller share of itself is constant
 MARGIN = 0.06  # beside what is shown, as a share of it
 
 
@@ -70,7 +71,9 @@ def hover(renderers: list[Any], told: list[tuple[str, str]], **options: Any) -> 
 def range_changes(shown: Any, low: float, high: float, steady: bool, margin: float = MARGIN) -> list[Change]:
     """What makes a `Range1d` show from low to high: nothing for a steady one that shows that already and that is well
     filled by it."""
-    size = high - low or abs(high) or 1.0
+    if (size := high - low) <= FLAT * max(abs(low), abs(high)):  # nothing but rounding
+        size = abs(high) or 1.0
+        low, high = low - 0.5 * size, high + 0.5 * size
     start, end = shown.reset_start, shown.reset_end
     if steady and start is not None and start <= low and high <= end and size >= FILLED * (end - start):
         return []

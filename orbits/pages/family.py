@@ -50,15 +50,15 @@ def family_data(family: Any, quantity: str = "alpha") -> FamilyData:
         marked, kinds, told = (
             [*marked, len(along) - 1],
             [*kinds, f"end: {family.end.kind}"],
-            [*told[:-1], _ending(family)],
+            [*told[:-1], ending(family)],
         )
     events = {"value": value[marked], "quantity": whole[marked], "kind": kinds, "told": [told[i] for i in marked]}
     labels = family.heading(family.name), family.heading(quantity).replace("_", " ")
     return FamilyData(value, motions, others, points, events, labels)
 
 
-def _ending(family: Any) -> str:
-    """How a family ends, in words."""
+def ending(family: Any) -> str:
+    """How a `Family` ends, in words."""
     end, unit = family.end, family.units.get(family.name, "")
     if end.limit is None:
         return end.reason

@@ -101,13 +101,13 @@ def new_player(machine: Any, **sources: Any) -> Any:
     given; so nothing is called by the source of a figure with a legend.
     """
     models = bokeh("models")
-    button = models.Toggle(label="Pause", active=True, width=80, align="end", name="play")
+    button = models.Toggle(label="Pause", active=True, width=64, align="end", name="play")
     speed = models.Slider(
-        start=0.05, end=2, step=0.05, value=CYCLES_PER_SECOND, title="Cycles per second", width=140, name="speed"
+        start=0.05, end=2, step=0.05, value=CYCLES_PER_SECOND, title="Cycles per second", width=120, name="speed"
     )
     slider = models.Slider(
         start=0, end=1, step=0.001, value=0, title="Place in the cycle", sizing_mode="stretch_width", format="0.000",
-        min_width=120, name="place",
+        min_width=100, name="place",
     )  # fmt: skip
     models_by_name = dict(machine=machine, button=button, speed=speed, slider=slider, **sources)
     causes = [(machine, "inner_width", "layout"), (machine, "inner_height", "layout")]

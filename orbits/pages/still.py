@@ -9,7 +9,7 @@ import numpy as np
 
 from ..io import check_path, writing
 from .bokeh_figures import Change, apply, bokeh
-from .family import FamilyFigure, family_data
+from .family import FamilyFigure, ending, family_data
 from .hop import HopFigures, hop_data
 from .law import LawFigure, law_data
 from .sweep import sweep_figures
@@ -30,8 +30,8 @@ p { margin: 0.3em 0 0.8em; overflow-wrap: anywhere; }
 .table { overflow-x: auto; }
 """
 ZOOM = "To zoom, choose a tool beside a figure. Point at a curve for its numbers."
-# What the page of a family does when a hop of it is chosen: the hop's values are put in their places, "values[hop][i]" of
-# the property "names[i]" of "models[i]". A click moves the slider to the nearest hop.
+# What the page of a family does when a hop of it is chosen: the value "values[hop][i]" is given to the property
+# "names[i]" of "models[i]". A click moves the slider to the nearest hop.
 CHOOSE = """
 values[cb_obj.value].forEach((value, i) => {
   models[i].setv({[names[i]]: value instanceof Map ? Object.fromEntries(value) : value});
@@ -98,9 +98,9 @@ def family_page(family: Any, path: str | Path, quantity: str, hops: Iterable[tup
     shown = FamilyFigure()
     shown.show(family_data(family, quantity), steady=False)
     head, *_ = str(family).splitlines()
-    heads = ["event", family.heading(family.name), family.heading(quantity), ""]
+    heads = ["event", family.heading(family.name), family.heading(quantity), "no motion, because"]
     rows = [_event_row(family, event, quantity) for event in family.events]
-    end = f"End: {family.end.kind}, {family.end.reason}."
+    end = f"End: {family.end.kind}, {ending(family)}."
     tables = [html_table(rows, "", heads)] if rows else []
     sections: list[Any] = [
         ("The family", [shown.figure]),
@@ -124,6 +124,8 @@ def sweep_page(sweep: Any, path: str | Path, quantity: str | None) -> Path:
 
 
 def _animation(figures: HopFigures) -> Any:
+    """The player above the animated machine, about as high as the table beside them."""
+    figures.machine.height = 440
     return bokeh("layouts").column(figures.player, figures.machine, sizing_mode="stretch_width")
 
 

@@ -51,8 +51,12 @@ def _source(sweep: Any, quantity: str, rows: np.ndarray) -> Any:
     columns = {column: sweep[name][rows] for column, name in _columns(sweep).items()}
     columns |= {"quantity": sweep[quantity][rows], "member": sweep.index[rows], "told": told}
     columns["kind"] = np.where(np.isin(status, MOTIONS), "motions", "no motions").tolist()
-    columns["family"] = families[sweep.index[rows] % len(families)].astype(str).tolist()
+    columns["family"] = [_name_of(family) for family in families[sweep.index[rows] % len(families)].tolist()]
     return bokeh("models").ColumnDataSource(columns)
+
+
+def _name_of(family: int) -> str:
+    return f"family {family}"
 
 
 def _columns(sweep: Any) -> dict[str, str]:
@@ -70,15 +74,16 @@ def _plane(sweep: Any, quantity: str, found: Any, nothing: Any) -> Any:
     marks = _marks(figure, sweep, found, "p0", "p1", {"field": "quantity", "transform": mapper}, "kind")
     if len(nothing.data["p0"]):
         figure.legend[0].items.append(models.LegendItem(label="none", renderers=[crosses]))
-    plain = {"title_text_font_style": "normal", "title_text_font_size": "12px", "width": 12, "location": (0, 0)}
-    figure.add_layout(models.ColorBar(color_mapper=mapper, title=_label(sweep, quantity), **plain), "below")
+    if len(values):
+        plain = {"title_text_font_style": "normal", "title_text_font_size": "12px", "height": 12}
+        figure.add_layout(models.ColorBar(color_mapper=mapper, title=_label(sweep, quantity), **plain), "below")
     figure.add_tools(_told(sweep, quantity, [marks]), _told(sweep, None, [crosses]))
     return figure
 
 
 def _against(sweep: Any, name: str, quantity: str, found: Any) -> Any:
     """The quantity against one parameter, in a colour for each family."""
-    figure, families = _empty_figure(sweep, name, quantity), [str(family) for family in sweep.about["families"]]
+    figure, families = _empty_figure(sweep, name, quantity), list(map(_name_of, sweep.about["families"]))
     column, colour, field = next(column for column, each in _columns(sweep).items() if each == name), COLOURS[0], "kind"
     if len(families) > 1:
         shades = [COLOURS[i % len(COLOURS)] for i in range(len(families))]
@@ -89,12 +94,12 @@ def _against(sweep: Any, name: str, quantity: str, found: Any) -> Any:
 
 
 def _marks(figure: Any, sweep: Any, found: Any, x: str, y: str, colour: Any, field: str) -> Any:
-    """The marks of members, hollow where they are no motions, with a legend by a column."""
+    """The marks of members, crosses where they are no motions, with a legend by a column."""
     transform, models = bokeh("transform"), bokeh("models")
-    shape = transform.factor_mark("kind", ["circle", "circle_x"], ["motions", "no motions"])
+    shape = transform.factor_mark("kind", ["circle", "x"], ["motions", "no motions"])
     marks = figure.scatter(
-        x, y, source=found, size=7, marker=shape, fill_color=colour, line_color=None, fill_alpha=0.8,
-        nonselection_fill_alpha=0.08,
+        x, y, source=found, size=7, marker=shape, fill_color=colour, line_color=colour, fill_alpha=0.8,
+        nonselection_fill_alpha=0.08, nonselection_line_alpha=0.08,
     )  # fmt: skip
     legend_above(figure, models.LegendItem(label={"field": field}, renderers=[marks]))
     return marks
@@ -102,7 +107,7 @@ def _marks(figure: Any, sweep: Any, found: Any, x: str, y: str, colour: Any, fie
 
 def _told(sweep: Any, quantity: str | None, renderers: list[Any]) -> Any:
     """The tool that tells of a member."""
-    tips = [("member", "@member")] + ([("family", "@family")] if len(sweep.about["families"]) > 1 else [])
+    tips = [("member", "@member")] + ([("", "@family")] if len(sweep.about["families"]) > 1 else [])
     tips += [(sweep.heading(name), f"@{column}{{%.6g}}") for column, name in _columns(sweep).items()]
     tips += [(_label(sweep, quantity), "@quantity{%.7g}")] if quantity else []
     return hover(renderers, [*tips, ("", "@told")])
