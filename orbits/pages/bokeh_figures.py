@@ -3,6 +3,8 @@
 from importlib import import_module
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from ..errors import InputError
 
 # A model of Bokeh, the name of one of its properties, and the value it gets.
@@ -82,14 +84,26 @@ def range_changes(shown: Any, low: float, high: float, steady: bool, margin: flo
 
 
 def apply(changes: list[Change]) -> None:
-    """Give the models their values, together where they are on a page already."""
+    """Give the models those values that they do not have, together where they are on a page already."""
     document = next((model.document for model, _, _ in changes if model.document is not None), None)
-    if document is None or document.callbacks.hold_value is not None:
-        for model, name, value in changes:
-            setattr(model, name, value)
-        return
-    document.hold("combine")
+    held = document is not None and document.callbacks.hold_value is None
+    if document is not None and held:
+        document.hold("combine")
     try:
-        apply(changes)
+        for model, name, value in changes:
+            if not _same(getattr(model, name), value):  # Bokeh tells of arrays also where they are equal
+                setattr(model, name, value)
     finally:
-        document.unhold()
+        if document is not None and held:
+            document.unhold()
+
+
+def _same(old: Any, new: Any) -> bool:
+    """Whether two values of a property are equal, in columns too."""
+    if isinstance(new, dict):
+        return isinstance(old, dict) and old.keys() == new.keys() and all(_same(old[name], new[name]) for name in new)
+    if isinstance(new, np.ndarray) or isinstance(old, np.ndarray):
+        return np.array_equal(old, new)
+    if isinstance(new, list):
+        return isinstance(old, list) and len(old) == len(new) and all(map(_same, old, new))
+    return bool(old == new)

@@ -103,10 +103,10 @@ def new_player(machine: Any, **sources: Any) -> Any:
     models = bokeh("models")
     button = models.Toggle(label="Pause", active=True, width=64, align="end", name="play")
     speed = models.Slider(
-        start=0.05, end=2, step=0.05, value=CYCLES_PER_SECOND, title="Cycles per second", width=120, name="speed"
+        start=0.05, end=2, step=0.05, value=CYCLES_PER_SECOND, title="Cycles/s", width=120, name="speed"
     )
     slider = models.Slider(
-        start=0, end=1, step=0.001, value=0, title="Place in the cycle", sizing_mode="stretch_width", format="0.000",
+        start=0, end=1, step=0.001, value=0, title="Place", sizing_mode="stretch_width", format="0.000",
         min_width=100, name="place",
     )  # fmt: skip
     models_by_name = dict(machine=machine, button=button, speed=speed, slider=slider, **sources)
