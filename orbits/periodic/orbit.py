@@ -18,9 +18,11 @@ from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..model.units import EXTENSION, UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from ..numerics.bernstein import lowest
+from ..pages.tables import VIOLATED, orbit_rows
 from ..plot import Report, animate_orbit, plot_orbit, plot_phase_portrait
 from .certificate import Certificate
 
+ALL_DIGITS = 15  # of a printed number
 ORBIT_FORMAT = "persistent-orbits orbit 1"
 # What describes a machine in a document.
 MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
@@ -213,47 +215,23 @@ class Orbit:
         told = {name: self.machine[name] for name in ("machine", "spring", "gravity")} | self.machine["parameters"]
         return one_line(self, told | {name: getattr(self, name) for name in ("family", "alpha", "error", "admissible")})
 
+    def summary(self) -> str:
+        """What the orbit is in one line: its family, machine and laws."""
+        machine = self.machine
+        laws = f"spring {machine['spring']}, gravity {machine['gravity']}"
+        return f"lossless orbit of family {self.family}: {machine['machine']}, {laws}"
+
     def __str__(self) -> str:
-        c, machine, own = self.certificate, self.machine, self.machine.get("units", {})
-        texts = self.units.texts() if self.units else {}
-
-        def row(name: str, value: Any, quantity: str = "", after: str = "") -> str:
-            text = "-" if value is None else f"{value:.15g}" if isinstance(value, float) else str(value)
-            unit = texts.get(quantity, "m") if self.units and value is not None else ""
-            return f"  {name:<24}{text}{unit and f' {unit}'}{after}"
-
+        machine, own = self.machine, self.machine.get("units", {})
         stated = {name: machine[name] for name in own if name in machine}
         numbers = stated or {"mass ratio": machine["mass_ratio"], "rest length": machine["rest_length"]}
         numbers |= machine["parameters"]
-        attracts = f"   (attracts from {c.stable_side})" if c.stable_side else ""
-        within = f"   +- {c.loss_error:.1e}" if c.loss_error else ""
         said = [
             f"{name} = {value:g} {own.get(name, '')}".rstrip() for name, value in numbers.items() if value is not None
         ]
-        lines = [
-            f"lossless orbit of family {c.family}: {machine['machine']}, spring {machine['spring']}, gravity "
-            f"{machine['gravity']}",
-            "  " + ", ".join(said),
-            row("alpha", self.alpha, "alpha", f"   +- {c.error:.1e}"),
-            *([] if c.alpha_noise is None else [row("  by the table's noise", f"+- {c.alpha_noise:.1e}", "alpha")]),
-            row("flight time", self.flight_time, "flight_time"),
-            row("contact time", self.contact_time, "contact_time"),
-            row("lift-off extension", self.liftoff_extension, "liftoff_extension"),
-            row("clearance", c.clearance, "clearance"),
-            row("smallest separation", c.smallest_separation, "smallest_separation"),
-            *(row(f"rise of {name}", value) for name, value in self.rises.items()),
-            row("smallest contact force", c.smallest_contact_force, "smallest_contact_force"),
-            row("largest contact force", c.largest_contact_force, "largest_contact_force"),
-            row("landing jerk", c.landing_jerk, "landing_jerk"),
-            row("loss coefficient C", c.loss_coefficient, "loss_coefficient", within + attracts),
-            *([] if self.known_in_family is None else [f"  {'known in its family':<24}{self.known_in_family}"]),
-            f"  {'residual':<24}{c.residual:.1e}",
-            f"  {'energy drift':<24}{c.energy_drift:.1e}",
-            f"  {'found by':<24}{self.method}, {1e3 * self.seconds:.1f} ms",
-            f"  {'admissible':<24}{'yes' if self.admissible else 'NO'}",
-            *(f"      {violation}" for violation in c.violations),
-        ]
-        return "\n".join(lines)
+        rows = orbit_rows(self, ALL_DIGITS)
+        lines = [f"      {text}" if name == VIOLATED else f"  {name:<24}{text}" for name, text in rows]
+        return "\n".join([self.summary(), "  " + ", ".join(said), *lines])
 
     def plot(self, axes: Any = None) -> Any:
         """Plot heights against time as in Fig. 3 of the paper; returns the axes. See `orbits.plot.plot_orbit`."""

@@ -1,0 +1,71 @@
+"""Tables of results as text and as HTML: names, numbers with their units, and words."""
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+# Rows of this name say in words what makes an orbit no motion.
+VIOLATED = "violated"
+DIGITS = 7  # what a table on a page shows; the printed one shows all that is known
+# The colours are those of the page around, so that a table is legible on a light page and on a dark one.
+RULE = "1px solid rgba(128,128,128,0.35)"
+TABLE = "border-collapse:collapse;font:13px/1.45 system-ui,sans-serif;color:inherit;background:none;margin:0"
+CAPTION = "text-align:left;font-weight:600;padding:2px 0 4px;color:inherit;caption-side:top;overflow-wrap:anywhere"
+NAME = f"text-align:left;font-weight:400;padding:2px 14px 2px 0;border-bottom:{RULE};vertical-align:top;background:none"
+VALUE = f"text-align:left;padding:2px 10px 2px 0;border-bottom:{RULE};overflow-wrap:anywhere;background:none;" + (
+    "font-variant-numeric:tabular-nums"
+)
+
+
+def number_text(value: Any, unit: str = "", digits: int = DIGITS) -> str:
+    """A number with so many digits and its unit, "-" for None; anything else as it is, without a unit."""
+    if value is None:
+        return "-"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    text = f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+    return f"{text} {unit}".rstrip()
+
+
+def orbit_rows(orbit: Any, digits: int = DIGITS) -> list[tuple[str, str]]:
+    """The certificate of an orbit as rows of a table, (name, text with its unit): speed, times, distances, forces,
+    what a hop beside it loses, errors, whether it is a motion, and in rows named `VIOLATED` why not."""
+    c, units = orbit.certificate, orbit.units.texts() if orbit.units else {}
+
+    def row(name: str, value: Any, quantity: str = "", after: str = "") -> tuple[str, str]:
+        unit = units.get(quantity, "m") if orbit.units else ""
+        return name, number_text(value, unit, digits) + after
+
+    within = f"   +- {c.loss_error:.1e}" if c.loss_error else ""
+    attracts = f"   (attracts from {c.stable_side})" if c.stable_side else ""
+    rows = [row("alpha", orbit.alpha, "alpha", f"   +- {c.error:.1e}")]
+    if c.alpha_noise is not None:
+        rows.append(row("  by the table's noise", f"+- {c.alpha_noise:.1e} {units.get('alpha', '')}".rstrip()))
+    rows += [row(name.replace("_", " "), getattr(orbit, name), name) for name in ("flight_time", "contact_time")]
+    rows.append(row("lift-off extension", orbit.liftoff_extension, "liftoff_extension"))
+    rows += [row(name.replace("_", " "), getattr(c, name), name) for name in ("clearance", "smallest_separation")]
+    rows += [row(f"rise of {name}", value) for name, value in orbit.rises.items()]
+    checked = ("smallest_contact_force", "largest_contact_force", "landing_jerk")
+    rows += [row(name.replace("_", " "), getattr(c, name), name) for name in checked]
+    rows.append(row("loss coefficient C", c.loss_coefficient, "loss_coefficient", within + attracts))
+    if orbit.known_in_family is not None:
+        rows.append(("known in its family", str(orbit.known_in_family)))
+    rows += [("residual", f"{c.residual:.1e}"), ("energy drift", f"{c.energy_drift:.1e}")]
+    rows.append(("found by", f"{orbit.method}, {1e3 * orbit.seconds:.1f} ms"))
+    rows.append(("admissible", "yes" if orbit.admissible else "NO"))
+    return rows + [(VIOLATED, violation) for violation in c.violations]
+
+
+def html_table(rows: Sequence[Sequence[str]], title: str, heads: Sequence[str] = ()) -> str:
+    """Rows of texts as a table in HTML with its title above; the first text of a row is its heading.
+
+    heads : headings of the columns, none for a table of names and values
+
+    Every text is escaped.
+    """
+    above = "".join(f'<th scope="col" style="{NAME};font-weight:600">{escape(text)}</th>' for text in heads)
+    lines = [f"<thead><tr>{above}</tr></thead>" if heads else "", "<tbody>"]
+    for name, *values in rows:
+        cells = "".join(f'<td style="{VALUE}">{escape(text)}</td>' for text in values)
+        lines.append(f'<tr><th scope="row" style="{NAME}">{escape(name)}</th>{cells}</tr>')
+    return f'<table style="{TABLE}"><caption style="{CAPTION}">{escape(title)}</caption>{"".join(lines)}</tbody></table>'
