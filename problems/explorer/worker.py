@@ -10,7 +10,8 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import count
 from typing import Any
 
 from orbits.errors import OrbitsError
@@ -23,10 +24,11 @@ IMPATIENT = 3.0
 
 @dataclass(frozen=True)
 class Question:
-    """What a worker is asked: a name of `answers.ANSWERS` and its arguments."""
+    """What a worker is asked: a name of `answers.ANSWERS` and its arguments; no two have the same number."""
 
     name: str
     arguments: tuple[Any, ...]
+    number: int = field(default_factory=count().__next__)
 
 
 @dataclass(frozen=True)
@@ -46,12 +48,13 @@ class Worker:
     """A process that answers questions.
 
     deliver : called with a question and each of its answers, the last of them `Done` or a `Failure`, in a thread of its
-        own; nothing comes of a question that a newer one has replaced
+        own; nothing may come of a question that a newer one has replaced
+    calm : whether it leaves the processor to others, for what goes on in the background
     given : the machine of the page, where no statement makes it
     """
 
-    def __init__(self, deliver: Callable[[Question, Any], None], given: Any = None):
-        self._deliver, self._given = deliver, given
+    def __init__(self, deliver: Callable[[Question, Any], None], given: Any = None, calm: bool = False):
+        self._deliver, self._given, self._calm = deliver, given, calm
         self._lock = threading.Lock()
         self._process: Any = None
         self._pipe: Any = None
@@ -88,7 +91,7 @@ class Worker:
     def _begin(self) -> None:
         context = process_context()
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=answer_questions, args=(theirs, self._given), daemon=True)
+        self._process = context.Process(target=answer_questions, args=(theirs, self._given, self._calm), daemon=True)
         self._process.start()
         theirs.close()
         threading.Thread(target=self._read, args=(self._process, self._pipe), daemon=True).start()
@@ -107,7 +110,7 @@ class Worker:
                 question, answer = pipe.recv()
             except (EOFError, OSError):
                 break
-            if self._is_last(process, question, answer) is not None:
+            if self._wanted(process, question, answer):
                 self._deliver(question, answer)
         pipe.close()
         with self._lock:
@@ -117,19 +120,18 @@ class Worker:
         if lost is not None:
             self._deliver(lost, Failure("the process that computed this has ended; there may be too little memory"))
 
-    def _is_last(self, process: Any, question: Question, answer: Any) -> bool | None:
-        """Whether an answer is the last one to the newest question; None where nobody waits for it."""
+    def _wanted(self, process: Any, question: Question, answer: Any) -> bool:
+        """Whether somebody waits for an answer; its question is settled with the last one."""
+        last = isinstance(answer, Done | Failure)
         with self._lock:
             if process is not self._process:
-                return None
-            last = isinstance(answer, Done | Failure)
-            if question == self._asked:
-                if last:
-                    self._asked = None
-                return last
-            # The answer to an older question is shown too, so that a slider that is dragged shows what it passes.
-            self._since = time.monotonic()
-            return False if not last else None
+                return False
+            if self._asked is None or question.number != self._asked.number:
+                self._since = time.monotonic()
+                return not last  # an older hop is shown too, so that a slider that is dragged shows what it passes
+            if last:
+                self._asked = None
+            return True
 
 
 def process_context() -> Any:
@@ -179,8 +181,10 @@ class _Newest:
         return self._came.is_set()
 
 
-def answer_questions(pipe: Any, given: Any) -> None:
+def answer_questions(pipe: Any, given: Any, calm: bool) -> None:
     """What a process does: answer the newest question, piece by piece, unless there is a newer one."""
+    if calm and hasattr(os, "nice"):
+        os.nice(10)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server heeds it, and ends this process
     newest = _Newest(pipe)
     while True:
