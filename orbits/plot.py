@@ -72,8 +72,8 @@ def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
         axes.axvspan(orbit.flight_time, t[-1], fc=SHADE, ec="0.7", lw=0.5, label="contact", zorder=0)
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set_title(title(orbit), fontsize="medium", wrap=True)
-    vertical = _vertical(orbit.machine["rest_length"]) + metres
-    return _finished(axes, BELOW, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=vertical)
+    label = vertical(orbit.machine["rest_length"]) + metres
+    return _finished(axes, BELOW, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=label)
 
 
 def _cycle(orbit, count: int):
@@ -95,17 +95,24 @@ def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
     """Plot speed against height of every mass over a cycle; return the axes."""
     metres, _, speeds_in = unit_labels(orbit.units)
     axes, (_, states) = axes or new_axes(4.5, 4.0), _cycle(orbit, 2001)
+    for (name, (height, speed)), colour in zip(masses_at(orbit, states).items(), cycle(COLOURS), strict=False):
+        axes.plot(height, speed, color=colour, lw=1.6, label=name)
+    axes.set_title(title(orbit), fontsize="small", wrap=True)
+    label = vertical(orbit.machine["rest_length"]) + metres
+    return _finished(axes, {}, xlabel=label, ylabel="speed" + speeds_in)
+
+
+def masses_at(orbit: Any, states: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Height and speed (k,) of each mass at flight states (k, n) of an orbit, by name."""
     names = orbit.flight.names[: states.shape[1]]
     moving = [i for i, name in enumerate(names) if name.endswith("'")]
     shift = np.zeros_like(states)
     shift[:, [names.index(names[i][:-1]) for i in moving]] = 1e-6 * orbit.flight_time * states[:, moving]
-    masses = [item for item in orbit.shape.heights.items() if item[0] != "centre of mass"]
-    for (name, height), colour in zip(masses, cycle(COLOURS), strict=False):
-        speed = (height(states + shift) - height(states - shift)) / (2e-6 * orbit.flight_time)
-        axes.plot(height(states), speed, color=colour, lw=1.6, label=name)
-    axes.set_title(title(orbit), fontsize="small", wrap=True)
-    vertical = _vertical(orbit.machine["rest_length"]) + metres
-    return _finished(axes, {}, xlabel=vertical, ylabel="speed" + speeds_in)
+    heights = {name: height for name, height in orbit.shape.heights.items() if name != "centre of mass"}
+    return {
+        name: (height(states), (height(states + shift) - height(states - shift)) / (2e-6 * orbit.flight_time))
+        for name, height in heights.items()
+    }
 
 
 def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", label: str | None = None) -> Axes:
@@ -114,13 +121,9 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
     Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
     """
     axes = axes or new_axes(6.5, 4.5)
-    along = family.in_order()  # admissibility changes at an event, not at a point beside it
-    x, y = (np.array([family.quantity(point, name) for point, _ in along]) for name in ("value", quantity))
-    motion = np.array([point.admissible for point, _ in along])
-    joint = np.array([event is not None for _, event in along])
-    joint[1:-1] &= motion[2:] != motion[:-2]
-    line = axes.plot(x, np.where(motion | joint, y, np.nan), lw=2, label=label)[0]
-    axes.plot(x, np.where(~motion | joint, y, np.nan), lw=1.4, ls=(0, (4, 2)), color=line.get_color(), zorder=1)
+    x, motions, others = family_curve(family, quantity)
+    line = axes.plot(x, motions, lw=2, label=label)[0]
+    axes.plot(x, others, lw=1.4, ls=(0, (4, 2)), color=line.get_color(), zorder=1)
     known = axes.get_legend_handles_labels()[1]
     for event in family.events:
         if event.kind != "asked":
@@ -136,6 +139,17 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
         xlabel=family.heading(family.name),
         ylabel=family.heading(quantity).replace("_", " "),
     )
+
+
+def family_curve(family: Any, quantity: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The parameter (k,) along a family's curve, and the quantity (k,) twice: of orbits that are motions, and of those
+    that are not, NaN elsewhere."""
+    along = family.in_order()  # admissibility changes at an event, not at a point beside it
+    x, y = (np.array([family.quantity(point, name) for point, _ in along]) for name in ("value", quantity))
+    motion = np.array([point.admissible for point, _ in along], dtype=bool)
+    joint = np.array([event is not None for _, event in along], dtype=bool)
+    joint[1:-1] &= motion[2:] != motion[:-2]
+    return x, np.where(motion | joint, y, np.nan), np.where(~motion | joint, y, np.nan)
 
 
 def spread(family: Any, count: int) -> list:
@@ -245,8 +259,8 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
     places = [min(float(height(event.after)) for height in alone or heights.values()) for event in impacts]
     axes.plot(times, places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
     axes.axhline(0, color="0.4", lw=0.8)
-    vertical = _vertical(machine.rest_length) + metres
-    return _finished(axes, BELOW, xlim=(0, run.end), xlabel="time" + seconds, ylabel=vertical)
+    label = vertical(machine.rest_length) + metres
+    return _finished(axes, BELOW, xlim=(0, run.end), xlabel="time" + seconds, ylabel=label)
 
 
 def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Axes:
@@ -273,7 +287,7 @@ def title(orbit: Any) -> str:
     return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{laws}"
 
 
-def _vertical(rest_length: float | None) -> str:
+def vertical(rest_length: float | None) -> str:
     """The name of the vertical axis; without a rest length the upper mass has a displacement and no height."""
     return "height" if rest_length is not None else "displacement"
 
@@ -347,6 +361,31 @@ def _lifted(heights: Mapping, springs, standing: Mapping) -> dict:
     return {name: height + room * lifts[name] for name, height in heights.items()}
 
 
+def drawn_heights(
+    states: np.ndarray, functions: Mapping, joints: tuple, floating: bool
+) -> tuple[dict[str | None, np.ndarray], bool]:
+    """The heights (k,) by name, None for the ground, at which masses are drawn in flight states (k, n), and whether
+    they have been lifted to make room for springs.
+
+    functions, joints : as in `_animate`
+    floating : whether no rest length says how far the masses are apart
+    """
+    springs, knees, embed = joints
+    names = [name for name in functions if name != "centre of mass"]
+    heights: dict[str | None, np.ndarray] = {name: functions[name](states) for name in names}
+    heights[None] = np.zeros(len(states))
+    if not floating or knees:  # links say how far the masses are apart
+        return heights, False
+    generic = embed @ np.sqrt(np.arange(2.0, 2.0 + embed.shape[1]))
+    return _lifted(heights, springs, {name: functions[name](generic) for name in names} | {None: 0.0}), True
+
+
+def drawn_range(heights: Mapping, knees: Iterable[tuple]) -> tuple[float, float]:
+    """The lowest and the highest of what is drawn, with room for a knee at the side too."""
+    low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
+    return float(low), float(max([high, *(low + 2 * length for *_, length in knees)]))
+
+
 def _animate(
     path, words, states, functions: Mapping, joints: tuple, floating: bool, units: Units | None, progress: Report
 ) -> Path:
@@ -358,16 +397,11 @@ def _animate(
     """
     from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 
-    path, (metres, *_), (springs, knees, embed) = check_animation(path), unit_labels(units), joints
+    path, (metres, *_), (springs, knees, _) = check_animation(path), unit_labels(units), joints
     names = [name for name in functions if name != "centre of mass"]
-    heights = {name: functions[name](states) for name in names} | {None: np.zeros(len(words))}
-    floating &= not knees  # links say how far the masses are apart
-    if floating:
-        generic = embed @ np.sqrt(np.arange(2.0, 2.0 + embed.shape[1]))
-        heights = _lifted(heights, springs, {name: functions[name](generic) for name in names} | {None: 0.0})
+    heights, floating = drawn_heights(states, functions, joints, floating)
     axes = new_axes(5.8 if knees else 3.2, 5.2)
-    low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
-    high = max([high, *(low + 2 * length for *_, length in knees)])  # room for a knee at the side too
+    low, high = drawn_range(heights, knees)
     margin = 0.08 * (high - low)
     axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height" + metres)
     if floating:

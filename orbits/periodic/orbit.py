@@ -21,6 +21,7 @@ from ..numerics.bernstein import lowest
 from ..pages.tables import VIOLATED, orbit_rows
 from ..plot import Report, animate_orbit, plot_orbit, plot_phase_portrait
 from .certificate import Certificate
+from .formulations import CONTACT_FORCE
 
 ALL_DIGITS = 15  # of a printed number
 ORBIT_FORMAT = "persistent-orbits orbit 1"
@@ -174,6 +175,21 @@ class Orbit:
         standing = _mirrored(self.contact, times - self.flight_time, self.contact_time, shape.contact_reversor)
         standing = standing[..., : shape.embed.shape[1]] @ shape.embed.T
         return np.where((times <= self.flight_time)[..., None], flying, standing)
+
+    def contact_force(self, t: ArrayLike) -> np.ndarray:
+        """The force (...) of what is landed on at times `t` (...), as for states; 0 in flight.
+
+        Raises `InputError` for times that states are not told at, and where the motion was saved without its force.
+        """
+        self(t)  # refuses times
+        if self.contact is None or self.contact_time is None:
+            return np.zeros(np.shape(t))
+        if CONTACT_FORCE not in self.contact.names:
+            raise InputError(f"this orbit does not tell its contact force, but {', '.join(self.contact.names)}")
+        since = np.mod(np.asarray(t, dtype=float), self.period) - self.flight_time
+        later = (since > self.contact.times[-1]) & (self.shape.contact_reversor is not None)
+        inside = np.clip(np.where(later, self.contact_time - since, since), 0, self.contact.times[-1])
+        return np.where(since > 0, self.contact(inside)[..., self.contact.names.index(CONTACT_FORCE)], 0.0)
 
     def document(self) -> dict[str, Any]:
         """The orbit as the JSON document of the command line."""
