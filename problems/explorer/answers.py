@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from orbits.continuation.family import Family
 from orbits.continuation.follow import follow
 from orbits.errors import InputError
@@ -66,16 +68,34 @@ def start_of(orbit: Any) -> tuple[float, float, float]:
 class FamilyAnswer:
     """A piece of a family and what is known of its ends.
 
+    of : the scene
     along : the parameter
+    values : of it, at the points
     starts : of its points, as those of a scene, to go there
     text : in words, how far it is and how it ends
     """
 
+    of: Scene
     along: str
     data: FamilyData
     values: tuple[float, ...]
     starts: tuple[tuple[float, float, float], ...]
     text: str
+
+    def nearest(self, value: float, alpha: float) -> int:
+        """The number of the point nearest to a place in the figure."""
+        places = np.array([self.values, [start[1] for start in self.starts]])
+        away = (places - [[value], [alpha]]) / np.maximum(np.ptp(places, axis=1, keepdims=True), 1e-300)
+        return int(np.hypot(*away).argmin())
+
+    def holds(self, scene: Scene) -> bool:
+        """Whether a scene's hop differs from those of the family in the parameter alone."""
+        return _beside(self.of, self.along) == _beside(scene, self.along)
+
+
+def _beside(scene: Scene, along: str) -> Scene:
+    """What does not change along a family."""
+    return replace(scene.hop, start=None, numbers={**scene.numbers, along: 0.0})
 
 
 def family_answers(given: Any, scene: Scene, along: str, low: float, high: float) -> Iterator[FamilyAnswer]:
@@ -89,10 +109,10 @@ def family_answers(given: Any, scene: Scene, along: str, low: float, high: float
     parts: list[Family] = []
     for stop in ways:
         part = follow(machine, along, stop, family=hop.family, orbit=hop, most=FIRST_PIECE)
-        yield _family_answer(along, [*parts, part], len(ways))
+        yield _family_answer(scene, along, [*parts, part], len(ways))
         while part.end.kind == "stopped" and len(part) < MOST_POINTS:
             part = follow(machine, along, stop, family=hop.family, resume=part, most=PIECE)
-            yield _family_answer(along, [*parts, part], len(ways))
+            yield _family_answer(scene, along, [*parts, part], len(ways))
         parts.append(part)
 
 
@@ -113,15 +133,15 @@ def joined(parts: list[Family]) -> Family:
     return replace(up, points=(*down.points[:0:-1], *up.points), events=tuple(events))
 
 
-def _family_answer(along: str, parts: list[Family], way: int) -> FamilyAnswer:
+def _family_answer(scene: Scene, along: str, parts: list[Family], ways: int) -> FamilyAnswer:
     family, ends = joined(parts), [part.end for part in parts]
     growing = ends[-1].kind == "stopped" and len(parts[-1]) < MOST_POINTS
     told = [f"{word}: {end.kind}, {end.reason}" for word, end in zip(("up", "down"), ends, strict=False)]
     count = f"{len(family)} orbits"
-    text = f"{count}, still growing" if growing or len(parts) < way else f"{count}. {'. '.join(told)}."
+    text = f"{count}, still growing" if growing or len(parts) < ways else f"{count}. {'. '.join(told)}."
     order = [point for point, _ in family.in_order()]
     values, starts = tuple(p.value for p in order), tuple(start_of(p) for p in order)
-    return FamilyAnswer(along, family_data(family), values, starts, text)
+    return FamilyAnswer(scene, along, family_data(family), values, starts, text)
 
 
 def map_answers(given: Any, scene: Scene) -> Iterator[MapData]:

@@ -11,7 +11,8 @@ from .scene import Scene
 
 SPAN = 10.0  # a parameter that is a scale goes this many times down and up
 LARGE = 20.0  # a larger number is taken for a scale too
-WAYS = (("mass_ratio", 0.01, 100.0),)  # sliders with ends of their own
+# Sliders with ends of their own, and whether these go by factors.
+WAYS = {"mass_ratio": (0.01, 100.0, True), "link": (0.1, 1.0, True), "rest_angle": (0.5, 3.0, False)}
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,9 @@ def dials_of(machine: Any, scene: Scene) -> list[Dial]:
 
 
 def _dial(machine: Any, name: str, value: float, unit: str) -> Dial:
-    for known, low, high in WAYS:
-        if name == known:
-            return Dial(name, value, unit, min(low, value), max(high, value), True)
+    if name in WAYS:
+        low, high, factors = WAYS[name]
+        return Dial(name, value, unit, min(low, value), max(high, value), factors and value > 0)
     positive = not _exists(machine, name, -(abs(value) or 1.0))
     if value > 0 and (positive or value > LARGE):
         low, high = value / SPAN, value * SPAN

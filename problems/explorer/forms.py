@@ -4,14 +4,15 @@ import base64
 import json
 import zlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
 from orbits.errors import InputError
 
-from ..files import MASSES, SI_KEYS
-from .scene import LARGEST_ROWS, LINEAR_IN_SI, LOSSES, MeasuredRows, Scene, beginning
+from ..files import MASSES, SI_KEYS, build
+from .scene import LARGEST_ROWS, LINEAR_IN_SI, LOSSES, MeasuredRows, Scene, beginning, with_surroundings
 
 # Characters of measured rows in a link, packed: browsers and servers take some 60,000 of an address.
 LONGEST_ROWS_IN_LINK = 8000
@@ -122,7 +123,7 @@ def scene_of_statement(told: Mapping[str, Any], family: int = 1) -> Scene:
     scene = Scene(
         str(machine), si is not None, plain if spring is None or rows else str(spring), gravity, rows, numbers, family
     )
-    return scene.complete()
+    return with_surroundings(scene.complete())
 
 
 def _rows_from_file(spring: str) -> MeasuredRows:
@@ -184,7 +185,13 @@ def python_lines(scene: Scene) -> str:
     return f"from orbits import find\nfrom problems import {maker}\n\n{call}\n{find}"
 
 
-def starting_scene(query: Mapping[str, list[bytes]], begun: Scene) -> Scene:
-    """The scene of a link, or that which the page began with where the link says nothing."""
-    return scene_of_link(query) if query else begun
+def first_scene(family: int = 1, **stated: Any) -> Scene:
+    """The scene of the command line's options, of a hopper with a cubic spring where they say nothing; raises
+    `InputError` for a machine that cannot be."""
+    from ..options import statement_of
 
+    if not any(value for value in stated.values()):
+        return replace(beginning("hopper"), family=family)
+    statement, where = statement_of(**stated)
+    build(statement, where)
+    return scene_of_statement(statement, family)

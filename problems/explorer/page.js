@@ -205,7 +205,6 @@ window.startExplorer = (bridge, figures) => {
 
   bridge.properties.told.change.connect(told);
   bridge.properties.rows.change.connect(() => { if (bridge.rows) save_text(state.scene.rows.name, bridge.rows); });
-  bridge.document.on_event?.("connection_lost", () => { $("lost").hidden = false; });
-  window.explorer = {ask, get state() { return state; }, get settled() { return state && state.idle && state.n >= n; }};
+  window.explorer = {ask, figures, get state() { return state; }, get settled() { return state && state.idle && state.n >= n; }};
   told();
 };

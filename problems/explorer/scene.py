@@ -34,15 +34,21 @@ NAME = re.compile(r"[A-Za-z_]\w{0,39}", re.ASCII)
 NEW_NUMBER = 0.1  # of a name that a formula has just been given
 # What a machine begins with where nothing else is said.
 BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
-    ("hopper", False): {"spring": "r + beta*r**3", "numbers": {"mass_ratio": 1.0, "rest_length": 8.0, "beta": 0.3}},
-    ("juggler", False): {"spring": "r", "numbers": {"mass_ratio": 1.0}},
+    ("hopper", False): {
+        "spring": "r + beta*r**3",
+        "along": "beta",
+        "numbers": {"mass_ratio": 1.0, "rest_length": 8.0, "beta": 0.3},
+    },
+    ("juggler", False): {"spring": "r", "along": "mass_ratio", "numbers": {"mass_ratio": 1.0}},
     ("hopper", True): {
         "spring": "k*r + b*r**3",
+        "along": "b",
         "numbers": {"body_mass": 60.0, "foot_mass": 3.0, "surface_gravity": 9.80665, "rest_length": 0.8}
         | {"k": 8000.0, "b": 2e6},
     },
     ("juggler", True): {
         "spring": LINEAR_IN_SI,
+        "along": "ball_mass",
         "numbers": {"ball_mass": 0.1, "hand_mass": 0.2, "surface_gravity": 9.80665, "stiffness": 50.0},
     },
 }
@@ -150,6 +156,11 @@ class Scene:
         """Whether the machine's laws are not to be changed."""
         return self.machine not in KINDS
 
+    @property
+    def hop(self) -> "Scene":
+        """The scene without what is shown around the hop."""
+        return replace(self, along="", launch=None)
+
     def with_numbers(self, **numbers: float) -> "Scene":
         """The scene with other values of some parameters."""
         return replace(self, numbers={**self.numbers, **numbers})
@@ -220,6 +231,13 @@ def given_scene(machine: Any, name: str = GIVEN) -> Scene:
     from orbits.model.machine import free_parameters
 
     return Scene(name, numbers={each: machine.values[each] for each in free_parameters(machine)})
+
+
+def with_surroundings(scene: Scene) -> Scene:
+    """A scene with a parameter along which the family is followed: the last one, which is a law's where these have
+    any."""
+    names = [name for name in scene.numbers if name not in LOSSES]
+    return replace(scene, along=names[-1]) if names and not scene.along else scene
 
 
 def scene_of_machine(machine: Any) -> Scene:

@@ -17,6 +17,7 @@ from typing import Any
 from orbits.errors import OrbitsError
 
 from .answers import ANSWERS
+from .processes import process_context
 
 # A computation that has taken this long (s) is ended when something newer is asked.
 IMPATIENT = 3.0
@@ -132,25 +133,6 @@ class Worker:
             if last:
                 self._asked = None
             return True
-
-
-def process_context() -> Any:
-    """How processes are started: by a server that has imported the solver, where there is one."""
-    from multiprocessing import get_all_start_methods, get_context
-
-    if "forkserver" not in get_all_start_methods():
-        return get_context("spawn")
-    context = get_context("forkserver")
-    context.set_forkserver_preload([__name__])
-    return context
-
-
-def prepare() -> None:
-    """Start the server of processes in the background, so that the first worker need not wait for its imports."""
-    from multiprocessing import forkserver
-
-    if process_context().get_start_method() == "forkserver":
-        forkserver.ensure_running()
 
 
 class _Newest:
