@@ -104,6 +104,7 @@ class Explorer:
         self._bridge.on_change("asked", lambda attribute, old, new: self._asked(new))
         start = CustomJS(args={"bridge": self._bridge, "figures": figures}, code="startExplorer(bridge, figures)")
         self._document.js_on_event("document_ready", start)
+        self._hops.heights.js_on_change("tags", start)  # what no root refers to is not kept equal on both sides
         lost = CustomJS(code="document.getElementById('lost').hidden = false")
         self._document.js_on_event("connection_lost", lost)
         self._document.title = "Lossless hops"
