@@ -19,6 +19,8 @@ from .errors import InputError
 
 Read = TypeVar("Read")
 MEGABYTE = 1 << 20
+# Characters of a value in the one line that tells a result, and of that line.
+LONGEST_TOLD, LONGEST_TOLD_LINE = 100, 195
 DOCUMENTS = (".json",)  # endings of JSON documents
 # What a document says where one of these is expected, and how a message calls it.
 WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
@@ -34,6 +36,16 @@ def version(package: str) -> str:
         return "unknown"
 
 
+def needed_package(package: str, what: str) -> Any:
+    """A package of the extra `data`, which `what` takes; raises `InputError` where it is missing."""
+    from importlib import import_module
+
+    try:
+        return import_module(package)
+    except ImportError:
+        raise InputError(f"{what}, {package} is needed: pip install 'persistent-orbits[data]'") from None
+
+
 def in_words(values: Mapping[str, Any]) -> list[str]:
     """The values as name=value, numbers with all their digits."""
     plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in values.items()}
@@ -41,8 +53,13 @@ def in_words(values: Mapping[str, Any]) -> list[str]:
 
 
 def one_line(result: Any, values: Mapping[str, Any]) -> str:
-    """A result in one line: its type, and some of its values by name."""
-    return f"{type(result).__name__}({', '.join(in_words(values))})"
+    """A result in one line of fewer than 200 characters: its type, and some of its values by name, the first as many
+    as there is room for, long ones without their middle."""
+    told = [each if len(each) <= LONGEST_TOLD else f"{each[:70]}...{each[-25:]}" for each in in_words(values)]
+    name, kept = type(result).__name__, len(told)
+    while kept > 1 and len(f"{name}({', '.join(told[:kept])}, ...)") > LONGEST_TOLD_LINE:
+        kept -= 1
+    return f"{name}({', '.join([*told[:kept], *(['...'] if kept < len(told) else [])])})"
 
 
 def fields_in_line(result: Any, *names: str) -> str:

@@ -3,7 +3,11 @@
 Results draw themselves by these functions, so this module stands below them and knows them by their attributes only.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from itertools import cycle
 from pathlib import Path
 from subprocess import CalledProcessError
@@ -28,15 +32,47 @@ PALE = "#cfdbe6"
 BELOW = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14), "ncols": 4}  # for a legend of curves that fill the axes
 MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
 MARKERS |= {"landing jerk": "<", "collapse": "D", "family": "*"}
+_OFF_SCREEN = ContextVar("off screen", default=False)
+
+
+@contextmanager
+def off_screen() -> Iterator[None]:
+    """Where figures are drawn for a file or a page: `new_axes` hides them from pyplot, whatever is loaded."""
+    token = _OFF_SCREEN.set(True)
+    try:
+        yield
+    finally:
+        _OFF_SCREEN.reset(token)
+
+
+def _on_screen() -> bool:
+    """Whether a new figure is one of pyplot's: in the main thread of a notebook's kernel, and of a program that has
+    loaded pyplot, unless it is for a file."""
+    if _OFF_SCREEN.get() or threading.current_thread() is not threading.main_thread():
+        return False
+    if "matplotlib.pyplot" in sys.modules:
+        return True
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    return getattr(shell, "kernel", None) is not None
 
 
 def new_axes(width: float = 7.0, height: float = 4.0) -> Axes:
-    """Axes on a new figure, which no window and no global state of matplotlib knows."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    """Axes on a new figure.
 
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
+    In a notebook, and where `matplotlib.pyplot` has been imported before, it is one of pyplot's figures, so that the
+    cell or `plt.show()` shows it. Otherwise, in a thread and within `off_screen` no window and no global state of
+    matplotlib knows it, and it is gone with the last reference to it.
+    """
+    if _on_screen():
+        from matplotlib import pyplot
+
+        figure = pyplot.figure(figsize=(width, height), layout="constrained")
+    else:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
     return figure.add_subplot()
 
 
@@ -121,15 +157,15 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
     Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
     """
     axes = axes or new_axes(6.5, 4.5)
-    x, motions, others = family_curve(family, quantity)
+    x, y, motions, others = family_curve(family, quantity)
     line = axes.plot(x, motions, lw=2, label=label)[0]
     axes.plot(x, others, lw=1.4, ls=(0, (4, 2)), color=line.get_color(), zorder=1)
     known = axes.get_legend_handles_labels()[1]
-    for event in family.events:
-        if event.kind != "asked":
+    for i, (_, event) in enumerate(family.in_order()):
+        if event and event.kind != "asked":
             look = {"marker": MARKERS.get(event.kind, "P"), "ls": "", "ms": 6, "mfc": "white", "mew": 1.4, "zorder": 4}
             name = None if event.kind in known else event.kind
-            axes.plot(event.point.value, family.quantity(event.point, quantity), color="0.15", label=name, **look)
+            axes.plot(x[i], y[i], color="0.15", label=name, **look)
             known.append(event.kind)
     machine = family.machine
     axes.set_title(f"{machine['machine']}, spring {machine['spring']}, gravity {machine['gravity']}", fontsize="small")
@@ -141,15 +177,15 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
     )
 
 
-def family_curve(family: Any, quantity: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The parameter (k,) along a family's curve, and the quantity (k,) twice: of orbits that are motions, and of those
-    that are not, NaN elsewhere."""
+def family_curve(family: Any, quantity: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The parameter (k,) at the points and events in order along a family's curve, and the quantity (k,) three times:
+    of all, of orbits that are motions, and of those that are not, NaN elsewhere."""
     along = family.in_order()  # admissibility changes at an event, not at a point beside it
-    x, y = (np.array([family.quantity(point, name) for point, _ in along]) for name in ("value", quantity))
+    x, y = (family.values_at([point for point, _ in along], name) for name in ("value", quantity))
     motion = np.array([point.admissible for point, _ in along], dtype=bool)
     joint = np.array([event is not None for _, event in along], dtype=bool)
     joint[1:-1] &= motion[2:] != motion[:-2]
-    return x, np.where(motion | joint, y, np.nan), np.where(~motion | joint, y, np.nan)
+    return x, y, np.where(motion | joint, y, np.nan), np.where(~motion | joint, y, np.nan)
 
 
 def spread(family: Any, count: int) -> list:
@@ -400,7 +436,8 @@ def _animate(
     path, (metres, *_), (springs, knees, _) = check_animation(path), unit_labels(units), joints
     names = [name for name in functions if name != "centre of mass"]
     heights, floating = drawn_heights(states, functions, joints, floating)
-    axes = new_axes(5.8 if knees else 3.2, 5.2)
+    with off_screen():
+        axes = new_axes(5.8 if knees else 3.2, 5.2)
     low, high = drawn_range(heights, knees)
     margin = 0.08 * (high - low)
     axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height" + metres)

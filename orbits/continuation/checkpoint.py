@@ -60,7 +60,7 @@ def _begun(tracer: Tracer, resume: Family | None) -> Family:
     points, earlier = (resume.points[:-1], resume.events) if resume else ((), ())
     events = tuple(event for event in earlier if event.after < len(points) + (event.kind == "asked"))
     end = End("interrupted", "resume it to go on")
-    return Family(curve.along, machine, points, events, end, settings, dict(versions()))
+    return Family(curve.along, machine, points, events, end, settings, dict(versions()), curve.machine)
 
 
 def _opened(family: Family, output):

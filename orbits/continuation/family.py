@@ -9,14 +9,30 @@ from typing import Any, BinaryIO, NotRequired, TypedDict
 import numpy as np
 
 from ..errors import InputError
-from ..io import MEGABYTE, check_ending, conform, fields_in_line, one_line, read_file, to_json, write_table, writing
+from ..io import (
+    MEGABYTE,
+    check_ending,
+    conform,
+    fields_in_line,
+    needed_package,
+    one_line,
+    read_file,
+    to_json,
+    write_table,
+    writing,
+)
 from ..model.machine import Machine, check_parameters
 from ..model.units import UNIT_TEXTS, Units, saved_units
+from ..pages.cells import cell
+from ..pages.tables import DIGITS
 from ..periodic.certificate import Certificate
-from ..periodic.orbit import SavedLaws, certificate_in_units, with_note
+from ..periodic.orbit import Orbit, SavedLaws, certificate_in_units, with_note
+from ..plot import spread
 from ..proof.claim import CONTACT_DURATION, Claim
 from ..proof.prove import prove_claims
 from ..proof.theorem import Proof
+from .hops import orbit_from
+from .table import names_of_motions, numbers_of_motions
 
 FAMILY_FORMAT = "persistent-orbits family 1"
 # Endings of the files that a family is saved to; the first two are lines of JSON.
@@ -27,6 +43,7 @@ CHECK_COLUMNS = ("error", "residual", "energy_drift", "family", "clearance", "sm
 CONTACT_COLUMNS = ("smallest_contact_force", "largest_contact_force", "landing_jerk", "loss_coefficient")
 COLUMNS = (*MOTION_COLUMNS, *CHECK_COLUMNS, *CONTACT_COLUMNS, "stable_side")
 NUMBERS = COLUMNS[:-1]
+KNOWN = (*NUMBERS, "period")  # at every point; what its motion tells besides is in `table`
 # Names that no parameter can have, since it stands beside these in a table or a document.
 RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point")
 # Unknowns and tangents whose largest component is smaller, or larger than its inverse, are none.
@@ -87,6 +104,11 @@ class Point:
         """Whether the orbit is a motion, not merely a root of the equations."""
         return not self.certificate.violations
 
+    @property
+    def period(self) -> float | None:
+        """The time of a whole cycle; None when the contact never ends."""
+        return None if self.contact_time is None else self.flight_time + self.contact_time
+
     def __getattr__(self, name: str) -> Any:
         if name in Certificate.__dataclass_fields__:
             return getattr(self.certificate, name)
@@ -135,6 +157,9 @@ class End:
     limit: float | None = None
     limit_error: float | None = None
 
+    def __repr__(self) -> str:
+        return fields_in_line(self, "kind", "reason", "limit", "limit_error")
+
 
 @dataclass(frozen=True)
 class Family:
@@ -144,6 +169,7 @@ class Family:
     machine : the machine in words and numbers, at the first point
     settings : what `follow` was asked for
     versions : of the packages that computed the family
+    source : the machine that was followed; None for a family from a file or another process
     """
 
     name: str
@@ -153,6 +179,11 @@ class Family:
     end: End
     settings: Mapping
     versions: Mapping = field(default_factory=dict)
+    source: Machine | None = field(default=None, repr=False, compare=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields without the machine, which another process may not be able to read."""
+        return vars(self) | {"source": None}
 
     @property
     def units(self) -> dict[str, str]:
@@ -161,9 +192,16 @@ class Family:
         results = {name: unit for name, unit in UNIT_TEXTS.items() if name in COLUMNS}
         return {} if own is None else {**own, **results, **own}
 
+    def unit_of(self, name: str) -> str:
+        """The unit of a parameter or quantity, "" where it has none."""
+        if not self.units:
+            return ""
+        rise = "m" if name.endswith("_rise") else ""
+        return self.units.get(name, UNIT_TEXTS.get(name, rise))
+
     def heading(self, name: str) -> str:
         """A name with its unit, if it has one: "alpha (m/s)"."""
-        return f"{name} ({self.units[name]})" if self.units.get(name) else name
+        return f"{name} ({self.unit_of(name)})" if self.unit_of(name) else name
 
     def __len__(self) -> int:
         return len(self.points)
@@ -176,14 +214,63 @@ class Family:
 
     def column(self, name: str) -> np.ndarray:
         """One quantity at every point, NaN where the orbit does not have it; the parameter goes by its own name."""
-        return np.array([self.quantity(point, name) for point in self.points])
+        return self.values_at(self.points, name)
 
     def quantity(self, point: Point, name: str) -> float:
         """A quantity at a point, NaN where the orbit does not have it; raises `InputError` for an unknown name."""
-        if name not in (*(numbers := [self.name, *point.also, *NUMBERS]), "value"):
-            raise InputError(f"a family's orbits have no quantity '{name}'; they have {', '.join(numbers)}")
-        value = point.also[name] if name in point.also else getattr(point, "value" if name == self.name else name)
-        return np.nan if value is None else float(value)
+        return float(self.values_at([point], name)[0])
+
+    def values_at(self, points: Sequence[Point], name: str) -> np.ndarray:
+        """A quantity (m,) at points of the curve, NaN where an orbit does not have it.
+
+        Those that its motion tells, as "stroke", are computed anew, of the family that `follow` has returned. Raises
+        `InputError` for an unknown name.
+        """
+        numbers = [self.name, *(points[0].also if points else ()), *KNOWN]
+        if name in (*numbers, "value"):
+            stored = "value" if name == self.name else name
+            found = (point.also[name] if name in point.also else getattr(point, stored) for point in points)
+            return np.array([np.nan if value is None else float(value) for value in found])
+        further = names_of_motions(self.source) if self.source else ()
+        if name not in further:
+            raise InputError(
+                f"a family's orbits have no quantity '{name}'; they have {', '.join([*numbers, *further])}"
+            )
+        return self._of_motions(self.source, points)[name] if points else np.zeros(0)
+
+    def _of_motions(self, machine: Machine | None, points: Sequence[Point]) -> dict[str, np.ndarray]:
+        """What the motions at points of the curve tell, by name; nothing without the machine."""
+        if machine is None or not points:
+            return {}
+        check_parameters(machine, self.name)
+        varied = [{**point.also, self.name: point.value} for point in points]
+        return numbers_of_motions(machine, self.settings["method"], varied, points)
+
+    def dataframe(self, machine: Machine | None = None) -> Any:
+        """The family as a `pandas.DataFrame`: every quantity at the points and events in order along the curve.
+
+        machine : that the family was followed with; a family from a file does not know it, and has without it no
+            columns for what its motions tell: the stroke and the rises of the heights
+
+        The column "event" has the kind of an event, "" at other points, "violations" what makes an orbit no motion;
+        `dataframe.attrs["units"]` has the units by column. Raises `InputError` without pandas.
+        """
+        pandas = needed_package("pandas", "for a data frame")
+        rows = list[tuple[Point, str]]()
+        for point, event in self.in_order():
+            if event and event.kind == "asked" and rows:  # its point is the one before
+                rows.pop()
+            rows.append((point, event.kind if event else ""))
+        points = [point for point, _ in rows]
+        names = dict.fromkeys((self.name, *(points[0].also if points else ()), *KNOWN))
+        data: dict[str, Any] = {name: self.values_at(points, name) for name in names}
+        motions = self._of_motions(machine or self.source, points)
+        data |= {name: values for name, values in motions.items() if name not in data}
+        data |= {"admissible": data["admissible"] == 1, "family": data["family"].astype(int)}
+        data |= {"stable_side": [point.stable_side for point in points], "event": [kind for _, kind in rows]}
+        frame = pandas.DataFrame(data | {"violations": ["; ".join(point.violations) for point in points]})
+        frame.attrs["units"] = {name: self.unit_of(name) for name in data if self.unit_of(name)}
+        return frame
 
     def at(self, value: float) -> list[Point]:
         """The points whose parameter has exactly this value."""
@@ -237,30 +324,65 @@ class Family:
         ends = {"start": self.points[0].value, "stop": self.points[-1].value} if self.points else {}
         return one_line(self, {"along": self.name, "orbits": len(self), **ends, "end": self.end.kind})
 
-    def __str__(self) -> str:
+    def summary(self) -> str:
+        """What the family is in one line."""
         if not self.points:
             return f"a family along {self.name} without orbits: {self.end.kind}, {self.end.reason}"
-        m, c, first = self.machine, self.column("alpha"), self.points[0]
-        head = f"family {first.family} of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}"
-        unit, speed = (f" {self.units[name]}" if self.units.get(name) else "" for name in (self.name, "alpha"))
-        way = f"{first.value:.12g} to {self.points[-1].value:.12g}{unit}, alpha {c[0]:.10g} to {c[-1]:.10g}{speed}"
+        m = self.machine
+        head = f"family {self.points[0].family} of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}"
+        return f"{head}, along {self.name}: {len(self)} orbits"
+
+    def rows(self, digits: int) -> list[tuple[str, str]]:
+        """The family as rows of a table, (name, text): the way, the errors, each event, the end."""
+        if not self.points:
+            return []
+        unit, speed = (f" {self.unit_of(name)}".rstrip() for name in (self.name, "alpha"))
+        c, first, last = self.column("alpha"), self.points[0].value, self.points[-1].value
+        way = f"{first:.{digits}g} to {last:.{digits}g}{unit}, alpha {c[0]:.{digits}g} to {c[-1]:.{digits}g}{speed}"
         error, admissible = max(point.error for point in self), sum(point.admissible for point in self)
-        lines = [f"{head}, along {self.name}: {len(self)} orbits", f"  {self.name:<12} {way}"]
-        lines.append(f"  largest error {error:.1e}, admissible {admissible} of {len(self)}")
-        places = [(e.kind, e.point.value, e.point.alpha) for e in self.events]
-        lines += [
-            f"  {kind:<14}{self.name} = {at:.15g}{unit}, alpha = {alpha:.15g}{speed}" for kind, at, alpha in places
-        ]
-        end = f"  end: {self.end.kind}, {self.end.reason}"
+        end = f"{self.end.kind}, {self.end.reason}"
         if self.end.limit is not None:
             end += f", {self.name} tends to {self.end.limit:.8g} (about {self.end.limit_error:.0e} off)"
-        return "\n".join([*lines, end])
+        rows = [(self.name, way), ("largest error", f"{error:.1e}"), ("admissible", f"{admissible} of {len(self)}")]
+        for event in self.events:
+            value, alpha = (f"{each:.{digits}g}" for each in (event.point.value, event.point.alpha))
+            rows.append((event.kind, f"{self.name} = {value}{unit}, alpha = {alpha}{speed}"))
+        return [*rows, ("end", end)]
 
-    def plot(self, axes: Any = None, quantity: str = "alpha", label: str | None = None) -> Any:
+    def __str__(self) -> str:
+        return "\n".join([self.summary(), *(f"  {name:<16}{text}" for name, text in self.rows(digits=15))])
+
+    def _repr_html_(self) -> str:
+        return cell(self.summary(), self.rows(DIGITS), self.plot)
+
+    def plot(self, quantity: str = "alpha", axes: Any = None, label: str | None = None) -> Any:
         """Plot a quantity against the parameter; returns the axes. See `orbits.plot.plot_family`."""
         from ..plot import plot_family
 
         return plot_family(self, axes, quantity, label)
+
+    def page(self, path: str | Path, quantity: str = "alpha", machine: Machine | None = None) -> Path:
+        """Write a page of the family in one file (.html) that needs no network; returns its path.
+
+        quantity : that is shown along the family
+        machine : that the family was followed with; a family from a file does not know it, and has without it no hops
+            to choose from
+
+        Raises `InputError` for a bad path, an unknown quantity, and without Bokeh.
+        """
+        from ..pages.still import MOST_HOPS, family_page
+
+        hops: Iterator[tuple[Point, Orbit]] = iter(())
+        if (whole := machine or self.source) is not None and self.points:
+            check_parameters(whole, self.name)
+            hops = ((point, self._orbit(whole, point)) for point in spread(self, MOST_HOPS))
+        return family_page(self, path, quantity, hops)
+
+    def _orbit(self, machine: Machine, point: Point) -> Orbit:
+        """The whole orbit at a point."""
+        here = machine.with_values(**{**point.also, self.name: point.value})
+        bare = point_in_units(point, here.units and here.units.inverse())
+        return orbit_from(here, self.settings["method"], point.u, bare.error)
 
     def save(self, path: str | Path) -> Path:
         """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`)."""
@@ -316,10 +438,7 @@ class Family:
         return _modernised(family) if family.machine.get("laws_in") == "SI" else family
 
     def _dataset(self):
-        try:
-            import xarray
-        except ImportError:
-            raise InputError("NetCDF needs xarray: install persistent-orbits[data], or save as .json or .csv") from None
+        xarray = needed_package("xarray", "to save a family as NetCDF and not as .json or .csv")
         also = self.points[0].also if self.points else ()
         attached = {name: {"units": unit} for name, unit in self.units.items() if unit}
         data = {name: ("point", self.column(name), attached.get(name, {})) for name in (*also, *NUMBERS)}

@@ -14,6 +14,7 @@ from ..hybrid.simulation import Leg
 from ..io import fields_in_line
 from ..model.units import Dimension, Units, unit_text
 from ..numerics.bernstein import PiecewisePolynomials, powers
+from ..pages.cells import cell
 from .stage import Stage, stage_flow
 from .transcription import Multipliers, StageUnknowns, Transcription
 
@@ -120,11 +121,18 @@ class Control:
         times = np.concatenate([*(leg.start + leg.inputs.times[:-1] for leg in self.legs), [self.end]])
         return times, {name: np.concatenate([c[:, 0] for c in columns]) for name, columns in rows.items()}
 
-    def __str__(self) -> str:
+    def rows(self) -> list[tuple[str, str]]:
+        """The motion as rows of a table, (name, text): its stages, its cost and errors, how it was found."""
         second, unit = (" s", f" {self.units['cost']}") if self.units else ("", "")
-        rows = [f"  {leg.phase:<12}from {leg.start:<12.8g}for {leg.duration:.10g}{second}" for leg in self.legs]
-        found = f"  cost {self.cost:.12g}{unit}, violation {self.violation:.1e}, error {self.error:.1e}"
-        return "\n".join([*rows, found, f"  {self.iterations} iterations, {self.rounds} rounds, {self.seconds:.2f} s"])
+        rows = [(leg.phase, f"from {leg.start:<12.8g}for {leg.duration:.10g}{second}") for leg in self.legs]
+        rows.append(("cost", f"{self.cost:.12g}{unit}, violation {self.violation:.1e}, error {self.error:.1e}"))
+        return [*rows, ("found in", f"{self.iterations} iterations, {self.rounds} rounds, {self.seconds:.2f} s")]
+
+    def __str__(self) -> str:
+        return "\n".join(f"  {name:<12}{text}" for name, text in self.rows())
+
+    def _repr_html_(self) -> str:
+        return cell("motion of locally least cost", self.rows(), getattr(self, "plot", None))
 
 
 def control_in_units(

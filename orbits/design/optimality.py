@@ -14,6 +14,8 @@ import numpy as np
 from ..errors import InputError
 from ..io import one_line, write_json
 from ..model.machine import Machine
+from ..pages.cells import cell
+from ..pages.tables import DIGITS, number_text, orbit_rows
 from ..periodic.orbit import Orbit, orbit_of
 from .nlp import DesignPoint
 from .problem import DesignProblem
@@ -100,20 +102,30 @@ class Design:
             "orbit": self.orbit.document(),
         }
 
-    def __str__(self) -> str:
-        lines = [f"{self.verb} {self.text}: {self.objective:.12g}" + (" (SI)" if self.orbit.units else "")]
+    def summary(self) -> str:
+        """What the design is best in, in one line."""
+        return f"{self.verb} {self.text}: {self.objective:.12g}" + (" (SI)" if self.orbit.units else "")
+
+    def rows(self, digits: int) -> list[tuple[str, str]]:
+        """The design as rows of a table, (name, text): parameters, quantities, what holds it, how it was found."""
         figures = {**self.quantities, **self.parameters}
         named = dict.fromkeys([*self.parameters, *self.quantities])
-        lines += [f"  {name:<24}{figures[name]:.12g} {self.unit_of(name)}".rstrip() for name in named]
-        lines += [f"  {'held by':<24}{a.text}   (gains {a.multiplier:.4g} per unit)" for a in self.active]
-        lines += [f"  {'without effect':<24}{name}" for name in self.idle]
+        rows = [(name, number_text(float(figures[name]), self.unit_of(name), digits)) for name in named]
+        rows += [("held by", f"{a.text}   (gains {a.multiplier:.4g} per unit)") for a in self.active]
+        rows += [("without effect", name) for name in self.idle]
         successes = sum(start.objective is not None for start in self.starts)
-        lines.append(f"  {'optimality':<24}{self.kkt:.1e}")
-        lines.append(f"  {'starts':<24}{successes} of {len(self.starts)} led to an optimum, {self.seconds:.2f} s")
+        rows.append(("optimality", f"{self.kkt:.1e}"))
+        rows.append(("starts", f"{successes} of {len(self.starts)} led to an optimum, {self.seconds:.2f} s"))
         if self.share is not None:
-            lines.append(f"  {'share of the sample':<24}{self.share:.0%} of its designs with an orbit lead here")
-        lines += [f"  {'a start led to none':<24}{s.reason}" for s in self.starts if s.objective is None]
-        return "\n".join([*lines, "", str(self.orbit)])
+            rows.append(("share of the sample", f"{self.share:.0%} of its designs with an orbit lead here"))
+        return rows + [("a start led to none", start.reason) for start in self.starts if start.objective is None]
+
+    def __str__(self) -> str:
+        rows = [f"  {name:<24}{text}" for name, text in self.rows(digits=12)]
+        return "\n".join([self.summary(), *rows, "", str(self.orbit)])
+
+    def _repr_html_(self) -> str:
+        return cell(self.summary(), [*self.rows(DIGITS), *orbit_rows(self.orbit)], self.orbit.plot)
 
     def unit_of(self, name: str) -> str:
         """The SI unit of a quantity or parameter, "" where there is none."""

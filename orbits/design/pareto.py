@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import numpy as np
 from ..errors import InputError, OrbitsError, whole_number
 from ..io import DOCUMENTS, one_line, write_json, write_table
 from ..model.machine import Machine
+from ..pages.cells import cell
+from ..pages.tables import number_text
 from ..periodic.find import Progress, find
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
@@ -75,6 +78,15 @@ class Front:
         names = (*self.texts, *self.designs[0].parameters)
         units = [self.designs[0].unit_of(name.lstrip("-")) for name in names]
         return [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
+
+    def _repr_html_(self) -> str:
+        from ..plot import plot_front
+
+        rows = [(*_objectives(design), *design.parameters.values()) for design in self.designs]
+        texts = [[number_text(value) for value in row] for row in rows]
+        draw = getattr(self, "plot", partial(plot_front, self))
+        title = f"Pareto front, minimise {' and '.join(self.texts)}; certified designs: {len(self.designs)}"
+        return cell(title, texts, draw, self._headings())
 
     def __str__(self) -> str:
         heads = self._headings()

@@ -14,16 +14,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
+from ..errors import FlowError, InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from ..flow.flow import flow_of
 from ..io import fields_in_line, one_line
 from ..model.machine import Machine, dimensionless
 from ..model.units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Units, without_units
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
+from ..pages.cells import cell
+from ..pages.tables import number_text
 from ..periodic.find import Progress, certified_orbit, find
 from ..periodic.formulations import equations_of
 from ..periodic.orbit import Orbit
+from ..plot import plot_map
 from ..symbolic.exclusive import exclusive
 from .impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from .multiplier import multiplier
@@ -35,6 +38,8 @@ ROUNDED = 1e-13  # a smaller change of the launch speed by a hop, as a share of 
 FURTHER = 3  # the search for lossless orbits ends after this many families in a row without one in the range
 PER_TURN, MOST_SAMPLES = 8, 2000  # launches in the grid searched for lossless orbits: per half oscillation, and at most
 SETTLED = 1e-5  # a basin, maybe of infinitely many intervals, is complete when a hop adds a smaller share of the range
+# The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
+SHOWN, HIGH_LAUNCH = 1000, 9.0
 # (lowest, highest) of each interval, ascending.
 Intervals = list[tuple[float, float]]
 
@@ -65,6 +70,11 @@ class Hops:
     def __repr__(self) -> str:
         statuses, counts = np.unique(self.status, return_counts=True)
         return one_line(self, dict(zip(statuses.tolist(), counts.tolist(), strict=True)))
+
+    def _repr_html_(self) -> str:
+        statuses, counts = np.unique(self.status, return_counts=True)
+        rows = [(status.replace("_", " "), str(count)) for status, count in zip(statuses, counts, strict=True)]
+        return cell(f"{self.status.size} launches: what becomes of them", rows)
 
     def document(self) -> dict[str, Any]:
         """The hops as the JSON document of the command line."""
@@ -111,6 +121,19 @@ class ReturnMap:
 
     def __repr__(self) -> str:
         return fields_in_line(self, "machine", "inject", "cap")
+
+    def _repr_html_(self) -> str:
+        speed = self._units.text(LIFTOFF_SPEED) if self._bare else ""
+        rows = [("injection", number_text(self.inject, speed)), ("impacts of a hop", f"{self.cap} at most")]
+        return cell(f"return map of {self.machine!r}", rows, self._draw)
+
+    def _draw(self, axes: Any) -> Any:
+        """Draw the map up to twice the lowest lossless launch speed, or up to a high one."""
+        try:
+            highest = 2.0 * find(self.machine).alpha
+        except OrbitsError:
+            highest = HIGH_LAUNCH * self._speed
+        return plot_map(self, highest / SHOWN, highest, axes, SHOWN)
 
     def __reduce__(self) -> tuple[type, tuple[Machine, float, int]]:
         return type(self), (self.machine, self.inject, self.cap)

@@ -35,6 +35,7 @@ from ..model.units import (
     without_units,
 )
 from ..numerics.bernstein import lowest
+from ..pages.cells import cell
 from ..plot import Report
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
@@ -149,7 +150,7 @@ class Simulation:
         return units.convert_height(height, states) if units else height
 
     def __repr__(self) -> str:
-        return fields_in_line(self, "machine", "status", "end")
+        return fields_in_line(self, "status", "end", "machine")
 
     def document(self) -> dict[str, Any]:
         """The simulation as the JSON document of the command line."""
@@ -161,17 +162,26 @@ class Simulation:
             "events": [{**vars(e), "before": e.before.tolist(), "after": e.after.tolist()} for e in self.events],
         }  # fmt: skip
 
-    def __str__(self) -> str:
+    def _told(self) -> tuple[list[tuple[str, ...]], list[str]]:
+        """A table of the events, its headings first, and what is to be said of the whole."""
         units = self.machine.units.texts(DIMENSIONS_OF_SIMULATIONS) if self.machine.units else {}
         time, energy, loss = (f"{name} ({units[name]})" if units else name for name in ("time", "energy", "loss"))
         second, speed, metre = ("", "", "") if not units else (f" {units[name]}" for name in AFTER_NUMBERS)
-        lines = [f"{time:>14}  {'event':<10}{energy:>16}{loss:>14}"]
-        lines += [f"{e.time:14.9g}  {e.kind:<10}{e.energy:16.9g}{e.loss:14.6g}" for e in self.events]
+        rows = [(f"{e.time:.9g}", e.kind, f"{e.energy:.9g}", f"{e.loss:.6g}") for e in self.events]
         speeds, why = ", ".join(f"{alpha:.10g}" for alpha in self.launches), f": {self.reason}" if self.reason else ""
-        lines += [f"  launch speeds {speeds}{speed}", f"  {self.status} at time {self.end:.9g}{second}{why}"]
+        notes = [f"launch speeds {speeds}{speed}", f"{self.status} at time {self.end:.9g}{second}{why}"]
         if (least := self.smallest_separation) is not None and least <= 0:
-            lines.append(f"  the masses pass through each other: their least separation is {least:.6g}{metre}")
-        return "\n".join(lines)
+            notes.append(f"the masses pass through each other: their least separation is {least:.6g}{metre}")
+        return [(time, "event", energy, loss), *rows], notes
+
+    def __str__(self) -> str:
+        rows, notes = self._told()
+        lines = [f"{time:>14}  {event:<10}{energy:>16}{loss:>14}" for time, event, energy, loss in rows]
+        return "\n".join([*lines, *(f"  {note}" for note in notes)])
+
+    def _repr_html_(self) -> str:
+        (heads, *rows), notes = self._told()
+        return cell(f"motion of {self.machine!r}", rows, self.plot, heads, notes)
 
     def plot(self, axes: Any = None) -> Any:
         """Plot heights against time; returns the axes. See `orbits.plot.plot_simulation`."""

@@ -53,6 +53,20 @@ def legend_above(figure: Any, *items: Any, columns: int = 4) -> None:
     figure.add_layout(legend, "above")
 
 
+def columns_of(*names: str) -> dict[str, list]:
+    """Columns of a source with nothing in them."""
+    return {name: [] for name in names}
+
+
+def hover(renderers: list[Any], told: list[tuple[str, str]], **options: Any) -> Any:
+    """A tool that tells what is at the pointer.
+
+    told : names and texts, where "@name{%.5g}" is a column in the format of C; a text without a name has none
+    """
+    formatters = {text.split("{")[0]: "printf" for _, text in told if "{" in text}
+    return bokeh("models").HoverTool(renderers=renderers, tooltips=told, formatters=formatters, **options)
+
+
 def range_changes(shown: Any, low: float, high: float, steady: bool, margin: float = MARGIN) -> list[Change]:
     """What makes a `Range1d` show from low to high: nothing for a steady one that shows that already and that is well
     filled by it."""

@@ -9,7 +9,19 @@ import numpy as np
 from ..errors import InputError
 from ..model.units import FORCE
 from ..plot import COLOURS, SHADE, drawn_heights, drawn_range, masses_at, title, unit_labels, vertical
-from .bokeh_figures import GREY, INK, MARGIN, Change, apply, bokeh, legend_above, new_figure, range_changes
+from .bokeh_figures import (
+    GREY,
+    INK,
+    MARGIN,
+    Change,
+    apply,
+    bokeh,
+    columns_of,
+    hover,
+    legend_above,
+    new_figure,
+    range_changes,
+)
 from .player import new_player
 
 # Times at which a hop of family n is looked at: so many, and so many more for each family, at most so many.
@@ -111,11 +123,11 @@ class HopFigures:
     def __init__(self) -> None:
         new = bokeh("models").ColumnDataSource
         masses, joints, seen = ("time", "height", "speed", "colour", "name"), ("lower", "upper"), ("xs", "ys")
-        self._masses, self._centre = new(_empty(*masses)), new(_empty("time", "height"))
-        self._force, self._contact = new(_empty("time", "force")), new(_empty("start", "end"))
-        self._motion = new(_empty("drawn"))
-        self._springs, self._knees = new(_empty(*joints, *seen)), new(_empty(*joints, "link", *seen))
-        self._bodies = new(_empty(*masses, "x", "y", "marker", "size", "aside", "align", "force"))
+        self._masses, self._centre = new(columns_of(*masses)), new(columns_of("time", "height"))
+        self._force, self._contact = new(columns_of("time", "force")), new(columns_of("start", "end"))
+        self._motion = new(columns_of("drawn"))
+        self._springs, self._knees = new(columns_of(*joints, *seen)), new(columns_of(*joints, "link", *seen))
+        self._bodies = new(columns_of(*masses, "x", "y", "marker", "size", "aside", "align", "force"))
         self.machine, self.heights = self._new_machine(), self._new_heights()
         self.portrait, self.force = self._new_portrait(), self._new_force()
         shown = {"masses": self._masses, "motion": self._motion, "force": self._force, "bodies": self._bodies}
@@ -181,7 +193,7 @@ class HopFigures:
         text = {"text": "name", "x_offset": "aside", "text_align": "align", "text_color": INK, "text_font_size": "13px"}
         figure.text("x", "y", source=self._bodies, text_baseline="middle", y_offset=-11, **text)
         told = [("", "@name"), *((name, f"@{name}{{%.5g}}") for name in ("time", "height", "speed"))]
-        figure.add_tools(_hover([drawn], told))
+        figure.add_tools(hover([drawn], told))
         return figure
 
     def _new_heights(self) -> Any:
@@ -197,7 +209,7 @@ class HopFigures:
         named = new(label={"field": "name"}, renderers=[lines])
         legend_above(figure, named, self._centre_item, self._contact_item)
         told = [("", "@name"), ("time", "$snap_x{%.5g}"), ("height", "$snap_y{%.5g}")]
-        figure.add_tools(_hover([lines], told, mode="vline", line_policy="interp"))
+        figure.add_tools(hover([lines], told, mode="vline", line_policy="interp"))
         return figure
 
     def _new_portrait(self) -> Any:
@@ -205,7 +217,7 @@ class HopFigures:
         lines = figure.multi_line("height", "speed", source=self._masses, line_color="colour", line_width=2.5)
         figure.scatter("height", "speed", source=self._bodies, size=9, color="colour", line_color="white")
         told = [("", "@name"), ("height", "$snap_x{%.5g}"), ("speed", "$snap_y{%.5g}")]
-        figure.add_tools(_hover([lines], told, line_policy="interp"))
+        figure.add_tools(hover([lines], told, line_policy="interp"))
         return figure
 
     def _new_force(self) -> Any:
@@ -214,7 +226,7 @@ class HopFigures:
         line = figure.line("time", "force", source=self._force, line_color=INK, line_width=2.5)
         figure.scatter("time", "force", source=self._bodies, size=9, color=INK, line_color="white")
         told = [("time", "@time{%.5g}"), ("force", "@force{%.5g}")]
-        figure.add_tools(_hover([line], told, mode="vline"))
+        figure.add_tools(hover([line], told, mode="vline"))
         return figure
 
     def _shade(self, figure: Any) -> Any:
@@ -222,20 +234,7 @@ class HopFigures:
         return figure.vstrip("start", "end", source=self._contact, fill_color=SHADE, line_color=None, level="underlay")
 
 
-def _empty(*names: str) -> dict[str, list]:
-    """Columns of a source with nothing in them."""
-    return {name: [] for name in names}
-
-
 def _joints(joints: tuple, *names: str) -> dict[str, list]:
     """The columns of springs or knees; where they are drawn is up to the browser."""
     unseen: list[list[float]] = [[] for _ in joints]
     return {name: [joint[i] for joint in joints] for i, name in enumerate(names)} | {"xs": unseen, "ys": unseen}
-
-
-def _hover(renderers: list, told: list[tuple[str, str]], **options: Any) -> Any:
-    """A tool that tells what is at the pointer; `told` has numbers in the format of C."""
-    texts = [text.split("{")[0] for _, text in told if "{" in text]
-    tips = [(name or "mass", text) for name, text in told]
-    formatters = dict.fromkeys(texts, "printf")
-    return bokeh("models").HoverTool(renderers=renderers, tooltips=tips, formatters=formatters, **options)

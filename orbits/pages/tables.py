@@ -1,6 +1,6 @@
 """Tables of results as text and as HTML: names, numbers with their units, and words."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -10,11 +10,10 @@ DIGITS = 7  # what a table on a page shows; the printed one shows all that is kn
 # The colours are those of the page around, so that a table is legible on a light page and on a dark one.
 RULE = "1px solid rgba(128,128,128,0.35)"
 TABLE = "border-collapse:collapse;font:13px/1.45 system-ui,sans-serif;color:inherit;background:none;margin:0"
-CAPTION = "text-align:left;font-weight:600;padding:2px 0 4px;color:inherit;caption-side:top;overflow-wrap:anywhere"
+CAPTION = "text-align:left;font-weight:600;padding:2px 0 4px;color:inherit;caption-side:top"
 NAME = f"text-align:left;font-weight:400;padding:2px 14px 2px 0;border-bottom:{RULE};vertical-align:top;background:none"
-VALUE = f"text-align:left;padding:2px 10px 2px 0;border-bottom:{RULE};overflow-wrap:anywhere;background:none;" + (
-    "font-variant-numeric:tabular-nums"
-)
+VALUE = f"text-align:left;padding:2px 12px 2px 0;border-bottom:{RULE};vertical-align:top;background:none"
+NUMBER = f"{VALUE};white-space:nowrap;font-variant-numeric:tabular-nums"  # of a column among others
 
 
 def number_text(value: Any, unit: str = "", digits: int = DIGITS) -> str:
@@ -25,6 +24,15 @@ def number_text(value: Any, unit: str = "", digits: int = DIGITS) -> str:
         return str(value)
     text = f"{value:.{digits}g}" if isinstance(value, float) else str(value)
     return f"{text} {unit}".rstrip()
+
+
+def machine_rows(words: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The numbers of a machine in words and numbers, as it describes itself, as rows of a table."""
+    own = words.get("units", {})
+    numbers = {name: words[name] for name in own if name in words}
+    numbers = numbers or {"mass ratio": words["mass_ratio"], "rest length": words["rest_length"]}
+    numbers |= words["parameters"]
+    return [(name, f"{value:g} {own.get(name, '')}".rstrip()) for name, value in numbers.items() if value is not None]
 
 
 def orbit_rows(orbit: Any, digits: int = DIGITS) -> list[tuple[str, str]]:
@@ -57,15 +65,18 @@ def orbit_rows(orbit: Any, digits: int = DIGITS) -> list[tuple[str, str]]:
 
 
 def html_table(rows: Sequence[Sequence[str]], title: str, heads: Sequence[str] = ()) -> str:
-    """Rows of texts as a table in HTML with its title above; the first text of a row is its heading.
+    """Rows of texts as a table in HTML with its title, if any, above; the first text of a row is its heading.
 
     heads : headings of the columns, none for a table of names and values
 
     Every text is escaped.
     """
     above = "".join(f'<th scope="col" style="{NAME};font-weight:600">{escape(text)}</th>' for text in heads)
-    lines = [f"<thead><tr>{above}</tr></thead>" if heads else "", "<tbody>"]
+    lines, look = [f'<table style="{TABLE}">'], NUMBER if heads else VALUE
+    if title:
+        lines.append(f'<caption style="{CAPTION}">{escape(title)}</caption>')
+    lines.append(f"<thead><tr>{above}</tr></thead><tbody>" if heads else "<tbody>")
     for name, *values in rows:
-        cells = "".join(f'<td style="{VALUE}">{escape(text)}</td>' for text in values)
+        cells = "".join(f'<td style="{look}">{escape(text)}</td>' for text in values)
         lines.append(f'<tr><th scope="row" style="{NAME}">{escape(name)}</th>{cells}</tr>')
-    return f'<table style="{TABLE}"><caption style="{CAPTION}">{escape(title)}</caption>{"".join(lines)}</tbody></table>'
+    return "".join([*lines, "</tbody></table>"])

@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import NoOrbit
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
+from ..io import fields_in_line
 from ..model.model import Model
 from ..model.phase import Phase
 from ..model.units import JERK, LENGTH, TIME, Message, Quantity
@@ -76,6 +77,9 @@ class Certificate:
     unfolding: float | None = None
     loss_error: float | None = None
     alpha_noise: float | None = None
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "family", "error", "clearance", "loss_coefficient", "violations")
 
 
 def certify(model: Model, cycles: Cycles) -> list[Certificate]:

@@ -18,7 +18,8 @@ from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..model.units import EXTENSION, UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from ..numerics.bernstein import lowest
-from ..pages.tables import VIOLATED, orbit_rows
+from ..pages.cells import cell
+from ..pages.tables import VIOLATED, machine_rows, orbit_rows
 from ..plot import Report, animate_orbit, plot_orbit, plot_phase_portrait
 from .certificate import Certificate
 from .formulations import CONTACT_FORCE
@@ -228,8 +229,9 @@ class Orbit:
         }
 
     def __repr__(self) -> str:
-        told = {name: self.machine[name] for name in ("machine", "spring", "gravity")} | self.machine["parameters"]
-        return one_line(self, told | {name: getattr(self, name) for name in ("family", "alpha", "error", "admissible")})
+        told = {name: getattr(self, name) for name in ("family", "alpha", "admissible", "error")}
+        told |= {name: self.machine[name] for name in ("spring", "gravity")} | self.machine["parameters"]
+        return one_line(self, {"machine": self.machine["machine"], **told})
 
     def summary(self) -> str:
         """What the orbit is in one line: its family, machine and laws."""
@@ -238,16 +240,13 @@ class Orbit:
         return f"lossless orbit of family {self.family}: {machine['machine']}, {laws}"
 
     def __str__(self) -> str:
-        machine, own = self.machine, self.machine.get("units", {})
-        stated = {name: machine[name] for name in own if name in machine}
-        numbers = stated or {"mass ratio": machine["mass_ratio"], "rest length": machine["rest_length"]}
-        numbers |= machine["parameters"]
-        said = [
-            f"{name} = {value:g} {own.get(name, '')}".rstrip() for name, value in numbers.items() if value is not None
-        ]
+        said = [f"{name} = {text}" for name, text in machine_rows(self.machine)]
         rows = orbit_rows(self, ALL_DIGITS)
         lines = [f"      {text}" if name == VIOLATED else f"  {name:<24}{text}" for name, text in rows]
         return "\n".join([self.summary(), "  " + ", ".join(said), *lines])
+
+    def _repr_html_(self) -> str:
+        return cell(self.summary(), orbit_rows(self), self.plot)
 
     def plot(self, axes: Any = None) -> Any:
         """Plot heights against time as in Fig. 3 of the paper; returns the axes. See `orbits.plot.plot_orbit`."""
@@ -260,6 +259,16 @@ class Orbit:
     def animate(self, path: str | Path, frames: int = 80, *, progress: Report = None) -> Path:
         """Write an animation of one cycle (.gif or .mp4); returns its path. See `orbits.plot.animate_orbit`."""
         return animate_orbit(self, path, frames, progress)
+
+    def page(self, path: str | Path) -> Path:
+        """Write a page in one file (.html) that needs no network: the animated machine, the certificate, heights, phase
+        portrait, contact force and, where the orbit knows its machine, the spring's law; returns its path.
+
+        Raises `InputError` for a bad path, and without Bokeh.
+        """
+        from ..pages.still import orbit_page
+
+        return orbit_page(self, path)
 
     def save(self, path: str | Path) -> Path:
         """Write the orbit to a JSON file, every float with 17 significant digits; returns the path.

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..io import one_line, write_json
+from ..pages.cells import cell
 
 # The width of the lines of a statement.
 LINE_WIDTH = 110
@@ -111,12 +112,20 @@ class Proof:
     def __repr__(self) -> str:
         return one_line(self, {"proved": self.proved, "family": self.family, "alpha": str(self.alpha)})
 
+    def rows(self) -> list[tuple[str, str]]:
+        """The proof as rows of a table, (name, text): what is enclosed, and the conditions with their verdicts."""
+        rows = [(name.replace("_", " "), str(each)) for name, each in self.enclosures.items()]
+        return rows + [(name.replace("_", " "), verdict) for name, verdict in self.conditions.items()]
+
     def __str__(self) -> str:
         lines = ["proved" if self.proved else "NOT PROVED", *_wrapped(self.statement)]
-        lines += [f"  {name.replace('_', ' '):<24}{each}" for name, each in self.enclosures.items()]
-        lines += [f"  {name.replace('_', ' '):<24}{verdict}" for name, verdict in self.conditions.items()]
+        lines += [f"  {name:<24}{text}" for name, text in self.rows()]
         lines += [line for reason in self.reasons for line in _wrapped(f"not proved: {reason}")]
         return "\n".join([*lines, f"  {'time':<24}{1e3 * self.seconds:.0f} ms"])
+
+    def _repr_html_(self) -> str:
+        notes = [self.statement, *(f"not proved: {reason}" for reason in self.reasons)]
+        return cell("proved" if self.proved else "NOT PROVED", self.rows(), notes=notes)
 
 
 def _wrapped(text: str) -> list[str]:

@@ -11,9 +11,10 @@ import numpy as np
 
 from ..design.many import DESIGN_STATUSES
 from ..errors import InputError
-from ..io import check_path, fields_in_line, to_json, write_table, writing
+from ..io import check_path, needed_package, one_line, to_json, write_table, writing
 from ..model.machine import Machine, machine_in_words
 from ..model.units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
+from ..pages.cells import cell
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from .question import COLUMNS_OF, Question, Table
@@ -129,12 +130,15 @@ class Sweep:
         return {"count": self.count, "done": len(self), "status": self.statuses(), "quantiles": quantiles}
 
     def __repr__(self) -> str:
-        return fields_in_line(self, "parameters", "count")
+        return one_line(self, {"parameters": self.parameters, "count": self.count, **self.statuses()})
+
+    def title(self) -> str:
+        """What was swept and what became of the members, in one line."""
+        machine, status = self.about["machine"], ", ".join(f"{n} {name}" for name, n in self.statuses().items())
+        return f"{len(self)} of {self.count} members of {machine['machine']}, spring {machine['spring']}: {status}"
 
     def __str__(self) -> str:
-        told, machine = self.summary(), self.about["machine"]
-        status = ", ".join(f"{number} {name}" for name, number in told["status"].items())
-        lines = [f"{len(self)} of {self.count} members of {machine['machine']}, spring {machine['spring']}: {status}"]
+        told, lines = self.summary(), [self.title()]
         lines += [f"  over {', '.join(map(self.heading, self.parameters))}"]
         width = max(map(len, map(self.heading, told["quantiles"])), default=0)
         if told["quantiles"]:
@@ -142,6 +146,15 @@ class Sweep:
         for name, found in told["quantiles"].items():
             lines.append(f"  {self.heading(name):<{width}}" + "".join(f"{value:13.6g}" for value in found.values()))
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        told = self.summary()
+        rows = [
+            (self.heading(name), *(f"{value:.5g}" for value in each.values()))
+            for name, each in told["quantiles"].items()
+        ]
+        over = f"over {', '.join(map(self.heading, self.parameters))}"
+        return cell(self.title(), rows, self.plot, [over, *(f"{share:.0%}" for share in QUANTILES)] if rows else ())
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """The members as JSON-ready data, None for what one does not have."""
@@ -195,7 +208,7 @@ class Sweep:
     @property
     def dataset(self) -> Any:
         """The sweep as an `xarray.Dataset`: with the parameters as coordinates for a grid, else along "member"."""
-        xarray = _needed("xarray", "for a dataset")
+        xarray = needed_package("xarray", "for a dataset")
         shape, families = self.about["shape"], self.about["families"]
         complete = len(self) == self.count
         dims: tuple[str, ...] = ("member",)
@@ -223,9 +236,11 @@ class Sweep:
         return {"long_name": name.replace("_", " "), **({"units": unit} if unit else {})}
 
     def dataframe(self) -> Any:
-        """The sweep as a `pandas.DataFrame`, a row for each member."""
-        pandas = _needed("pandas", "for a data frame")
-        return pandas.DataFrame(dict(self.columns), index=pandas.Index(self.index, name="member"))
+        """The sweep as a `pandas.DataFrame`, a row for each member; the units are `dataframe.attrs["units"]`."""
+        pandas = needed_package("pandas", "for a data frame")
+        frame = pandas.DataFrame(dict(self.columns), index=pandas.Index(self.index, name="member"))
+        frame.attrs["units"] = {name: unit for name, unit in self.units.items() if unit and name in frame}
+        return frame
 
     def save(self, path: str | Path) -> Path:
         """Write the sweep to .csv or .json, or, with the extra `data`, to .nc (NetCDF) or .parquet."""
@@ -253,6 +268,16 @@ class Sweep:
 
         return plot_sweep(self, quantity or self.numbers[0], axes)
 
+    def page(self, path: str | Path, quantity: str | None = None) -> Path:
+        """Write a page of a quantity, the first one if None, over the parameters, in one file (.html) that needs no
+        network; returns its path.
+
+        Raises `InputError` for a bad path, a quantity that is no number, and without Bokeh.
+        """
+        from ..pages.still import sweep_page
+
+        return sweep_page(self, path, quantity)
+
     def sensitivity(
         self, quantities: Sequence[str] | None = None, samples: int = 1024, seed: int = 0, **options: Any
     ) -> dict[str, dict[str, dict[str, float]]]:
@@ -276,20 +301,10 @@ def check_table(path: str | Path) -> Path:
     missing that writes it."""
     path = check_path(path, tuple(TABLES))
     for package in TABLES[path.suffix.lower()]:
-        _needed(package, f"to write {path}")
+        needed_package(package, f"to write {path}")
     return path
 
 
 def _blank(value: Any) -> Any:
     """A value of a CSV file; nothing for what a member does not have."""
     return "" if isinstance(value, float) and np.isnan(value) else value
-
-
-def _needed(package: str, what: str) -> Any:
-    """A package of the extra `data`; raises `InputError` where it is missing."""
-    from importlib import import_module
-
-    try:
-        return import_module(package)
-    except ImportError:
-        raise InputError(f"{what}, {package} is needed: pip install 'persistent-orbits[data]'") from None

@@ -19,6 +19,7 @@ from ..design.many import DESIGN_STATUSES, solved_designs
 from ..errors import InputError, whole_number
 from ..io import check_ending, fields_in_line, to_json, write_table, writing
 from ..model.machine import Machine
+from ..pages.cells import cell
 from ..periodic.find import LARGEST_FAMILY
 from ..symbolic import interrupts
 from .answer import Sweep
@@ -73,11 +74,17 @@ class Existence:
     def __repr__(self) -> str:
         return fields_in_line(self, "along", "across", "values")
 
+    def _repr_html_(self) -> str:
+        rows = [(f"{value:.6g}", self._motions_in_words(row)) for row, value in enumerate(self.values)]
+        return cell(self.grid.title(), rows, self.plot, (self.heading(self.across), f"motions for {self.along}"))
+
+    def _motions_in_words(self, row: int) -> str:
+        told = ", ".join(f"{low:.8g} to {high:.8g}" for low, high in self.motions(row)) or "none"
+        return f"{told}{', in part not known' if self.unknown(row) else ''}"
+
     def __str__(self) -> str:
         lines = [str(self.grid), f"  motions for {self.along} by {self.heading(self.across)}:"]
-        for row, value in enumerate(self.values):
-            told = ", ".join(f"{low:.8g} to {high:.8g}" for low, high in self.motions(row)) or "none"
-            lines.append(f"  {value:<12.6g}{told}{', in part not known' if self.unknown(row) else ''}")
+        lines += [f"  {value:<12.6g}{self._motions_in_words(row)}" for row, value in enumerate(self.values)]
         return "\n".join(lines)
 
     @property

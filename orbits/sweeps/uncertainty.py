@@ -8,12 +8,17 @@ import numpy as np
 
 from ..design.sensitivities import sensitivities
 from ..errors import InputError, whole_number
-from ..io import fields_in_line
+from ..io import one_line
 from ..model.machine import Machine
+from ..pages.cells import cell
 from ..periodic.find import find
 from .answer import QUANTILES, Sweep
 from .designs import members_of
 from .sweep import sweep as swept
+
+# Shares of the members below the quantiles that are printed, and the columns of the printed table.
+ENDS = ("5%", "95%")
+COLUMNS_OF_UNCERTAINTY = ("mean", "deviation", "linear", *ENDS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,17 +39,28 @@ class Uncertainty:
     sweep: Sweep
 
     def __repr__(self) -> str:
-        return fields_in_line(self, "share")
+        return one_line(self, {"share": self.share, "mean": dict(self.mean)})
+
+    def summary(self) -> str:
+        """How many members are motions, in one line."""
+        return f"{self.share:.1%} of {len(self.sweep)} members are motions"
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """The quantities as rows of a table: name, mean, deviation, linear deviation and two quantiles."""
+        numbers = {
+            name: (mean, self.deviation[name], self.linear[name], *(self.quantiles[name][share] for share in ENDS))
+            for name, mean in self.mean.items()
+        }
+        return [(self.sweep.heading(name), *(f"{each:.6g}" for each in row)) for name, row in numbers.items()]
 
     def __str__(self) -> str:
-        heads = "".join(f"{name:>14}" for name in ("mean", "deviation", "linear", "5%", "95%"))
         width = max(len(self.sweep.heading(name)) for name in self.mean)
-        lines = [f"{self.share:.1%} of {len(self.sweep)} members are motions", f"  {'':{width}}{heads}"]
-        for name, mean in self.mean.items():
-            ends = (self.quantiles[name][share] for share in ("5%", "95%"))
-            numbers = (mean, self.deviation[name], self.linear[name], *ends)
-            lines.append(f"  {self.sweep.heading(name):<{width}}" + "".join(f"{number:14.6g}" for number in numbers))
-        return "\n".join(lines)
+        table = [("", *COLUMNS_OF_UNCERTAINTY), *self.rows()]
+        lines = [f"  {name:<{width}}" + "".join(f"{text:>14}" for text in row) for name, *row in table]
+        return "\n".join([self.summary(), *lines])
+
+    def _repr_html_(self) -> str:
+        return cell(self.summary(), self.rows(), self.sweep.plot, ("", *COLUMNS_OF_UNCERTAINTY))
 
 
 def uncertainty(
