@@ -7,7 +7,7 @@ import numpy as np
 
 from ..model.units import LIFTOFF_SPEED
 from ..plot import COLOURS, PALE, cobweb, sampled_map
-from .bokeh_figures import GREY, Change, apply, bokeh, legend_above, new_figure, range_changes
+from .bokeh_figures import GREY, Change, apply, bokeh, columns_of, hover, legend_above, new_figure, range_changes
 
 SAMPLES, HOPS = 1500, 60
 
@@ -66,9 +66,9 @@ class MapFigure:
         models = bokeh("models")
         new = models.ColumnDataSource
         self.figure = figure = new_figure("Return map", 380)
-        self._map, self._web = (new({"alpha": [], "following": []}) for _ in range(2))
-        self._basin, self._identity = new({"low": [], "high": []}), new({"alpha": [], "following": []})
-        self._start = new({"alpha": [], "following": []})
+        lines = (new(columns_of("alpha", "following")) for _ in range(4))
+        self._map, self._web, self._identity, self._start = lines
+        self._basin = new(columns_of("low", "high"))
         strips = figure.vstrip("low", "high", source=self._basin, fill_color=PALE, line_color=None, level="underlay")
         identity = figure.line("alpha", "following", source=self._identity, line_color=GREY, line_dash=[4, 3])
         line = figure.line("alpha", "following", source=self._map, line_color=COLOURS[0], line_width=2.5)
@@ -78,8 +78,7 @@ class MapFigure:
         self._items = {name: models.LegendItem(label=name, renderers=[drawn]) for name, drawn in names}
         legend_above(figure, *self._items.values(), columns=2)
         told = [("launch speed", "@alpha{%.6g}"), ("next", "@following{%.6g}")]
-        formats = {"@alpha": "printf", "@following": "printf"}
-        figure.add_tools(models.HoverTool(renderers=[line], tooltips=told, formatters=formats, mode="vline"))
+        figure.add_tools(hover([line], told, mode="vline"))
 
     def show(self, data: MapData, steady: bool = True) -> None:
         """Show another map in place of the one before; axes stay as they are while it fills them well if `steady`."""

@@ -54,7 +54,10 @@ def hop_answer(given: Any, scene: Scene, with_dials: bool) -> Iterator[HopAnswer
     orbit = _orbit_of(machine, scene)
     if scene.start is not None:
         scene = replace(scene, start=start_of(orbit))
-    law = law_data(machine, orbit)
+    try:
+        law = law_data(machine, orbit)
+    except InputError:
+        law = None
     dials = dials_of(machine, scene) if with_dials else None
     yield HopAnswer(scene, hop_data(orbit), law, orbit_rows(orbit), orbit.alpha, orbit.admissible, dials)
 

@@ -220,8 +220,9 @@ class Explorer:
             self._dials, self._dials_of = answer.dials, self._kind_of(asked)
         self._count += 1
         self._hops.show(answer.data, steady)
+        self._laws.figure.visible = answer.law is not None
         if answer.law is not None:
-            self._laws.show(answer.law)
+            self._laws.show(answer.law, steady)
         self._mark()
         self._around_later()
 
