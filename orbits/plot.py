@@ -232,6 +232,26 @@ def plot_front(front: Any, axes: Axes | None = None) -> Axes:
     return _finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 
+def sampled_map(step: Any, low: float, high: float, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Launch speeds (k,) between two bounds and the next ones, which are NaN where there is none or the map jumps."""
+    alpha = np.linspace(low, high, samples)
+    found = step(alpha)
+    broken = step.jumps(found) + 1
+    return np.insert(alpha, broken, np.nan), np.insert(found.next, broken, np.nan)
+
+
+def cobweb(step: Any, start: float, hops: int) -> np.ndarray:
+    """The corners (2, k) of the cobweb of so many hops from a launch speed, or of fewer where there is no next launch."""
+    web, here = [(start, start)], float(start)
+    for _ in range(hops):
+        there = float(step(here).next)
+        if not np.isfinite(there):
+            break
+        web += [(here, there), (there, there)]
+        here = there
+    return np.transpose(web)
+
+
 def plot_map(
     step: Any,
     low: float,
@@ -246,21 +266,11 @@ def plot_map(
     step : a `ReturnMap`
     start : launch speed from which a cobweb of so many `hops` is drawn, None for no cobweb
     """
-    axes, alpha = axes or new_axes(5.2, 5.0), np.linspace(low, high, samples)
-    found = step(alpha)
-    broken = step.jumps(found) + 1
-    x, y = (np.insert(values, broken, np.nan) for values in (alpha, found.next))
+    axes = axes or new_axes(5.2, 5.0)
     axes.plot([low, high], [low, high], color="0.6", lw=0.8, label="identity")
-    axes.plot(x, y, color=COLOURS[0], lw=1.6, label="map")
+    axes.plot(*sampled_map(step, low, high, samples), color=COLOURS[0], lw=1.6, label="map")
     if start is not None:
-        web, here = [(start, start)], float(start)
-        for _ in range(hops):
-            there = float(step(here).next)
-            if not np.isfinite(there):
-                break
-            web += [(here, there), (there, there)]
-            here = there
-        axes.plot(*np.transpose(web), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
+        axes.plot(*cobweb(step, start, hops), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
     unit = f" ({step.machine.units.text(LIFTOFF_SPEED)})" if step.machine.units else ""
     labels = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
     return _finished(axes, {"loc": "upper left"}, xlim=(low, high), ylim=(0, high), **labels)
