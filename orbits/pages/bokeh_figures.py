@@ -56,7 +56,7 @@ def legend_above(figure: Any, *items: Any, columns: int = 4) -> None:
     figure.add_layout(legend, "above")
 
 
-def columns_of(*names: str) -> dict[str, list]:
+def empty_columns(*names: str) -> dict[str, list]:
     """Columns of a source with nothing in them."""
     return {name: [] for name in names}
 
@@ -91,19 +91,19 @@ def apply(changes: list[Change]) -> None:
         document.hold("combine")
     try:
         for model, name, value in changes:
-            if not _same(getattr(model, name), value):  # Bokeh tells of arrays also where they are equal
+            if not _equal(getattr(model, name), value):  # Bokeh tells of arrays also where they are equal
                 setattr(model, name, value)
     finally:
         if document is not None and held:
             document.unhold()
 
 
-def _same(old: Any, new: Any) -> bool:
+def _equal(old: Any, new: Any) -> bool:
     """Whether two values of a property are equal, in columns too."""
     if isinstance(new, dict):
-        return isinstance(old, dict) and old.keys() == new.keys() and all(_same(old[name], new[name]) for name in new)
+        return isinstance(old, dict) and old.keys() == new.keys() and all(_equal(old[name], new[name]) for name in new)
     if isinstance(new, np.ndarray) or isinstance(old, np.ndarray):
         return np.array_equal(old, new)
     if isinstance(new, list):
-        return isinstance(old, list) and len(old) == len(new) and all(map(_same, old, new))
+        return isinstance(old, list) and len(old) == len(new) and all(map(_equal, old, new))
     return bool(old == new)

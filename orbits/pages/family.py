@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..plot import COLOURS, family_curve
-from .bokeh_figures import INK, Change, apply, bokeh, columns_of, hover, legend_above, new_figure, range_changes
+from .bokeh_figures import INK, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes
 from .tables import number_text
 
 # How events are marked, alike in each figure of a family.
@@ -74,10 +74,10 @@ class FamilyFigure:
 
     def __init__(self, height: int = 360) -> None:
         models, new = bokeh("models"), bokeh("models").ColumnDataSource
-        self._curve = new(columns_of("value", "motions", "others"))
-        self.points = new(columns_of("value", "quantity", "alpha", "told"))
-        self._events = new(columns_of("value", "quantity", "kind", "told", "marker"))
-        self._here = new(columns_of("value", "quantity"))
+        self._curve = new(empty_columns("value", "motions", "others"))
+        self.points = new(empty_columns("value", "quantity", "alpha", "told"))
+        self._events = new(empty_columns("value", "quantity", "kind", "told", "marker"))
+        self._here = new(empty_columns("value", "quantity"))
         self.figure = figure = new_figure("", height)
         line = figure.line("value", "motions", source=self._curve, line_width=2.5, color=COLOURS[0])
         dashed = figure.line("value", "others", source=self._curve, line_width=2, color=COLOURS[0], line_dash=[4, 4])
@@ -133,5 +133,5 @@ class FamilyFigure:
     def marks(self, value: float | None = None, quantity: float | None = None) -> list[Change]:
         """What `mark` changes."""
         seen = value is not None and quantity is not None
-        place = {"value": [value], "quantity": [quantity]} if seen else columns_of("value", "quantity")
+        place = {"value": [value], "quantity": [quantity]} if seen else empty_columns("value", "quantity")
         return [(self._here, "data", place), (self._items[2], "visible", seen)]

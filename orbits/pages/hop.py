@@ -16,7 +16,7 @@ from .bokeh_figures import (
     Change,
     apply,
     bokeh,
-    columns_of,
+    empty_columns,
     hover,
     legend_above,
     new_figure,
@@ -123,11 +123,11 @@ class HopFigures:
     def __init__(self) -> None:
         new = bokeh("models").ColumnDataSource
         masses, joints, seen = ("time", "height", "speed", "colour", "name"), ("lower", "upper"), ("xs", "ys")
-        self._masses, self._centre = new(columns_of(*masses)), new(columns_of("time", "height"))
-        self._force, self._contact = new(columns_of("time", "force")), new(columns_of("start", "end"))
-        self._motion = new(columns_of("drawn"))
-        self._springs, self._knees = new(columns_of(*joints, *seen)), new(columns_of(*joints, "link", *seen))
-        self._bodies = new(columns_of(*masses, "x", "y", "marker", "size", "aside", "align", "force"))
+        self._masses, self._centre = new(empty_columns(*masses)), new(empty_columns("time", "height"))
+        self._force, self._contact = new(empty_columns("time", "force")), new(empty_columns("start", "end"))
+        self._motion = new(empty_columns("drawn"))
+        self._springs, self._knees = new(empty_columns(*joints, *seen)), new(empty_columns(*joints, "link", *seen))
+        self._bodies = new(empty_columns(*masses, "x", "y", "marker", "size", "aside", "align", "force"))
         self.machine, self.heights = self._new_machine(), self._new_heights()
         self.portrait, self.force = self._new_portrait(), self._new_force()
         shown = {"masses": self._masses, "motion": self._motion, "force": self._force, "bodies": self._bodies}

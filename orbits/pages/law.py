@@ -11,11 +11,11 @@ from ..model.machine import Machine, dimensionless
 from ..model.units import EXTENSION, FORCE
 from ..plot import COLOURS, SHADE
 from ..symbolic.exclusive import exclusive
-from .bokeh_figures import GREY, Change, apply, bokeh, columns_of, hover, legend_above, new_figure, range_changes
+from .bokeh_figures import GREY, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes
 
 TORQUE = (1, 0, 1)  # the dimension of a force against an angle
 EXTENSIONS = 301  # at which a law is looked at
-BESIDE = 0.35  # so far beyond the used range on both sides, as a share of it
+BEYOND = 0.35  # so far beyond the used range on both sides, as a share of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ def law_data(machine: Machine, orbit: Any) -> LawData:
     states = bare(np.linspace(0, end, EXTENSIONS))
     used = extension(states)
     low, high = float(used.min()), float(used.max())
-    beside = BESIDE * (high - low)
+    beside = BEYOND * (high - low)
     places, forces = _forces(own, np.linspace(low - beside, high + beside, EXTENSIONS))
     start = _forces(own, np.array([bare.liftoff_extension]))[1]
     turns = units is not None and "liftoff" in units.angles
@@ -95,8 +95,8 @@ class LawFigure:
 
     def __init__(self, height: int = 260) -> None:
         models, new = bokeh("models"), bokeh("models").ColumnDataSource
-        self._curve = new(columns_of("extension", "force"))
-        self._used, self._liftoff = new(columns_of("low", "high")), new(columns_of("extension", "force"))
+        self._curve = new(empty_columns("extension", "force"))
+        self._used, self._liftoff = new(empty_columns("low", "high")), new(empty_columns("extension", "force"))
         self.figure = figure = new_figure("", height)
         strip = figure.vstrip("low", "high", source=self._used, fill_color=SHADE, line_color=None, level="underlay")
         figure.add_layout(models.Span(location=0, dimension="width", line_color=GREY))

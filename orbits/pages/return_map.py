@@ -7,7 +7,7 @@ import numpy as np
 
 from ..model.units import LIFTOFF_SPEED
 from ..plot import COLOURS, PALE, cobweb, sampled_map
-from .bokeh_figures import GREY, Change, apply, bokeh, columns_of, hover, legend_above, new_figure, range_changes
+from .bokeh_figures import GREY, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes
 
 SAMPLES, HOPS = 1500, 60
 
@@ -66,9 +66,9 @@ class MapFigure:
         models = bokeh("models")
         new = models.ColumnDataSource
         self.figure = figure = new_figure("Return map", 380)
-        lines = (new(columns_of("alpha", "following")) for _ in range(4))
+        lines = (new(empty_columns("alpha", "following")) for _ in range(4))
         self._map, self._web, self._identity, self._start = lines
-        self._basin = new(columns_of("low", "high"))
+        self._basin = new(empty_columns("low", "high"))
         strips = figure.vstrip("low", "high", source=self._basin, fill_color=PALE, line_color=None, level="underlay")
         identity = figure.line("alpha", "following", source=self._identity, line_color=GREY, line_dash=[4, 3])
         line = figure.line("alpha", "following", source=self._map, line_color=COLOURS[0], line_width=2.5)
@@ -90,9 +90,7 @@ class MapFigure:
         most = np.nanmax(data.following, initial=data.high, where=np.isfinite(data.following))
         sources = {self._map: (data.alpha, data.following), self._web: data.web, self._start: data.web[:, :1]}
         sources[self._identity] = ([data.low, data.high],) * 2
-        changes: list[Change] = [
-            (source, "data", {"alpha": x, "following": y}) for source, (x, y) in sources.items()
-        ]
+        changes: list[Change] = [(source, "data", {"alpha": x, "following": y}) for source, (x, y) in sources.items()]
         changes.append((self._basin, "data", {"low": basin[:, 0], "high": basin[:, 1]}))
         changes += range_changes(self.figure.x_range, data.low, data.high, steady, 0.0)
         changes += range_changes(self.figure.y_range, 0.0, float(most), steady)

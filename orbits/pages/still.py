@@ -88,7 +88,7 @@ def orbit_page(orbit: Any, path: str | Path) -> Path:
     figures.show(data, steady=False)
     table = html_table([*machine_rows(orbit.machine), *orbit_rows(orbit)], "Certificate")
     first = "Animation and certificate", [_animation(figures), table]
-    return write_page(path, data.title, [first, *_hop(figures, *_laws(orbit))])
+    return write_page(path, data.title, [first, *_other_figures(figures, *_laws(orbit))])
 
 
 def family_page(family: Any, path: str | Path, quantity: str, hops: Iterable[tuple[Any, Any]]) -> Path:
@@ -129,7 +129,7 @@ def _animation(figures: HopFigures) -> Any:
     return bokeh("layouts").column(figures.player, figures.machine, sizing_mode="stretch_width")
 
 
-def _hop(figures: HopFigures, *beside: Any) -> list[Any]:
+def _other_figures(figures: HopFigures, *beside: Any) -> list[Any]:
     """The sections of a hop's other figures, and what stands beside the contact force."""
     return [("Over a cycle", [figures.heights, figures.portrait]), ("Forces", [figures.force, *beside])]
 
@@ -175,4 +175,4 @@ def _choice(family: Any, quantity: str, shown: FamilyFigure, hops: list[tuple[An
     click = {"slider": slider, "points": shown.points, "places": places}
     shown.points.selected.js_on_change("indices", models.CustomJS(args=click, code=CLICK))
     chosen = [("Choose a hop here, or click on the curve above", [slider]), ("The hop", [_animation(figures), about])]
-    return [*chosen, *_hop(figures)]
+    return [*chosen, *_other_figures(figures)]

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..plot import COLOURS
-from .bokeh_figures import GREY, bokeh, columns_of, hover, legend_above, new_figure
+from .bokeh_figures import GREY, bokeh, empty_columns, hover, legend_above, new_figure
 
 MOST_SHOWN = 10_000  # members; a page of more would be large, and their marks would cover each other
 LONGEST_REASON = 200  # letters of what is told of one
@@ -43,7 +43,7 @@ def _source(sweep: Any, quantity: str, rows: np.ndarray) -> Any:
     """The source of these members."""
     if not len(rows):
         return bokeh("models").ColumnDataSource(
-            columns_of(*_columns(sweep), "quantity", "member", "told", "kind", "family")
+            empty_columns(*_columns(sweep), "quantity", "member", "told", "kind", "family")
         )
     status, reason = (sweep[name][rows].astype(str) for name in ("status", "reason"))
     families = np.array(sweep.about["families"])
@@ -51,11 +51,11 @@ def _source(sweep: Any, quantity: str, rows: np.ndarray) -> Any:
     columns = {column: sweep[name][rows] for column, name in _columns(sweep).items()}
     columns |= {"quantity": sweep[quantity][rows], "member": sweep.index[rows], "told": told}
     columns["kind"] = np.where(np.isin(status, MOTIONS), "motions", "no motions").tolist()
-    columns["family"] = [_name_of(family) for family in families[sweep.index[rows] % len(families)].tolist()]
+    columns["family"] = [_family_name(family) for family in families[sweep.index[rows] % len(families)].tolist()]
     return bokeh("models").ColumnDataSource(columns)
 
 
-def _name_of(family: int) -> str:
+def _family_name(family: int) -> str:
     return f"family {family}"
 
 
@@ -77,19 +77,19 @@ def _plane(sweep: Any, quantity: str, found: Any, nothing: Any) -> Any:
     if len(values):
         plain = {"title_text_font_style": "normal", "title_text_font_size": "12px", "height": 12}
         figure.add_layout(models.ColorBar(color_mapper=mapper, title=_label(sweep, quantity), **plain), "below")
-    figure.add_tools(_told(sweep, quantity, [marks]), _told(sweep, None, [crosses]))
+    figure.add_tools(_member_tool(sweep, quantity, [marks]), _member_tool(sweep, None, [crosses]))
     return figure
 
 
 def _against(sweep: Any, name: str, quantity: str, found: Any) -> Any:
     """The quantity against one parameter, in a colour for each family."""
-    figure, families = _empty_figure(sweep, name, quantity), list(map(_name_of, sweep.about["families"]))
+    figure, families = _empty_figure(sweep, name, quantity), list(map(_family_name, sweep.about["families"]))
     column, colour, field = next(column for column, each in _columns(sweep).items() if each == name), COLOURS[0], "kind"
     if len(families) > 1:
         shades = [COLOURS[i % len(COLOURS)] for i in range(len(families))]
         colour, field = bokeh("transform").factor_cmap("family", shades, families), "family"
     marks = _marks(figure, sweep, found, column, "quantity", colour, field)
-    figure.add_tools(_told(sweep, quantity, [marks]), bokeh("models").BoxSelectTool())
+    figure.add_tools(_member_tool(sweep, quantity, [marks]), bokeh("models").BoxSelectTool())
     return figure
 
 
@@ -105,7 +105,7 @@ def _marks(figure: Any, sweep: Any, found: Any, x: str, y: str, colour: Any, fie
     return marks
 
 
-def _told(sweep: Any, quantity: str | None, renderers: list[Any]) -> Any:
+def _member_tool(sweep: Any, quantity: str | None, renderers: list[Any]) -> Any:
     """The tool that tells of a member."""
     tips = [("member", "@member")] + ([("", "@family")] if len(sweep.about["families"]) > 1 else [])
     tips += [(sweep.heading(name), f"@{column}{{%.6g}}") for column, name in _columns(sweep).items()]
