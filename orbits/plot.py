@@ -119,8 +119,8 @@ def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
         axes.axvspan(orbit.flight_time, t[-1], fc=SHADE, ec="0.7", lw=0.5, label="contact", zorder=0)
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set_title(title(orbit), fontsize="medium", wrap=True)
-    vertical = _vertical(orbit.machine["rest_length"]) + metres
-    return finished(axes, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=vertical)
+    label = vertical(orbit.machine["rest_length"]) + metres
+    return finished(axes, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=label)
 
 
 def _style(name: str) -> dict[str, Any]:
@@ -171,17 +171,24 @@ def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
     """Plot speed against height of every mass over a cycle; return the axes."""
     metres, _, speeds_in = unit_labels(orbit.units)
     axes, (_, states) = axes or new_axes(4.5, 4.0), _cycle(orbit, 2001)
+    for (name, (height, speed)), colour in zip(masses_at(orbit, states).items(), cycle(COLOURS), strict=False):
+        axes.plot(height, speed, color=colour, lw=1.6, label=name)
+    axes.set_title(title(orbit), fontsize="medium", wrap=True)
+    label = vertical(orbit.machine["rest_length"]) + metres
+    return finished(axes, xlabel=label, ylabel="speed" + speeds_in)
+
+
+def masses_at(orbit: Any, states: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Height and speed (k,) of each mass at flight states (k, n) of an orbit, by name."""
     names = orbit.flight.names[: states.shape[1]]
     moving = [i for i, name in enumerate(names) if name.endswith("'")]
     shift = np.zeros_like(states)
     shift[:, [names.index(names[i][:-1]) for i in moving]] = 1e-6 * orbit.flight_time * states[:, moving]
-    masses = [item for item in orbit.shape.heights.items() if item[0] != "centre of mass"]
-    for (name, height), colour in zip(masses, cycle(COLOURS), strict=False):
-        speed = (height(states + shift) - height(states - shift)) / (2e-6 * orbit.flight_time)
-        axes.plot(height(states), speed, color=colour, lw=1.6, label=name)
-    axes.set_title(title(orbit), fontsize="medium", wrap=True)
-    vertical = _vertical(orbit.machine["rest_length"]) + metres
-    return finished(axes, xlabel=vertical, ylabel="speed" + speeds_in)
+    heights = {name: height for name, height in orbit.shape.heights.items() if name != "centre of mass"}
+    return {
+        name: (height(states), (height(states + shift) - height(states - shift)) / (2e-6 * orbit.flight_time))
+        for name, height in heights.items()
+    }
 
 
 def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", label: str | None = None) -> Axes:
@@ -190,18 +197,15 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
     Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
     """
     axes = axes or new_axes(5.6, 4.2)
-    along = family.in_order()  # admissibility changes at an event, not at a point beside it
-    x, y = (family.values_at([point for point, _ in along], name) for name in ("value", quantity))
-    motion = np.array([point.admissible for point, _ in along])
-    joint = np.array([event is not None for _, event in along])
-    joint[1:-1] &= motion[2:] != motion[:-2]
+    x, y, motions, others = family_curve(family, quantity)
     known = axes.get_legend_handles_labels()[1]
-    line = axes.plot(x, np.where(motion | joint, y, np.nan), lw=2, label=label if motion.any() else None)[0]
-    if not motion.all():
+    some, all_are = np.isfinite(motions).any(), not np.isfinite(others).any()
+    line = axes.plot(x, motions, lw=2, label=label if some else None)[0]
+    if not all_are:
         look = {"color": line.get_color(), "lw": 1.4, "ls": (0, (4, 2)), "zorder": 1}
-        name = label if label and not motion.any() else None if NO_MOTIONS in known else NO_MOTIONS
-        axes.plot(x, np.where(~motion | joint, y, np.nan), label=name, **look)
-    for i, (_, event) in enumerate(along):
+        name = label if label and not some else None if NO_MOTIONS in known else NO_MOTIONS
+        axes.plot(x, others, label=name, **look)
+    for i, (_, event) in enumerate(family.in_order()):
         if event and event.kind != "asked":
             look = {"marker": MARKERS.get(event.kind, "P"), "ls": "", "ms": 6, "mfc": "white", "mew": 1.4, "zorder": 4}
             name = None if event.kind in known else event.kind
@@ -215,6 +219,17 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
 def label_of(name: str) -> str:
     """The name of a quantity with its unit as text for a plot: without underscores, and with powers raised."""
     return re.sub(r"\^(-?\d+)", r"$^{\1}$", name.replace("_", " "))
+
+
+def family_curve(family: Any, quantity: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The parameter (k,) at the points and events in order along a family's curve, and the quantity (k,) three times:
+    of all, of orbits that are motions, and of those that are not, NaN elsewhere."""
+    along = family.in_order()  # admissibility changes at an event, not at a point beside it
+    x, y = (family.values_at([point for point, _ in along], name) for name in ("value", quantity))
+    motion = np.array([point.admissible for point, _ in along], dtype=bool)
+    joint = np.array([event is not None for _, event in along], dtype=bool)
+    joint[1:-1] &= motion[2:] != motion[:-2]
+    return x, y, np.where(motion | joint, y, np.nan), np.where(~motion | joint, y, np.nan)
 
 
 def spread(family: Any, count: int) -> list:
@@ -265,6 +280,26 @@ def plot_front(front: Any, axes: Axes | None = None) -> Axes:
     return finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 
+def sampled_map(step: Any, low: float, high: float, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Launch speeds (k,) between two bounds and the next ones, which are NaN where there is none or the map jumps."""
+    alpha = np.linspace(low, high, samples)
+    found = step(alpha)
+    broken = step.jumps(found) + 1
+    return np.insert(alpha, broken, np.nan), np.insert(found.next, broken, np.nan)
+
+
+def cobweb(step: Any, start: float, hops: int) -> np.ndarray:
+    """The corners (2, k) of the cobweb of so many hops from a launch speed, or of fewer where there is no next launch."""
+    web, here = [(start, start)], float(start)
+    for _ in range(hops):
+        there = float(step(here).next)
+        if not np.isfinite(there):
+            break
+        web += [(here, there), (there, there)]
+        here = there
+    return np.transpose(web)
+
+
 def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
     """Plot heights of a simulated machine's masses against time, contacts shaded, impacts marked; return the axes.
 
@@ -285,8 +320,8 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
         axes.plot(times, places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set_title(title_of_machine(machine.describe()), fontsize="medium", wrap=True)
-    vertical = _vertical(machine.rest_length) + metres
-    return finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel=vertical)
+    label = vertical(machine.rest_length) + metres
+    return finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel=label)
 
 
 def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Axes:
@@ -322,7 +357,7 @@ def title(orbit: Any) -> str:
     return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{_laws(orbit.machine)}"
 
 
-def _vertical(rest_length: float | None) -> str:
+def vertical(rest_length: float | None) -> str:
     """The name of the vertical axis; without a rest length the upper mass has a displacement and no height."""
     return "height" if rest_length is not None else "displacement"
 
@@ -396,6 +431,31 @@ def _lifted(heights: Mapping, springs, standing: Mapping) -> dict:
     return {name: height + room * lifts[name] for name, height in heights.items()}
 
 
+def drawn_heights(
+    states: np.ndarray, functions: Mapping, joints: tuple, floating: bool
+) -> tuple[dict[str | None, np.ndarray], bool]:
+    """The heights (k,) by name, None for the ground, at which masses are drawn in flight states (k, n), and whether
+    they have been lifted to make room for springs.
+
+    functions, joints : as in `_animate`
+    floating : whether no rest length says how far the masses are apart
+    """
+    springs, knees, embed = joints
+    names = [name for name in functions if name != "centre of mass"]
+    heights: dict[str | None, np.ndarray] = {name: functions[name](states) for name in names}
+    heights[None] = np.zeros(len(states))
+    if not floating or knees:  # links say how far the masses are apart
+        return heights, False
+    generic = embed @ np.sqrt(np.arange(2.0, 2.0 + embed.shape[1]))
+    return _lifted(heights, springs, {name: functions[name](generic) for name in names} | {None: 0.0}), True
+
+
+def drawn_range(heights: Mapping, knees: Iterable[tuple]) -> tuple[float, float]:
+    """The lowest and the highest of what is drawn, with room for a knee at the side too."""
+    low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
+    return float(low), float(max([high, *(low + 2 * length for *_, length in knees)]))
+
+
 def _animate(
     path, words, states, functions: Mapping, joints: tuple, floating: bool, units: Units | None, progress: Report
 ) -> Path:
@@ -407,17 +467,12 @@ def _animate(
     """
     from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 
-    path, (metres, *_), (springs, knees, embed) = check_animation(path), unit_labels(units), joints
+    path, (metres, *_), (springs, knees, _) = check_animation(path), unit_labels(units), joints
     names = [name for name in functions if name != "centre of mass"]
-    heights = {name: functions[name](states) for name in names} | {None: np.zeros(len(words))}
-    floating &= not knees  # links say how far the masses are apart
-    if floating:
-        generic = embed @ np.sqrt(np.arange(2.0, 2.0 + embed.shape[1]))
-        heights = _lifted(heights, springs, {name: functions[name](generic) for name in names} | {None: 0.0})
+    heights, floating = drawn_heights(states, functions, joints, floating)
     with off_screen():
         axes = new_axes(5.8 if knees else 4.0 if SPRING_END in names else 3.2, 5.2)
-    low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
-    high = max([high, *(low + 2 * length for *_, length in knees)])  # room for a knee at the side too
+    low, high = drawn_range(heights, knees)
     margin = 0.08 * (high - low)
     axes.set(xlim=(-1, 1), ylim=(low - margin, high + margin), xticks=[], ylabel="height" + metres)
     if floating:

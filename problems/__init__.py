@@ -12,6 +12,7 @@ _HOMES = {
     "Hopper": ".hopper",
     "Juggler": ".juggler",
     "chain_hand": ".hand",
+    "explore": ".explorer.server",
     "hopper_in_si": ".units",
     "inerter_hopper": ".inerter",
     "juggler_in_si": ".units",

@@ -25,6 +25,7 @@ Examples:
   orbits map --alpha 3:12:10000 --plot map.png         from launch speed to launch speed
   orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact on the way
   orbits optimize leg.toml --plot best.png             the best design, as [design] in the file asks
+  orbits explore --spring cubic --set beta=0.3 --rest-length 8   the same, to play with
   orbits sweep --spring cubic --over beta=0:1 --over mass_ratio=0.1:10:log --samples 1000 --output hops.csv
   orbits existence --spring cubic --along beta=-0.02:0.1 --across rest_length=6:20 --colour alpha --plot where.png
 
@@ -369,6 +370,25 @@ def existence_command(
         save_figure(diagram.plot(colour), plot)
     if not diagram.grid.found:
         raise click.exceptions.Exit(1)
+
+
+@orbits.command("explore", epilog="\b\nExit code: 0 ended by Ctrl-C, 2 bad input.")
+@options.machine_options
+@options.family_option("As in find.")
+@click.option("--no-browser", is_flag=True, help="Serve the page, and open no browser.")
+@click.option("--port", type=click.IntRange(0, 65535), default=5007, show_default=True, help="0 for any that is free.")
+def explore_command(family: int, no_browser: bool, port: int, **stated: Any) -> None:
+    """Show a hop on a page with sliders, in the browser: the machine moving, its family and its return map.
+
+    The page is served to this machine alone, and needs no network.
+    """
+    from .explorer.processes import prepare
+
+    prepare()  # it imports the solver while this process imports Bokeh
+    from .explorer.forms import first_scene
+    from .explorer.server import run
+
+    run(first_scene(family, **stated), port, not no_browser, click.echo)
 
 
 def main() -> None:

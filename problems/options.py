@@ -225,17 +225,25 @@ def summary(hops: "Hops") -> str:
     return "\n".join(lines)
 
 
-def machine_of(
+def machine_of(machine: str | None, *arguments: Any, **stated: Any) -> "AnyMachine":
+    """The machine that the options describe, as in `statement_of`."""
+    from .files import build
+
+    return build(*statement_of(machine, *arguments, **stated))
+
+
+def statement_of(
     machine: str | None, settings: Sequence[str] = (), first: tuple[str, float] | None = None,
     **stated: str | float | None,
-) -> "AnyMachine":  # fmt: skip
-    """The machine that the options describe; an option that is not None comes before what the machine's file says.
+) -> tuple[dict[str, Any], str]:  # fmt: skip
+    """The statement of a machine that the options describe, and where it stands; an option that is not None comes
+    before what the machine's file says.
 
     first : name and first value of a parameter to be followed, which replaces what --set says
     """
     from orbits.errors import InputError
 
-    from .files import KINDS, SI_PARAMETERS, build, read
+    from .files import KINDS, SI_PARAMETERS, read
 
     statement: dict[str, Any] = {"machine": machine or "hopper"}
     where = "the options"
@@ -254,7 +262,7 @@ def machine_of(
         place = statement["si"] if in_si else statement if name in own else parameters
         place[name] = value
     statement["parameters"] = parameters
-    return build(statement, where)
+    return statement, where
 
 
 def _parameter_values(settings: Sequence[str]) -> dict[str, float]:

@@ -178,7 +178,7 @@ def as_spring(law: Any, given: Mapping[str, float] | None = None, in_si: bool = 
     """
     kind, colon, rest = law.partition(":") if isinstance(law, str) else ("", "", "")
     if colon and kind == "table":
-        path, options = _table_options(rest)
+        path, options = table_options(rest)
         if not path.strip():
             raise InputError(f"spring '{law}' names no file after the colon")
         law = table(path, in_si=in_si, **options)
@@ -234,7 +234,7 @@ def _quintic_table(breaks: bytes, rows: bytes, changes: bytes, names: tuple[str,
     return Expression(pieces, _quintic_table, breaks, rows, changes, names)
 
 
-def _table_options(text: str) -> tuple[str, dict[str, Any]]:
+def table_options(text: str) -> tuple[str, dict[str, Any]]:
     """The path and the options of "FILE?branch=loading&noise=0.5"; a ? without = after it belongs to the path."""
     path, mark, query = text.rpartition("?")
     if not mark or "=" not in query:

@@ -46,7 +46,7 @@ def read_table(path: Path, in_si: bool) -> tuple[tuple[np.ndarray, np.ndarray], 
     Both columns count compression where the header of one says so, as `Compression [mm];Force [N]` does, unless that of
     the other says tension or extension.
     """
-    lines = _text(path).splitlines()
+    lines = text_of(path).splitlines()
     if len(lines) > MOST_LINES:
         raise InputError(f"the table {short(path)} has more than {MOST_LINES} lines: keep every tenth row, or fewer")
     header = _find_header(path, lines[: 2 * MOST_LINES_BEFORE_HEADER])
@@ -95,7 +95,7 @@ def _values(path: Path, lines: list[str], header: _Header) -> np.ndarray:
     return np.array(values)
 
 
-def _text(path: Path) -> str:
+def text_of(path: Path) -> str:
     """The text of a file of bounded size; raises `InputError` for what is no regular file or no text."""
     try:
         if path.exists() and not path.is_file():

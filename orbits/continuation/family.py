@@ -26,10 +26,12 @@ from ..model.units import UNIT_TEXTS, Units, saved_units
 from ..pages.cells import cell
 from ..pages.tables import DIGITS
 from ..periodic.certificate import Certificate
-from ..periodic.orbit import SavedLaws, certificate_in_units, with_note
+from ..periodic.orbit import Orbit, SavedLaws, certificate_in_units, with_note
+from ..plot import spread
 from ..proof.claim import CONTACT_DURATION, Claim
 from ..proof.prove import prove_claims
 from ..proof.theorem import Proof
+from .hops import orbit_from
 from .table import names_of_motions, numbers_of_motions
 
 FAMILY_FORMAT = "persistent-orbits family 1"
@@ -358,6 +360,29 @@ class Family:
         from ..plot import plot_family
 
         return plot_family(self, axes, quantity, label)
+
+    def page(self, path: str | Path, quantity: str = "alpha", machine: Machine | None = None) -> Path:
+        """Write a page of the family in one file (.html) that needs no network; returns its path.
+
+        quantity : that is shown along the family
+        machine : that the family was followed with; a family from a file does not know it, and has without it no hops
+            to choose from
+
+        Raises `InputError` for a bad path, an unknown quantity, and without Bokeh.
+        """
+        from ..pages.still import MOST_HOPS, family_page
+
+        hops: Iterator[tuple[Point, Orbit]] = iter(())
+        if (whole := machine or self.source) is not None and self.points:
+            check_parameters(whole, self.name)
+            hops = ((point, self._orbit(whole, point)) for point in spread(self, MOST_HOPS))
+        return family_page(self, path, quantity, hops)
+
+    def _orbit(self, machine: Machine, point: Point) -> Orbit:
+        """The whole orbit at a point."""
+        here = machine.with_values(**{**point.also, self.name: point.value})
+        bare = point_in_units(point, here.units and here.units.inverse())
+        return orbit_from(here, self.settings["method"], point.u, bare.error)
 
     def save(self, path: str | Path) -> Path:
         """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`)."""

@@ -22,6 +22,7 @@ from ..pages.cells import cell
 from ..pages.tables import VIOLATED, machine_rows, orbit_rows
 from ..plot import Report, animate_orbit, plot_orbit, plot_phase_portrait
 from .certificate import Certificate
+from .formulations import CONTACT_FORCE
 
 ALL_DIGITS = 15  # of a printed number
 ORBIT_FORMAT = "persistent-orbits orbit 1"
@@ -176,6 +177,21 @@ class Orbit:
         standing = standing[..., : shape.embed.shape[1]] @ shape.embed.T
         return np.where((times <= self.flight_time)[..., None], flying, standing)
 
+    def contact_force(self, t: ArrayLike) -> np.ndarray:
+        """The force (...) of what is landed on at times `t` (...), as for states; 0 in flight.
+
+        Raises `InputError` for times that states are not told at, and where the motion was saved without its force.
+        """
+        self(t)  # refuses times
+        if self.contact is None or self.contact_time is None:
+            return np.zeros(np.shape(t))
+        if CONTACT_FORCE not in self.contact.names:
+            raise InputError(f"this orbit does not tell its contact force, but {', '.join(self.contact.names)}")
+        since = np.mod(np.asarray(t, dtype=float), self.period) - self.flight_time
+        later = (since > self.contact.times[-1]) & (self.shape.contact_reversor is not None)
+        inside = np.clip(np.where(later, self.contact_time - since, since), 0, self.contact.times[-1])
+        return np.where(since > 0, self.contact(inside)[..., self.contact.names.index(CONTACT_FORCE)], 0.0)
+
     def document(self) -> dict[str, Any]:
         """The orbit as the JSON document of the command line."""
         mid = self.state_mid_flight
@@ -243,6 +259,16 @@ class Orbit:
     def animate(self, path: str | Path, frames: int = 80, *, progress: Report = None) -> Path:
         """Write an animation of one cycle (.gif or .mp4); returns its path. See `orbits.plot.animate_orbit`."""
         return animate_orbit(self, path, frames, progress)
+
+    def page(self, path: str | Path) -> Path:
+        """Write a page in one file (.html) that needs no network: the animated machine, the certificate, heights, phase
+        portrait, contact force and, where the orbit knows its machine, the spring's law; returns its path.
+
+        Raises `InputError` for a bad path, and without Bokeh.
+        """
+        from ..pages.still import orbit_page
+
+        return orbit_page(self, path)
 
     def save(self, path: str | Path) -> Path:
         """Write the orbit to a JSON file, every float with 17 significant digits; returns the path.

@@ -268,6 +268,16 @@ class Sweep:
 
         return plot_sweep(self, quantity or self.numbers[0], axes)
 
+    def page(self, path: str | Path, quantity: str | None = None) -> Path:
+        """Write a page of a quantity, the first one if None, over the parameters, in one file (.html) that needs no
+        network; returns its path.
+
+        Raises `InputError` for a bad path, a quantity that is no number, and without Bokeh.
+        """
+        from ..pages.still import sweep_page
+
+        return sweep_page(self, path, quantity)
+
     def sensitivity(
         self, quantities: Sequence[str] | None = None, samples: int = 1024, seed: int = 0, **options: Any
     ) -> dict[str, dict[str, dict[str, float]]]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..pages.sweep import MOTIONS
 from ..plot import (
     COLOURS,
     NO_MOTIONS,
@@ -34,7 +35,6 @@ EDGES: dict[str, dict[str, Any]] = {
     "edge of the orbits": {"color": "0.1", "lw": 1.4, "zorder": 3},
     "edge of the motions": {"color": COLOURS[1], "lw": 1.4, "zorder": 3},
 }
-MOTIONS = ("certified", "lifts_off")  # statuses of members that are as one wants them
 
 
 def plot_sweep(sweep: Any, quantity: str, axes: Axes | None = None) -> Axes:

@@ -1,0 +1,117 @@
+"""The animation of a hop: what JavaScript draws in the browser, by itself, from heights against time."""
+
+from typing import Any
+
+from .bokeh_figures import bokeh
+
+CYCLES_PER_SECOND = 0.4  # at first
+# One function for everything that calls it: `cause` is "layout", "data", "button" or "place". The state is kept on the
+# source of the motion. What is drawn anew in each frame is changed in place and not told
+# to a server (`change.emit` and `sync: false`), or there would be a message for each frame.
+PLAY = """
+const player = motion.player ??= {share: 0, last: null, drawn: 0, told: 0, looping: false, place: 0};
+const ZIGZAG = [0, 0, ...Array(7).fill([9, -9]).flat(), 0, 0];
+
+function draw() {
+  const {time, height, speed, colour, name} = masses.data, {drawn} = motion.data;
+  if (!time.length || drawn.length != time.length || machine.inner_width <= 0) return;
+  const t = time[0], end = t[t.length - 1], now = player.share * end;
+  let low = 0, high = t.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (t[middle] <= now) low = middle; else high = middle;
+  }
+  const weight = (now - t[low]) / (t[high] - t[low] || 1);
+  const at = row => row[low] + weight * (row[high] - row[low]);
+  const y = Array.from(drawn, at), place = i => i < 0 ? 0 : y[i];
+  const pixel = (machine.x_range.end - machine.x_range.start) / machine.inner_width;
+  const up = (machine.y_range.end - machine.y_range.start) / machine.inner_height;
+  springs.data.xs = springs.data.lower.map(() => ZIGZAG.map(x => x * pixel));
+  springs.data.ys = springs.data.lower.map((lower, i) => {
+    const from = place(lower), to = place(springs.data.upper[i]);
+    return ZIGZAG.map((_, k) => from + (to - from) * k / (ZIGZAG.length - 1));
+  });
+  knees.data.ys = knees.data.lower.map((lower, i) => {
+    const from = place(lower), to = place(knees.data.upper[i]);
+    return [from, (from + to) / 2, to];
+  });
+  knees.data.xs = knees.data.ys.map(([from, _, to], i) => {
+    const aside = Math.sqrt(Math.max(knees.data.link[i] ** 2 - ((to - from) / 2) ** 2, 0));
+    return [0, aside / up * pixel, 0];
+  });
+  const last = y.length - 1, right = y.map((_, i) => (i + y.length) % 2 == 0);
+  Object.assign(bodies.data, {
+    x: y.map(() => 0), y, colour, name,
+    height: Array.from(height, at), speed: Array.from(speed, at),
+    marker: y.map((_, i) => i < last || !last ? "circle" : "dash"), size: y.map((_, i) => i < last ? 20 : 40),
+    aside: right.map(is => is ? 24 : -24), align: right.map(is => is ? "left" : "right"),
+    time: y.map(() => now), force: y.map(() => force.data.force.length ? at(force.data.force) : NaN),
+  });
+  for (const source of [springs, knees, bodies]) source.change.emit();
+}
+
+function tell(now) {
+  player.told = now;
+  player.place = Math.round(1000 * player.share) / 1000;
+  slider.setv({value: player.place}, {sync: false});
+}
+
+function step(now) {
+  if (!button.active || machine.document == null) {
+    player.looping = false;
+    return;
+  }
+  const passed = player.last == null ? 0 : Math.min(now - player.last, 100);
+  player.last = now;
+  player.share = (player.share + passed / 1000 * speed.value) % 1;
+  if (now - player.drawn > 30) {
+    player.drawn = now;
+    draw();
+    if (now - player.told > 150) tell(now);
+  }
+  requestAnimationFrame(step);
+}
+
+if (cause == "place") {
+  if (Math.abs(slider.value - player.place) < 5e-4) return;  // the animation itself has moved it
+  player.share = slider.value >= 1 ? 1 - 1e-9 : slider.value;
+  button.active = false;
+}
+if (cause == "layout" && player.last == null && matchMedia("(prefers-reduced-motion: reduce)").matches)
+  button.active = false;
+button.label = button.active ? "Pause" : "Play";
+draw();
+if (button.active && !player.looping) {
+  player.looping = true;
+  player.last = null;
+  requestAnimationFrame(step);
+}
+"""
+
+
+def new_player(machine: Any, **sources: Any) -> Any:
+    """A row of widgets, play and pause, speed, and the place in the cycle, that animates a machine.
+
+    machine : the figure
+    sources : "masses", with rows of time, height and speed of each; "motion", with their drawn heights, which is given
+        last; "force"; "springs" and "knees", with the numbers of the masses that they join, -1 for the ground; and
+        "bodies", what is drawn
+
+    A legend is made anew whenever anything changes that its renderers lead to, and a call leads to all that it is
+    given; so nothing is called by the source of a figure with a legend.
+    """
+    models = bokeh("models")
+    button = models.Toggle(label="Pause", active=True, width=64, align="end", name="play")
+    speed = models.Slider(
+        start=0.05, end=2, step=0.05, value=CYCLES_PER_SECOND, title="Cycles/s", width=120, name="speed"
+    )
+    slider = models.Slider(
+        start=0, end=1, step=0.001, value=0, title="Place", sizing_mode="stretch_width", format="0.000",
+        min_width=100, name="place",
+    )  # fmt: skip
+    models_by_name = dict(machine=machine, button=button, speed=speed, slider=slider, **sources)
+    causes = [(machine, "inner_width", "layout"), (machine, "inner_height", "layout")]
+    causes += [(sources["motion"], "data", "data"), (button, "active", "button"), (slider, "value", "place")]
+    for model, name, cause in causes:
+        model.js_on_change(name, models.CustomJS(args={**models_by_name, "cause": cause}, code=PLAY))
+    return bokeh("layouts").row(button, speed, slider, sizing_mode="stretch_width", name="player")

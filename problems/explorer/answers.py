@@ -1,0 +1,173 @@
+"""What a worker computes for the page: the hop of a scene, its family piece by piece, the return map around it."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from orbits.continuation.family import Family
+from orbits.continuation.follow import follow
+from orbits.errors import InputError
+from orbits.hybrid.return_map import ReturnMap
+from orbits.pages.family import FamilyData, family_data
+from orbits.pages.hop import HopData, hop_data
+from orbits.pages.law import LawData, law_data
+from orbits.pages.return_map import MapData, map_data
+from orbits.pages.tables import orbit_rows
+from orbits.periodic.find import find
+from orbits.periodic.orbit import Orbit
+
+from .dials import Dial, dials_of
+from .scene import Scene
+
+FIRST_PIECE, PIECE, MOST_POINTS = 12, 60, 2000  # points of a family until it is shown again, and in all
+BEYOND = 2.0  # the map is drawn up to so many times the hop's launch speed
+SLOWEST = 1e-3  # and from this share of that on
+COBWEB = 80  # hops
+
+
+@dataclass(frozen=True, eq=False)
+class HopAnswer:
+    """A hop as the page shows it.
+
+    scene : with the start that leads to this hop again, where it has one
+    data, law : what the figures show; law None for a machine whose spring's force is not known by itself
+    rows : the certificate, names and texts
+    alpha : launch speed
+    admissible : whether it is a motion
+    dials : of the parameters, None where they were not asked for
+    """
+
+    scene: Scene
+    data: HopData
+    law: LawData | None
+    rows: list[tuple[str, str]]
+    alpha: float
+    admissible: bool
+    dials: list[Dial] | None
+
+
+def hop_answer(given: Any, scene: Scene, with_dials: bool) -> Iterator[HopAnswer]:
+    """The hop of a scene; raises `NoOrbit` where there is none."""
+    machine = scene.build(given)
+    orbit = _orbit_of(machine, scene)
+    if scene.start is not None:
+        scene = replace(scene, start=start_of(orbit))
+    try:
+        law = law_data(machine, orbit)
+    except InputError:
+        law = None
+    dials = dials_of(machine, scene) if with_dials else None
+    yield HopAnswer(scene, hop_data(orbit), law, orbit_rows(orbit), orbit.alpha, orbit.admissible, dials)
+
+
+def start_of(orbit: Any) -> tuple[float, float, float]:
+    """What a scene keeps of an `Orbit`, or of a family's `Point`, to come back to it."""
+    return orbit.liftoff_extension, orbit.alpha, orbit.flight_time / 2
+
+
+@dataclass(frozen=True, eq=False)
+class FamilyAnswer:
+    """A piece of a family and what is known of its ends.
+
+    of : the scene
+    along : the parameter
+    values : of it, at the points
+    starts : of its points, as those of a scene, to go there
+    text : in words, how far it is and how it ends
+    """
+
+    of: Scene
+    along: str
+    data: FamilyData
+    values: tuple[float, ...]
+    starts: tuple[tuple[float, float, float], ...]
+    text: str
+
+    def nearest(self, value: float, alpha: float) -> int:
+        """The number of the point nearest to a place in the figure."""
+        places = np.array([self.values, [start[1] for start in self.starts]])
+        away = (places - [[value], [alpha]]) / np.maximum(np.ptp(places, axis=1, keepdims=True), 1e-300)
+        return int(np.hypot(*away).argmin())
+
+    def holds(self, scene: Scene) -> bool:
+        """Whether a scene's hop differs from those of the family in the parameter alone."""
+        return _beside(self.of, self.along) == _beside(scene, self.along)
+
+
+def _beside(scene: Scene, along: str) -> Scene:
+    """What does not change along a family."""
+    return replace(scene.hop, start=None, numbers={**scene.numbers, along: 0.0})
+
+
+def family_answers(given: Any, scene: Scene, along: str, low: float, high: float) -> Iterator[FamilyAnswer]:
+    """The family through a scene's hop along a parameter, from the hop up and then down, as it grows."""
+    machine = scene.build(given)
+    here = machine.values.get(along)
+    if here is None:
+        raise InputError(f"this machine has no parameter '{along}' to follow")
+    hop, bounds = _orbit_of(machine, scene), (min(low, here), max(high, here))
+    ways = [stop for stop in (bounds[::-1], bounds) if stop[1] != here]
+    parts: list[Family] = []
+    for stop in ways:
+        part = follow(machine, along, stop, family=hop.family, orbit=hop, most=FIRST_PIECE)
+        yield _family_answer(scene, along, [*parts, part], len(ways))
+        while part.end.kind == "stopped" and len(part) < MOST_POINTS:
+            part = follow(machine, along, stop, family=hop.family, resume=part, most=PIECE)
+            yield _family_answer(scene, along, [*parts, part], len(ways))
+        parts.append(part)
+
+
+def _orbit_of(machine: Any, scene: Scene) -> Orbit:
+    """The orbit of a scene; raises `NoOrbit`."""
+    start = scene.start and dict(zip(("liftoff", "alpha", "duration"), scene.start, strict=True))
+    return find(machine, scene.family, start=start)
+
+
+def joined(parts: list[Family]) -> Family:
+    """One family of one that goes up from a hop and one that goes down from it, the latter turned round."""
+    if len(parts) == 1:
+        return parts[0]
+    up, down = parts
+    last = len(down) - 1
+    turned = [replace(e, after=last - e.after - (e.kind != "asked")) for e in reversed(down.events)]
+    events = [*turned, *(replace(event, after=event.after + last) for event in up.events)]
+    return replace(up, points=(*down.points[:0:-1], *up.points), events=tuple(events))
+
+
+def _family_answer(scene: Scene, along: str, parts: list[Family], ways: int) -> FamilyAnswer:
+    family, ends = joined(parts), [part.end for part in parts]
+    growing = ends[-1].kind == "stopped" and len(parts[-1]) < MOST_POINTS
+    told = [f"{word}: {end.kind}, {end.reason}" for word, end in zip(("up", "down"), ends, strict=False)]
+    count = f"{len(family)} orbits"
+    text = f"{count}, still growing" if growing or len(parts) < ways else f"{count}. {'. '.join(told)}."
+    order = [point for point, _ in family.in_order()]
+    values, starts = tuple(p.value for p in order), tuple(start_of(p) for p in order)
+    return FamilyAnswer(scene, along, family_data(family), values, starts, text)
+
+
+def map_answers(given: Any, scene: Scene) -> Iterator[MapData]:
+    """The return map around a scene's hop with its cobweb, and then with the basin of lossless hops."""
+    plain = replace(scene, launch=None, along="")
+    step, low, high = _map_of(given, plain)
+    known = _last_basin[0][1] if _last_basin and _last_basin[0][0] == plain else None
+    yield map_data(step, low, high, basin=known, start=scene.launch, hops=COBWEB)
+    if known is None and step.machine.model.conservative:
+        _last_basin[:] = [(plain, step.basin(low, high))]
+        yield map_data(step, low, high, basin=_last_basin[0][1], start=scene.launch, hops=COBWEB)
+
+
+# The basin that was found last and its scene: another cobweb in the same map needs no other.
+_last_basin: list[tuple[Scene, list[tuple[float, float]]]] = []
+
+
+def _map_of(given: Any, scene: Scene) -> tuple[ReturnMap, float, float]:
+    """The return map of a scene's machine, and between which launch speeds it is drawn."""
+    machine = scene.build(given)
+    alpha = _orbit_of(machine, scene).alpha
+    return ReturnMap(machine), SLOWEST * alpha, BEYOND * alpha
+
+
+# What a worker may be asked, by name; each function takes the page's given machine and the arguments of the question.
+ANSWERS: dict[str, Callable[..., Iterator[Any]]] = {"hop": hop_answer, "family": family_answers, "map": map_answers}

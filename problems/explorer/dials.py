@@ -1,0 +1,79 @@
+"""The sliders of a machine's parameters: where each begins and ends, and whether it goes by factors."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from orbits.errors import OrbitsError
+from orbits.model.machine import free_parameters, machine_in_words
+
+from .scene import Scene
+
+SPAN = 10.0  # a parameter that is a scale goes this many times down and up
+LARGE = 20.0  # a larger number is taken for a scale too
+# Sliders with ends of their own, and whether these go by factors.
+WAYS = {"mass_ratio": (0.01, 100.0, True), "link": (0.1, 1.0, True), "rest_angle": (0.5, 3.0, False)}
+
+
+@dataclass(frozen=True)
+class Dial:
+    """The slider of a parameter.
+
+    name, value, unit : of the parameter; the unit is "" where none is known
+    low, high : the slider's ends; a number that is typed may lie beyond
+    factors : whether equal ways of the slider are equal factors, not equal differences
+    """
+
+    name: str
+    value: float
+    unit: str
+    low: float
+    high: float
+    factors: bool
+
+
+def dials_of(machine: Any, scene: Scene) -> list[Dial]:
+    """The sliders of a machine's parameters, which end where there is no such machine any more."""
+    units, values = machine_in_words(machine).get("units", {}), machine.values
+    names = [name for name in free_parameters(machine) if name in values]
+    dials = [_dial(machine, name, values[name], units.get(name, "")) for name in names]
+    return [*dials, Dial("restitution", float(scene.numbers.get("restitution", 0.0)), "", 0.0, 1.0, False)]
+
+
+def _dial(machine: Any, name: str, value: float, unit: str) -> Dial:
+    if name in WAYS:
+        low, high, factors = WAYS[name]
+        return Dial(name, value, unit, min(low, value), max(high, value), factors and value > 0)
+    positive = not _exists(machine, name, -(abs(value) or 1.0))
+    if value > 0 and (positive or value > LARGE):
+        low, high = value / SPAN, value * SPAN
+        return Dial(name, value, unit, _edge(machine, name, value, low), _edge(machine, name, value, high), True)
+    reach = _rounded_up(4 * abs(value)) if value else 1.0
+    low, high = (-reach, reach) if value == 0 else (-reach / 4, reach) if value > 0 else (-reach, reach / 4)
+    low = _edge(machine, name, value, 0.0 if positive else low)
+    return Dial(name, value, unit, low, _edge(machine, name, value, high), False)
+
+
+def _rounded_up(value: float) -> float:
+    """The next number from 1, 2, 5, 10, ... that is not smaller."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-12))
+
+
+def _edge(machine: Any, name: str, inside: float, end: float) -> float:
+    """The end of a slider, or the last value before it that the machine can have."""
+    if _exists(machine, name, end):
+        return end
+    for _ in range(12):
+        middle = (inside + end) / 2
+        inside, end = (middle, end) if _exists(machine, name, middle) else (inside, middle)
+    return inside
+
+
+def _exists(machine: Any, name: str, value: float) -> bool:
+    """Whether the machine can have this value of a parameter."""
+    try:
+        machine.with_values(**{name: value})
+    except OrbitsError:
+        return False
+    return True

@@ -1,0 +1,145 @@
+"""The fields of the page: what they show of a scene, and the scene after one of them was changed.
+
+What a tab sends is not trusted: every value is checked here, or by `Scene`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, replace
+from typing import Any
+
+from orbits.errors import InputError
+
+from .. import gravity as gravities
+from .. import springs
+from .dials import Dial
+from .scene import GIVEN, MeasuredRows, Scene, beginning
+
+KINDS_IN_WORDS = {
+    "hopper": "hopper",
+    "juggler": "juggler",
+    "hopper si": "hopper, in SI",
+    "juggler si": "juggler, in SI",
+    "inerter_hopper": "hopper with an inerter",
+    "knee_hopper": "hopper with a knee, in SI",
+}
+FAMILIES = 12  # that are offered
+REST_LENGTHS = {False: 10.0, True: 1.0}  # that a spring is given which had none, dimensionless and in SI
+
+
+def fields_of(scene: Scene, dials: list[Dial], given: bool) -> dict[str, Any]:
+    """What the fields show of a scene, ready for JSON.
+
+    dials : of its parameters; their values may be older than the scene
+    given : whether the page has a machine that was made in Python
+    """
+    rows, fixed = scene.rows, scene.fixed_laws
+    shown = [_with_value(dial, scene.numbers.get(dial.name, dial.value)) for dial in dials]
+    families = sorted({*range(1, FAMILIES + 1), scene.family})
+    kinds = KINDS_IN_WORDS | ({GIVEN: "as it was given"} if given else {})
+    names = [dial.name for dial in dials if dial.name != "restitution"]
+    return {
+        "scene": {
+            "kind": scene.machine + (" si" if scene.si else ""),
+            "family": scene.family,
+            "spring": "" if rows else scene.spring,
+            "gravity": scene.gravity,
+            "fixed": fixed,
+            "floating": None if fixed else "rest_length" not in scene.numbers,
+            "rows": rows and {"name": rows.name, "branch": rows.branch or "", "noise": rows.noise},
+            "along": scene.along,
+            "launch": scene.launch,
+        },
+        "dials": [asdict(dial) | {"label": label_of(dial.name)} for dial in shown],
+        "machines": list(kinds.items()),
+        "families": [(str(number), str(number)) for number in families],
+        "alongs": [("", "none"), *((name, label_of(name)) for name in names)],
+        "springs": list(springs.NAMED),
+        "gravities": list(gravities.NAMED),
+    }
+
+
+def label_of(name: str) -> str:
+    """A parameter's name as a label."""
+    words = name.replace("_", " ") if len(name) > 3 else name
+    return "restitution (of the map)" if name == "restitution" else words
+
+
+def _with_value(dial: Dial, value: float) -> Dial:
+    """A slider at a value, with ends that reach there."""
+    low = dial.low if dial.factors and value <= 0 else min(dial.low, value)
+    return replace(dial, value=value, low=low, high=max(dial.high, value))
+
+
+def changed(scene: Scene, act: str, told: Mapping[str, Any]) -> Scene:
+    """The scene after a field was changed; raises `InputError` for what it cannot be changed to.
+
+    act : the field
+    told : what the tab sent with it
+    """
+    if act not in CHANGES:
+        raise InputError(f"the page has no field '{act[:40]}'")
+    return CHANGES[act](scene, told).complete()
+
+
+def _number(scene: Scene, told: Mapping[str, Any]) -> Scene:
+    name = str(told.get("name"))
+    if name != "restitution" and name not in scene.numbers:
+        raise InputError(f"this machine has no parameter {name[:40]!r}")
+    return scene.with_numbers(**{name: told.get("value")})  # type: ignore[arg-type]  # the scene checks it
+
+
+def _law(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]:
+    def change(scene: Scene, told: Mapping[str, Any]) -> Scene:
+        others = {"rows": None} if name == "spring" else {}
+        return replace(scene, **{name: told.get("value"), "start": None}, **others)
+
+    return change
+
+
+def _machine(scene: Scene, told: Mapping[str, Any]) -> Scene:
+    kind, _, si = str(told.get("value")).partition(" ")
+    if kind == GIVEN:
+        raise InputError("go back to the machine that was given with undo, or by reloading the page without a link")
+    return beginning(kind, si == "si")
+
+
+def _family(scene: Scene, told: Mapping[str, Any]) -> Scene:
+    return replace(scene, family=told.get("value"), start=None)  # type: ignore[arg-type]  # the scene checks it
+
+
+def _floating(scene: Scene, told: Mapping[str, Any]) -> Scene:
+    numbers = {name: value for name, value in scene.numbers.items() if name != "rest_length"}
+    if told.get("value") is not True:
+        numbers["rest_length"] = REST_LENGTHS[scene.si]
+    return replace(scene, numbers=numbers)
+
+
+def _rows(scene: Scene, told: Mapping[str, Any]) -> Scene:
+    return replace(scene, rows=MeasuredRows(told.get("name"), told.get("text")), start=None)  # type: ignore[arg-type]
+
+
+def _of_rows(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]:
+    def change(scene: Scene, told: Mapping[str, Any]) -> Scene:
+        if scene.rows is None:
+            raise InputError(f"{name} is of measured rows, and there are none")
+        return replace(scene, rows=replace(scene.rows, **{name: None if (value := told.get("value")) == "" else value}))
+
+    return change
+
+
+# The fields by name.
+CHANGES: dict[str, Callable[[Scene, Mapping[str, Any]], Scene]] = {
+    "number": _number,
+    "spring": _law("spring"),
+    "gravity": _law("gravity"),
+    "machine": _machine,
+    "family": _family,
+    "floating": _floating,
+    "rows": _rows,
+    "rows-away": lambda scene, told: replace(scene, rows=None, start=None),
+    "branch": _of_rows("branch"),
+    "noise": _of_rows("noise"),
+    "along": lambda scene, told: replace(scene, along=str(told.get("value") or "")),
+    "launch": lambda scene, told: replace(scene, launch=told.get("value")),
+    "lowest": lambda scene, told: replace(scene, start=None),
+}

@@ -1,0 +1,197 @@
+"""A scene in the forms in which it leaves the page and comes back: a link, a machine file, lines of Python."""
+
+import base64
+import json
+import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+from orbits.errors import InputError
+
+from ..files import MASSES, SI_KEYS, build
+from .scene import LARGEST_ROWS, LINEAR_IN_SI, LOSSES, MeasuredRows, Scene, beginning, with_surroundings
+
+# Characters of measured rows in a link, packed: browsers and servers take some 60,000 of an address.
+LONGEST_ROWS_IN_LINK = 8000
+LONGEST_VALUE = 12_000
+# A parameter's name in a link follows this, so that none is taken for a word of the link's own.
+NUMBER = "p."
+WORDS = ("machine", "si", "spring", "gravity", "family", "start", "along", "launch", "rows", "name", "branch", "noise")
+
+
+def link_of(scene: Scene) -> tuple[str, bool]:
+    """The scene as the query of an address, and whether all of it is in there: many measured rows are not."""
+    told: dict[str, str] = {"machine": scene.machine}
+    if scene.si:
+        told["si"] = "1"
+    if not scene.fixed_laws:
+        told |= {"spring": scene.spring, "gravity": scene.gravity}
+    told |= {NUMBER + name: repr(value) for name, value in scene.numbers.items()} | {"family": str(scene.family)}
+    if scene.start is not None:
+        told["start"] = ",".join(map(repr, scene.start))
+    told |= {"along": scene.along} if scene.along else {}
+    told |= {"launch": repr(scene.launch)} if scene.launch is not None else {}
+    whole = True
+    if scene.rows is not None:
+        packed = base64.urlsafe_b64encode(zlib.compress(scene.rows.text.encode(), 9)).decode()
+        if whole := len(packed) <= LONGEST_ROWS_IN_LINK:
+            told |= {"name": scene.rows.name, "rows": packed}
+            told |= {"branch": scene.rows.branch} if scene.rows.branch else {}
+            told |= {"noise": repr(scene.rows.noise)} if scene.rows.noise is not None else {}
+    return urlencode(told), whole
+
+
+def scene_of_link(query: Mapping[str, list[bytes]]) -> Scene:
+    """The scene of a query, as a server has its arguments; raises `InputError` for anything that is no scene."""
+    told: dict[str, str] = {}
+    for name, values in query.items():
+        if len(values) != 1 or len(values[0]) > LONGEST_VALUE:
+            raise InputError(f"the link gives '{name[:40]}' more than once, or too long")
+        if name not in WORDS and not name.startswith(NUMBER):
+            raise InputError(f"the link has an unknown word '{name[:40]}'; it knows {', '.join(WORDS)}")
+        try:
+            told[name] = values[0].decode("utf-8")
+        except UnicodeDecodeError:
+            raise InputError(f"'{name[:40]}' of the link is no text") from None
+    numbers = {name.removeprefix(NUMBER): _number(name, text) for name, text in told.items() if name.startswith(NUMBER)}
+    start = tuple(_number("start", part) for part in told["start"].split(",")) if "start" in told else None
+    scene = Scene(
+        told.get("machine", "hopper"),
+        _number("si", told.get("si", "0")) == 1,
+        told.get("spring", "r"),
+        told.get("gravity", "1"),
+        _rows_of(told),
+        numbers,
+        _whole("family", told.get("family", "1")),
+        start,  # type: ignore[arg-type]  # the scene counts them
+        told.get("along", ""),
+        _number("launch", told["launch"]) if "launch" in told else None,
+    )
+    return scene.complete()
+
+
+def _rows_of(told: Mapping[str, str]) -> MeasuredRows | None:
+    """The measured rows in a link; no more than a table may have are unpacked."""
+    if "rows" not in told:
+        return None
+    try:
+        packed = base64.b64decode(told["rows"], altchars=b"-_", validate=True)
+        unpacking = zlib.decompressobj()
+        text = unpacking.decompress(packed, LARGEST_ROWS + 1)
+        if len(text) > LARGEST_ROWS or not unpacking.eof:
+            raise ValueError
+        decoded = text.decode("utf-8")
+    except (ValueError, zlib.error):
+        raise InputError("the measured rows in the link are damaged, or too many") from None
+    noise = _number("noise", told["noise"]) if "noise" in told else None
+    return MeasuredRows(told.get("name", "rows"), decoded, told.get("branch"), noise)
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)  # the scene refuses what is not finite
+    except ValueError:
+        raise InputError(f"'{name[:40]}' of the link is {text[:40]!r}, no number") from None
+
+
+def _whole(name: str, text: str) -> int:
+    value = _number(name, text[:40])
+    if not value.is_integer():
+        raise InputError(f"'{name[:40]}' of the link is {text[:40]!r}, no whole number")
+    return int(value)
+
+
+def scene_of_statement(told: Mapping[str, Any], family: int = 1) -> Scene:
+    """The scene of a statement that `problems.files.read` gave or the command line, whose table is read from its file.
+
+    Raises `InputError` for a table that cannot be read; what else is wrong, `Scene.build` says.
+    """
+    si = told.get("si")
+    machine, spring = told.get("machine", "hopper"), told.get("spring")
+    rows = _rows_from_file(spring) if isinstance(spring, str) and spring.startswith("table:") else None
+    numbers = dict(told.get("parameters", {}))
+    numbers |= {name: told[name] for name in ("mass_ratio", "rest_length", *LOSSES) if told.get(name) is not None}
+    gravity = str(told.get("gravity", "1"))
+    if si is not None:
+        numbers |= si
+        if "body_radius" in si:
+            gravity = "1/(1 + z/body_radius)**2"
+    plain = LINEAR_IN_SI if si is not None else "r"
+    scene = Scene(
+        str(machine), si is not None, plain if spring is None or rows else str(spring), gravity, rows, numbers, family
+    )
+    return with_surroundings(scene.complete())
+
+
+def _rows_from_file(spring: str) -> MeasuredRows:
+    """The rows of "table:FILE?branch=loading&noise=0.5", with the text of the file."""
+    from ..springs import table_options
+    from ..tables import text_of
+
+    path, options = table_options(spring.removeprefix("table:"))
+    return MeasuredRows(Path(path).name, text_of(Path(path)), **options)
+
+
+def machine_file(scene: Scene) -> str:
+    """The scene's machine as the text of a file that `orbits find --machine` takes; raises `InputError` where no
+    statement makes the machine."""
+    if scene.fixed_laws:
+        raise InputError("a machine that is made in Python has no machine file; the Python lines make it")
+    told = scene.statement()
+    tables = {name: told.pop(name) for name in ("si", "parameters") if name in told}
+    lines = [f"{name} = {_toml(value)}" for name, value in told.items()]
+    for name, values in tables.items():
+        lines += ["", f"[{name}]", *(f"{each} = {_toml(value)}" for each, value in values.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _toml(value: Any) -> str:
+    """A text or a number as TOML; JSON's texts are texts of TOML too."""
+    return json.dumps(value) if isinstance(value, str) else repr(float(value))
+
+
+def python_lines(scene: Scene) -> str:
+    """The lines of Python that make the scene's machine and find its hop."""
+    start = ""
+    if scene.start is not None:
+        names = ("liftoff", "alpha", "duration")
+        start = f", start=dict({', '.join(f'{n}={v!r}' for n, v in zip(names, scene.start, strict=True))})"
+    find = f"orbit = find(machine, family={scene.family}{start})\nprint(orbit)\n"
+    if scene.fixed_laws:
+        numbers = ", ".join(f"{name}={value!r}" for name, value in scene.numbers.items() if name != "restitution")
+        made = f"from problems import {scene.machine}\n\nmachine = {scene.machine}()" if scene.machine != "given" else ""
+        made = made or "\n# machine: the one that explore was called with\nmachine = machine"
+        return f"from orbits import find\n{made}.with_values({numbers})\n{find}"
+    told = scene.statement()
+    si, parameters = told.get("si"), told.get("parameters")
+    kind = told["machine"]
+    maker = f"{kind}_in_si" if si is not None else kind.capitalize()
+    arguments = []
+    if si is not None:
+        arguments += [repr(si[name]) for name in MASSES[kind]]
+        arguments += [f"force={told['spring']!r}"] if "spring" in told else []
+        arguments += [f"{name}={si[name]!r}" for name in SI_KEYS if name in si]
+    else:
+        arguments.append(repr(told["spring"]))
+        arguments += [f"{name}={told[name]!r}" for name in ("mass_ratio", "rest_length") if name in told]
+    arguments += [f"{name}={told[name]!r}" for name in ("gravity", *LOSSES) if name in told]
+    arguments += [f"parameters={parameters!r}"] if parameters else []
+    call = f"machine = {maker}({', '.join(arguments)})"
+    if len(call) > 100:
+        call = f"machine = {maker}(\n    " + ",\n    ".join(arguments) + ",\n)"
+    return f"from orbits import find\nfrom problems import {maker}\n\n{call}\n{find}"
+
+
+def first_scene(family: int = 1, **stated: Any) -> Scene:
+    """The scene of the command line's options, of a hopper with a cubic spring where they say nothing; raises
+    `InputError` for a machine that cannot be."""
+    from ..options import statement_of
+
+    if not any(value for value in stated.values()):
+        return replace(beginning("hopper"), family=family)
+    statement, where = statement_of(**stated)
+    build(statement, where)
+    return scene_of_statement(statement, family)

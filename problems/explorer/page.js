@@ -1,0 +1,210 @@
+"use strict";
+// The fields of the page. Whatever is changed is asked of the server as {n, act, ...} in `bridge.asked`; the server
+// answers with the whole state of the page in `bridge.told`, of which nothing is ever taken for HTML but the table of
+// the certificate, whose texts the server has escaped.
+window.startExplorer = (bridge, figures) => {
+  const $ = (id) => document.getElementById(id);
+  const STEPS = 400, LARGEST_ROWS = 1 << 20, PATIENCE = 700;
+  let n = 0, timer = null, state = null;
+
+  function ask(act, rest = {}) {
+    n += 1;
+    bridge.asked = JSON.stringify({n, act, ...rest});
+    clearTimeout(timer);
+    timer = setTimeout(() => { $("stop").hidden = !state || (state.idle && state.n == n); }, PATIENCE);
+  }
+
+  // Sliders go over whole numbers from 0 to STEPS, and stand for a parameter in equal steps or equal factors.
+  const value_at = (dial, place) => {
+    const share = place / STEPS;
+    const value = dial.factors ? dial.low * (dial.high / dial.low) ** share : dial.low + (dial.high - dial.low) * share;
+    return Number(value.toPrecision(5));
+  };
+  const place_of = (dial, value) => Math.round(STEPS * Math.min(Math.max(dial.factors
+    ? Math.log(value / dial.low) / Math.log(dial.high / dial.low) : (value - dial.low) / (dial.high - dial.low), 0), 1));
+  const short = (value) => String(Number(value.toPrecision(7)));
+
+  function new_dial(dial) {
+    const box = document.createElement("div"), label = document.createElement("label");
+    const slider = document.createElement("input"), number = document.createElement("input");
+    box.className = "dial";
+    label.htmlFor = `slider-${dial.name}`;
+    label.textContent = dial.label + (dial.unit ? ` (${dial.unit})` : "");
+    Object.assign(slider, {type: "range", min: 0, max: STEPS, step: 1, id: `slider-${dial.name}`});
+    Object.assign(number, {type: "number", step: "any", id: `number-${dial.name}`});
+    number.setAttribute("aria-label", `${label.textContent}, as a number`);
+    box.append(label, slider, number);
+    const set = (value) => {
+      slider.setAttribute("aria-valuetext", short(value));
+      ask("number", {name: dial.name, value});
+    };
+    slider.addEventListener("input", () => {
+      const value = value_at(slider.dial, slider.valueAsNumber);
+      number.value = short(value);
+      set(value);
+    });
+    number.addEventListener("change", () => { if (Number.isFinite(number.valueAsNumber)) set(number.valueAsNumber); });
+    $("dials").append(box);
+  }
+
+  function show_dials(dials) {
+    const names = dials.map((dial) => `${dial.name} ${dial.unit}`).join();
+    if ($("dials").dataset.names != names) {
+      $("dials").dataset.names = names;
+      $("dials").replaceChildren();
+      dials.forEach(new_dial);
+    }
+    for (const dial of dials) {
+      const slider = $(`slider-${dial.name}`), number = $(`number-${dial.name}`);
+      slider.dial = dial;
+      slider.value = place_of(dial, dial.value);
+      slider.setAttribute("aria-valuetext", short(dial.value));
+      if (document.activeElement !== number || number.valueAsNumber !== dial.value) number.value = short(dial.value);
+    }
+  }
+
+  function fill(select, pairs, chosen) {
+    const told = JSON.stringify(pairs);
+    if (select.dataset.pairs != told) {
+      select.dataset.pairs = told;
+      select.replaceChildren(...pairs.map(([value, text]) => new Option(text, value)));
+    }
+    select.value = chosen;
+  }
+
+  const write = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
+  // A field that is being typed in, or whose text the server could not take, stays as it is.
+  function write_field(id, value, problem) {
+    const field = $(id), text = value == null ? "" : String(value);
+    field.setAttribute("aria-invalid", problem ? "true" : "false");
+    if (!problem && (document.activeElement !== field || field.dataset.told !== text)) field.value = text;
+    field.dataset.told = text;
+  }
+
+  function show_fields() {
+    const {scene, problems} = state;
+    fill($("machine"), state.machines, scene.kind);
+    fill($("family"), state.families, String(scene.family));
+    $("floating-line").hidden = scene.floating == null;
+    $("floating").checked = Boolean(scene.floating);
+    $("laws").hidden = scene.fixed;
+    write_field("spring", scene.spring, problems.spring);
+    write_field("gravity", scene.gravity, problems.gravity);
+    $("spring").disabled = Boolean(scene.rows);
+    $("rows-shown").hidden = !scene.rows;
+    write("rows-name", scene.rows ? scene.rows.name : "");
+    $("branch").value = scene.rows ? scene.rows.branch : "";
+    write_field("noise", scene.rows ? scene.rows.noise : "");
+    fill($("along"), state.alongs, scene.along);
+    write_field("launch", scene.launch);
+    show_dials(state.dials);
+  }
+
+  function show() {
+    for (const name of ["spring", "gravity", "rows"]) write(`${name}-problem`, state.problems[name] || "");
+    write("problem", state.problems.page || "");
+    $("problem").hidden = !state.problems.page;
+    write("status", state.status);
+    write("hop-title", state.title);
+    if ($("certificate").dataset.told !== state.table) {
+      $("certificate").dataset.told = state.table;
+      $("certificate").innerHTML = state.table;
+    }
+    for (const id of ["family-text", "map-text", "link-text", "python", "file"]) write(id, state[id]);
+    $("undo").disabled = !state.undo;
+    $("lowest").hidden = !state.lowest;
+    $("save-rows").hidden = !state.scene.rows;
+    $("save-file").disabled = state.scene.fixed;
+    if ($("link").dataset.query !== state.link) {
+      $("link").dataset.query = state.link;
+      $("link").value = `${location.origin}/?${state.link}`;
+      history.replaceState(null, "", `?${state.link}`);
+    }
+    if (state.idle && state.n >= n) {
+      clearTimeout(timer);
+      $("stop").hidden = true;
+    }
+    if (state.n >= n) show_fields();
+    document.body.dataset.shown = state.shown;
+  }
+
+  function told() {
+    if (!bridge.told) return;
+    state = JSON.parse(bridge.told);
+    show();
+  }
+
+  const chosen = (id, act, value = (field) => field.value) =>
+    $(id).addEventListener("change", () => ask(act, {value: value($(id))}));
+  chosen("machine", "machine");
+  chosen("family", "family", (field) => Number(field.value));
+  chosen("floating", "floating", (field) => field.checked);
+  chosen("spring", "spring");
+  chosen("gravity", "gravity");
+  chosen("along", "along");
+  chosen("branch", "branch");
+  const number_or_none = (field) => Number.isFinite(field.valueAsNumber) ? field.valueAsNumber : null;
+  chosen("noise", "noise", number_or_none);
+  chosen("launch", "launch", number_or_none);
+  for (const id of ["undo", "lowest", "stop", "rows-away"]) $(id).addEventListener("click", () => ask(id));
+  $("controls").addEventListener("submit", (event) => event.preventDefault());
+  document.addEventListener("keydown", (event) => {
+    const typed = event.target.matches?.("input:not([type=range], [type=checkbox])");
+    if ((event.ctrlKey || event.metaKey) && !event.shiftKey && event.key.toLowerCase() == "z" && !typed) {
+      event.preventDefault();
+      ask("undo");
+    }
+  });
+
+  function text_of(bytes) {
+    if (bytes[0] == 0xff && bytes[1] == 0xfe) return new TextDecoder("utf-16le").decode(bytes);
+    if (bytes[0] == 0xfe && bytes[1] == 0xff) return new TextDecoder("utf-16be").decode(bytes);
+    try {
+      return new TextDecoder("utf-8", {fatal: true}).decode(bytes);
+    } catch {
+      return new TextDecoder("windows-1252").decode(bytes);
+    }
+  }
+  async function take_rows(file) {
+    if (!file) return;
+    if (file.size > LARGEST_ROWS) {
+      write("rows-problem", `${file.name} has ${file.size} bytes, and at most ${LARGEST_ROWS} are taken`);
+      return;
+    }
+    ask("rows", {name: file.name, text: text_of(new Uint8Array(await file.arrayBuffer()))});
+  }
+  $("rows").addEventListener("change", () => { take_rows($("rows").files[0]); $("rows").value = ""; });
+  document.addEventListener("dragover", (event) => { event.preventDefault(); $("drop").classList.add("over"); });
+  document.addEventListener("dragleave", () => $("drop").classList.remove("over"));
+  document.addEventListener("drop", (event) => {
+    event.preventDefault();
+    $("drop").classList.remove("over");
+    take_rows(event.dataTransfer.files[0]);
+  });
+
+  function save(name, blob) {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(blob);
+    link.download = name;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  }
+  const save_text = (name, text) => save(name, new Blob([text], {type: "text/plain"}));
+  $("save-file").addEventListener("click", () => save_text("machine.toml", $("file").textContent));
+  $("save-rows").addEventListener("click", () => ask("give-rows"));
+  for (const button of document.querySelectorAll("[data-copy]")) button.addEventListener("click", async () => {
+    const from = $(button.dataset.copy);
+    await navigator.clipboard.writeText(from.value ?? from.textContent);
+    write("status", "Copied.");
+  });
+  for (const button of document.querySelectorAll("[data-save]")) button.addEventListener("click", async () => {
+    const kind = button.dataset.save, name = $("picture").value;
+    const layer = await Bokeh.index.get(figures[name]).export(kind == "png" ? "png" : "svg");
+    save(`${name}.${kind}`, await layer.to_blob());
+  });
+
+  bridge.properties.told.change.connect(told);
+  bridge.properties.rows.change.connect(() => { if (bridge.rows) save_text(state.scene.rows.name, bridge.rows); });
+  window.explorer = {ask, figures, get state() { return state; }, get settled() { return state && state.idle && state.n >= n; }};
+  told();
+};

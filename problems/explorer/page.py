@@ -1,0 +1,300 @@
+"""The page of one tab: what is asked in its fields, what its workers answer, and what it then shows."""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from bokeh.core.properties import String
+from bokeh.document import Document
+from bokeh.events import Tap
+from bokeh.model import DataModel
+from bokeh.models import CustomJS
+from bokeh.resources import Resources
+from jinja2 import Template
+
+from orbits.errors import InputError
+from orbits.pages.family import FamilyFigure
+from orbits.pages.hop import HopFigures
+from orbits.pages.law import LawFigure
+from orbits.pages.return_map import MapFigure
+from orbits.pages.tables import html_table
+
+from .answers import FamilyAnswer, HopAnswer
+from .dials import Dial
+from .fields import changed, fields_of
+from .forms import link_of, machine_file, python_lines
+from .scene import Scene
+from .worker import Done, Failure, Question, Worker
+
+FOLDER = Path(__file__).parent
+LONGEST_HISTORY = 200
+GESTURE = 1.0  # seconds: changes of one field that follow sooner are undone together
+ROWS_LEFT_OUT = "The measured rows are too many for a link, which leaves them out: save the machine file and its rows."
+CALM = 400  # milliseconds without a change, after which the family and the map are computed
+
+
+class Bridge(DataModel):
+    """What a tab and its page tell each other: a field that was changed, everything the fields show, and measured rows
+    to be saved; the first two as JSON."""
+
+    asked = String(default="")
+    told = String(default="")
+    rows = String(default="")
+
+
+class Explorer:
+    """The page of one tab.
+
+    document : Bokeh's, which shows it
+    scene : what it shows first
+    given : the machine of the page, where no statement makes it
+    problem : in words, what is wrong with the link that was followed; "" if nothing is
+    """
+
+    def __init__(self, document: Document, scene: Scene, given: Any = None, problem: str = ""):
+        self._document, self._given = document, given
+        self._wanted, self._shown = scene, scene
+        self._history: list[Scene] = []
+        self._cause, self._last_change = "", 0.0
+        self._problems: dict[str, str] = {"page": problem} if problem else {}
+        self._hop: HopAnswer | None = None
+        self._family: FamilyAnswer | None = None
+        self._dials: list[Dial] = []
+        self._dials_of: tuple[Any, ...] = ()
+        self._texts = {"family": "", "map": ""}
+        self._number = self._count = 0
+        self._pending: Any = None  # what will compute the family and the map
+        self._workers = {
+            "hop": self._worker(self._hop_came),
+            "family": self._worker(self._family_came, calm=True),
+            "map": self._worker(self._map_came, calm=True),
+        }
+        self._new_figures()
+        document.on_session_destroyed(lambda _: self.close())
+        self._ask_hop()
+
+    def close(self) -> None:
+        """End the workers."""
+        for worker in self._workers.values():
+            worker.stop()
+
+    def _worker(self, came: Callable[[Question, Any], None], calm: bool = False) -> Worker:
+        """A worker whose answers come to a method, in the thread of the document."""
+
+        def deliver(question: Question, answer: Any) -> None:
+            self._document.add_next_tick_callback(lambda: came(question, answer))
+
+        return Worker(deliver, self._given, calm)
+
+    # ---- figures
+
+    def _new_figures(self) -> None:
+        self._bridge = Bridge()
+        self._hops, self._families, self._maps, self._laws = HopFigures(), FamilyFigure(), MapFigure(), LawFigure()
+        hops = {name: getattr(self._hops, name) for name in ("machine", "heights", "portrait", "force", "player")}
+        figures = {**hops, "family": self._families.figure, "map": self._maps.figure, "law": self._laws.figure}
+        for name, figure in figures.items():
+            figure.name = name
+            self._document.add_root(figure)
+        self._families.figure.on_event(Tap, self._family_tapped)
+        self._maps.figure.on_event(Tap, self._map_tapped)
+        self._bridge.on_change("asked", lambda attribute, old, new: self._asked(new))
+        start = CustomJS(args={"bridge": self._bridge, "figures": figures}, code="startExplorer(bridge, figures)")
+        self._document.js_on_event("document_ready", start)
+        self._hops.heights.js_on_change("tags", start)  # what no root refers to is not kept equal on both sides
+        lost = CustomJS(code="document.getElementById('lost').hidden = false")
+        self._document.js_on_event("connection_lost", lost)
+        self._document.title = "Lossless hops"
+        self._document.template = Template((FOLDER / "page.html").read_text(encoding="utf-8"))
+        texts = {f"page_{kind}": (FOLDER / f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js")}
+        needed = Resources(mode="server", root_url="", components=["bokeh", "bokeh-widgets"]).render_js()
+        self._document.template_variables.update(**texts, bokeh_needed=needed)
+
+    # ---- what is asked
+
+    def _asked(self, text: str) -> None:
+        """A field was changed: {"n": number of the change, "act": name, ...}, of which nothing is trusted."""
+        try:
+            told = json.loads(text)
+            act, self._number = str(told["act"]), int(told["n"])
+        except (ValueError, TypeError, KeyError, RecursionError):
+            return
+        if act == "undo":
+            self._undo()
+        elif act == "stop":
+            self._stop()
+        elif act == "give-rows":
+            if self._shown.rows:
+                self._bridge.rows = ""
+                self._bridge.rows = self._shown.rows.text
+        else:
+            self._change(act, told)
+        self._tell()
+
+    def _change(self, act: str, told: dict[str, Any]) -> None:
+        """Go to the scene with a change, or say why there is none."""
+        place = act if act in ("spring", "gravity", "rows") else "page"
+        try:
+            scene = changed(self._wanted, act, told)
+        except InputError as error:
+            self._problems = {place: str(error)}
+            return
+        self._go(scene, f"{act} {told.get('name', '')}" if act == "number" else act)
+
+    def _go(self, scene: Scene, cause: str) -> None:
+        before, self._wanted = self._wanted, scene
+        now = time.monotonic()
+        gesture = cause == self._cause and now - self._last_change < GESTURE
+        if scene != before and not gesture and self._history[-1:] != [self._shown]:
+            self._history = [*self._history, self._shown][-LONGEST_HISTORY:]
+        self._cause, self._last_change, self._problems = cause, now, {}
+        if scene.hop == before.hop and self._hop is not None:
+            self._shown = self._with_surroundings(self._shown)
+            self._around_later(now=True)
+        else:
+            self._ask_hop()
+
+    def _with_surroundings(self, scene: Scene) -> Scene:
+        """A scene with what is to be shown around the hop now."""
+        return replace(scene, along=self._wanted.along, launch=self._wanted.launch)
+
+    def _ask_hop(self) -> None:
+        kind = self._kind_of(self._wanted)
+        self._workers["hop"].ask(Question("hop", (self._wanted, kind != self._dials_of)))
+
+    @staticmethod
+    def _kind_of(scene: Scene) -> tuple[Any, ...]:
+        """What the ends of the sliders depend on."""
+        return scene.machine, scene.si, scene.spring, scene.gravity, scene.rows, tuple(scene.numbers)
+
+    def _undo(self) -> None:
+        failed = self._wanted != self._shown
+        if not failed and not self._history:
+            return
+        scene = self._shown if failed else self._history[-1]
+        self._history = self._history if failed else self._history[:-1]
+        self._wanted, self._cause, self._problems = scene, "", {}
+        self._ask_hop()
+
+    def _stop(self) -> None:
+        self._workers["hop"].stop()
+        self._wanted, self._problems = self._shown, {"page": "Stopped: this is still the hop before."}
+
+    def _family_tapped(self, event: Any) -> None:
+        """Go to the hop of the family that is nearest to a click."""
+        answer = self._family
+        if answer is None:
+            return
+        place = answer.nearest(event.x, event.y)
+        scene = self._shown.with_numbers(**{answer.along: answer.values[place]})
+        self._go(replace(scene, start=answer.starts[place]), "family point")
+        self._tell()
+
+    def _map_tapped(self, event: Any) -> None:
+        if event.x is not None and event.x > 0:
+            self._change("launch", {"value": float(f"{event.x:.6g}")})
+            self._tell()
+
+    # ---- what comes
+
+    def _hop_came(self, question: Question, answer: Any) -> None:
+        if isinstance(answer, Failure):
+            place = self._cause if self._cause in ("spring", "gravity", "rows") else "page"
+            self._problems = {place: answer.reason}
+        elif isinstance(answer, HopAnswer):
+            self._show_hop(question, answer)
+        self._tell()
+
+    def _show_hop(self, question: Question, answer: HopAnswer) -> None:
+        asked, with_dials = question.arguments
+        shown = self._with_surroundings(answer.scene)
+        if asked.hop == self._wanted.hop:
+            self._wanted = shown
+        first, self._hop = self._hop is None, answer
+        steady = not first and self._kind_of(self._shown) == self._kind_of(asked)
+        self._shown = shown
+        if with_dials and answer.dials is not None:
+            self._dials, self._dials_of = answer.dials, self._kind_of(asked)
+        self._count += 1
+        self._hops.show(answer.data, steady)
+        self._laws.figure.visible = answer.law is not None
+        if answer.law is not None:
+            self._laws.show(answer.law, steady)
+        self._mark()
+        self._around_later()
+
+    def _mark(self) -> None:
+        """Mark the hop in the family, where that is the family through it."""
+        family, hop = self._family, self._hop
+        if family is not None and hop is not None and family.along in hop.scene.numbers:
+            self._families.mark(hop.scene.numbers[family.along], hop.alpha)
+
+    def _around_later(self, now: bool = False) -> None:
+        """Compute the family and the map once nothing has changed for a while."""
+        if self._pending is not None:
+            self._document.remove_timeout_callback(self._pending)
+        self._pending = self._document.add_timeout_callback(self._around, 1 if now else CALM)
+
+    def _around(self) -> None:
+        self._pending = None
+        scene, bounds = self._shown, {dial.name: (dial.low, dial.high) for dial in self._dials}
+        if scene.along in bounds and scene.along in scene.numbers and (self._family is None or not self._family.holds(scene)):
+            self._texts["family"] = "The family is being followed."
+            self._workers["family"].ask(Question("family", (scene, scene.along, *bounds[scene.along])))
+        self._workers["map"].ask(Question("map", (scene,)))
+        self._tell()
+
+    def _family_came(self, question: Question, answer: Any) -> None:
+        if isinstance(answer, Failure):
+            self._family, self._texts["family"] = None, f"No family here: {answer.reason}"
+        elif isinstance(answer, FamilyAnswer):
+            steady = self._family is not None and self._family.along == answer.along
+            self._family, self._texts["family"] = answer, answer.text
+            self._families.show(answer.data, steady)
+            self._mark()
+        self._tell()
+
+    def _map_came(self, question: Question, answer: Any) -> None:
+        if isinstance(answer, Failure):
+            self._texts["map"] = f"No map here: {answer.reason}"
+        elif not isinstance(answer, Done):
+            self._maps.show(answer)
+            share = answer.share
+            found = f"{share or 0:.1%} of these launches come to a lossless hop."
+            self._texts["map"] = "The basin is being found." if share is None else found
+        self._tell()
+
+    # ---- what is told
+
+    def _tell(self) -> None:
+        """Tell the tab everything that its fields show."""
+        hop, scene = self._hop, self._shown
+        link, whole = link_of(scene)
+        try:
+            file = machine_file(scene)
+        except InputError as error:
+            file = str(error)
+        rows = hop.rows if hop else []
+        failing = "" if hop is None or hop.admissible else ", which is no motion"
+        state = {
+            "n": self._number,
+            "shown": self._count,
+            "idle": self._workers["hop"].busy == 0.0,
+            "status": f"A hop of family {scene.family}, alpha = {hop.alpha:.8g}{failing}." if hop else "",
+            "title": hop.data.title if hop else "",
+            "problems": self._problems,
+            "table": html_table(rows, "Certificate"),
+            "undo": bool(self._history) or self._wanted != self._shown,
+            "lowest": scene.start is not None,
+            "link": link,
+            "link-text": "" if whole else ROWS_LEFT_OUT,
+            "family-text": self._texts["family"],
+            "map-text": self._texts["map"],
+            "python": python_lines(scene),
+            "file": file,
+            **fields_of(self._wanted, self._dials, self._given is not None),
+        }
+        self._bridge.told = json.dumps(state)

@@ -1,0 +1,289 @@
+"""What the page shows, as one frozen object, and the machine that it describes.
+
+A scene comes from a link, from fields of the page or from a dropped file, of which nothing is trusted: its names,
+numbers and texts are bounded here, its formulas are read by the project's parser alone, and no formula can name a file.
+The rows of a measured spring are part of the scene.
+"""
+
+import re
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from orbits.errors import InputError, finite_number, whole_number
+from orbits.model.laws import Law
+from orbits.symbolic.formula import parse, suggest
+
+from .. import gravity as gravities
+from .. import springs
+from ..files import KINDS, MASSES, SI_KEYS, build
+
+# The machine that `explore` was given, where no statement makes it.
+GIVEN = "given"
+# Machines whose laws the page does not change: the functions of `problems` that make them.
+WITH_FIXED_LAWS = ("inerter_hopper", "knee_hopper")
+# The spring of a machine in SI whose stiffness is a parameter of its own.
+LINEAR_IN_SI = "stiffness*r"
+LOSSES = ("restitution", "damping", "drag")
+MOST_NUMBERS, LARGEST_SHOWN_FAMILY, LONGEST_LAW = 40, 1000, 2000
+LARGEST_ROWS = 1 << 20  # characters of a dropped table
+NAME = re.compile(r"[A-Za-z_]\w{0,39}", re.ASCII)
+NEW_NUMBER = 0.1  # of a name that a formula has just been given
+# What a machine begins with where nothing else is said.
+BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
+    ("hopper", False): {
+        "spring": "r + beta*r**3",
+        "along": "beta",
+        "numbers": {"mass_ratio": 1.0, "rest_length": 8.0, "beta": 0.3},
+    },
+    ("juggler", False): {"spring": "r", "along": "mass_ratio", "numbers": {"mass_ratio": 1.0}},
+    ("hopper", True): {
+        "spring": "k*r + b*r**3",
+        "along": "b",
+        "numbers": {"body_mass": 60.0, "foot_mass": 3.0, "surface_gravity": 9.80665, "rest_length": 0.8}
+        | {"k": 8000.0, "b": 2e6},
+    },
+    ("juggler", True): {
+        "spring": LINEAR_IN_SI,
+        "along": "ball_mass",
+        "numbers": {"ball_mass": 0.1, "hand_mass": 0.2, "surface_gravity": 9.80665, "stiffness": 50.0},
+    },
+}
+
+
+@dataclass(frozen=True)
+class MeasuredRows:
+    """A measured spring: the name and the text of its file, and how `springs.table` is to read it."""
+
+    name: str
+    text: str
+    branch: str | None = None
+    noise: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.name, str) and isinstance(self.text, str)):
+            raise InputError("a table has a name and a text")
+        if len(self.text) > LARGEST_ROWS:
+            raise InputError(f"the table has {len(self.text)} characters, and at most {LARGEST_ROWS} are taken")
+        object.__setattr__(self, "name", re.sub(r"[^\w.-]", "_", self.name, flags=re.ASCII)[-60:].lstrip(".") or "rows")
+        if self.branch not in (None, "loading", "unloading", "mean"):
+            raise InputError(f"branch = {str(self.branch)[:40]!r}; it is loading, unloading or mean")
+        if self.noise is not None and finite_number("noise", self.noise) < 0:
+            raise InputError(f"noise = {self.noise:g} is below 0; it is the standard deviation of a row's force")
+
+    @property
+    def spring(self) -> str:
+        """The spring that names the file and the options, as the command line and machine files do."""
+        told = {"branch": self.branch, "noise": self.noise}
+        options = "&".join(f"{name}={value}" for name, value in told.items() if value is not None)
+        return f"table:{self.name}" + (f"?{options}" if options else "")
+
+    def law(self, in_si: bool) -> Law:
+        """The law of the rows; raises `InputError` for what is no table."""
+        return _law_of_rows(self.name, self.text, self.branch, self.noise, in_si)
+
+
+@lru_cache(maxsize=8)
+def _law_of_rows(name: str, text: str, branch: str | None, noise: float | None, in_si: bool) -> Law:
+    with tempfile.TemporaryDirectory() as folder:  # the reader of tables reads files
+        path = Path(folder) / name
+        path.write_text(text, encoding="utf-8")
+        return springs.table(path, in_si=in_si, branch=branch, noise=noise)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What the page shows.
+
+    machine : "hopper", "juggler", one of `WITH_FIXED_LAWS`, or `GIVEN`
+    si : whether a hopper or a juggler is stated in SI
+    spring, gravity : formulas or names of laws; left aside where the laws are fixed
+    rows : a measured spring, which then takes the place of `spring`
+    numbers : the parameters by name, those of the formulas among them
+    family : of the hop
+    start : lift-off extension, launch speed and half the flight's duration of the hop to start from, where it is not
+        the lowest of its family
+    along : the parameter that the family is followed along, "" for none
+    launch : the launch speed from which a cobweb is drawn in the return map
+    """
+
+    machine: str = "hopper"
+    si: bool = False
+    spring: str = "r"
+    gravity: str = "1"
+    rows: MeasuredRows | None = None
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    family: int = 1
+    start: tuple[float, float, float] | None = None
+    along: str = ""
+    launch: float | None = None
+
+    def __post_init__(self) -> None:
+        known = (*KINDS, *WITH_FIXED_LAWS, GIVEN)
+        if self.machine not in known:
+            raise InputError(f"unknown machine {str(self.machine)[:40]!r}{suggest(str(self.machine)[:40], known)}")
+        for name in ("spring", "gravity"):
+            text = getattr(self, name)
+            if not isinstance(text, str) or len(text) > LONGEST_LAW:
+                raise InputError(f"the {name} is a formula of at most {LONGEST_LAW} characters")
+            if text.strip().partition(":")[0].strip() == "table":
+                raise InputError(f"{name} {text[:40]!r}: a table comes onto the page as a file dropped there")
+        self._check_numbers()
+        whole_number("family", self.family, most=LARGEST_SHOWN_FAMILY)
+
+    def _check_numbers(self) -> None:
+        """Keep the numbers as floats; raises `InputError` for what is none, and for too many."""
+        if len(self.numbers) > MOST_NUMBERS:
+            raise InputError(f"{len(self.numbers)} parameters are more than the page has sliders for, {MOST_NUMBERS}")
+        for name in (*self.numbers, *([self.along] if self.along else [])):
+            if not isinstance(name, str) or not NAME.fullmatch(name):
+                raise InputError(f"{str(name)[:40]!r} is no name of a parameter")
+        numbers = {name: finite_number(name, value) for name, value in self.numbers.items()}
+        object.__setattr__(self, "numbers", numbers)
+        if self.start is not None:
+            start = tuple(finite_number("start", value) for value in self.start)
+            if len(start) != 3 or start[2] <= 0:
+                raise InputError("a start is a lift-off extension, a launch speed and a duration above 0")
+            object.__setattr__(self, "start", start)
+        if self.launch is not None and finite_number("launch", self.launch) <= 0:
+            raise InputError(f"launch = {self.launch:g}; a launch speed is above 0")
+
+    @property
+    def fixed_laws(self) -> bool:
+        """Whether the machine's laws are not to be changed."""
+        return self.machine not in KINDS
+
+    @property
+    def hop(self) -> "Scene":
+        """The scene without what is shown around the hop."""
+        return replace(self, along="", launch=None)
+
+    def with_numbers(self, **numbers: float) -> "Scene":
+        """The scene with other values of some parameters."""
+        return replace(self, numbers={**self.numbers, **numbers})
+
+    def complete(self) -> "Scene":
+        """The scene with exactly the parameters that its machine and its formulas have, new ones with some value.
+
+        Raises `InputError` for a formula that cannot be read.
+        """
+        if self.fixed_laws:
+            return self
+        needed = _own_numbers(self) | _names_in_gravity(self.gravity) | ({} if self.rows else _names_in(self.spring))
+        kept = {name: self.numbers[name] for name in (*LOSSES, "rest_length") if name in self.numbers}
+        # A spring without a slope at rest is given the stiffness that sets the units.
+        if self.si and "stiffness" in self.numbers and "stiffness" not in needed and self.spring != LINEAR_IN_SI:
+            kept["stiffness"] = self.numbers["stiffness"]
+        numbers = {name: self.numbers.get(name, value) for name, value in needed.items()} | kept
+        along = self.along if self.along in numbers else ""
+        return replace(self, numbers=numbers, along=along)
+
+    def statement(self) -> dict[str, Any]:
+        """The scene's machine as `problems.files` states one, with a file's name in the place of measured rows."""
+        numbers, masses = dict(self.numbers), MASSES[self.machine]
+        own = (*masses, *SI_KEYS[:-1]) if self.si else ("mass_ratio", "rest_length")
+        stated = {name: numbers.pop(name) for name in own if name in numbers}
+        losses = {name: numbers.pop(name) for name in LOSSES if numbers.get(name)}
+        laws = {"spring": self.rows.spring if self.rows else self.spring, "gravity": self.gravity}
+        if self.si and not self.rows and self.spring.replace(" ", "") == LINEAR_IN_SI:
+            del laws["spring"]
+        if self.gravity == "1":
+            del laws["gravity"]
+        numbers = {name: value for name, value in numbers.items() if name not in LOSSES}
+        told: dict[str, Any] = {"machine": self.machine, **laws, **losses}
+        told |= {"si": stated} if self.si else stated
+        return told | ({"parameters": numbers} if numbers else {})
+
+    def build(self, given: Any = None) -> Any:
+        """The machine of the scene, which is `given` with other numbers where no statement makes it; raises
+        `InputError` that names what it cannot be."""
+        if self.machine in KINDS:
+            told = self.statement()
+            return build({**told, "spring": self.rows.law(self.si)} if self.rows else told, "this machine")
+        if self.machine == GIVEN and given is None:
+            raise InputError("this link is of a machine made in Python: open it from the page that shows the machine")
+        base = given if self.machine == GIVEN else _fixed(self.machine)
+        return base.with_values(**{name: value for name, value in self.numbers.items() if name != "restitution"})
+
+
+@lru_cache(maxsize=8)
+def _fixed(name: str) -> Any:
+    """A machine with fixed laws, as it begins."""
+    import problems
+
+    return getattr(problems, name)()
+
+
+def beginning(machine: str, si: bool = False) -> Scene:
+    """What the page begins with for a kind of machine."""
+    if machine in WITH_FIXED_LAWS:
+        return given_scene(_fixed(machine), machine)
+    if (machine, si) not in BEGINNINGS:
+        raise InputError(f"unknown machine {machine[:40]!r}{suggest(machine[:40], (*KINDS, *WITH_FIXED_LAWS))}")
+    return Scene(machine, si, **BEGINNINGS[machine, si])
+
+
+def given_scene(machine: Any, name: str = GIVEN) -> Scene:
+    """The scene of a machine whose laws are fixed."""
+    from orbits.model.machine import free_parameters
+
+    return Scene(name, numbers={each: machine.values[each] for each in free_parameters(machine)})
+
+
+def with_surroundings(scene: Scene) -> Scene:
+    """A scene with a parameter along which the family is followed: the last one, which is a law's where these have
+    any."""
+    names = [name for name in scene.numbers if name not in LOSSES]
+    return replace(scene, along=names[-1]) if names and not scene.along else scene
+
+
+def scene_of_machine(machine: Any) -> Scene:
+    """The scene of any machine: a statement where that makes the same machine, else the given one."""
+    from ..machine import TwoMasses
+
+    if isinstance(machine, TwoMasses) and machine.kind in KINDS:
+        words = machine.describe()
+        si = machine.units is not None
+        numbers = machine.stated_values if si else dict(machine.values)
+        numbers = {**numbers, **{name: getattr(machine, name) for name in LOSSES if getattr(machine, name)}}
+        if si and words["spring"] != LINEAR_IN_SI and machine.spring and not machine.spring.with_slope(0.0)[1] > 0:
+            numbers["stiffness"] = machine.stiffness
+        try:
+            scene = Scene(machine.kind, si, words["spring"], words["gravity"], numbers=numbers)
+            if (scene := scene.complete()).build() == machine:
+                return scene
+        except InputError:
+            pass  # laws that are Python functions or tables are no formulas
+    return given_scene(machine)
+
+
+def _own_numbers(scene: Scene) -> dict[str, float]:
+    """The parameters that a machine has beside its laws', with their first values."""
+    begun = BEGINNINGS[scene.machine, scene.si]["numbers"]
+    varying = scene.gravity.strip() not in ("1", "constant")
+    names = (*MASSES[scene.machine], "surface_gravity") if scene.si else ("mass_ratio",)
+    if scene.si and scene.spring.replace(" ", "") == LINEAR_IN_SI and not scene.rows:
+        names = (*names, "stiffness")
+    needed = {name: begun.get(name, 1.0) for name in names}
+    return needed | ({"rest_length": begun.get("rest_length", 10.0)} if varying else {})
+
+
+def _names_in(text: str, variable: str = "r", laws: Mapping[str, Any] = springs.NAMED) -> dict[str, float]:
+    """The parameters in a formula or of a named law, with their first values."""
+    key = text.strip().replace("-", "_")
+    if key in laws:
+        return dict(laws[key]().parameters)
+    if text.replace(" ", "") == LINEAR_IN_SI:
+        return {}
+    names = parse(text.strip().removeprefix("potential:")).names - {variable}
+    return dict.fromkeys(sorted(names), NEW_NUMBER)
+
+
+def _names_in_gravity(text: str) -> dict[str, float]:
+    """The parameters of a gravity law, whose lengths begin long."""
+    found = _names_in(text, "z", gravities.NAMED)
+    named = text.strip().replace("-", "_") in gravities.NAMED
+    return found if named else dict.fromkeys(found, 100.0)

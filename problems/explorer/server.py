@@ -1,0 +1,199 @@
+"""The page served on the loopback interface alone, for as long as the program runs or the notebook is open."""
+
+import errno
+import logging
+import socket
+import threading
+from collections.abc import Callable
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from orbits.errors import InputError
+
+from .processes import prepare
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+LOOPBACK = "127.0.0.1"
+# Of one message from a page: measured rows as JSON, whose letters may take six characters each.
+LARGEST_MESSAGE = 8 << 20
+MOST_TABS = 40  # each has a process of its own
+
+
+def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
+    """A server of the page, not started yet, and its address.
+
+    scene : what the page shows first
+    port : of the loopback interface; 0 for any that is free
+    given : the machine, where no statement makes it
+
+    Raises `InputError` without the extra `explore`, and where the port is taken.
+    """
+    prepare()
+    sockets = _bound(port)
+    port = sockets[0].getsockname()[1]
+    hosts = {f"{LOOPBACK}:{port}", f"localhost:{port}"}
+    try:
+        from bokeh.application.application import Application
+        from bokeh.application.handlers.function import FunctionHandler
+        from bokeh.server.server import BaseServer
+        from bokeh.server.tornado import BokehTornado
+        from bokeh.settings import settings
+        from tornado.httpserver import HTTPServer
+        from tornado.ioloop import IOLoop
+    except ImportError:
+        raise InputError("the page needs Bokeh: install persistent-orbits[explore]") from None
+    for name in ("bokeh", "tornado"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    settings.resources = "server"  # whatever the environment says, nothing comes from elsewhere
+    settings.allowed_ws_origin = []  # nor is anybody else let in
+    application = Application(FunctionHandler(_page_of(scene, given, hosts)))
+    tornado = BokehTornado(
+        {"/": application},
+        extra_websocket_origins=sorted(hosts),
+        websocket_max_message_size_bytes=LARGEST_MESSAGE,
+        check_unused_sessions_milliseconds=2000,
+        unused_session_lifetime_milliseconds=5000,
+    )
+    http = HTTPServer(tornado, max_header_size=1 << 16)
+    http.add_sockets(sockets)
+    return BaseServer(IOLoop.current(), tornado, http), f"http://localhost:{port}/"
+
+
+def _bound(port: int) -> list[socket.socket]:
+    """The sockets of a port of the loopback interface."""
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((LOOPBACK, port))
+        listening.listen(128)
+    except OSError as error:
+        listening.close()
+        if error.errno == errno.EADDRINUSE:
+            raise InputError(f"port {port} is taken, maybe by another page: give another one, or 0 for any") from None
+        raise InputError(f"port {port} cannot be served: {error.strerror}; give one from 1024 to 65535") from None
+    listening.setblocking(False)
+    return [listening]
+
+
+def _page_of(scene: "Scene", given: Any, hosts: set[str]) -> Callable[[Any], None]:
+    """What fills the document of a tab."""
+    tabs = set[str]()
+
+    def fill(document: Any) -> None:
+        from .forms import scene_of_link
+        from .page import Explorer
+
+        request = document.session_context.request
+        # A name that another site lets point to this machine is refused; and so are more tabs than can be served.
+        if request.headers.get("Host", "").lower() not in hosts or len(tabs) >= MOST_TABS:
+            document.add_root(_words("This page is served to this machine alone, to a few tabs at a time."))
+            return
+        try:
+            begun, problem = (scene_of_link(request.arguments) if request.arguments else scene), ""
+        except InputError as error:
+            begun, problem = scene, f"The link cannot be followed: {error}"
+        tabs.add(document.session_context.id)
+        document.on_session_destroyed(lambda context: tabs.discard(context.id))
+        Explorer(document, begun, given, problem)
+
+    return fill
+
+
+def _words(text: str) -> Any:
+    """A text as a model of Bokeh."""
+    from bokeh.models import Div
+
+    return Div(text=escape(text))
+
+
+def run(scene: "Scene", port: int, browser: bool, tell: Callable[[str], None]) -> None:
+    """Serve the page until the program is interrupted, and open it in a browser if asked to."""
+    server, address = serve(scene, port)
+    server.start()
+    tell(f"{address} shows the page; Ctrl-C ends it")
+    if browser:
+        import webbrowser
+
+        server.io_loop.add_callback(webbrowser.open, address)
+    try:
+        server.io_loop.start()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        server.unlisten()
+        server.stop()
+
+
+class Exploration:
+    """A page that is served in the background; a notebook shows it, and `close` ends it.
+
+    address : of the page
+    """
+
+    def __init__(self, machine: Any, height: int):
+        from .scene import scene_of_machine, with_surroundings
+
+        scene = with_surroundings(scene_of_machine(machine))
+        given = machine if scene.fixed_laws else None
+        self.height, self.address = height, ""
+        self._ready, self._problem = threading.Event(), None
+        self._thread = threading.Thread(target=self._serve, args=(scene, given), daemon=True)
+        self._thread.start()
+        self._ready.wait()
+        if self._problem is not None:
+            raise self._problem
+
+    def _serve(self, scene: "Scene", given: Any) -> None:
+        import asyncio
+
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        try:
+            self._server, self.address = serve(scene, 0, given)
+            self._server.start()
+        except InputError as error:
+            self._problem = error
+            return
+        finally:
+            self._ready.set()
+        self._server.io_loop.start()
+
+    def close(self) -> None:
+        """End the page and its processes."""
+
+        def end() -> None:
+            self._server.unlisten()
+            self._server.stop()
+            self._server.io_loop.stop()
+
+        self._server.io_loop.add_callback(end)
+        self._thread.join()
+
+    def __repr__(self) -> str:
+        return f"Exploration({self.address!r})"
+
+    def _repr_html_(self) -> str:
+        style = f"width:100%;height:{self.height}px;border:1px solid #ccc"
+        return f'<iframe src="{escape(self.address)}" title="Lossless hops" style="{style}"></iframe>'
+
+
+def explore(machine: Any = None, *, height: int = 900) -> Exploration:
+    """Show a machine's lossless hop on a page with sliders, in a notebook.
+
+    machine : as in `orbits.find`; by default a hopper with a cubic spring. Where it is stated by formulas, these can be
+        changed on the page; of any other one the parameters
+    height : of the page in the notebook, in pixels
+
+    The page is that of the command `orbits explore`, served on the loopback interface for as long as Python runs or
+    until `close` is called on what is returned, whose `address` any browser on this machine can open. The kernel has to
+    run on this machine too. Raises `InputError` without the extra `explore`, and for what is no machine.
+    """
+    if machine is None:
+        from ..hopper import Hopper
+
+        machine = Hopper("r + beta*r**3", rest_length=8.0, parameters={"beta": 0.3})
+    from orbits.model.machine import check_machine
+
+    check_machine(machine, "with_values")
+    return Exploration(machine, height)
