@@ -269,7 +269,8 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
     alone = [each for each in heights.values() if np.flatnonzero(getattr(each, "weights", ())).tolist() == [landing]]
     times = [event.time for event in impacts]
     places = [min(float(height(event.after)) for height in alone or heights.values()) for event in impacts]
-    axes.plot(times, places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
+    if impacts:
+        axes.plot(times, places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
     axes.axhline(0, color="0.4", lw=0.8)
     vertical = _vertical(machine.rest_length) + metres
     return _finished(axes, BELOW, xlim=(0, run.end), xlabel="time" + seconds, ylabel=vertical)
