@@ -5,7 +5,7 @@ from .continuation.folds import follow_fold
 from .continuation.follow import follow, follow_branch, orbit_at, trace
 from .continuation.starts import start_from_rest, starts
 from .continuation.step_control import StepControl
-from .control.rollout import Control
+from .control.answer import Control
 from .control.stage import Input, Stage
 from .control.steer import Guess, steer
 from .design.optimality import Active, Design

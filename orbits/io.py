@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, BinaryIO, TypeVar, get_args, get_origin, get_type_hints, is_typeddict
@@ -36,14 +37,13 @@ def version(package: str) -> str:
         return "unknown"
 
 
-def needed_package(package: str, what: str) -> Any:
-    """A package of the extra `data`, which `what` takes; raises `InputError` where it is missing."""
-    from importlib import import_module
-
+def extra_package(package: str, what: str, extra: str = "data") -> Any:
+    """A package that one of the extras installs; raises `InputError`, saying what it is needed for, where it is
+    missing."""
     try:
         return import_module(package)
     except ImportError:
-        raise InputError(f"{what}, {package} is needed: pip install 'persistent-orbits[data]'") from None
+        raise InputError(f"{what}, {package} is needed: pip install 'persistent-orbits[{extra}]'") from None
 
 
 def in_words(values: Mapping[str, Any]) -> list[str]:

@@ -3,6 +3,7 @@
 Results draw themselves by these functions, so this module stands below them and knows them by their attributes only.
 """
 
+import re
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -25,13 +26,17 @@ Report: TypeAlias = Callable[[float], None] | None  # called with the share of t
 
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 ANIMATIONS = (".gif", ".mp4")
+RESOLUTION = 160  # of figures that are written, in pixels an inch
 # One colour for each role; colour-blind readers can tell them apart too (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
-BELOW = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14), "ncols": 4}  # for a legend of curves that fill the axes
+# A legend below axes, in its font sizes: where it begins, to keep clear of the name of the abscissa; how far apart its
+# columns are; the width of a letter; and that of an entry without its letters.
+BELOW, APART, LETTER, BESIDE = 4.4, 1.4, 0.52, 4.2
 MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
 MARKERS |= {"landing jerk": "<", "collapse": "D", "family": "*"}
+NO_MOTIONS, NO_ORBITS = "no motions", "no orbits"  # entries of legends
 _OFF_SCREEN = ContextVar("off screen", default=False)
 
 
@@ -56,7 +61,7 @@ def _on_screen() -> bool:
     return getattr(shell, "kernel", None) is not None
 
 
-def new_axes(width: float = 7.0, height: float = 4.0) -> Axes:
+def new_axes(width: float = 5.6, height: float = 3.8) -> Axes:
     """Axes on a new figure.
 
     In a notebook, and where `matplotlib.pyplot` has been imported before, it is one of pyplot's figures, so that the
@@ -73,11 +78,16 @@ def new_axes(width: float = 7.0, height: float = 4.0) -> Axes:
 
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
-    return figure.add_subplot()
+    axes = figure.add_subplot()
+    axes.set_prop_cycle(color=COLOURS)
+    return axes
 
 
-def new_row(count: int, width: float = 4.2, height: float = 3.6, rows: int = 1) -> np.ndarray:
-    """An array of `count` axes side by side on a new figure, or (rows, count) of them for more rows than one."""
+def new_row(count: int, width: float = 3.6, height: float = 3.4, rows: int = 1) -> np.ndarray:
+    """An array of `count` axes side by side on a new figure, or (rows, count) of them for more rows than one.
+
+    The type of a figure up to 11 inches wide can be read where it is shown 900 pixels wide.
+    """
     first = new_axes(width * count, height * rows)
     figure = first.figure
     first.remove()
@@ -86,6 +96,7 @@ def new_row(count: int, width: float = 4.2, height: float = 3.6, rows: int = 1) 
     for one in np.ravel(axes):
         one.spines[["top", "right"]].set_visible(False)
         one.locator_params(axis="x", nbins=6)
+        one.set_prop_cycle(color=COLOURS)
     return axes
 
 
@@ -102,14 +113,18 @@ def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
     metres, seconds, _ = unit_labels(orbit.units)
     axes, (t, states) = axes or new_axes(), _cycle(orbit, 2001)
     for (name, height), colour in zip(orbit.shape.heights.items(), COLOURS, strict=False):
-        style = {"lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"lw": 2}
-        axes.plot(t, height(states), color=colour, label=name, **style)
+        axes.plot(t, height(states), color=colour, label=name, **_style(name))
     if orbit.contact_time is not None:
         axes.axvspan(orbit.flight_time, t[-1], fc=SHADE, ec="0.7", lw=0.5, label="contact", zorder=0)
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set_title(title(orbit), fontsize="medium", wrap=True)
     vertical = _vertical(orbit.machine["rest_length"]) + metres
-    return _finished(axes, BELOW, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=vertical)
+    return finished(axes, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=vertical)
+
+
+def _style(name: str) -> dict[str, Any]:
+    """How the height of a mass is drawn: full, and that of the centre of mass dashed."""
+    return {"lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"lw": 2}
 
 
 def _cycle(orbit, count: int):
@@ -118,12 +133,32 @@ def _cycle(orbit, count: int):
     return t, orbit(t)
 
 
-def _finished(axes: Axes, legend: Mapping | None = None, **labels) -> Axes:
-    """The axes with limits and labels, open above and on the right; with a legend if its place is given."""
+def finished(axes: Axes, legend: Mapping | None = None, **labels: Any) -> Axes:
+    """The axes with limits and labels, open above and on the right; with a legend below, or where it is told."""
     axes.set(**labels)
     axes.spines[["top", "right"]].set_visible(False)
-    if legend is not None:
-        axes.legend(frameon=False, fontsize="small", **legend)
+    if legend is None:
+        return legend_below(axes)
+    axes.legend(frameon=False, fontsize="small", **legend)
+    return axes
+
+
+def legend_below(axes: Axes) -> Axes:
+    """Give axes whose curves have labels a legend below them, in as many columns as there is room for; return them."""
+    from matplotlib.font_manager import FontProperties
+
+    last = {NO_MOTIONS, NO_ORBITS, *MARKERS}  # curves are named before what is marked on them
+    entries = list(zip(*axes.get_legend_handles_labels(), strict=True))
+    entries.sort(key=lambda entry: entry[1] in last and hasattr(entry[0], "get_marker"))
+    room = axes.get_window_extent().width * 72 / axes.figure.dpi / FontProperties(size="small").get_size_in_points()
+    lengths = [LETTER * len(name) + BESIDE for _, name in entries]
+    count = rows = len(entries)
+    for rows in range(1, count + 1):
+        if sum(max(lengths[i : i + rows]) for i in range(0, count, rows)) <= room:
+            break
+    if entries:
+        place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0), "borderaxespad": BELOW, "columnspacing": APART}
+        axes.legend(*zip(*entries, strict=True), frameon=False, fontsize="small", ncols=-(-count // rows), **place)
     return axes
 
 
@@ -139,9 +174,9 @@ def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
     for (name, height), colour in zip(masses, cycle(COLOURS), strict=False):
         speed = (height(states + shift) - height(states - shift)) / (2e-6 * orbit.flight_time)
         axes.plot(height(states), speed, color=colour, lw=1.6, label=name)
-    axes.set_title(title(orbit), fontsize="small", wrap=True)
+    axes.set_title(title(orbit), fontsize="medium", wrap=True)
     vertical = _vertical(orbit.machine["rest_length"]) + metres
-    return _finished(axes, {}, xlabel=vertical, ylabel="speed" + speeds_in)
+    return finished(axes, xlabel=vertical, ylabel="speed" + speeds_in)
 
 
 def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", label: str | None = None) -> Axes:
@@ -149,29 +184,32 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
 
     Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
     """
-    axes = axes or new_axes(6.5, 4.5)
+    axes = axes or new_axes(5.6, 4.2)
     along = family.in_order()  # admissibility changes at an event, not at a point beside it
     x, y = (family.values_at([point for point, _ in along], name) for name in ("value", quantity))
     motion = np.array([point.admissible for point, _ in along])
     joint = np.array([event is not None for _, event in along])
     joint[1:-1] &= motion[2:] != motion[:-2]
-    line = axes.plot(x, np.where(motion | joint, y, np.nan), lw=2, label=label)[0]
-    axes.plot(x, np.where(~motion | joint, y, np.nan), lw=1.4, ls=(0, (4, 2)), color=line.get_color(), zorder=1)
     known = axes.get_legend_handles_labels()[1]
+    line = axes.plot(x, np.where(motion | joint, y, np.nan), lw=2, label=label if motion.any() else None)[0]
+    if not motion.all():
+        look = {"color": line.get_color(), "lw": 1.4, "ls": (0, (4, 2)), "zorder": 1}
+        name = label if label and not motion.any() else None if NO_MOTIONS in known else NO_MOTIONS
+        axes.plot(x, np.where(~motion | joint, y, np.nan), label=name, **look)
     for i, (_, event) in enumerate(along):
         if event and event.kind != "asked":
             look = {"marker": MARKERS.get(event.kind, "P"), "ls": "", "ms": 6, "mfc": "white", "mew": 1.4, "zorder": 4}
             name = None if event.kind in known else event.kind
             axes.plot(x[i], y[i], color="0.15", label=name, **look)
             known.append(event.kind)
-    machine = family.machine
-    axes.set_title(f"{machine['machine']}, spring {machine['spring']}, gravity {machine['gravity']}", fontsize="small")
-    return _finished(
-        axes,
-        {} if known or label else None,
-        xlabel=family.heading(family.name),
-        ylabel=family.heading(quantity).replace("_", " "),
-    )
+    axes.set_title(title_of_machine(family.machine), fontsize="medium", wrap=True)
+    labels = {"xlabel": family.heading(family.name), "ylabel": family.heading(quantity)}
+    return finished(axes, **{which: label_of(text) for which, text in labels.items()})
+
+
+def label_of(name: str) -> str:
+    """The name of a quantity with its unit as text for a plot: without underscores, and with powers raised."""
+    return re.sub(r"\^(-?\d+)", r"$^{\1}$", name.replace("_", " "))
 
 
 def spread(family: Any, count: int) -> list:
@@ -184,8 +222,8 @@ def spread(family: Any, count: int) -> list:
 
 
 def thumbnails(axes: Axes, family: Any, orbits: Iterable[tuple[Any, Any]], quantity: str = "alpha") -> Axes:
-    """Draw small orbits, each given as (point of the family, its `Orbit`), in a row above a family's axes, joined to
-    their places on the curve; return the axes."""
+    """Draw small orbits, each given as (point of the family, its `Orbit`), in a row above a family's axes, which are
+    alone on their figure, joined to their places on the curve; return the axes."""
     from matplotlib.patches import ConnectionPatch
 
     orbits = sorted(orbits, key=lambda pair: pair[0].value)
@@ -200,9 +238,12 @@ def thumbnails(axes: Axes, family: Any, orbits: Iterable[tuple[Any, Any]], quant
         small.set(xticks=[], yticks=[])
         small.spines[:].set_color("0.7")
         place = point.value, family.quantity(point, quantity)
-        axes.add_artist(ConnectionPatch((0.5, 0), place, small.transAxes, axes.transData, color="0.7", lw=0.7))
+        line = ConnectionPatch((0.5, 0), place, small.transAxes, axes.transData, color="0.7", lw=0.7)
+        axes.add_artist(line).set_in_layout(False)
         axes.plot(*place, ".", color="0.4", ms=5, zorder=3)
-    axes.set_title(axes.get_title(), fontsize="small", y=1.4)
+    axes.figure.suptitle(axes.get_title(), fontsize="medium", wrap=True)
+    axes.set_title("")
+    axes.figure.set_figheight(1.25 * axes.figure.get_figheight())
     axes.figure.draw_without_rendering()  # the axes are lower now and have other ticks, so the layout is made again
     return axes
 
@@ -214,42 +255,9 @@ def plot_front(front: Any, axes: Axes | None = None) -> Axes:
     axes.plot(*(front.values * signs).T, "o-", color=COLOURS[0], ms=4)
     texts = [text.lstrip().lstrip("-").strip() for text in front.texts]
     units = [front.designs[0].unit_of(text) for text in texts]
-    labels = [text.replace("_", " ") + (unit and f" ({unit})") for text, unit in zip(texts, units, strict=True)]
-    return _finished(axes, xlabel=labels[0], ylabel=labels[1])
-
-
-def plot_map(
-    step: Any,
-    low: float,
-    high: float,
-    axes: Axes | None = None,
-    samples: int = 4000,
-    start: float | None = None,
-    hops: int = 60,
-) -> Axes:
-    """Plot the return map between two launch speeds, with the identity line; return the axes.
-
-    step : a `ReturnMap`
-    start : launch speed from which a cobweb of so many `hops` is drawn, None for no cobweb
-    """
-    axes, alpha = axes or new_axes(5.2, 5.0), np.linspace(low, high, samples)
-    found = step(alpha)
-    broken = step.jumps(found) + 1
-    x, y = (np.insert(values, broken, np.nan) for values in (alpha, found.next))
-    axes.plot([low, high], [low, high], color="0.6", lw=0.8, label="identity")
-    axes.plot(x, y, color=COLOURS[0], lw=1.6, label="map")
-    if start is not None:
-        web, here = [(start, start)], float(start)
-        for _ in range(hops):
-            there = float(step(here).next)
-            if not np.isfinite(there):
-                break
-            web += [(here, there), (there, there)]
-            here = there
-        axes.plot(*np.transpose(web), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
-    unit = f" ({step.machine.units.text(LIFTOFF_SPEED)})" if step.machine.units else ""
-    labels = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
-    return _finished(axes, {"loc": "upper left"}, xlim=(low, high), ylim=(0, high), **labels)
+    labels = [label_of(text + (unit and f" ({unit})")) for text, unit in zip(texts, units, strict=True)]
+    axes.set_title(title_of_machine(front.designs[0].machine.describe()), fontsize="medium", wrap=True)
+    return finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 
 def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
@@ -261,8 +269,7 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
     metres, seconds, _ = unit_labels(machine.units)
     heights, states = run.heights, run(t)
     for (name, height), colour in zip(heights.items(), COLOURS, strict=False):
-        width = 1 if name == "centre of mass" else 1.8
-        axes.plot(t, height(states), color=colour, lw=width, label=name)
+        axes.plot(t, height(states), color=colour, label=name, **_style(name))
     _shade_contacts(run, axes)
     impacts = [event for event in run.events if event.kind == "impact"]
     landing = int(np.argmax(machine.model.gap(machine.values).weights))
@@ -272,8 +279,9 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
     if impacts:
         axes.plot(times, places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
     axes.axhline(0, color="0.4", lw=0.8)
+    axes.set_title(title_of_machine(machine.describe()), fontsize="medium", wrap=True)
     vertical = _vertical(machine.rest_length) + metres
-    return _finished(axes, BELOW, xlim=(0, run.end), xlabel="time" + seconds, ylabel=vertical)
+    return finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel=vertical)
 
 
 def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Axes:
@@ -282,22 +290,31 @@ def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Ax
     metres, seconds, _ = unit_labels(run.machine.units)
     axes.plot(t, run.gap(run(t)), color=COLOURS[1], lw=2, label=label)
     _shade_contacts(run, axes)
-    return _finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel="gap" + metres)
+    axes.set_title(title_of_machine(run.machine.describe()), fontsize="medium", wrap=True)
+    return finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel="gap" + metres)
 
 
 def _shade_contacts(run, axes):
-    for leg in run.legs:
-        if leg.phase == "contact":
-            axes.axvspan(leg.start, leg.start + leg.path.times[-1], fc=SHADE, zorder=0)
+    contacts = [leg for leg in run.legs if leg.phase == "contact"]
+    for i, leg in enumerate(contacts):
+        ends = leg.start, leg.start + leg.path.times[-1]
+        axes.axvspan(*ends, fc=SHADE, zorder=0, label=None if i else "contact")
+
+
+def title_of_machine(machine: Mapping) -> str:
+    """A machine's description as a title: its name and its laws, but not constant gravity."""
+    return f"{machine['machine']}, {_laws(machine)}"
+
+
+def _laws(machine: Mapping) -> str:
+    return f"spring {machine['spring']}" + ("" if machine["gravity"] == "1" else f", gravity {machine['gravity']}")
 
 
 def title(orbit: Any) -> str:
     """The title of an orbit's plot: machine, family and speed in one line, the laws in another."""
-    gravity = orbit.machine["gravity"]
-    laws = f"spring {orbit.machine['spring']}" + ("" if gravity == "1" else f", gravity {gravity}")
     speed = f"alpha = {orbit.alpha:.6g}" + (f" {orbit.units.text(LIFTOFF_SPEED)}" if orbit.units else "")
     kind = "" if orbit.admissible else " (inadmissible)"
-    return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{laws}"
+    return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{_laws(orbit.machine)}"
 
 
 def _vertical(rest_length: float | None) -> str:
@@ -309,7 +326,7 @@ def save_figure(axes: Axes, path: str | Path) -> Path:
     """Write the figure of some axes to a file, its kind from the ending; raises `InputError` when it cannot."""
     path = check_path(path, FIGURES)
     try:
-        axes.figure.savefig(path, dpi=160)
+        axes.figure.savefig(path, dpi=RESOLUTION)
     except (OSError, ValueError) as error:
         raise InputError(f"the figure cannot be written to {path}: {error}") from None
     return path

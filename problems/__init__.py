@@ -6,6 +6,8 @@ from typing import Any
 _HOMES = {
     "Actuated": ".actuated",
     "Chain": ".chain",
+    "Disturbed": ".disturbed",
+    "Driven": ".driven",
     "HeavyHand": ".juggler",
     "Hopper": ".hopper",
     "Juggler": ".juggler",

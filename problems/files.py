@@ -30,7 +30,7 @@ from orbits.symbolic.formula import suggest
 
 from .hopper import Hopper
 from .juggler import Juggler
-from .machine import TwoMassMachine
+from .machine import DAMPERS, TwoMassMachine
 from .units import AnyMachine, MachineInSI, hopper_in_si, juggler_in_si
 
 KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
@@ -114,6 +114,35 @@ def _build(statement: dict[str, Any]) -> AnyMachine:
         if name not in si:
             raise InputError(f"[si] needs {name} (kg)")
     return IN_SI[kind](**si, force=statement.get("spring"), **common)
+
+
+def statement_of(machine: AnyMachine) -> dict[str, Any] | None:
+    """What a file states of a machine, from which `build` makes it again to the last bit; None for a machine that no
+    file states by itself, such as one with a Python function or a table as its spring."""
+    law = machine.spring
+    own = {name: getattr(machine, name) for name in ("restitution", *DAMPERS)}
+    statement: dict[str, Any] = {"machine": machine.kind, "gravity": machine.gravity.text, **own}
+    statement |= {} if law is None else {"spring": law.text}
+    laws = [each.parameters for each in (law, machine.gravity) if each is not None]
+    statement["parameters"] = {name: value for each in laws for name, value in each.items()}
+    length = {} if machine.rest_length is None else {"rest_length": machine.rest_length}
+    if isinstance(machine, MachineInSI):
+        stiffness = {"stiffness": machine.stiffness, "surface_gravity": machine.surface_gravity}
+        statement["si"] = {**machine.masses, **stiffness, **length}
+    else:
+        statement |= {"mass_ratio": machine.mass_ratio, **length}
+    try:
+        return statement if machine == machine_stated(statement) else None
+    except InputError:
+        return None
+
+
+def machine_stated(statement: dict[str, Any]) -> AnyMachine:
+    """The machine of a `statement_of` one; raises `InputError`, also where it refers to another file."""
+    _check_keys("the machine", statement, KEYS)
+    if str(statement.get("spring", "")).startswith("table:"):
+        raise InputError("the machine's spring is in another file, which is not read")
+    return build(statement, "the machine")
 
 
 def _check_keys(where: object, data: dict[str, Any], known: Collection[str]) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits import Control, Guess, InputError, NoOrbit, Orbit, Simulation, Stage, find, simulate, steer
-from orbits.control.rollout import control_in_units
+from orbits.control.answer import control_in_units
 from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of
 from orbits.hybrid.simulation import run_in_units
@@ -28,6 +28,7 @@ from orbits.numerics.roots import bracketed_root
 from orbits.symbolic.exclusive import exclusive
 
 from .actuated import RATE, Actuated, Limits, actuator_limits, product
+from .driven import Driven
 from .machine import DAMPERS, TwoMassMachine
 
 # Positive work is rounded: power P counts as (P + sqrt(P^2 + round^2))/2, with a share of the mean power as `round`.
@@ -52,14 +53,15 @@ ADDED: dict[str, Dimension] = {"launch": SPEED, "aim": SPEED, "peak": SPEED, "li
 ROWS: dict[str, Dimension] = {RATE: SPEED, "rise": SPEED, "fall": SPEED}
 
 
-def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., Control]:
-    """A function of this module that takes a machine in SI too, and then rate, stroke and speeds in SI as well."""
+def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., Driven]:
+    """A function of this module that takes a machine in SI too, and then rate, stroke and speeds in SI as well; what it
+    finds is handed back with the machine."""
 
     @exclusive
     @wraps(function)
-    def steered(machine: Any, *given: Any, **options: Any) -> Control:
+    def steered(machine: Any, *given: Any, **options: Any) -> Driven:
         if (units := getattr(machine, "units", None)) is None:
-            return function(machine, *given, **options)
+            return Driven.of(machine, function(machine, *given, **options))
         stated = signature(function).bind(machine.dimensionless(), *given, **options).arguments
         for name, dimension in (("rate", SPEED), ("short", SPEED), ("stroke", LENGTH)):
             if isinstance(stated.get(name), Real):
@@ -69,7 +71,7 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., C
             control = function(**stated)
         parameters = {name: x * units.of(ADDED[name]) for name, x in control.parameters.items() if name in ADDED}
         cost = COSTS[stated.get("cost", "effort")]
-        return control_in_units(control, units, cost, {**machine.values, **parameters}, ROWS)
+        return Driven.of(machine, control_in_units(control, units, cost, {**machine.values, **parameters}, ROWS))
 
     return steered
 
@@ -267,7 +269,8 @@ def _cheapest(hop: _Hop, stages, values: dict[str, float], starts: Sequence[Any]
     answers, reasons = [], []
     for start in starts:
         try:
-            answers.append(hop.checked(steer(stages, values, guess=start() if callable(start) else start)))
+            guess = start if isinstance(start, Control | list) else start()
+            answers.append(hop.checked(steer(stages, values, guess=guess)))
         except NoOrbit as reason:
             reasons.append(reason)
     if not answers:

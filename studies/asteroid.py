@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find
-from orbits.plot import new_axes, save_figure
+from orbits.plot import COLOURS, legend_below, new_row, save_figure
 from problems import hopper_in_si
 
 ROVER = {"body_mass": 2.5, "foot_mass": 0.5, "surface_gravity": 1e-4, "rest_length": 0.6}
@@ -57,14 +57,11 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         )
     print("\n", best, sep="")
 
-    axes = new_axes(7.5, 6.5)
-    figure = axes.figure
-    axes.remove()
-    path, families_axes = figure.subplots(2, 1, height_ratios=[3, 2])
+    path, families_axes = new_row(1, 7.5, 3.25, rows=2)
     si = best.si()
     t = np.linspace(0, best.period, 6001)
     states = best(t)
-    colours = {"body": "#0072B2", "foot": "#D55E00"}
+    colours = dict(zip(("body", "foot"), COLOURS, strict=False))
     for name, colour in colours.items():
         path.plot(t / 60, best.shape.heights[name](states), color=colour, lw=1.1, label=name)
     path.axhline(0, color="0.4", lw=0.8)
@@ -73,21 +70,22 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         f"family {best.family}: {rise(best):.2f} m in {si['flight_time_s'] / 60:.1f} min, nothing lost",
         fontsize="medium",
     )
-    path.legend(frameon=False, fontsize="small")
+    legend_below(path)
     zoom = path.inset_axes([0.36, 0.2, 0.3, 0.38])
     first = t < 0.08 * best.flight_time
     for name, colour in colours.items():
         zoom.plot(t[first], best.shape.heights[name](states[first]), color=colour, lw=1.2)
-    zoom.set_title("after lift-off (s, m)", fontsize="x-small")
-    zoom.tick_params(labelsize="x-small")
+    zoom.set_title("after lift-off", fontsize="small")
+    zoom.set_xlabel("time (s)", fontsize="small")
+    zoom.set_ylabel("height (m)", fontsize="small")
+    zoom.tick_params(labelsize="small")
     n = [orbit.family for orbit in real]
-    families_axes.plot(n, [rise(orbit) for orbit in real], "o", color="#009E73", label=f"radius {RADIUS:.0f} m")
+    families_axes.plot(n, [rise(orbit) for orbit in real], "o", color=COLOURS[2], label=f"radius {RADIUS:.0f} m")
     families_axes.plot(n, [rise(orbit) for orbit in flat], "o", mfc="none", color="0.4", label="constant gravity")
     families_axes.axhline(WANTED, color="0.7", lw=0.8)
-    families_axes.set(xlabel="family", ylabel="rise of the centre of mass (m)")
-    families_axes.legend(frameon=False, fontsize="small")
-    for panel in (path, families_axes):
-        panel.spines[["top", "right"]].set_visible(False)
+    families_axes.set(xlabel="family", ylabel="rise of the\ncentre of mass (m)")
+    families_axes.set_xticks(n)
+    legend_below(families_axes)
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(path, folder / 'asteroid.png')}")
     if not quick:

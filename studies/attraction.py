@@ -80,7 +80,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, list]:
         print(f"  injection {eps:.4f} of launch speed at every hop: eight smooth catches need it to +-{error:.4f}")
     left, right = new_row(2, 4.8, 3.8)
     left.semilogx(ratios, shares, "o-", color=COLOURS[0], ms=4)
-    left.set(xlabel="mass ratio M", ylabel="share of launches attracted", ylim=(0, 1.05))
+    left.set(xlabel="mass ratio M", ylabel="share of launches attracted", ylim=(0, 1.05), title="launches that stay")
     right.loglog(injections, errors, "o-", color=COLOURS[1], ms=4)
     right.set(xlabel="injection at every hop", ylabel="error allowed", title=f"eight catches, M = {MASS_RATIO:g}")
     folder.mkdir(parents=True, exist_ok=True)

@@ -4,7 +4,7 @@ Orbits, flows with their sensitivities, return maps and families are timed on on
 run (what takes seconds is timed once), so that ratios mean something; errors are true ones, against values in 30
 digits. A cold start is broken down into importing, building, solving and certifying, in a process of its own. Peers
 start from within 1e-4 of the answer, with equations in the form that suits them, and certify nothing; those that are
-not installed are left out, and said to be.
+not installed are left out, and said to be. `benchmark_figure` draws the figure anew from the JSON file.
 Run: python studies/benchmark.py [--output FOLDER] [--quick] [--against FILE]
 """
 
@@ -22,7 +22,6 @@ from copy import copy
 from dataclasses import replace
 from fractions import Fraction
 from importlib import metadata
-from itertools import cycle
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # one core: ratios of busy ones mean little
@@ -37,13 +36,14 @@ from orbits.continuation.curve import Curve
 from orbits.flow.flow import Flow
 from orbits.flow.runge_kutta import RungeKuttaStepper
 from orbits.periodic.formulations import equations_of
-from orbits.plot import COLOURS, new_row, save_figure
+from orbits.plot import save_figure
 from orbits.symbolic.kernels import Kernel
 from problems import Chain, Hopper
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
 from studies import peers
+from studies.benchmark_figure import draw
 
 # Machine, family, launch speed in 30 digits (a root of tan; quadrature of the energy integral; Taylor series in 40
 # digits), and the flight's rates in plain Python.
@@ -431,47 +431,6 @@ def environment() -> dict:
         "loop of 1e6": took,
         "versions": versions,
     }
-
-
-def draw(results: dict):
-    """The cubic scene's work against precision, cold starts, and how an orbit's time grows; the table has the rest."""
-    axes = new_row(3, 4.3, 3.7, rows=2).ravel()
-    ours = (*METHODS, "warm", "Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8")
-    ours += ("return map, 1000 at a time", "return map, one", "follow, certified", "lanes, 4 columns")
-    looks = {way: ("o", colour) for way, colour in zip(ours, cycle(COLOURS), strict=False)}
-    looks["lanes, 4 columns"] = ("*", COLOURS[0])
-    looks |= {"Opti, RK4": ("^-", "0.6"), "rockit, RK4": ("v-", "0.75"), "heyoka + Newton": ("D", "0.2")}
-    looks |= {"heyoka": ("D", "0.2"), "heyoka, batch": ("d", "0.2")}
-    looks |= dict.fromkeys(("scipy DOP853 + root", "scipy DOP853"), ("s-", "0.35"))
-    looks |= dict.fromkeys(("scipy events, flight alone", "scipy, stepped"), ("s", "0.35"))
-
-    def scatter(one, rows, title, unit):
-        for way in dict.fromkeys(row["way"] for row in rows if row["way"] in looks):
-            points = np.array([(row["error"], row["seconds"]) for row in rows if row["way"] == way])
-            style, colour = looks[way]
-            one.loglog(np.maximum(points[:, 0], 1e-16), 1e3 * points[:, 1], style, color=colour, label=way)
-        one.set(title=title, xlabel="true error", ylabel=f"ms {unit}", xlim=(3e-17, 1))
-        one.legend(frameon=False, fontsize="small")
-
-    flights = results["lanes"].get("half a flight and its slopes", [])
-    scatter(axes[0], results["orbits"]["cubic"], "an orbit", "an orbit")
-    scatter(axes[1], [*results["flows"]["cubic"], *flights], "half a flight and its slopes", "a flight")
-    scatter(axes[2], results["maps"]["cubic"], "the return map", "a launch")
-    scatter(axes[3], results["families"]["cubic"], "a family", "a point")
-    bars, base = axes[4], np.zeros(len(SCENES))
-    for part, colour in zip(("import", "build", "solve", "certify"), COLOURS, strict=False):
-        values = np.array([1e3 * results["cold"][name][part] for name in SCENES])
-        bars.barh(range(len(SCENES)), values, left=base, color=colour, label=part)
-        base = base + values
-    names = [name.replace(", inverse-square gravity", ",\nfalling gravity") for name in SCENES]
-    bars.set(yticks=range(len(SCENES)), yticklabels=names, xlabel="ms", title="a new process")
-    bars.legend(frameon=False, fontsize="small")
-    for name, found in results["scaling"].items():
-        label = f"{name}: power {found['exponent']:.2f}"
-        axes[5].loglog(found["values"], 1e3 * np.array(found["seconds"]), "o-", label=label)
-    axes[5].set(ylabel="ms an orbit", xlabel="number, or stiffness", title="what makes an orbit longer")
-    axes[5].legend(frameon=False, fontsize="small")
-    return axes[0]
 
 
 def rows_of(results: dict) -> dict[str, dict]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find, find_all, follow, simulate
-from orbits.plot import COLOURS, new_row, plot_orbit, save_figure
+from orbits.plot import COLOURS, NO_MOTIONS, legend_below, new_row, plot_orbit, save_figure
 from problems import Chain
 
 LONGEST = 10.0
@@ -56,7 +56,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         some = losses(first, np.array([1e-8, 1e-6]), name)
         numbers[f"exponent {name}"] = float(np.log10(some[1] / some[0]) / 2)
         print(f"  losses beside the hop in {name} go with the power {numbers[f'exponent {name}']:.4f}")
-    one, two, three, four = new_row(4, 4.4, 4.0)
+    one, two, three, four = new_row(2, 4.8, 3.9, rows=2).ravel()
     for axes, orbit in ((one, first), (two, second)):
         plot_orbit(orbit, axes).set_title(f"three masses, launch speed {orbit.alpha:.5g}")
     hardening = Chain(springs=HARDENING, parameters={"b": 0.0})
@@ -66,12 +66,18 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
                 family = follow(hardening, along, stop, orbit=orbit, longest=0.05)
                 values, speeds = np.array([(point.value, point.alpha) for point in family]).T
                 good = np.array([point.admissible for point in family])
-                axes.plot(values, np.where(good, speeds, np.nan), color=colour, lw=2)
-                axes.plot(values, np.where(good, np.nan, speeds), color=colour, lw=1.2, ls="--")
+                known = axes.get_legend_handles_labels()[1]
+                names = f"from {orbit.alpha:.5g}", NO_MOTIONS
+                own, none = (None if name in known else name for name in names)
+                axes.plot(values, np.where(good, speeds, np.nan), color=colour, lw=2, label=own)
+                if not good.all():
+                    axes.plot(values, np.where(good, np.nan, speeds), color=colour, lw=1.2, ls="--", label=none)
                 print(f"  from {orbit.alpha:.6g} towards {along} = {stop:g}: {family.end.kind}, {family.end.reason}")
-    three.set(xlabel="nonlinearity b of r + b r^3", ylabel="launch speed", title="two families", ylim=(0, 12))
+    three.set(xlabel="nonlinearity b of $r + b r^3$", ylabel="launch speed", title="two families", ylim=(0, 12))
     three.set_xticks([0.0, 0.01, 0.02, 0.03])
-    four.set(xlabel="top mass m1", ylabel="launch speed", title="the same in a mass", ylim=(0, 12))
+    four.set(xlabel="top mass $m_1$", ylabel="launch speed", title="the same in a mass", ylim=(0, 12))
+    legend_below(three)
+    legend_below(four)
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(one, folder / 'chain.png')}")
     return numbers

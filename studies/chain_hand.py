@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import NoOrbit, Orbit, find, find_all, follow, starts
-from orbits.plot import COLOURS, new_row, plot_orbit, save_figure
+from orbits.plot import COLOURS, NO_MOTIONS, legend_below, new_row, plot_orbit, save_figure
 from problems import Juggler, chain_hand
 
 LAWS = ["r + b*r**3", "K*r"]
@@ -53,8 +53,11 @@ def draw(axes, along: str, machine, orbit: Orbit, colour: str) -> list[str]:
         family = follow(machine, along, stop, orbit=orbit)
         good = np.array([point.admissible for point in family])
         speeds = family.column("alpha")
-        axes.plot(family.column(along), np.where(good, speeds, np.nan), color=colour, lw=2)
-        axes.plot(family.column(along), speeds, color=colour, lw=0.8, ls=":")
+        known = axes.get_legend_handles_labels()[1]
+        own, none = (None if name in known else name for name in (f"from {orbit.alpha:.5g}", NO_MOTIONS))
+        axes.plot(family.column(along), np.where(good, speeds, np.nan), color=colour, lw=2, label=own)
+        if not good.all():
+            axes.plot(family.column(along), np.where(good, np.nan, speeds), color=colour, lw=1.2, ls=":", label=none)
         violation = next((point.violations[0] for point in family if not point.admissible), "motions all the way")
         ends.append(f"to {along} = {family[-1].value:.4g}: {family.end.kind}, {violation}")
     return ends
@@ -69,7 +72,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     found = throws()
     numbers["throws"] = len(found)
     print(f"  {len(found)} throws of equal masses, launch speeds " + ", ".join(f"{o.alpha:.8g}" for o in found))
-    panels = new_row(4, 4.2, 3.8)
+    panels = new_row(2, 4.8, 3.9, rows=2).ravel()
     plot_orbit(found[0], panels[0]).set_title(f"equal masses, launch speed {found[0].alpha:.5g}")
     for axes, (along, (_, label)) in zip(panels[1:], WAYS.items(), strict=True):
         for orbit, colour in zip(found[:1] if quick else found, COLOURS, strict=False):
@@ -83,8 +86,10 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         except NoOrbit:
             speeds.append(np.nan)
     numbers["missed"] = int(np.isnan(speeds).sum())
-    panels[1].plot(masses, speeds, ".", color=COLOURS[2], ms=4)
-    panels[1].axhline(in_series(0.001)[1], color="0.4", lw=0.8, ls="--")
+    panels[1].plot(masses, speeds, ".", color="0.4", ms=4, label="near springs in series")
+    panels[1].axhline(in_series(0.001)[1], color="0.4", lw=0.8, ls="--", label="springs in series")
+    for axes in panels[1:]:
+        legend_below(axes)
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(panels[0], folder / 'chain_hand.png')}")
     return numbers

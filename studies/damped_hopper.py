@@ -17,7 +17,7 @@ import numpy as np
 
 from orbits import ReturnMap, find
 from orbits.hybrid.impacts import Impacts
-from orbits.plot import COLOURS, SHADE, new_row, save_figure
+from orbits.plot import COLOURS, SHADE, legend_below, new_row, save_figure
 from problems import Hopper
 from problems.steering import keep_hopping, missed, work
 
@@ -69,9 +69,7 @@ def draw(axes, found):
     axes.stairs(200 * rates["w"], times, color="0.35", lw=1.2, label="its rate $200\\,w$")
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set(xlabel="time", ylabel="position", xlim=(0, found.end), title=f"least effort at c = {SHOWN:g}")
-    axes.legend(
-        frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=4, handlelength=1.2
-    )
+    legend_below(axes)
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
@@ -104,7 +102,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         print(f"  {c:>10.3g}{row[0]:>14.6f}{row[1]:>12.4f}{row[2]:>12.4f}{row[3]:>12.4f}{injected[i, 0] / c:>10.4f}")
     print(f"\n  the effort goes with c to the power {exponent:.6f}; by energy alone it would be {floor:.4f} c^2")
     print(f"  the dissipation of the lossless hop is {lost:.6f} c; open loop the answers are missed by {worst:.1e}")
-    left, middle, right = new_row(3, 4.6, 4.0)
+    left, middle, right = new_row(3, 3.6, 4.0)
     draw(left, keep_hopping(Hopper(damping=SHOWN), orbit=orbit))
     for lossless, name, colour in ((True, "lossless landing", COLOURS[0]), (False, "any landing", COLOURS[1])):
         middle.semilogx(dampings, efforts[lossless] / dampings**2, "o-", color=colour, ms=4, label=name)
@@ -115,7 +113,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     right.axhline(lost, color="0.4", ls="--", lw=1, label="dissipation of the lossless hop")
     right.set(xlabel="damping c", ylabel="work / c", title="work a hop")
     for axes in (middle, right):
-        axes.legend(frameon=False, fontsize="small", loc="lower left")
+        legend_below(axes)
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(left, folder / 'damped_hopper.png')}")
     return numbers

@@ -68,7 +68,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
 
 
 def _figure(winner: Design, found: list[Design], fronts: dict[int, Front], folder: Path) -> Path:
-    left, right = new_row(2, 5.6, 4.2)
+    left, right = new_row(2, 4.8, 3.9)
     winner.orbit.plot(left)
     k, b = winner.parameters["k"], winner.parameters["b"]
     left.set_title(f"least C for {HEIGHT} m: k = {k:.0f} N/m, b = {b:.3g} N/m$^3$", fontsize="medium")

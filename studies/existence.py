@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from orbits import Existence, existence, follow, follow_fold
-from orbits.plot import new_row, save_figure
+from orbits.plot import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper, Juggler
 
 REST_LENGTH = 30.0
@@ -46,7 +46,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     samples = 8 if quick else 200
     found: dict[str, object] = {}
     curve, found["cusp"] = cusp()
-    panels = new_row(2, 5.4, 4.4, rows=2)
+    panels = new_row(2, 4.8, 4.2, rows=2)
     print(f"\n  cusp at beta = {found['cusp'][0]:.8g}, delta = {found['cusp'][1]:.8g}\n")
     for row, (kind, machine) in zip(panels, MACHINES.items(), strict=True):
         for axes, (spring, values) in zip(row, (QUINTIC, SATURATING), strict=True):
@@ -57,7 +57,8 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
             diagram.plot("alpha", axes)
             axes.set_title(f"{kind}, {TITLES[spring]}")
             found[f"{kind}, {spring}"] = diagram
-    panels[0, 0].plot(*curve.T, color="white", lw=1, ls=(0, (4, 3)), zorder=4)
+    panels[0, 0].plot(*curve.T, color=COLOURS[3], lw=1.4, ls=(0, (4, 3)), zorder=4, label="folds, followed")
+    legend_below(panels[0, 0])
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(panels[0, 0], folder / 'existence.png')}")
     return found

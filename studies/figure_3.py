@@ -22,7 +22,7 @@ def main(folder: Path) -> dict[str, float]:
     difference = float(np.abs((ball - ball[0]) / ratio - (centre - centre[0])).max())
     print(f"\n  alpha = {hopper.alpha:.15g} and {juggler.alpha:.15g}, period {hopper.period:.12g}")
     print(f"  the ball's path is {ratio:.12g} times the centre of mass's, but for {difference:.1e}")
-    for axes, orbit in zip(new_row(2, 5.6, 3.8), (hopper, juggler), strict=True):
+    for axes, orbit in zip(new_row(2, 4.8, 3.8), (hopper, juggler), strict=True):
         plot_orbit(orbit, axes)
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(axes, folder / 'figure_3.png')}")

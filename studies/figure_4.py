@@ -39,13 +39,13 @@ def foot_path(landing, times) -> np.ndarray:
 
 def main(folder: Path) -> dict[str, float]:
     times, lowest = np.linspace(-2.0, 0.0, 201), {}
-    for axes, (name, landing) in zip(new_row(5, 2.6, 2.8), LANDINGS.items(), strict=True):
+    for axes, (name, landing) in zip(new_row(5, 2.2, 2.8), LANDINGS.items(), strict=True):
         heights = foot_path(landing, times)
         lowest[name] = float(heights.min())
         axes.axhline(0, color="0.4", lw=0.8)
         axes.plot(times, heights, color=COLOURS[1], lw=2)
         axes.plot(0, 0, "o", color="0.2", ms=4)
-        axes.set(title=name, xlabel="time to landing", ylim=(-1.2, 2.4))
+        axes.set(title=name, xlabel="time to landing", ylim=(-1.2, 2.4), xticks=(-2, -1, 0))
         print(f"  {name}: lowest {lowest[name]:.3g} before")
     axes.figure.axes[0].set_ylabel("foot $y_2$")
     folder.mkdir(parents=True, exist_ok=True)

@@ -38,7 +38,7 @@ def worst_loss(mass_ratio: float) -> float:
 
 
 def main(folder: Path) -> dict[str, float]:
-    panels = new_row(2, 5.0, 4.6, rows=2)
+    panels = new_row(2, 4.8, 4.4, rows=2)
     orbit = find(Hopper())
     plot_map(ReturnMap(Hopper()), 1.0, 12.0, panels[0, 0])
     near = 0.02
@@ -52,6 +52,7 @@ def main(folder: Path) -> dict[str, float]:
     alpha = np.linspace(2.9, 3.8, 1200)
     other.plot(alpha, heavy(alpha).impacts, color=COLOURS[1], lw=0.8)
     other.set_ylabel("impacts", color=COLOURS[1])
+    panels[1, 1].get_legend().set_loc("lower left")
     for axes, words in zip(
         panels.flat, ("(a) M = 1", "(b) M = 1, enlarged", f"(c) M = {LIGHT:g}", f"(d) M = {HEAVY:g}"), strict=True
     ):

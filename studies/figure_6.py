@@ -25,7 +25,7 @@ def asymmetry(run, first: float, end: float) -> float:
 
 
 def main(folder: Path) -> dict[str, float]:
-    machine, panels, numbers = Hopper(), new_row(2, 5.0, 3.4), {}
+    machine, panels, numbers = Hopper(), new_row(2, 4.8, 3.6), {}
     for axes, (name, alpha) in zip(panels, (("typical", TYPICAL), ("lossless", find(machine).alpha)), strict=True):
         run = simulate(machine, alpha, hops=2)
         flight = run.events[0]

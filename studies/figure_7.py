@@ -17,7 +17,7 @@ from orbits import Arc, Statement, find
 from orbits.flow.flow import flow_of
 from orbits.numerics.bernstein import derivative, piecewise_roots
 from orbits.periodic.single_shooting import Shooting
-from orbits.plot import COLOURS, new_row, save_figure
+from orbits.plot import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
 
 MACHINE = Hopper("r + beta*r**3", "1/(1 + z/R)**2", rest_length=12.0, parameters={"beta": 0.1, "R": 60.0})
@@ -81,20 +81,20 @@ def main(folder: Path) -> dict[str, float]:
     print(f"  inflection on the ground: h = {height:.12g}, a = {compression:.12g}, {time:.12g} after mid-flight")
     print(f"  speed of the body there {-speed:.15g}; launch speed of the hop {orbit.alpha:.15g} +- {orbit.error:.1e}")
 
-    left, middle, right = new_row(3, 4.2, 3.9)
+    left, middle, right = new_row(3, 3.6, 4.2)
     critical = inflection_curve([HEIGHT], *curve[np.abs(curve[:, 0] - HEIGHT).argmin(), 1:3])[0]
     pairs = []
     for compression_, colour in zip((*COMPRESSIONS, critical[1]), (*"0123", "k"), strict=True):
         path, turns = foot_path(HEIGHT, compression_, 1.25 * critical[2])
         pairs.append(len(turns) // 2)
         t = np.linspace(0, path.times[-1], 400)
-        style = {"color": "k", "lw": 2} if colour == "k" else {"color": f"C{colour}", "lw": 1.3}
+        style = {"color": "k", "lw": 2} if colour == "k" else {"color": COLOURS[int(colour)], "lw": 1.3}
         word = "inflection" if colour == "k" else f"{pairs[-1]} pair" + "s" * (pairs[-1] != 1)
         left.plot(t, path(t)[:, 2], label=f"a = {compression_:.3g}: {word}", **style)
         left.plot(turns, path(np.array(turns))[:, 2] if turns else [], "o", ms=4, color=style["color"])
     left.plot(critical[2], critical[5], "ks", ms=6, mfc="w")
     left.set(xlabel="time after mid-flight", ylabel="foot $y_2$", title=f"released from rest at h = {HEIGHT:g}")
-    left.legend(frameon=False, fontsize="x-small")
+    legend_below(left)
     middle.plot(curve[:, 0], curve[:, 1], color=COLOURS[0], lw=2)
     middle.plot(HEIGHT, critical[1], "ks", ms=6, mfc="w")
     middle.plot(height, compression, "o", color=COLOURS[1])
@@ -108,7 +108,7 @@ def main(folder: Path) -> dict[str, float]:
         ylabel="foot at the inflection",
         title="and where that meets the ground",
     )
-    right.legend(frameon=False, fontsize="small")
+    legend_below(right)
     folder.mkdir(parents=True, exist_ok=True)
     print(f"  figure: {save_figure(left, folder / 'figure_7.png')}")
     return {"alpha": -speed, "expected": orbit.alpha, "pairs": pairs[:-1], "height": height}

@@ -18,7 +18,7 @@ import numpy as np
 
 from orbits import NoOrbit, ReturnMap, find, multiplier
 from orbits.numerics.roots import bracketed_root
-from orbits.plot import COLOURS, new_row, save_figure
+from orbits.plot import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
 
 MACHINE = Hopper()
@@ -111,7 +111,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     starts = {4.52: COLOURS[0], 4.494: COLOURS[1]}
     visits = {start: visited(injections, start, 300 if quick else 1000) for start in starts}
     numbers["stays"] = float(injections[np.isfinite(visits[4.52]).all(0) & (visits[4.52] > LOW).all(0)][-1])
-    left, right = new_row(2, 5.2, 4.4)
+    left, right = new_row(2, 4.8, 4.4)
     alpha = np.linspace(LOW, 5.0, 2000)
     plain = ReturnMap(MACHINE)(alpha).next
     left.plot(alpha, alpha, color="0.6", lw=0.8)
@@ -121,14 +121,14 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     marks = [stable, pair(0.03)[1], find(MACHINE).alpha]
     left.plot(marks, marks, "o", color="0.2", ms=4)
     left.set(xlabel="launch speed", ylabel="next launch speed", ylim=(4.0, 4.75), title="injections at M = 1")
-    left.legend(frameon=False, fontsize="small")
+    legend_below(left)
     for start, colour in starts.items():
-        label = f"from {start:g}"
-        right.plot(np.tile(injections, (64, 1)).ravel(), visits[start].ravel(), ",", color=colour)
-        right.plot([], [], "o", ms=3, color=colour, label=label)
+        look = {"marker": ".", "ms": 0.7, "ls": "", "mew": 0, "color": colour, "label": f"from {start:g}"}
+        right.plot(np.tile(injections, (64, 1)).ravel(), visits[start].ravel(), **look, rasterized=True)
     for line in (eps, numbers["last cycle"], numbers["crisis"]):
         right.axvline(line, color="0.6", lw=0.8, ls="--", zorder=0)
-    right.legend(frameon=False, fontsize="small", loc="upper left")
+    for mark in legend_below(right).get_legend().legend_handles:
+        mark.set_markersize(8)
     right.set_ylim(4.44, 4.68)
     right.set(xlabel="injection eps", ylabel="launch speeds in the long run", title="beyond (d)")
     folder.mkdir(parents=True, exist_ok=True)

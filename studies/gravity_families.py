@@ -25,7 +25,7 @@ LAWS = (
 
 def main(folder: Path, quick: bool = False) -> dict[tuple, Family]:
     numbers = (1,) if quick else (1, 2, 3)
-    panels, found = new_row(2, 5.0, 3.8, rows=2), {}
+    panels, found = new_row(2, 4.8, 3.9, rows=2), {}
     for row, (law, along, stop, label) in zip(panels, LAWS, strict=True):
         for axes, machine in zip(row, (Hopper, Juggler), strict=True):
             print(f"\n  {machine.kind}, gravity {law}")
@@ -41,7 +41,6 @@ def main(folder: Path, quick: bool = False) -> dict[tuple, Family]:
             if stop > 1:
                 axes.set_xscale("symlog", linthresh=1e-3)
             axes.set_xlim(left=0)
-            axes.legend(frameon=False, fontsize="x-small")
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(panels.flat[0], folder / 'gravity_families.png')}")
     return found

@@ -15,7 +15,7 @@ import numpy as np
 
 from orbits import Family, Orbit, Sweep, find, follow, sweep
 from orbits.model.relative import half_angle
-from orbits.plot import COLOURS, SHADE, new_row, plot_orbit, save_figure
+from orbits.plot import COLOURS, SHADE, legend_below, new_row, plot_orbit, save_figure
 from problems import knee_hopper
 
 LEG = knee_hopper(body_mass=60.0, foot_mass=3.0, link=0.45, stiffness=400.0, rest_angle=2.0)
@@ -92,24 +92,28 @@ def draw_map(axes, legs: Sweep) -> None:
 
 def draw(orbit: Orbit, legs: Sweep, families: dict[int, Family]):
     """The six panels of the picture."""
-    panels = new_row(3, 4.6, 3.8, rows=2).ravel()
+    panels = new_row(3, 3.6, 3.8, rows=2).ravel()
     draw_leg(panels[0], orbit)
     plot_orbit(orbit, panels[1]).set_title(f"a hop of family {SHOWN}", fontsize="medium")
     draw_map(panels[2], legs)
+    folds = "the knee folds through"
     for (number, family), colour in zip(families.items(), COLOURS, strict=False):
         found = told(family)
         for axes, name, factor in ((panels[3], "rise", 1), (panels[4], "force", 1e-3), (panels[5], "lost", 100)):
             values = factor * found[name]
             axes.plot(found["link"], np.where(found["motion"], values, np.nan), color=colour, label=f"family {number}")
-            axes.plot(found["link"], np.where(found["motion"], np.nan, values), color=colour, lw=1, ls="--")
+            if not found["motion"].all():
+                label = None if folds in axes.get_legend_handles_labels()[1] else folds
+                rest = np.where(found["motion"], np.nan, values)
+                axes.plot(found["link"], rest, color=colour, lw=1, ls="--", label=label)
     panels[3].set(xlabel="link (m)", ylabel="rise of the centre of mass (m)", title="height")
-    panels[4].set(xlabel="link (m)", ylabel="peak force on the ground (kN)", title="force (dashed: folds through)")
+    panels[4].set(xlabel="link (m)", ylabel="peak force on the ground (kN)", title="force")
     panels[5].set(
         xlabel="link (m)", ylabel="loss of speed (%)", title=f"launch {100 * OFF:g} % too fast, by $C d^{{4/3}}$"
     )
     for axes in panels[3:]:
-        axes.legend(frameon=False, fontsize="small")
         axes.set_ylim(bottom=0)
+        legend_below(axes)
     return panels[0]
 
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orbits import Family, NoOrbit, Orbit, find, find_all, follow, starts
-from orbits.plot import COLOURS, new_row, save_figure
+from orbits.plot import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper, plate_hopper
 
 ALONG = {"plate_stiffness": (0.1, 200.0), "m3": (0.1, 200.0)}
@@ -94,17 +94,16 @@ def shares(items) -> np.ndarray:
 def draw_map(panels, quick: bool) -> dict[str, float]:
     """Draw the times of all motions against the plate's stiffness; the fewest motions at a stiffness, and how far the
     nearest to the plain hop is on stiff plates."""
-    fewest, farthest = np.inf, 0.0
+    fewest, farthest, marks = np.inf, 0.0, {axes: [] for axes in panels}
     for stiffness in np.geomspace(*((0.1, 50.0) if quick else ALONG["plate_stiffness"]), 8 if quick else 80):
         found = motions(stiffness, 2.0, 3.0 if stiffness < 5 else 1.5)
         fewest, times = min(fewest, len(found)), shares(found)
         if stiffness > 10:
             farthest = max(farthest, np.abs(times - 1).max(axis=0).min())
         for axes, row in zip(panels, times, strict=True):
-            axes.plot(np.full(row.size, stiffness), row, ".", color="0.75", ms=3)
-    panels[0].plot([], [], ".", color="0.75", ms=3, label="motions, at every stiffness on its own")
-    panels[0].plot([], [], color="0.3", lw=1.2, label="families that were followed")
-    panels[0].legend(frameon=False, fontsize="small")
+            marks[axes] += [(stiffness, share) for share in row]
+    for axes, places in marks.items():
+        axes.plot(*np.transpose(places), ".", color="0.6", ms=3, label="motions")
     return {"fewest motions": fewest, "farthest from the plain hop": farthest}
 
 
@@ -117,7 +116,9 @@ def draw_families(panels, along: str, quick: bool) -> dict[str, int]:
         for orbit in found[:1]:
             for family in both_ways(along, value, orbit, 200 if quick else MOST_POINTS):
                 for axes, row in zip(panels, shares(family), strict=True):
-                    axes.plot(family.column(along), row, color=colour, lw=1.2)
+                    label = f"from {value:g}"
+                    known = axes.get_legend_handles_labels()[1]
+                    axes.plot(family.column(along), row, color=colour, lw=1.2, label=None if label in known else label)
                 reason = family.end.reason.split(" at ")[0].split(" near ")[0]
                 reasons[reason] = reasons.get(reason, 0) + 1
                 print(f"  from {along} = {value:g} to {family[-1].value:.5g}: {family.end.kind}, {family.end.reason}")
@@ -134,7 +135,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         orbit = near_plain(5.0, mass, -(mass + 2) / 5)
         numbers[f"heavy {mass:g}"] = (orbit.alpha / plain().alpha - 1) * mass
         print(f"  heavy plate, m3 = {mass:g}: alpha/alpha_0 - 1 = {numbers[f'heavy {mass:g}']:.5f} m2/m3")
-    panels = new_row(2, 5.5, 3.8, rows=2)
+    panels = new_row(2, 4.8, 3.9, rows=2)
     numbers |= draw_map(panels[0], quick)
     print(f"  at every stiffness at least {numbers['fewest motions']} motions; on stiff plates times of one of them")
     print(f"  are within {numbers['farthest from the plain hop']:.1%} of the plain hopper's")
@@ -145,6 +146,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         for axes, what in zip(row, ("flight", "contact"), strict=True):
             axes.axhline(1.0, color="0.4", lw=0.8, ls=":")
             axes.set(xscale="log", xlabel=f"the plate's {label}", ylim=(0, 1.6), ylabel=f"{what} time, plain hop: 1")
+            legend_below(axes)
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(panels[0][0], folder / 'plate.png')}")
     return numbers

@@ -17,7 +17,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
 from orbits import NoOrbit, Orbit, find, find_all, follow
-from orbits.plot import COLOURS, new_row, plot_orbit, save_figure
+from orbits.plot import COLOURS, legend_below, new_row, plot_orbit, save_figure
 from problems import Chain
 from studies.plate import plain
 
@@ -68,22 +68,26 @@ def draw_map(axes, quick: bool) -> dict[str, float]:
     """Draw the flight times of all motions against the unsprung mass, and the families of those nearest to the plain
     hop from some masses; the heaviest mass to which each was followed as a motion."""
     half_flight, heaviest = plain().half_flight, {}
-    for mass in np.geomspace(*((0.2, 5.0, 4) if quick else (0.02, 10.0, 50))):
-        times = [orbit.flight_time / 2 / half_flight for orbit in motions(mass)]
-        axes.plot(np.full(len(times), mass), times, ".", color="0.75", ms=3)
+    masses = np.geomspace(*((0.2, 5.0, 4) if quick else (0.02, 10.0, 50)))
+    marks = [(mass, orbit.flight_time / 2 / half_flight) for mass in masses for orbit in motions(mass)]
+    axes.plot(*np.transpose(marks), ".", color="0.6", ms=3, label="motions")
     for mass, colour in zip(FOLLOWED_FROM[1:2] if quick else FOLLOWED_FROM, COLOURS, strict=False):
         orbit = min(motions(mass), key=lambda orbit: abs(orbit.flight_time / 2 / half_flight - 1))
+        label = f"from e = {mass:g}"
         for stop in (10.0, 0.02):
             family = follow(series(mass), "m2", stop, orbit=orbit, stop_inadmissible=True)
-            axes.plot(family.column("m2"), family.column("flight_time") / 2 / half_flight, color=colour)
+            times = family.column("flight_time") / 2 / half_flight
+            axes.plot(family.column("m2"), times, color=colour, label=label if stop > mass else None)
             print(f"  from e = {mass:g} to {family[-1].value:.5g}: {family.end.kind}, {family.end.reason}")
             heaviest[f"end {mass:g} {stop:g}"] = family[-1].value
-    axes.set(xscale="log", xlabel="unsprung mass e", ylabel="flight time, plain hop: 1", ylim=(0, 1.35))
+    axes.set(xscale="log", xlabel="unsprung mass e", ylabel="flight time, plain hop: 1")
+    axes.set(xlim=(0.015, 12.0), ylim=(0, 1.35), title="motions and families")
+    legend_below(axes)
     return heaviest
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
-    numbers, (one, two, three) = {}, new_row(3, 4.8, 3.8)
+    numbers, (one, two, three) = {}, new_row(3, 3.6, 3.8)
     masses = np.geomspace(1e-4, 0.1, 12 if quick else 120)
     off, law = departures(masses), np.array([first_order(mass)[0] for mass in masses]) / plain().alpha - 1
     numbers["largest vibration"] = float(np.nanmax(np.abs(off - law) / masses**1.5))
@@ -92,7 +96,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     one.loglog(masses, law, color="0.4", lw=0.8, ls="--", label="first order")
     one.loglog(masses, off, ".", color=COLOURS[0], ms=4, label="hops")
     one.set(xlabel="unsprung mass e", ylabel="alpha/alpha_0 - 1", title="a small mass between")
-    one.legend(frameon=False, fontsize="x-small")
+    legend_below(one)
     numbers |= draw_map(two, quick)
     plot_orbit(near_plain(0.03), three).set_title("e = 0.03")
     folder.mkdir(parents=True, exist_ok=True)

@@ -20,7 +20,7 @@ SPRINGS = (
     ("hardening, $\\sinh(b r)/b$", "sinh", "b", 0.01, 2.0, {}),
     ("Toda, hard in compression", "toda", "b", 0.01, 0.9, {}),
     ("Toda, hard in tension", "toda", "b", -0.01, -1.2, {}),
-    ("bilinear, second stiffness beyond r = 0.5", "bilinear", "ratio", 1.0, 8.0, {"gap": 0.5}),
+    ("bilinear, from $r = 0.5$ on", "bilinear", "ratio", 1.0, 8.0, {"gap": 0.5}),
     ("air spring, by 1/length", "L*(1 - (1 + r/L)**(-1.4))/1.4", "L", 60.0, 2.0, {}),
 )
 REST_LENGTH = 30.0
@@ -43,19 +43,22 @@ def fate(family: Family) -> str:
 
 def main(folder: Path, quick: bool = False) -> dict[str, list[Family]]:
     numbers = (1, 2) if quick else (1, 2, 3, 4)
-    panels, found = new_row(4, 4.0, 3.4, rows=2), {}
-    for axes, (title, law, along, start, stop, others) in zip(panels.flat, SPRINGS, strict=True):
+    panels, found, entries = new_row(3, 3.2, 2.7, rows=3).ravel(), {}, {}
+    for axes, (title, law, along, start, stop, others) in zip(panels, SPRINGS, strict=False):
         found[title] = families(law, along, start, stop, others, numbers)
         print(f"\n  {title}")
         for number, family in zip(numbers, found[title], strict=True):
-            plot_family(family, axes, label=f"family {number}" if axes is panels.flat[0] else None)
+            plot_family(family, axes, label=f"family {number}")
             print(f"    family {number}: {fate(family)}; alpha {family[0].alpha:.6g} to {family[-1].alpha:.6g}")
         top = 30.0 if any(family.end.kind == "escaped" for family in found[title]) else None
-        axes.set(title=title, ylim=(0, top))
-        if axes.get_legend():
-            axes.legend(frameon=False, fontsize="small")
+        axes.set(ylim=(0, top))
+        axes.set_title(title, fontsize="medium")
+        entries |= {text: handle for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+        axes.get_legend().remove()
+    panels[-1].set_axis_off()  # one legend for all panels takes the place of a ninth
+    panels[-1].legend(entries.values(), entries, frameon=False, loc="center")
     folder.mkdir(parents=True, exist_ok=True)
-    print(f"\n  figure: {save_figure(panels.flat[0], folder / 'spring_families.png')}")
+    print(f"\n  figure: {save_figure(panels[0], folder / 'spring_families.png')}")
     return found
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import NoOrbit, find
-from orbits.plot import COLOURS, SHADE, new_row, save_figure
+from orbits.plot import COLOURS, SHADE, legend_below, new_row, save_figure
 from problems import Hopper
 from problems.steering import missed, recover, rerun, start_up
 
@@ -60,13 +60,13 @@ def draw(axes, orbit, hops: int = 2):
     axes.axvline(answer.end, color="0.4", lw=0.8, ls="--")
     axes.set(xlabel="time", ylabel="position", xlim=(0, run.end))
     axes.set_title(f"from rest in {SHOWN['pumps']} pumps, stroke {SHOWN['stroke']:g}")
-    axes.legend(frameon=False, fontsize="small", loc="upper left")
+    legend_below(axes)
     return run
 
 
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
     orbit = find(MACHINE)
-    left, middle, right = new_row(3, 4.6, 4.0)
+    left, middle, right = new_row(3, 3.6, 4.0)
     run = draw(left, orbit)
     pumps = np.arange(1, 3 if quick else 7)
     strokes = STROKES[1:2] if quick else STROKES
@@ -79,7 +79,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     middle.set(
         xlabel="pumps", ylabel="least effort", ylim=(0, None), xticks=pumps, title=f"start-up, rate at most {RATE:g}"
     )
-    middle.legend(frameon=False, fontsize="small")
+    legend_below(middle)
     short = np.geomspace(1e-3, 1.0, 4 if quick else 13)
     numbers = {"start": float(found[strokes[0]][1]), "launches": float(np.abs(run.launches - orbit.alpha).max())}
     for lossless, name, colour in ((True, "lossless landing", COLOURS[0]), (False, "any landing", COLOURS[1])):
@@ -101,7 +101,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     right.set(
         xlabel="launch speed short by d", ylabel="least effort / $d^2$", ylim=(0, None), title="recovery in one hop"
     )
-    right.legend(frameon=False, fontsize="small", loc="lower left")
+    legend_below(right)
     numbers["missed"] = worst
     print(f"  open loop the answers are missed by {worst:.1e}")
     folder.mkdir(parents=True, exist_ok=True)

@@ -18,7 +18,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
 from orbits import NoOrbit, Orbit, Proof, find, prove
-from orbits.plot import COLOURS, new_row, save_figure
+from orbits.plot import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
 from studies.stress import random_laws
 
@@ -119,7 +119,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     for orbit, proof, fine in zip(orbits, proofs, right, strict=True):
         if not fine:
             print(f"  {orbit!r}: {'; '.join(proof.reasons)}")
-    panels = new_row(2, 5.4, 3.8)
+    panels = new_row(2, 4.8, 3.9)
     milliseconds = [1e3 * proof.seconds for proof in proofs]
     bins = np.geomspace(0.9 * min(milliseconds), 1.1 * max(milliseconds), 30)
     panels[0].hist(milliseconds, bins=bins, color=COLOURS[0])
@@ -131,7 +131,10 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     panels[1].loglog(HALF_WIDTHS, true, color=COLOURS[1], label="range of $\\alpha$")
     panels[1].loglog(HALF_WIDTHS[kept], enclosed[kept], "o", color=COLOURS[0], label="proved enclosure")
     panels[1].set(xlabel="half width of the interval of $\\beta$, relative", ylabel="width")
-    panels[1].legend(frameon=False)
+    panels[0].set_title("what a proof takes")
+    panels[0].locator_params(axis="y", integer=True)
+    panels[1].set_title("how wide an enclosure is")
+    legend_below(panels[1])
     print(save_figure(panels[0], folder / "theorems.png"))
     return numbers
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import uniform
 
 from orbits import Uncertainty, uncertainty
-from orbits.plot import COLOURS, new_row, save_figure
+from orbits.plot import COLOURS, legend_below, new_row, save_figure
 from problems import juggler_in_si
 
 SLOPE, EARTH = 1.1 / 60, 9.81  # rise over length of the track; m/s^2
@@ -36,7 +36,7 @@ def spread(samples: int) -> Uncertainty:
 
 def draw(found: Uncertainty, blame: dict):
     """The two quantities with what was measured, and what each bound adds to them."""
-    panels = new_row(3, 4.6, 3.6)
+    panels = new_row(3, 3.6, 3.8)
     for axes, (text, (measured, bound)) in zip(panels, MEASURED.items(), strict=False):
         axes.hist(found.sweep[text], bins=40, color=COLOURS[4], label="model")
         axes.axvspan(
@@ -44,14 +44,19 @@ def draw(found: Uncertainty, blame: dict):
         )
         axes.axvline(measured, color=COLOURS[1], lw=1.5)
         axes.set(xlabel=WORDS[text], ylabel="jugglers")
-        axes.legend(frameon=False, fontsize="small")
+        axes.locator_params(axis="x", nbins=4)
+        legend_below(axes)
     names = list(BOUNDS)
     for k, text in enumerate(MEASURED):
         values = [blame[text][name]["total"] for name in names]
         panels[2].barh(np.arange(len(names)) + 0.2 - 0.4 * k, values, 0.36, color=COLOURS[2 + k], label=WORDS[text])
     labels = [name.replace("_", " ") for name in names]
-    panels[2].set(yticks=range(len(names)), yticklabels=labels, xlabel="share of the variance (Sobol's total index)")
-    panels[2].legend(frameon=False, fontsize="small")
+    panels[2].set(yticks=range(len(names)), yticklabels=labels, xlabel="Sobol's total index")
+    legend_below(panels[2])
+    for axes, words in zip(
+        panels, ("ratio of the amplitudes", "amplitude of the ball", "what blurs them"), strict=True
+    ):
+        axes.set_title(words)
     return panels[0]
 
 

@@ -31,7 +31,18 @@ from orbits import (
     uncertainty,
 )
 from orbits.continuation import checkpoint
-from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, gravity, hopper_in_si, juggler_in_si, springs
+from problems import (
+    Actuated,
+    Chain,
+    HeavyHand,
+    Hopper,
+    Juggler,
+    gravity,
+    hopper_in_si,
+    juggler_in_si,
+    springs,
+    steering,
+)
 
 ROWS = ([-20.0, -10.0, -1.0, 0.0, 1.0, 10.0, 20.0], [-30.0, -14.0, -1.0, 0.0, 1.0, 14.0, 30.0])
 
@@ -146,6 +157,8 @@ def made(kind: str):
         "Simulation": lambda: simulate(Hopper(restitution=0.3, damping=0.01), 4.6, hops=2),
         "ContactEvent": lambda: simulate(Hopper(), 4.6, hops=1).events[0],
         "Control": lambda: steer([stage()], guess=[Guess(1.0, lambda t: [t, 1.0])]),
+        "Driven": lambda: steering.recover(Hopper(), 0.1, intervals=14),
+        "Disturbed": lambda: made("Driven").simulate(1, launch_error=0.01),
         "Design": lambda: optimize(leg, minimise="loss_coefficient", **over),
         "Front": lambda: pareto(leg, minimise=("-centre_of_mass_rise", "largest_contact_force"), points=2, **over),
         "Sweep": lambda: sweep(leg, {"k": [3e3, 5e3], "body_mass": [55.0, 60.0]}, quantities=["stroke"]),
@@ -155,8 +168,8 @@ def made(kind: str):
 
 RESULTS = (
     *("Orbit", "Orbit in SI", "Certificate", "Trajectory", "Family", "Point", "Event", "End"),
-    *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Design", "Front"),
-    *("Sweep", "Uncertainty"),
+    *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Driven", "Disturbed"),
+    *("Design", "Front", "Sweep", "Uncertainty"),
 )
 
 

@@ -13,8 +13,8 @@ from ..io import (
     MEGABYTE,
     check_ending,
     conform,
+    extra_package,
     fields_in_line,
-    needed_package,
     one_line,
     read_file,
     to_json,
@@ -253,7 +253,7 @@ class Family:
         The column "event" has the kind of an event, "" at other points, "violations" what makes an orbit no motion;
         `dataframe.attrs["units"]` has the units by column. Raises `InputError` without pandas.
         """
-        pandas = needed_package("pandas", "for a data frame")
+        pandas = extra_package("pandas", "for a data frame")
         rows = list[tuple[Point, str]]()
         for point, event in self.in_order():
             if event and event.kind == "asked" and rows:  # its point is the one before
@@ -413,7 +413,7 @@ class Family:
         return _modernised(family) if family.machine.get("laws_in") == "SI" else family
 
     def _dataset(self):
-        xarray = needed_package("xarray", "to save a family as NetCDF and not as .json or .csv")
+        xarray = extra_package("xarray", "to save a family as NetCDF and not as .json or .csv")
         also = self.points[0].also if self.points else ()
         attached = {name: {"units": unit} for name, unit in self.units.items() if unit}
         data = {name: ("point", self.column(name), attached.get(name, {})) for name in (*also, *NUMBERS)}

@@ -1,161 +1,16 @@
-"""Motions found by optimal control: solutions of the nonlinear program integrated accurately, open loop, and errors."""
+"""Solutions of the nonlinear program of optimal control integrated accurately, open loop, and their errors."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import comb
-from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..hybrid.simulation import Leg
-from ..io import fields_in_line
-from ..model.units import Dimension, Units, unit_text
 from ..numerics.bernstein import PiecewisePolynomials, powers
-from ..pages.cells import cell
+from .answer import RUNNING_COST, ControlledLeg, WarmStart
 from .stage import Stage, stage_flow
-from .transcription import Multipliers, StageUnknowns, Transcription
-
-
-@dataclass(frozen=True)
-class ControlledLeg(Leg):
-    """One stage of a motion, whose rows are the states, then the path expressions; and its inputs as polynomials of the
-    time since its start."""
-
-    inputs: Trajectory
-
-    @property
-    def duration(self) -> float:
-        """Duration of the stage."""
-        return float(self.path.times[-1])
-
-    def input_of(self, name: str) -> Callable[[float], float]:
-        """An input as a function of the time in the stage."""
-        row = self.inputs.names.index(name)
-        return lambda t: self.inputs(t)[row]
-
-    def input_column(self, name: str) -> np.ndarray:
-        """Coefficients (N, K + 1) of an input on each interval, 0 where the stage does not have it."""
-        return self.inputs.row(name) if name in self.inputs.names else np.zeros((len(self.inputs.steps), 1))
-
-
-@dataclass(frozen=True)
-class WarmStart:
-    """The point from which the next solve starts: a problem with its unknowns and multipliers."""
-
-    problem: Transcription
-    x: np.ndarray
-    multipliers: Multipliers | None
-    shares: np.ndarray  # of its interval at which each exchange point of the problem lies
-    unit: float = 1.0  # of the cost, which it brings to order one, since Ipopt's tolerances are absolute
-
-
-@dataclass(frozen=True)
-class Control:
-    """A motion of locally least cost. Another guess may lead to one that costs less.
-
-    legs : the stages in order
-    cost : cost of the accurate motion
-    parameters : all parameters by name, those left free with the values found
-    violation : the most by which the accurate motion misses a condition, leaves a bound, or falls below zero in a path
-        expression
-    error : the most by which the states of the accurate motion, relative to their size, or its cost differ from those
-        of the nonlinear program
-    coarseness : the share of the cost by which the last halving of the intervals changed it, NaN if they were kept.
-        Violation and error are those of this motion and do not say what finer inputs would save
-    iterations, rounds : Ipopt's iterations, and the solves in which they were taken
-    seconds : time taken in all
-    status : "optimal"; anything else is raised as an error
-    units : of "cost", "time" and the inputs, by name, where the numbers are in SI; violation and error have none
-    bare : the same motion without units, None where there are none
-    """
-
-    legs: tuple[ControlledLeg, ...]
-    cost: float
-    parameters: Mapping[str, float]
-    violation: float
-    error: float
-    iterations: int
-    rounds: int
-    seconds: float
-    status: str = "optimal"
-    coarseness: float = np.nan
-    answer: WarmStart | None = field(default=None, repr=False)
-    units: Mapping[str, str] | None = None
-    bare: "Control | None" = field(default=None, repr=False)
-
-    def dimensionless(self) -> "Control":
-        """The motion in its machine's own dimensionless units; itself where it has no others."""
-        return self.bare or self
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What is pickled: all but the nonlinear program. As a guess the copy starts a solve from its motion."""
-        return {**vars(self), "answer": None}
-
-    def __repr__(self) -> str:
-        return fields_in_line(self, "status", "cost", "violation", "error", "end")
-
-    @property
-    def durations(self) -> np.ndarray:
-        """Durations of the stages."""
-        return np.array([leg.duration for leg in self.legs])
-
-    @property
-    def end(self) -> float:
-        """The time at which the last stage ends."""
-        return self.legs[-1].start + self.legs[-1].duration
-
-    def schedule(self, *names: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """The times (k + 1,) at which piecewise constant inputs change, and their values (k,) in between, 0 where a
-        stage does not have them, as `simulate` takes them.
-
-        Raises `InputError` for a name that is no input, and for an input that varies within an interval.
-        """
-        if strange := set(names).difference(*(leg.inputs.names for leg in self.legs)):
-            raise InputError(f"there is no input '{min(strange)}'")
-        rows = {name: [leg.input_column(name) for leg in self.legs] for name in names}
-        if varying := [name for name, columns in rows.items() if any(c[:, 1:].any() for c in columns)]:
-            raise InputError(f"input '{varying[0]}' varies within an interval: it is no schedule; give it degree 0")
-        times = np.concatenate([*(leg.start + leg.inputs.times[:-1] for leg in self.legs), [self.end]])
-        return times, {name: np.concatenate([c[:, 0] for c in columns]) for name, columns in rows.items()}
-
-    def rows(self) -> list[tuple[str, str]]:
-        """The motion as rows of a table, (name, text): its stages, its cost and errors, how it was found."""
-        second, unit = (" s", f" {self.units['cost']}") if self.units else ("", "")
-        rows = [(leg.phase, f"from {leg.start:<12.8g}for {leg.duration:.10g}{second}") for leg in self.legs]
-        rows.append(("cost", f"{self.cost:.12g}{unit}, violation {self.violation:.1e}, error {self.error:.1e}"))
-        return [*rows, ("found in", f"{self.iterations} iterations, {self.rounds} rounds, {self.seconds:.2f} s")]
-
-    def __str__(self) -> str:
-        return "\n".join(f"  {name:<12}{text}" for name, text in self.rows())
-
-    def _repr_html_(self) -> str:
-        return cell("motion of locally least cost", self.rows(), getattr(self, "plot", None))
-
-
-def control_in_units(
-    control: Control, units: Units, cost: Dimension, parameters: Mapping[str, float], own: Mapping[str, Dimension]
-) -> Control:
-    """A dimensionless motion in these units, with the parameters given.
-
-    cost : its dimension; own : those of inputs and path expressions, by name
-    """
-    legs = tuple(
-        replace(
-            leg,
-            start=leg.start * units.time,
-            path=units.convert_motion(leg.path, own),
-            inputs=units.convert_motion(leg.inputs, own),
-        )
-        for leg in control.legs
-    )
-    inputs = {name: unit_text(own[name]) for leg in control.legs for name in leg.inputs.names if name in own}
-    texts = {"cost": unit_text(cost), "time": "s", **inputs}
-    return replace(
-        control, legs=legs, cost=control.cost * units.of(cost), parameters=parameters, units=texts, bare=control
-    )
+from .transcription import StageUnknowns
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +19,7 @@ class StageRollout:
 
     stage: Stage
     unknowns: StageUnknowns  # those of the stage in the nonlinear program
-    path: Trajectory  # the motion, states and then path expressions
+    path: Trajectory  # the motion: states, path expressions, and the running cost of the stage so far
     nodes: np.ndarray  # states (n, N + 1) at the ends of the intervals
     cost: float  # the running cost
     interval: np.ndarray  # that of each step (steps,) of the motion
@@ -211,8 +66,9 @@ class MotionRollout:
     def legs(self) -> tuple[ControlledLeg, ...]:
         """The legs of the accurate motion."""
         ends = np.cumsum([0.0, *(of.unknowns.duration for of in self.stages)]).tolist()
-        names, inputs = [of.stage.phase.name for of in self.stages], [_input_polynomials(of) for of in self.stages]
-        return tuple(map(ControlledLeg, names, ends, [of.path for of in self.stages], inputs))
+        phases, inputs = [of.stage.phase for of in self.stages], [_input_polynomials(of) for of in self.stages]
+        names, states = [phase.name for phase in phases], [phase.states for phase in phases]
+        return tuple(map(ControlledLeg, names, ends, [of.path for of in self.stages], inputs, states))
 
 
 def roll_out(solution: WarmStart, cost: float, fixed: np.ndarray) -> MotionRollout:
@@ -234,17 +90,20 @@ def _roll_out_stage(stage: Stage, names: tuple[str, ...], values, unknowns: Stag
     """Integrate a stage of a solution accurately, with parameters `names` of the given values."""
     flow, (duration, nodes, coefficients) = stage_flow(stage, names), unknowns
     size, h, x, cost = len(stage.phase.states), duration / stage.intervals, nodes[:, 0], 0.0
-    paths, ends = [], [x]
-    keep = [*range(size), *range(size + 2, len(flow.names))]  # all rows but those of the clock and the cost
+    paths, blocks, ends = [], [], [x]
+    keep = [*range(size), *range(size + 2, len(flow.names)), size + 1]  # all rows but that of the clock
     for i in range(stage.intervals):
         path, _ = flow.run([*x, 0.0, 0.0], np.concatenate([values, [h], coefficients[:, i]]), 1.0)
+        rows = path.coefficients[:, keep] / powers(h, path.coefficients.shape[2])
+        rows[:, -1, 0] += cost
         x, cost = path.end[:size], cost + path.end[size + 1]
         ends.append(x)
         paths.append(path)
-    blocks = [path.coefficients[:, keep] / powers(h, path.coefficients.shape[2]) for path in paths]
+        blocks.append(rows)
     times = np.append(0.0, np.cumsum(np.concatenate([path.steps * h for path in paths])))
     times[-1], interval = duration, np.repeat(np.arange(stage.intervals), [len(path.steps) for path in paths])
-    dense = Trajectory(times, np.concatenate(blocks), tuple(flow.names[i] for i in keep))
+    names_of_rows = (*(flow.names[i] for i in keep[:-1]), RUNNING_COST)
+    dense = Trajectory(times, np.concatenate(blocks), names_of_rows)
     overstepped = _overstepped(stage, dict(zip(names, values, strict=True)), coefficients)
     states, shares = np.array(ends).T, np.concatenate([path.times[:-1] for path in paths])
     return StageRollout(stage, unknowns, dense, states, cost, interval, shares, overstepped)

@@ -18,7 +18,8 @@ from ..model.units import TIME, Message, Quantity
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
 from ..symbolic.ipopt import Minimum
-from .rollout import Control, ControlledLeg, MotionRollout, WarmStart, roll_out
+from .answer import Control, ControlledLeg, WarmStart
+from .rollout import MotionRollout, roll_out
 from .stage import Stage, check_range, check_stage
 from .transcription import StageUnknowns, Transcription, transcription
 

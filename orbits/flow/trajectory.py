@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, overload
+from typing import Any, TypedDict, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -67,6 +67,31 @@ class Trajectory:
     def row(self, name: str) -> np.ndarray:
         """Coefficients (N, K + 1) of one row."""
         return self.coefficients[:, self.names.index(name)]
+
+    def saved(self) -> dict[str, Any]:
+        """The motion for a file, as `SavedTrajectory`."""
+        rows = self.coefficients if self.names else None
+        return {"names": self.names, "times": self.times, "coefficients": rows}
+
+
+class SavedTrajectory(TypedDict):
+    """A `Trajectory` in a file; one without rows has no coefficients."""
+
+    names: tuple[str, ...]
+    times: np.ndarray
+    coefficients: np.ndarray | None
+
+
+def trajectory_of(data: SavedTrajectory) -> Trajectory:
+    """The motion in a file, whose arrays fit each other; raises `ValueError`."""
+    times, coefficients, names = data["times"], data["coefficients"], data["names"]
+    if coefficients is None:
+        coefficients = np.zeros((max(times.size - 1, 0), 0, 1))
+    if coefficients.ndim != 3 or times.shape != (len(coefficients) + 1,) or coefficients.shape[1] != len(names):
+        raise ValueError("its motion is damaged")
+    if len(times) < 2 or times[0] != 0 or not (np.diff(times) > 0).all():
+        raise ValueError("its motion is damaged: the times do not ascend from 0")
+    return Trajectory(times, coefficients, names)
 
 
 def begins_of_steps(steps: Array, counts: Array) -> Array:

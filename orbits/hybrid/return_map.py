@@ -5,43 +5,29 @@ of the losses of its impacts. It is not the difference of launch speeds: near a 
 the power 4/3 of the distance, and the difference would be rounding.
 """
 
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import count
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import FlowError, InputError, NoOrbit, OrbitsError, finite_number, whole_number
-from ..flow.flow import flow_of
+from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from ..io import fields_in_line, one_line
 from ..model.machine import Machine, dimensionless
 from ..model.units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Units, without_units
-from ..numerics.bernstein import piecewise_roots
-from ..numerics.roots import enclosed_sign_changes, resolved
+from ..numerics.roots import enclosed_sign_changes
 from ..pages.cells import cell
 from ..pages.tables import number_text
-from ..periodic.find import Progress, certified_orbit, find
-from ..periodic.formulations import equations_of
-from ..periodic.orbit import Orbit
-from ..plot import plot_map
+from ..periodic.find import Progress, find
 from ..symbolic.exclusive import exclusive
 from .impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from .multiplier import multiplier
+from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossless_speeds
 
 BATCH_SIZE = 5000  # launch speeds in one batch: enough to pay for the calls, few enough for the memory
-SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
-JUMP = 1e-6  # where the map changes by less than this share between neighbouring numbers, it is continuous there
-ROUNDED = 1e-13  # a smaller change of the launch speed by a hop, as a share of it, may be rounding
-FURTHER = 3  # the search for lossless orbits ends after this many families in a row without one in the range
-PER_TURN, MOST_SAMPLES = 8, 2000  # launches in the grid searched for lossless orbits: per half oscillation, and at most
-SETTLED = 1e-5  # a basin, maybe of infinitely many intervals, is complete when a hop adds a smaller share of the range
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
 SHOWN, HIGH_LAUNCH = 1000, 9.0
-# (lowest, highest) of each interval, ascending.
-Intervals = list[tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -133,7 +119,7 @@ class ReturnMap:
             highest = 2.0 * find(self.machine).alpha
         except OrbitsError:
             highest = HIGH_LAUNCH * self._speed
-        return plot_map(self, highest / SHOWN, highest, axes, SHOWN)
+        return self.plot(highest / SHOWN, highest, axes, SHOWN)
 
     def __reduce__(self) -> tuple[type, tuple[Machine, float, int]]:
         return type(self), (self.machine, self.inject, self.cap)
@@ -217,8 +203,43 @@ class ReturnMap:
         lossless = lossless_speeds(self.impacts, low, high)
         return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
 
+    def plot(
+        self, low: float, high: float, axes: Any = None, start: float | None = None, hops: int = 60,
+        samples: int = 4000, fixed_points: bool = True,
+    ) -> Any:  # fmt: skip
+        """Plot the map between two launch speeds, with its fixed points, and with a cobweb of so many `hops` from the
+        launch `start`; returns the axes. See `orbits.hybrid.figures.plot_map`."""
+        from .figures import plot_map
+
+        return plot_map(self, low, high, axes, samples, start, hops, fixed_points)
+
+    def plot_basin(self, low: float, high: float, axes: Any = None, hops: int = 1000, samples: int = 2000) -> Any:
+        """Plot which launches between two come to which lossless hop, and tell how much of the range they are; returns
+        the axes. The basin is that of `basin`."""
+        from .figures import plot_basin
+
+        return plot_basin(self, low, high, axes, hops, samples)
+
     def _in_units(self, intervals: Intervals) -> Intervals:
         return [(a * self._speed, b * self._speed) for a, b in intervals]
+
+    @exclusive
+    def destinations(self, intervals: Intervals, high: float, hops: int = 1000) -> np.ndarray:
+        """The lossless launch speeds (k,) that the k intervals of a `basin` up to `high` come to, each found by the
+        hops from its middle; NaN where these are too few."""
+        immediate = np.reshape(self.basin(SLOWEST_LOSSLESS * self._speed, high, 0), (-1, 2))
+        found, alpha = np.full(len(intervals), np.nan), np.array([0.5 * (a + b) for a, b in intervals])
+        going = np.arange(len(alpha))
+        for _ in range(hops + 1):
+            i = np.searchsorted(immediate[:, 0], alpha[going], side="right") - 1
+            arrived = (i >= 0) & (alpha[going] <= immediate[i, 1])
+            found[going[arrived]] = immediate[i[arrived], 0]
+            going = going[~arrived]
+            if not len(going):
+                break
+            alpha[going] = self(alpha[going]).next
+            going = going[np.isfinite(alpha[going])]
+        return found
 
     @exclusive
     def basin(
@@ -246,147 +267,6 @@ class ReturnMap:
         resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False, progress)
         intervals = resolved_map.basin(lossless, hops, high - low, progress)
         return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
-
-
-class ResolvedMap:
-    """A return map on a grid of launch speeds that resolves it; `following` are the next ones, 0 where there are none.
-
-    The grid, from `low` to `high`, is refined toward the lossless launch speeds, where the map has no slope, and toward
-    its extrema: all of them, or with `identity` those that may touch the identity line. Meanwhile `progress` is 0.
-    """
-
-    def __init__(
-        self, return_map: Callable, lossless: list, low: float, high: float, samples: int, identity: bool,
-        progress: Progress = None,
-    ):  # fmt: skip
-        def above(alpha: np.ndarray) -> np.ndarray:
-            if progress:
-                progress(0.0)
-            return return_map(alpha).next - slope * alpha
-
-        distances, slope = np.geomspace(1e-12, high - low, 200), float(identity)
-        beside = [alpha + side * distances for alpha in lossless for side in (-1, 1)]
-        grid = np.concatenate([np.linspace(low, high, samples), *beside])
-        grid = np.unique(grid[(grid >= low) & (grid <= high)])
-        self.grid, values = resolved(above, grid, identity)
-        self.following = np.nan_to_num(values + slope * self.grid)
-        self.next = lambda alpha: np.nan_to_num(return_map(alpha).next)
-        self._passages = dict[float, np.ndarray]()  # where the map passes a level: the levels of a basin come again
-
-    def crossings(self) -> np.ndarray:
-        """Launch speeds (k,) at which the map crosses the identity line."""
-        excess = self.following - self.grid
-        # Where rounding decides the sign at a point of the grid, the map may cross the line on either side.
-        excess = np.where(np.abs(excess) <= ROUNDED * self.grid, np.abs(excess), excess)
-        a, b, fa, fb = _sign_changes(lambda alpha, _: self.next(alpha) - alpha, self.grid, excess)
-        continuous = np.maximum(np.abs(fa), np.abs(fb)) <= JUMP * a
-        return np.where(np.abs(fa) <= np.abs(fb), a, b)[continuous]
-
-    def preimages(self, edges: Intervals) -> Intervals:
-        """The intervals of launch speeds whose next one lies in one of `edges`."""
-        levels, grid = np.unique(edges), self.grid
-        new = levels[[level not in self._passages for level in levels.tolist()]]
-        excess = self.following[:, None] - new
-        i, k = np.nonzero((excess[1:] >= 0) != (excess[:-1] >= 0))
-        above = grid[i], grid[i + 1], excess[i, k], excess[i + 1, k]
-        ends, *_ = enclosed_sign_changes(lambda alpha, which: self.next(alpha) - new[k[which]], *above)
-        self._passages |= {level: ends[k == j] for j, level in enumerate(new.tolist())}
-        ends = np.concatenate([grid[[0, -1]], *(self._passages[level] for level in levels.tolist())])
-        ends = np.unique(ends)
-        ends = ends[np.append(True, np.diff(ends) > 1e-15 * ends[1:])]
-        inside = within(self.next(0.5 * (ends[1:] + ends[:-1])), edges)
-        switches = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
-        return list(zip(ends[switches[::2]].tolist(), ends[switches[1::2]].tolist(), strict=True))
-
-    def basin(self, lossless: list[float], hops: int, width: float, progress: Callable | None = None) -> Intervals:
-        """The intervals of launch speeds that come to one of the `lossless` ones, of which the lowest begins the grid,
-        within `hops` hops, in a range of this width."""
-        pairs = zip(lossless, [*lossless[1:], float(self.grid[-1])], strict=True)
-        intervals, total = [(star, self._end_of_basin(star, end)) for star, end in pairs], 0.0
-        for _ in range(hops):
-            intervals = self.preimages(intervals)
-            total, last = float(np.diff(intervals).sum()), total
-            if progress:
-                progress(min(total / width, 1.0))
-            if total - last <= SETTLED * width:
-                break
-        return intervals
-
-    def _end_of_basin(self, star: float, end: float) -> float:
-        """The launch speed from which on the map falls below the lossless one, `star`; `end` if not before."""
-        grid, excess = self.grid, self.following - star
-        i = np.flatnonzero((grid > star) & (grid < end) & (excess < 0))[:1]
-        ends = grid[i - 1], grid[i], excess[i - 1], excess[i]
-        return float(enclosed_sign_changes(lambda a, _: self.next(a) - star, *ends)[0][0]) if len(i) else end
-
-
-def _sign_changes(function: Callable, grid: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, ...]:
-    """`enclosed_sign_changes` of one function between neighbours of a grid, from its values there."""
-    i = np.flatnonzero((values[1:] >= 0) != (values[:-1] >= 0))
-    return enclosed_sign_changes(function, grid[i], grid[i + 1], values[i], values[i + 1])
-
-
-def lossless_speeds(impacts: Impacts, low: float, high: float) -> list[float]:
-    """Launch speeds from `low` to `high` of the lossless orbits that are motions, ascending."""
-    if not impacts.model.conservative:
-        return []
-    of_families = not impacts.model.reduction or impacts.model.reduction.exact
-    orbits = _orbits_of_families(impacts, high) if of_families else _all_orbits(impacts, low, high)
-    return sorted({orbit.alpha for orbit in orbits if low <= orbit.alpha <= high and orbit.admissible})
-
-
-def _orbits_of_families(impacts: Impacts, high: float) -> Iterator[Orbit]:
-    """The orbit that `find` gives of each family, until several in a row lie beyond `high` or do not exist."""
-    beyond = 0
-    for family in count(1):
-        try:
-            orbit = find(impacts.machine, family)
-        except NoOrbit:
-            orbit = None
-        beyond = 0 if orbit and orbit.alpha <= high else beyond + 1
-        if beyond > FURTHER:
-            return
-        if orbit and not beyond:
-            yield orbit
-
-
-def _all_orbits(impacts, low, high):
-    """All orbits under constant gravity: half a flight lasts a time that is known, until the reduced motion turns."""
-    model, p, names, arc = impacts.model, impacts.p, tuple(impacts.values), impacts.model.reduction.statement.arcs[0]
-    flow, (liftoff,) = flow_of(arc.phase, names), model.release(np.array([low]), impacts.values)
-
-    def half_flight(alpha):
-        u = {"liftoff": liftoff, "alpha": alpha}
-        try:
-            return flow.run(arc.start(u, [], impacts.values), p, float(arc.duration(u, impacts.values)))[0]
-        except FlowError:
-            return None
-
-    def end_speed(alphas, which=None):
-        return np.array([0.0 if (path := half_flight(alpha)) is None else path.end[1] for alpha in alphas])
-
-    half_oscillations = [
-        np.diff([path.times[i] + t for i, t in piecewise_roots(path.coefficients[:, 1], path.steps)])
-        for alpha in np.geomspace(low, high, 5)
-        if (path := half_flight(alpha)) is not None
-    ]
-    shortest = max(np.concatenate([[high - low], *half_oscillations]).min(), (high - low) / MOST_SAMPLES)
-    grid, values = resolved(end_speed, np.linspace(low, high, 2 + int(PER_TURN * (high - low) / shortest)), True)
-    equations = equations_of(model, "relative", names)
-    for alpha in _sign_changes(end_speed, grid, values)[0]:
-        began = time.perf_counter()
-        try:
-            u, evaluation = equations.newton([liftoff, alpha], p)
-            yield certified_orbit(impacts.machine, "relative", u, evaluation, began=began)
-        except NoOrbit:
-            continue
-
-
-def within(values: np.ndarray, edges: ArrayLike) -> np.ndarray:
-    """Whether values (m,) lie in one of several intervals that ascend and do not overlap."""
-    pairs = np.reshape(edges, (-1, 2))
-    i = np.searchsorted(pairs[:, 0], values, side="right") - 1
-    return (i >= 0) & (values <= pairs[i, 1]) if len(pairs) else np.zeros(len(values), bool)
 
 
 def _checked_grid(low: float, high: float, samples: int) -> tuple[float, float, int]:

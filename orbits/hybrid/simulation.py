@@ -3,7 +3,7 @@
 Events are zeros of the motion's Taylor polynomials, found by Bernstein exclusion, which misses no grazing pair of them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -197,26 +197,56 @@ class Simulation:
 
     def in_contact(self, t: ArrayLike) -> np.ndarray:
         """Whether the machine is in contact at times (...)."""
-        return np.array([leg.phase == "contact" for leg in self.legs])[self._leg(np.asarray(t, dtype=float))]
-
-    def _leg(self, t) -> np.ndarray:
-        """The index of the leg at times (...)."""
-        return np.clip(np.searchsorted([leg.start for leg in self.legs], t, side="right") - 1, 0, None)
+        index = index_of_legs(self.legs, np.asarray(t, dtype=float))
+        return np.array([leg.phase == "contact" for leg in self.legs])[index]
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Flight states (..., n) at times (...)."""
-        t = np.asarray(t, dtype=float)
-        if not ((t >= 0) & (t <= self.end * (1 + 1e-12))).all():
-            unit = " s" if getattr(self.machine, "units", None) else ""
-            raise InputError(f"times lie between 0 and {self.end:.6g}{unit}")
         embed = self.machine.model.embed
-        states, index = np.empty((*t.shape, len(embed))), self._leg(t)
-        for i in {*index.ravel().tolist()}:
-            leg, inside = self.legs[i], index == i
-            rows = leg.path(np.minimum(t[inside] - leg.start, leg.path.times[-1]))
-            flying = leg.phase == "flight"
-            states[inside] = rows[..., : len(embed)] if flying else rows[..., : embed.shape[1]] @ embed.T
-        return states
+
+        def flight_states(leg: Leg, since: np.ndarray) -> np.ndarray:
+            rows = leg.path(since)
+            return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
+
+        return rows_of_legs(self.legs, self.end, t, flight_states, " s" if getattr(self.machine, "units", None) else "")
+
+
+def index_of_legs(legs: Sequence[Leg], t: np.ndarray) -> np.ndarray:
+    """Which of the legs (...) a motion is on at times (...); where two meet, the later one."""
+    return np.clip(np.searchsorted([leg.start for leg in legs], t, side="right") - 1, 0, None)
+
+
+def times_within(t: ArrayLike, end: float, second: str = "") -> np.ndarray:
+    """Times (...) that lie between 0 and the end of a motion; raises `InputError` for others and for what is no number.
+
+    second : the unit of time in the message
+    """
+    try:
+        times = np.asarray(t, dtype=float)
+    except (TypeError, ValueError):
+        times = np.array(np.nan)
+    if not ((times >= 0) & (times <= end * (1 + 1e-12))).all():
+        raise InputError(f"times lie between 0 and {end:.6g}{second}")
+    return times
+
+
+def rows_of_legs(
+    legs: Sequence[Leg], end: float, t: ArrayLike, rows: Callable[[Any, np.ndarray], np.ndarray], second: str = ""
+) -> np.ndarray:
+    """Rows (..., n) of a motion in legs at times (...), which lie between 0 and its end.
+
+    rows : (a leg, times (k,) since its start) -> rows (k, n)
+
+    Raises as `times_within` does.
+    """
+    t = times_within(t, end, second)
+    flat = t.ravel()
+    index, found = index_of_legs(legs, flat), rows(legs[0], flat[:0])
+    found = np.empty((len(flat), found.shape[1]))
+    for i in {*index.tolist()}:
+        leg, inside = legs[i], index == i
+        found[inside] = rows(leg, np.minimum(flat[inside] - leg.start, leg.path.times[-1]))
+    return found.reshape(*t.shape, found.shape[1])
 
 
 @exclusive

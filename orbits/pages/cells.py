@@ -10,7 +10,7 @@ from ..plot import new_axes, off_screen
 from .tables import html_table
 
 PICTURE = (5.6, 3.8)  # inches
-RESOLUTION = 130  # dots per inch: sharp on most screens, and a picture of some 30 kB
+DOTS_PER_INCH = 130  # sharp on most screens, and a picture of some 30 kB
 MOST_ROWS = 30  # of a table in a cell; a design with the certificate of its orbit has fewer
 NOTE = "font:13px/1.45 system-ui,sans-serif;margin:6px 0;max-width:56ch;overflow-wrap:anywhere"
 TITLE = "font:600 13px/1.45 system-ui,sans-serif;margin:4px 0;overflow-wrap:anywhere"
@@ -55,7 +55,7 @@ def _small_png(figure: Any) -> bytes:
     from PIL import Image  # which matplotlib takes to write its own
 
     whole, small = BytesIO(), BytesIO()
-    figure.savefig(whole, format="png", dpi=RESOLUTION)
+    figure.savefig(whole, format="png", dpi=DOTS_PER_INCH)
     Image.open(whole).convert("RGB").quantize(256).save(small, format="png", optimize=True)
     return small.getvalue()
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..flow.trajectory import Trajectory
+from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
 from ..io import conform, one_line, read_file, write_json
 from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
@@ -250,8 +250,7 @@ class Orbit:
         Raises `InputError` when the file cannot be written.
         """
         bare = self.dimensionless()
-        parts, motions = ("names", "times", "coefficients"), (bare.flight, bare.contact)
-        flight, contact = (path and {name: getattr(path, name) for name in parts} for path in motions)
+        flight, contact = (path and path.saved() for path in (bare.flight, bare.contact))
         heights = {name: height.saved() for name, height in bare.shape.heights.items()}
         shape, units = vars(bare.shape) | {"heights": heights}, self.units and self.units.saved()
         motion = {"shape": shape, "flight": flight, "contact": contact, "units": units}
@@ -289,7 +288,7 @@ class Orbit:
     def _stated(cls, data: Mapping[str, Any]) -> "Orbit":
         """The orbit whose numbers a document states, without units."""
         motion, checked = data["motion"], [name for name in Certificate.__dataclass_fields__ if name in data]
-        flight, contact = (path and _path_of(path) for path in (motion["flight"], motion["contact"]))
+        flight, contact = (path and trajectory_of(path) for path in (motion["flight"], motion["contact"]))
         if (data["contact_time"] is None) != (contact is None) or not data["flight_time"] >= flight.times[-1]:
             raise ValueError("its times do not fit its motion")
         return cls(
@@ -316,20 +315,12 @@ class _SavedShape(TypedDict):
     knees: NotRequired[tuple[Knee, ...]]
 
 
-class _SavedPath(TypedDict):
-    """A `Trajectory` in a file."""
-
-    names: tuple[str, ...]
-    times: np.ndarray
-    coefficients: np.ndarray
-
-
 class _SavedMotion(TypedDict):
     """What a saved orbit has beside its document."""
 
     shape: _SavedShape
-    flight: _SavedPath
-    contact: _SavedPath | None
+    flight: SavedTrajectory
+    contact: SavedTrajectory | None
     units: SavedUnits | None
 
 
@@ -406,16 +397,6 @@ def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:
     units = {name: unit for name, unit in data["units"].items() if unit != usual.get(name)}
     numbers = {name: conform(machine[name], float | None, name) for name in units if name in machine}
     return machine | numbers | {"units": units}
-
-
-def _path_of(data: _SavedPath) -> Trajectory:
-    """A motion whose arrays fit each other; raises `ValueError`."""
-    times, coefficients, names = data["times"], data["coefficients"], data["names"]
-    if coefficients.ndim != 3 or times.shape != (len(coefficients) + 1,) or coefficients.shape[1] != len(names):
-        raise ValueError("its motion is damaged")
-    if times[0] != 0 or not (np.diff(times) > 0).all():
-        raise ValueError("its motion is damaged: the times do not ascend from 0")
-    return Trajectory(times, coefficients, names)
 
 
 def _shape_of(data: _SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..design.many import DESIGN_STATUSES
 from ..errors import InputError
-from ..io import check_path, needed_package, one_line, to_json, write_table, writing
+from ..io import check_path, extra_package, one_line, to_json, write_table, writing
 from ..model.machine import Machine, machine_in_words
 from ..model.units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from ..pages.cells import cell
@@ -208,7 +208,7 @@ class Sweep:
     @property
     def dataset(self) -> Any:
         """The sweep as an `xarray.Dataset`: with the parameters as coordinates for a grid, else along "member"."""
-        xarray = needed_package("xarray", "for a dataset")
+        xarray = extra_package("xarray", "for a dataset")
         shape, families = self.about["shape"], self.about["families"]
         complete = len(self) == self.count
         dims: tuple[str, ...] = ("member",)
@@ -237,7 +237,7 @@ class Sweep:
 
     def dataframe(self) -> Any:
         """The sweep as a `pandas.DataFrame`, a row for each member; the units are `dataframe.attrs["units"]`."""
-        pandas = needed_package("pandas", "for a data frame")
+        pandas = extra_package("pandas", "for a data frame")
         frame = pandas.DataFrame(dict(self.columns), index=pandas.Index(self.index, name="member"))
         frame.attrs["units"] = {name: unit for name, unit in self.units.items() if unit and name in frame}
         return frame
@@ -291,7 +291,7 @@ def check_table(path: str | Path) -> Path:
     missing that writes it."""
     path = check_path(path, tuple(TABLES))
     for package in TABLES[path.suffix.lower()]:
-        needed_package(package, f"to write {path}")
+        extra_package(package, f"to write {path}")
     return path
 
 

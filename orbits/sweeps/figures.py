@@ -7,15 +7,27 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..plot import COLOURS, PALE, Axes, new_axes, new_row
+from ..plot import (
+    COLOURS,
+    NO_MOTIONS,
+    NO_ORBITS,
+    PALE,
+    Axes,
+    label_of,
+    legend_below,
+    new_axes,
+    new_row,
+    title_of_machine,
+)
 
 MAP = "viridis"  # of colours; it is read in print and by colour-blind readers
 LEVELS = 8  # contours of a map
+NOTHING = "0.93"  # the grey of parameters without an orbit
 # How parts of a diagram look, by the status of the members there, and the edges between them.
 LOOKS: dict[str, dict[str, Any]] = {
     "certified": {"fc": COLOURS[0], "ec": COLOURS[0], "lw": 0.2, "label": "motions"},
-    "inadmissible": {"fc": PALE, "ec": PALE, "lw": 0.2, "label": "no motions"},
-    "no orbit": {"fc": "white", "ec": "white", "lw": 0.5, "zorder": 1.5},
+    "inadmissible": {"fc": PALE, "ec": PALE, "lw": 0.2, "label": NO_MOTIONS},
+    "no orbit": {"fc": NOTHING, "ec": NOTHING, "lw": 0.5, "label": NO_ORBITS, "zorder": 1.5},
     "failed": {"fc": "white", "ec": "0.8", "hatch": "///", "lw": 0, "label": "not known", "zorder": 1.6},
 }
 EDGES: dict[str, dict[str, Any]] = {
@@ -45,22 +57,25 @@ def _motions(sweep: Any) -> np.ndarray:
 
 
 def _over_one(sweep: Any, quantity: str, axes: Axes) -> Axes:
-    """A quantity over the one parameter; for each family a line, dashed where it has no motions."""
+    """A quantity over the one parameter; for each family a line, dotted where it has no motions."""
     (name,), families = sweep.parameters, sweep.about["families"]
     for k, family in enumerate(families):
         rows = np.flatnonzero(sweep.index % len(families) == k)
         rows = rows[np.argsort(sweep[name][rows], kind="stable")]
         x, y, motion = sweep[name][rows], sweep[quantity][rows], _motions(sweep)[rows]
-        colour = COLOURS[k % len(COLOURS)]
-        marker = {"marker": "o", "ms": 3} if len(rows) <= 60 else {}
-        label = f"family {family}" if len(families) > 1 else "motions"
-        axes.plot(x, np.where(motion, y, np.nan), color=colour, label=label, **marker)
-        if (others := ~motion & np.isfinite(y)).any():
-            axes.plot(x, np.where(others, y, np.nan), ":", color=colour, label="no motions" if k == 0 else None)
-        if (nothing := ~np.isfinite(y)).any():
-            axes.plot(x[nothing], np.zeros(nothing.sum()), "|", color="0.6", ms=5, label="none" if k == 0 else None,
+        look = {"color": COLOURS[k % len(COLOURS)], **({"marker": "o", "ms": 3} if len(rows) <= 60 else {})}
+        others, nothing = ~motion & np.isfinite(y), ~np.isfinite(y)
+        names = [f"family {family}" if len(families) > 1 else "motions", NO_MOTIONS, NO_ORBITS]
+        known = axes.get_legend_handles_labels()[1]
+        own, dotted, ticks = (None if each in known else each for each in names)
+        if (shown := motion & ~nothing).any():
+            axes.plot(x, np.where(shown, y, np.nan), label=own, **look)
+        if others.any():
+            axes.plot(x, np.where(others, y, np.nan), ls=":", label=dotted, **look)
+        if nothing.any():
+            axes.plot(x[nothing], np.zeros(nothing.sum()), "|", color="0.4", ms=6, label=ticks,
                       transform=axes.get_xaxis_transform(), clip_on=False)  # fmt: skip
-    return _labelled(axes, sweep, name, quantity, legend=True)
+    return _labelled(axes, sweep, name, quantity)
 
 
 def _surface(sweep: Any, quantity: str, axes: Axes) -> Axes:
@@ -68,7 +83,8 @@ def _surface(sweep: Any, quantity: str, axes: Axes) -> Axes:
     across, up = sweep.parameters
     shape = sweep.about["shape"]
     x, y, z, motion = sweep[across], sweep[up], sweep[quantity], _motions(sweep)
-    axes.set_facecolor("0.93")
+    axes.set_facecolor(NOTHING)
+    contours = None
     if shape is not None and len(x) == np.prod(shape):
         grid: list[Any] = [column.reshape(shape) for column in (x, y, np.ma.masked_invalid(z), motion)]
         order = np.argsort(grid[0][:, 0]), np.argsort(grid[1][0])
@@ -76,18 +92,19 @@ def _surface(sweep: Any, quantity: str, axes: Axes) -> Axes:
         drawn = axes.pcolormesh(x, y, z, cmap=MAP, shading="nearest", rasterized=True)
         if z.count() and np.ptp(z.compressed()) > 0 and min(shape) > 2:
             contours = axes.contour(x, y, z, LEVELS, colors="white", linewidths=0.7)
-            axes.clabel(contours, fontsize="x-small", fmt="%.4g")
         if not motion.all() and min(shape) > 1:
             axes.contourf(x, y, ~motion * 1.0, [0.5, 1.5], colors="none", hatches=["////"])
-            axes.fill_between([], [], fc="none", ec="0.3", hatch="////", lw=0, label="no motion")
+            axes.fill_between([], [], fc="none", ec="0.3", hatch="////", lw=0, label=NO_MOTIONS)
     else:
         known = np.isfinite(z)
-        axes.plot(x[~known], y[~known], "x", color="0.6", ms=3, label="none" if (~known).any() else None)
+        axes.plot(x[~known], y[~known], "x", color="0.4", ms=4, label=NO_ORBITS if (~known).any() else None)
         drawn = axes.scatter(x[known], y[known], c=z[known], s=_size(len(x)), cmap=MAP)
         if (others := known & ~motion).any():
-            axes.plot(x[others], y[others], "o", mfc="none", mec="0.3", ms=4, mew=0.5, label="no motion")
-    axes.figure.colorbar(drawn, ax=axes, label=_axis_label(sweep, quantity))
-    return _labelled(axes, sweep, across, up, legend=bool(axes.get_legend_handles_labels()[1]))
+            axes.plot(x[others], y[others], "o", mfc="none", mec="0.1", ms=5, mew=0.8, label=NO_MOTIONS)
+    bar = axes.figure.colorbar(drawn, ax=axes, label=_axis_label(sweep, quantity))
+    if contours is not None:
+        bar.add_lines(contours)
+    return _labelled(axes, sweep, across, up)
 
 
 def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None = None) -> Axes:
@@ -106,15 +123,11 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
         if shown := [polygon for polygons, _ in cells for own, polygon in polygons if own == status]:
             axes.add_collection(PolyCollection(shown, **look))
     for kind, style in EDGES.items():
-        forms: dict[bool, dict[str, Any]] = {True: {"label": kind}, False: {"ls": ":"}}
-        for located, form in forms.items():
-            if pieces := [piece for _, lines in cells for own, piece in lines if own == (kind, located)]:
-                axes.add_collection(LineCollection(pieces, **style, **form))
+        if pieces := [piece for _, lines in cells for own, piece in lines if own == kind]:
+            axes.add_collection(LineCollection(pieces, **style, label=kind, capstyle="round"))
     axes.set(xlim=diagram.between, ylim=(diagram.values[0], diagram.values[-1]))
     axes.locator_params(axis="x", nbins=6)
-    _labelled(axes, sweep, diagram.along, diagram.across, legend=True)
-    axes.set(xlabel=diagram.heading(diagram.along), ylabel=diagram.heading(diagram.across))
-    return axes
+    return _labelled(axes, sweep, diagram.along, diagram.across)
 
 
 def _beyond_edges(z: np.ndarray) -> np.ndarray:
@@ -127,15 +140,15 @@ def _beyond_edges(z: np.ndarray) -> np.ndarray:
 
 def _cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
     """For each cell of a diagram's grid its polygons, each with the status in it, and its pieces of edges, each with
-    what it is the edge of and whether its end is located.
+    what it is the edge of.
 
     The boundaries on the sides of a cell are joined, two by a line and more by lines to their middle.
     """
     found, statuses = diagram.boundaries, diagram.statuses.T
     x, y = diagram.grid[diagram.along].reshape(statuses.shape)[:, 0], np.array(diagram.values)
     sides: dict[tuple[int, int, bool], list[Any]] = {}
-    for (i, j), along, point, pair, located in zip(*(part.tolist() for part in found), strict=True):
-        sides.setdefault((i, j, along), []).append((point, tuple(pair), located))
+    for (i, j), along, point, pair in zip(*(part.tolist() for part in found[:4]), strict=True):
+        sides.setdefault((i, j, along), []).append((point, tuple(pair)))
     for side in sides.values():
         side.sort()
     for i, j in np.ndindex(len(x) - 1, len(y) - 1):
@@ -143,9 +156,9 @@ def _cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
         corners = [(x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1])]
         round_it: list[Any] = []  # corners, without a status, and boundaries, with those before and behind
         for corner, (place, way) in zip(corners, ways, strict=True):
-            round_it.append((corner, None, False))
-            round_it.extend((point, pair[::way], located) for point, pair, located in sides.get(place, [])[::way])
-        cuts = [k for k, (_, pair, _) in enumerate(round_it) if pair]
+            round_it.append((corner, None))
+            round_it.extend((point, pair[::way]) for point, pair in sides.get(place, [])[::way])
+        cuts = [k for k, (_, pair) in enumerate(round_it) if pair]
         if not cuts:
             yield [(statuses[i, j], corners)], []
             continue
@@ -156,7 +169,7 @@ def _cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
             arc = [round_it[k % len(round_it)][0] for k in range(start, end + 1)]
             polygons.append((round_it[start][1][1], arc + inner))
         ends = [round_it[k] for k in cuts]
-        yield polygons, [((_edge_of(pair), located), [point, middle]) for point, pair, located in ends]
+        yield polygons, [(_edge_of(pair), [point, middle]) for point, pair in ends]
 
 
 def _edge_of(pair: tuple[str, str]) -> str:
@@ -168,27 +181,27 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
     """Every pair of parameters, with the quantity as colour, and below the quantity over each parameter."""
     names, values = sweep.parameters, sweep[quantity]
     count, known = len(names), np.isfinite(values)
-    panels: Axes = new_row(count, 2.6, 2.3, rows=count)
-    size, drawn = _size(len(values)), None
+    panels: Axes = new_row(count, 1.9, 1.8, rows=count)
+    size = _size(len(values)) / 2
     for i, j in np.ndindex(count, count):
         axes: Axes = panels[i, j]
         if j > i:
-            axes.remove()
+            axes.set_axis_off()
             continue
         x, y = sweep[names[j]], values if i == j else sweep[names[i]]
         if i != j:
             axes.plot(x[~known], y[~known], ".", color="0.8", ms=2, zorder=0, rasterized=True)
         drawn = axes.scatter(x[known], y[known], c=values[known], s=size, cmap=MAP, lw=0, rasterized=True)
-        below, beside = i == count - 1, j == 0
-        _labelled(
-            axes, sweep, names[j] if below else "", (quantity if i == j else names[i]) if beside or i == j else ""
-        )
-        if names[j] not in sweep.about["logarithmic"]:
-            axes.locator_params(axis="x", nbins=4)
+        up = quantity if i == j else names[i] if j == 0 else ""
+        axes.set(xlabel=_axis_label(sweep, names[j] if i == count - 1 else ""), ylabel=_axis_label(sweep, up))
         for name, one in ((names[j], "x"), (None if i == j else names[i], "y")):
-            if name is not None:
+            if name in sweep.about["logarithmic"]:
                 _scale(axes, sweep, name, one)
-    panels[0, 0].figure.colorbar(drawn, ax=panels[:, -1].tolist()[count - 1 :], label=_axis_label(sweep, quantity))
+            else:
+                axes.locator_params(axis=one, nbins=4)
+    figure, corner = panels[0, 0].figure, panels[0, -1].inset_axes((0.0, 0.0, 0.12, 1.0))
+    figure.colorbar(drawn, cax=corner, label=_axis_label(sweep, quantity))
+    figure.suptitle(_title_of(sweep), fontsize="medium", wrap=True)
     return panels[0, 0]
 
 
@@ -199,7 +212,14 @@ def _size(count: int) -> float:
 
 def _axis_label(sweep: Any, name: str) -> str:
     """A name for an axis, with its unit."""
-    return sweep.heading(name).replace("_", " ") if name else ""
+    return label_of(sweep.heading(name)) if name else ""
+
+
+def _title_of(sweep: Any) -> str:
+    """Whose orbits a figure shows, in two lines."""
+    families = ", ".join(map(str, sweep.about["families"])) if sweep.about["outcome"] == "find" else ""
+    machine, laws = title_of_machine(sweep.about["machine"]).split(", ", 1)
+    return machine + (families and f", family {families}") + "\n" + laws
 
 
 def _scale(axes: Axes, sweep: Any, name: str, which: str) -> None:
@@ -208,12 +228,10 @@ def _scale(axes: Axes, sweep: Any, name: str, which: str) -> None:
         getattr(axes, f"set_{which}scale")("log")
 
 
-def _labelled(axes: Axes, sweep: Any, across: str, up: str, legend: bool = False) -> Axes:
-    """The axes with their names, scales and legend."""
-    for name, which in ((across, "x"), (up, "y")):
-        getattr(axes, f"set_{which}label")(_axis_label(sweep, name))
-        if name:
-            _scale(axes, sweep, name, which)
-    if legend and len(axes.get_legend_handles_labels()[1]) > 0:
-        axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4)
-    return axes
+def _labelled(axes: Axes, sweep: Any, across: str, up: str) -> Axes:
+    """The axes with their title, names, scales and, where something has a label, a legend below."""
+    axes.set(xlabel=_axis_label(sweep, across), ylabel=_axis_label(sweep, up))
+    axes.set_title(_title_of(sweep), fontsize="medium", wrap=True)
+    _scale(axes, sweep, across, "x")
+    _scale(axes, sweep, up, "y")
+    return legend_below(axes)

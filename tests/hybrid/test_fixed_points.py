@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from orbits import InputError, NoOrbit, ReturnMap, find, simulate
-from orbits.hybrid.return_map import within
+from orbits.hybrid.resolved_map import within
 from orbits.plot import plot_map
 from problems import Hopper, Juggler
 

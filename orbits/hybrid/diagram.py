@@ -1,0 +1,213 @@
+"""A bifurcation diagram of return maps: branches of periodic launches, what happens on them, and the attractor."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..io import check_ending, one_line, write_json, write_table
+
+DIAGRAM_ENDINGS = (".json", ".csv")
+HOPS_OF = {1: "fixed points", 2: "hops of period two"}
+COLUMNS_OF_BRANCHES = ("branch", "period", "value", "alpha", "other", "multiplier", "stable")
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """What happens on a branch of periodic launches, located.
+
+    kind : "flip" (multiplier -1: hops of twice the period begin), "fold" (multiplier 1: the branch turns round in the
+        parameter), "branch point" (multiplier 1, and the branch does not turn), or "border collision" (the slope of the
+        map jumps there, and the multiplier with it past 1 or -1)
+    value : of the parameter
+    alphas : the launch speeds of the periodic hops
+    multiplier : of these hops; NaN at a border collision, which has two
+    branch : index of the branch
+    note : in words what begins there, or what the hop is
+    """
+
+    kind: str
+    value: float
+    alphas: tuple[float, ...]
+    multiplier: float
+    branch: int
+    note: str = ""
+
+    @property
+    def alpha(self) -> float:
+        """The first of the launch speeds."""
+        return self.alphas[0]
+
+
+@dataclass(frozen=True)
+class BranchEnd:
+    """How a branch ends: "reached" an end of the parameter's range, "left" the range of launch speeds, "flip",
+    "closed", "jump" (the map is not continuous there), "no launch" (beyond, a hop has no next launch) or "stuck"."""
+
+    kind: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A curve of periodic launches in the plane of parameter and launch speed.
+
+    period : 1 or 2
+    values : of the parameter (n,), in order along the curve, which may turn round
+    alphas : launch speeds (n, period) of the hops
+    multipliers : of the hops (n,), NaN where they have none
+    ends : at the first and the last point
+    """
+
+    period: int
+    values: np.ndarray
+    alphas: np.ndarray
+    multipliers: np.ndarray
+    ends: tuple[BranchEnd, BranchEnd]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __repr__(self) -> str:
+        ends = {"start": float(self.values[0]), "stop": float(self.values[-1])}
+        return one_line(self, {"period": self.period, "points": len(self), **ends})
+
+    @property
+    def stable(self) -> np.ndarray:
+        """Whether the hops (n,) attract their neighbours: the multiplier is smaller than 1 in size."""
+        return np.abs(self.multipliers) < 1
+
+    def stretches(self) -> list[tuple[float, float, bool]]:
+        """The parts of the curve, in order, each from one value of the parameter to another, and whether it is
+        stable. At bifurcations, which are points of the curve, one part gives way to the next."""
+        stable = self.stable
+        inner = np.flatnonzero(stable[1:] != stable[:-1]) + 1
+        # The point of a bifurcation itself counts as unstable and closes the stable stretch beside it.
+        cuts = [0, *(int(i) if stable[i - 1] else int(i) - 1 for i in inner), len(self) - 1]
+        parts = [(a, b) for a, b in zip(cuts, cuts[1:], strict=False) if b > a]
+        return [(float(self.values[a]), float(self.values[b]), bool(stable[(a + b) // 2])) for a, b in parts]
+
+
+@dataclass(frozen=True, eq=False)
+class BifurcationDiagram:
+    """The periodic launches of the return maps of a machine along a parameter, as `bifurcations` follows them.
+
+    along : name of the parameter
+    span : the range of the parameter
+    between : the range of launch speeds
+    machine : in words and numbers
+    branches, events : the curves, and what happens on them, ascending in the parameter
+    visits : (k, 2) values of the parameter, and launch speeds that are visited there in the long run
+    units : of launch speeds and parameters, by name; empty for a dimensionless machine
+    """
+
+    along: str
+    span: tuple[float, float]
+    between: tuple[float, float]
+    machine: Mapping[str, Any]
+    branches: tuple[Branch, ...]
+    events: tuple[Bifurcation, ...]
+    visits: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        counts = {"branches": len(self.branches), "events": len(self.events)}
+        return one_line(self, {"along": self.along, "span": self.span, "between": self.between, **counts})
+
+    def __str__(self) -> str:
+        unit, speed = (f" {self.units[name]}" if self.units.get(name) else "" for name in (self.along, "alpha"))
+        m, (low, high), (slow, fast) = self.machine, self.span, self.between
+        lines = [
+            f"return map of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}",
+            f"  along {self.along} from {low:g} to {high:g}{unit}, launch speeds {slow:g} to {fast:g}{speed}",
+        ]
+        if not self.branches:
+            lines.append("  no launch of period one comes back there")
+        for i, branch in enumerate(self.branches):
+            lines.append(f"  branch {i}: {HOPS_OF[branch.period]}, {len(branch)} points")
+            for a, b, stable in branch.stretches():
+                lines.append(f"    {self.along} = {a:.12g} to {b:.12g}{unit}: {'stable' if stable else 'unstable'}")
+            for where, end in zip(("begins", "ends"), branch.ends, strict=True):
+                lines.append(f"    {where}: {end.reason}")
+        for event in self.events:
+            launches = ", ".join(f"{alpha:.12g}" for alpha in event.alphas)
+            note = f": {event.note}" if event.note else ""
+            lines.append(f"  {event.kind} at {self.along} = {event.value:.12g}{unit}, alpha = {launches}{speed}{note}")
+        return "\n".join(lines)
+
+    def heading(self, name: str) -> str:
+        """A name with its unit, if it has one: "inject (m/s)"."""
+        return f"{name} ({self.units[name]})" if self.units.get(name) else name
+
+    def periodic(self, value: float) -> list[tuple[int, float, float]]:
+        """The periodic launches at a value of the parameter, read off the branches by straight lines between their
+        points: (period, launch speed, multiplier) of each, ascending in the launch speed."""
+        found = []
+        for branch in self.branches:
+            ahead = branch.values - value
+            for i in np.flatnonzero((ahead[1:] >= 0) != (ahead[:-1] >= 0)):
+                share = ahead[i] / (ahead[i] - ahead[i + 1])
+                alphas = branch.alphas[i] + share * (branch.alphas[i + 1] - branch.alphas[i])
+                slope = branch.multipliers[i] + share * (branch.multipliers[i + 1] - branch.multipliers[i])
+                found += [(branch.period, float(alpha), float(slope)) for alpha in alphas]
+        return sorted(found, key=lambda each: each[1])
+
+    def plot(self, axes: Any = None) -> Any:
+        """Plot the launch speeds against the parameter; returns the axes. See `orbits.hybrid.figures`."""
+        from .figures import plot_bifurcations
+
+        return plot_bifurcations(self, axes)
+
+    def document(self) -> dict[str, Any]:
+        """The diagram as the JSON document of the command line."""
+        branches = [
+            {
+                "period": branch.period,
+                self.along: branch.values.tolist(),
+                "alpha": branch.alphas.tolist(),
+                "multiplier": [_known(each) for each in branch.multipliers.tolist()],
+                "stable": branch.stable.tolist(),
+                "ends": [vars(end) for end in branch.ends],
+            }
+            for branch in self.branches
+        ]
+        events = [
+            {
+                "kind": event.kind,
+                self.along: event.value,
+                "alpha": list(event.alphas),
+                "multiplier": _known(event.multiplier),
+                "branch": event.branch,
+                "note": event.note,
+            }
+            for event in self.events
+        ]
+        whole = {"machine": self.machine, "along": self.along, "from": self.span[0], "to": self.span[1]}
+        whole |= {"between": list(self.between), "branches": branches, "events": events}
+        visits = {self.along: self.visits[:, 0].tolist(), "alpha": self.visits[:, 1].tolist()}
+        return {**whole, "attractor": visits, **({"units": self.units} if self.units else {})}
+
+    def rows(self) -> Iterator[tuple]:
+        """The points of all branches, with the columns of a table."""
+        for i, branch in enumerate(self.branches):
+            for value, alphas, slope in zip(branch.values, branch.alphas, branch.multipliers, strict=True):
+                other = float(alphas[1]) if branch.period == 2 else ""
+                known = "" if np.isnan(slope) else float(slope)
+                yield i, branch.period, float(value), float(alphas[0]), other, known, bool(abs(slope) < 1)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the diagram to .json (everything) or .csv (the points of its branches)."""
+        path = check_ending(path, DIAGRAM_ENDINGS)
+        if path.suffix.lower() == ".json":
+            return write_json(self.document(), path, "diagram")
+        names = {"value": self.along, "alpha": "alpha", "other": "alpha"}
+        heads = [self.heading(names.get(name, name)) for name in COLUMNS_OF_BRANCHES]
+        heads[COLUMNS_OF_BRANCHES.index("other")] = "other " + heads[COLUMNS_OF_BRANCHES.index("other")]
+        return write_table(heads, self.rows(), path, "diagram")
+
+
+def _known(number: float) -> float | None:
+    """A number for JSON, None for none."""
+    return number if np.isfinite(number) else None

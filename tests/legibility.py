@@ -1,0 +1,110 @@
+"""What makes a figure hard to read, found from what matplotlib would draw."""
+
+from itertools import combinations, pairwise
+
+import numpy as np
+from matplotlib.collections import PathCollection
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+
+SLACK = 1.0  # pixels by which boxes may overlap: a text's box is a little wider than its letters
+
+
+def faults(figure) -> list[str]:
+    """The faults of a figure in words: texts that leave it or meet each other, axes without a name, legends whose
+    entries are not the artists drawn, and curves under a legend."""
+    figure.canvas.draw()
+    boxes = [(text.get_text(), text.get_window_extent()) for text in _texts(figure)]
+    found = [f"{words!r} leaves the figure" for words, box in boxes if not _inside(box, figure.bbox)]
+    found += [f"{a!r} meets {b!r}" for (a, one), (b, other) in combinations(boxes, 2) if _meet(one, other)]
+    for axes in (each for each in figure.axes if each.axison and each.get_visible()):
+        found += _faults_of_legend(axes)
+        for which in ("x", "y"):
+            if getattr(axes, f"get_{which}ticks")().size and not _is_named(axes, which):
+                found.append(f"the {which} axis of {axes.get_title()!r} has no name")
+    return found
+
+
+def smallest_text(figure, width: float) -> float:
+    """The smallest font size of a figure, in pixels, where the figure is shown this many pixels wide."""
+    figure.canvas.draw()
+    return min(text.get_fontsize() for text in _texts(figure)) / 72 * width / figure.get_size_inches()[0]
+
+
+def _texts(figure) -> list[Text]:
+    """The texts that are drawn; ticks beyond the limits of an axis have texts that are not."""
+    beyond = set()
+    for axes in figure.findobj(lambda artist: hasattr(artist, "xaxis")):
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            slack = 1e-9 * (high - low)
+            shown = axes.axison and axis.get_visible() and axes.get_visible()
+            for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks()):
+                if not (shown and low - slack <= tick.get_loc() <= high + slack):
+                    beyond |= {tick.label1, tick.label2}
+            if not shown:
+                beyond |= {axis.label, axis.offsetText}
+    drawn = (text for text in figure.findobj(Text) if text.get_visible() and text not in beyond)
+    return [text for text in drawn if text.get_text().strip()]
+
+
+def _inside(box: Bbox, outer: Bbox) -> bool:
+    return bool((box.min >= outer.min - SLACK).all() and (box.max <= outer.max + SLACK).all())
+
+
+def _meet(one: Bbox, other: Bbox) -> bool:
+    return bool((np.minimum(one.max, other.max) - np.maximum(one.min, other.min) > SLACK).all())
+
+
+def _is_named(axes, which: str) -> bool:
+    """Whether an axis, or one that shares its place in the same row or column of the figure, has a name."""
+    if getattr(axes, f"get_{which}label")() or not any(
+        label.get_text() and label.get_visible() for label in getattr(axes, f"get_{which}ticklabels")()
+    ):
+        return True
+    place = {"x": "x0", "y": "y0"}[which]
+    here = getattr(axes.get_position(), place)
+    return any(
+        getattr(other, f"get_{which}label")()
+        and abs(getattr(other.get_position(), {"x": "x0", "y": "y0"}[which]) - here) < 0.01
+        for other in axes.figure.axes
+    )
+
+
+def _faults_of_legend(axes) -> list[str]:
+    legend, (handles, labels) = axes.get_legend(), axes.get_legend_handles_labels()
+    if legend is None:
+        return []
+    entries, found = [text.get_text() for text in legend.get_texts()], []
+    if sorted(entries) != sorted(set(labels)):
+        found.append(f"the legend has {entries} of {labels}")
+    found += [
+        f"nothing of {label!r} is drawn" for handle, label in zip(handles, labels, strict=True) if not _drawn(handle)
+    ]
+    box = legend.get_window_extent().padded(-2)
+    for line in axes.lines:
+        if line.get_visible() and any(box.contains(*point) for point in _points(line)):
+            found.append(f"the curve {line.get_label()!r} runs under the legend of {axes.get_title()!r}")
+    return found
+
+
+def _drawn(handle) -> bool:
+    """Whether anything of a labelled curve or of marks lies within its axes; areas are taken as they are."""
+    if isinstance(handle, Line2D | PathCollection):
+        return len(_points(handle)) > 0
+    return True
+
+
+def _points(artist) -> np.ndarray:
+    """Points (k, 2) of a curve or of marks within its axes, in pixels, those of a curve close to each other."""
+    if isinstance(artist, Line2D):
+        data = artist.get_transform().transform(artist.get_xydata())
+        if artist.get_linestyle() != "None" and len(data) > 1:
+            data = np.concatenate([np.linspace(a, b, 20) for a, b in pairwise(data)])
+    else:
+        data = artist.get_offset_transform().transform(artist.get_offsets())
+    inside = artist.axes.bbox.padded(SLACK)
+    kept = np.isfinite(data).all(axis=1)
+    data = data[kept]
+    return data[((data >= inside.min) & (data <= inside.max)).all(axis=1)]
