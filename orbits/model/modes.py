@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..io import one_line
 
 # A squared frequency below this share of the largest one is 0: eigenvalues come with an error of a few roundings,
 # 2e-16, of the largest one. One period of a mode as slow as that is 3e6 of the fastest.
@@ -41,6 +42,9 @@ class Modes:
     apart: np.ndarray
     loads: np.ndarray
     watch: Mapping[str, tuple[ArrayLike, float]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return one_line(self, {"squares": self.squares.tolist(), "watch": tuple(self.watch)})
 
     @property
     def square(self) -> float:

@@ -10,8 +10,8 @@ from ..plot import new_axes, off_screen
 from .tables import html_table
 
 PICTURE = (5.6, 3.8)  # inches
-DOTS_PER_INCH = 130  # dots per inch: sharp on most screens, and a picture of some 30 kB
-MOST_ROWS = 24  # of a table in a cell; the certificate of an orbit has fewer
+DOTS_PER_INCH = 130  # sharp on most screens, and a picture of some 30 kB
+MOST_ROWS = 30  # of a table in a cell; a design with the certificate of its orbit has fewer
 NOTE = "font:13px/1.45 system-ui,sans-serif;margin:6px 0;max-width:56ch;overflow-wrap:anywhere"
 TITLE = "font:600 13px/1.45 system-ui,sans-serif;margin:4px 0;overflow-wrap:anywhere"
 BESIDE = "display:flex;flex-wrap:wrap;gap:8px 28px;align-items:flex-start"

@@ -8,7 +8,19 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from orbits import ReturnMap, existence, find, follow, optimize, pareto, prove, simulate, sweep, uncertainty
+from orbits import (
+    ReturnMap,
+    existence,
+    find,
+    follow,
+    linear_modes,
+    optimize,
+    pareto,
+    prove,
+    simulate,
+    sweep,
+    uncertainty,
+)
 from orbits.pages.cells import MOST_ROWS, cell
 from orbits.pages.tables import VIOLATED, html_table, number_text, orbit_rows
 from problems import Hopper, hopper_in_si, steering
@@ -183,3 +195,6 @@ def test_long_laws_are_told_in_one_line():
     machine = Hopper(f"r + 1e-9*({text})")
     assert len(repr(machine)) < 200
     assert len(repr(ReturnMap(machine))) < 200
+    modes = linear_modes(np.eye(40), 2 * np.eye(40), np.ones(40), {"gap": (np.ones(80), 0.0)})
+    assert len(repr(modes)) < 200
+    assert "\n" not in repr(modes)
