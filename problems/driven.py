@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits import Control, InputError, Simulation
+from orbits.animation import SPRING_END, Report, animate_simulation
 from orbits.control.answer import control_of
 from orbits.io import conform, read_file, to_json
 from orbits.model.phase import Affine
 from orbits.model.units import LIFTOFF_SPEED, without_units
-from orbits.plot import SPRING_END, Axes, Report, animate_simulation
+from orbits.plot import Axes
 
 from .actuated import RATE, Actuated
 from .disturbed import Disturbed, disturbed
@@ -135,7 +136,7 @@ class Driven(Control):
 
     def animate(self, path: str | Path, frames: int = 200, *, progress: Report = None) -> Path:
         """Write an animation (.gif or .mp4), for a machine with a rest length also of the spring's end; returns its
-        path. See `orbits.plot.animate_simulation`."""
+        path. See `orbits.animation.animate_simulation`."""
         motion = self.motion
         if self.machine.rest_length is not None:
             motion = WithMovedEnd(**{each.name: getattr(motion, each.name) for each in fields(motion)})

@@ -62,9 +62,10 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
 
     def check(context, parameter, path):
         if path is not None:
+            from orbits.animation import check_animation
             from orbits.continuation.family import ENDINGS
             from orbits.io import DOCUMENTS, check_path
-            from orbits.plot import FIGURES, check_animation
+            from orbits.plot import FIGURES
 
             if kind == "animation":
                 return str(check_animation(path))

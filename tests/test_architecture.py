@@ -18,6 +18,7 @@ ROOMS = (
     "symbolic",
     "model",
     "plot",
+    "animation",
     "pages",
     "flow",
     "periodic",

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..animation import Report
 from ..errors import FlowError, InputError, finite_number, whole_number
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
@@ -36,7 +37,6 @@ from ..model.units import (
 )
 from ..numerics.bernstein import lowest
 from ..pages.cells import cell
-from ..plot import Report
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
 from .impacts import (
@@ -196,7 +196,7 @@ class Simulation:
 
     def animate(self, path: str | Path, frames: int = 200, *, progress: Report = None) -> Path:
         """Write an animation of the whole motion (.gif or .mp4); returns its path. See `animate_simulation`."""
-        from ..plot import animate_simulation
+        from ..animation import animate_simulation
 
         return animate_simulation(self, path, frames, progress)
 

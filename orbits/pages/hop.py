@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from ..animation import drawn_heights, drawn_range
 from ..errors import InputError
 from ..model.units import FORCE
-from ..plot import COLOURS, SHADE, drawn_heights, drawn_range, masses_at, title, unit_labels, vertical
+from ..plot import COLOURS, SHADE, masses_at, title, unit_labels, vertical
 from .bokeh_figures import (
     GREY,
     INK,

@@ -9,6 +9,7 @@ from typing import Any, BinaryIO, NotRequired, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..animation import Report, animate_orbit
 from ..errors import InputError
 from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
 from ..io import conform, one_line, read_file, write_json
@@ -20,7 +21,7 @@ from ..model.units import EXTENSION, UNIT_TEXTS, SavedUnits, Units, in_units, sa
 from ..numerics.bernstein import lowest
 from ..pages.cells import cell
 from ..pages.tables import VIOLATED, machine_rows, orbit_rows
-from ..plot import Report, animate_orbit, plot_orbit, plot_phase_portrait
+from ..plot import plot_orbit, plot_phase_portrait
 from .certificate import Certificate
 from .formulations import CONTACT_FORCE
 
@@ -257,7 +258,7 @@ class Orbit:
         return plot_phase_portrait(self, axes)
 
     def animate(self, path: str | Path, frames: int = 80, *, progress: Report = None) -> Path:
-        """Write an animation of one cycle (.gif or .mp4); returns its path. See `orbits.plot.animate_orbit`."""
+        """Write an animation of one cycle (.gif or .mp4); returns its path. See `orbits.animation.animate_orbit`."""
         return animate_orbit(self, path, frames, progress)
 
     def page(self, path: str | Path) -> Path:
