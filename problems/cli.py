@@ -256,7 +256,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
     from orbits.design.optimize import optimize as best_design
     from orbits.design.pareto import Front, pareto
     from orbits.errors import InputError
-    from orbits.plot import plot_front, save_figure
+    from orbits.plot import save_figure
 
     from .files import build, design, read
 
@@ -269,7 +269,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
     if plot is not None:
-        save_figure(plot_front(found) if isinstance(found, Front) else found.orbit.plot(), plot)
+        save_figure(found.plot() if isinstance(found, Front) else found.orbit.plot(), plot)
     options.write(found, as_json, save=save)
 
 

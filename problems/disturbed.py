@@ -12,6 +12,7 @@ from orbits.errors import finite_number, whole_number
 from orbits.hybrid.schedule import Inputs
 from orbits.io import one_line
 from orbits.model.units import LIFTOFF_SPEED
+from orbits.pages.cells import cell
 from orbits.plot import Axes
 
 from .actuated import Actuated
@@ -49,16 +50,27 @@ class Disturbed:
     def __repr__(self) -> str:
         return one_line(self, {"launch_errors": self.launch_errors.tolist(), "status": self.run.status})
 
-    def __str__(self) -> str:
+    def _table(self) -> list[tuple[str, ...]]:
+        """A table of the launches, its headings first."""
         units = self.run.machine.units
         second, speed = (" (s)", f" ({units.text(LIFTOFF_SPEED)})") if units else ("", "")
-        heads = [f"launch speed{speed}", f"off by{speed}", f"time{second}", f"late by{second}"]
-        lines = [f"{'hop':>5}" + "".join(f"{head:>22}" for head in heads)]
         columns = self.run.launches, self.launch_errors, launch_times(self.run), self.delays
-        for i, (launch, off, time, late) in enumerate(zip(*columns, strict=False), start=1 - len(self._start)):
-            lines.append(f"{i:5d}{launch:22.10g}{off:22.6g}{time:22.10g}{late:22.6g}")
-        why = f": {self.run.reason}" if self.run.reason else ""
-        return "\n".join([*lines, f"  {self.run.status}{why}"])
+        rows = enumerate(zip(*columns, strict=False), start=1 - len(self._start))
+        return [
+            ("hop", f"launch speed{speed}", f"off by{speed}", f"time{second}", f"late by{second}"),
+            *((f"{i}", f"{a:.10g}", f"{off:.6g}", f"{t:.10g}", f"{late:.6g}") for i, (a, off, t, late) in rows),
+        ]
+
+    def _ended(self) -> str:
+        return f"{self.run.status}{f': {self.run.reason}' if self.run.reason else ''}"
+
+    def __str__(self) -> str:
+        lines = [f"{hop:>5}" + "".join(f"{text:>22}" for text in row) for hop, *row in self._table()]
+        return "\n".join([*lines, f"  {self._ended()}"])
+
+    def _repr_html_(self) -> str:
+        heads, *rows = self._table()
+        return cell("driven open loop under a disturbance", rows, self.plot, heads, [self._ended()])
 
     @property
     def _start(self) -> np.ndarray:

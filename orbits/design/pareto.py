@@ -3,7 +3,6 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +64,12 @@ class Front:
     def __repr__(self) -> str:
         return one_line(self, {"minimise": self.texts, "designs": len(self.designs), "seconds": self.seconds})
 
+    def plot(self, axes: Any = None) -> Any:
+        """Plot the objectives of the designs against each other; returns the axes. See `orbits.plot.plot_front`."""
+        from ..plot import plot_front
+
+        return plot_front(self, axes)
+
     def save(self, path: str | Path) -> Path:
         """Write the document (.json) or a table of objectives and parameters (.csv); returns the path."""
         if Path(path).suffix.lower() != ".csv":
@@ -80,13 +85,10 @@ class Front:
         return [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
 
     def _repr_html_(self) -> str:
-        from ..plot import plot_front
-
         rows = [(*_objectives(design), *design.parameters.values()) for design in self.designs]
         texts = [[number_text(value) for value in row] for row in rows]
-        draw = getattr(self, "plot", partial(plot_front, self))
         title = f"Pareto front, minimise {' and '.join(self.texts)}; certified designs: {len(self.designs)}"
-        return cell(title, texts, draw, self._headings())
+        return cell(title, texts, self.plot, self._headings())
 
     def __str__(self) -> str:
         heads = self._headings()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..io import check_ending, one_line, write_json, write_table
+from ..pages.cells import cell
 
 DIAGRAM_ENDINGS = (".json", ".csv")
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
@@ -116,26 +117,38 @@ class BifurcationDiagram:
         counts = {"branches": len(self.branches), "events": len(self.events)}
         return one_line(self, {"along": self.along, "span": self.span, "between": self.between, **counts})
 
-    def __str__(self) -> str:
+    def summary(self) -> str:
+        """What the diagram is of, in one line."""
+        m = self.machine
+        return f"return map of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}"
+
+    def _told(self) -> tuple[str, list[tuple[str, str]]]:
+        """The ranges in one line, and each branch and event as a pair: what it is, and what is to be said of it."""
         unit, speed = (f" {self.units[name]}" if self.units.get(name) else "" for name in (self.along, "alpha"))
-        m, (low, high), (slow, fast) = self.machine, self.span, self.between
-        lines = [
-            f"return map of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}",
-            f"  along {self.along} from {low:g} to {high:g}{unit}, launch speeds {slow:g} to {fast:g}{speed}",
-        ]
-        if not self.branches:
-            lines.append("  no launch of period one comes back there")
+        (low, high), (slow, fast) = self.span, self.between
+        ranges = f"along {self.along} from {low:g} to {high:g}{unit}, launch speeds {slow:g} to {fast:g}{speed}"
+        rows = [] if self.branches else [("no launch of period one comes back there", "")]
         for i, branch in enumerate(self.branches):
-            lines.append(f"  branch {i}: {HOPS_OF[branch.period]}, {len(branch)} points")
+            rows.append((f"branch {i}", f"{HOPS_OF[branch.period]}, {len(branch)} points"))
             for a, b, stable in branch.stretches():
-                lines.append(f"    {self.along} = {a:.12g} to {b:.12g}{unit}: {'stable' if stable else 'unstable'}")
+                how = "stable" if stable else "unstable"
+                rows.append(("", f"{self.along} = {a:.12g} to {b:.12g}{unit}: {how}"))
             for where, end in zip(("begins", "ends"), branch.ends, strict=True):
-                lines.append(f"    {where}: {end.reason}")
+                rows.append(("", f"{where}: {end.reason}"))
         for event in self.events:
             launches = ", ".join(f"{alpha:.12g}" for alpha in event.alphas)
             note = f": {event.note}" if event.note else ""
-            lines.append(f"  {event.kind} at {self.along} = {event.value:.12g}{unit}, alpha = {launches}{speed}{note}")
-        return "\n".join(lines)
+            rows.append((event.kind, f"{self.along} = {event.value:.12g}{unit}, alpha = {launches}{speed}{note}"))
+        return ranges, rows
+
+    def __str__(self) -> str:
+        ranges, rows = self._told()
+        lines = [f"  {name:<18}{text}".rstrip() for name, text in rows]
+        return "\n".join([self.summary(), f"  {ranges}", *lines])
+
+    def _repr_html_(self) -> str:
+        ranges, rows = self._told()
+        return cell(f"{self.summary()}, {ranges}", rows, self.plot)
 
     def heading(self, name: str) -> str:
         """A name with its unit, if it has one: "inject (m/s)"."""

@@ -119,7 +119,7 @@ class ReturnMap:
             highest = 2.0 * find(self.machine).alpha
         except OrbitsError:
             highest = HIGH_LAUNCH * self._speed
-        return self.plot(highest / SHOWN, highest, axes, SHOWN)
+        return self.plot(highest / SHOWN, highest, axes, samples=SHOWN)
 
     def __reduce__(self) -> tuple[type, tuple[Machine, float, int]]:
         return type(self), (self.machine, self.inject, self.cap)

@@ -11,7 +11,7 @@ from .tables import html_table
 
 PICTURE = (5.6, 3.8)  # inches
 DOTS_PER_INCH = 130  # sharp on most screens, and a picture of some 30 kB
-MOST_ROWS = 30  # of a table in a cell; a design with the certificate of its orbit has fewer
+ROWS_OF_CELL = 30  # of a table in a cell; a design with the certificate of its orbit has fewer
 NOTE = "font:13px/1.45 system-ui,sans-serif;margin:6px 0;max-width:56ch;overflow-wrap:anywhere"
 TITLE = "font:600 13px/1.45 system-ui,sans-serif;margin:4px 0;overflow-wrap:anywhere"
 BESIDE = "display:flex;flex-wrap:wrap;gap:8px 28px;align-items:flex-start"
@@ -61,8 +61,8 @@ def _small_png(figure: Any) -> bytes:
 
 
 def without_middle(rows: Sequence[Sequence[str]]) -> list[Sequence[str]]:
-    """The rows of a table, of more than `MOST_ROWS` those at the beginning and at the end."""
-    if len(rows) <= MOST_ROWS:
+    """The rows of a table, of more than `ROWS_OF_CELL` those at the beginning and at the end."""
+    if len(rows) <= ROWS_OF_CELL:
         return list(rows)
     blank = [""] * (len(rows[0]) - 2)
-    return [*rows[: MOST_ROWS - 3], ("...", f"{len(rows) - MOST_ROWS + 1} more", *blank), *rows[-2:]]
+    return [*rows[: ROWS_OF_CELL - 3], ("...", f"{len(rows) - ROWS_OF_CELL + 1} more", *blank), *rows[-2:]]

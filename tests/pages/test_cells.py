@@ -21,7 +21,8 @@ from orbits import (
     sweep,
     uncertainty,
 )
-from orbits.pages.cells import MOST_ROWS, cell
+from orbits.hybrid.bifurcations import bifurcations
+from orbits.pages.cells import ROWS_OF_CELL, cell
 from orbits.pages.tables import VIOLATED, html_table, number_text, orbit_rows
 from problems import Hopper, hopper_in_si, steering
 
@@ -129,6 +130,8 @@ def results():
         "Design": lambda: optimize(leg, minimise="loss_coefficient", **over),
         "Front": lambda: pareto(leg, minimise=objectives, points=3, over=over["over"]),
         "Control": lambda: steering.keep_hopping(Hopper(damping=0.01)),
+        "Disturbed": lambda: steering.keep_hopping(Hopper(damping=0.01)).simulate(3, launch_error=1e-4),
+        "BifurcationDiagram": lambda: bifurcations(Hopper(), "inject", (0.0, 0.05), (4.2, 4.8), samples=100),
         "Sweep": lambda: sweep(leg, {"k": [3e3, 5e3], "body_mass": [55.0, 60.0]}, quantities=["stroke"]),
         "Sweep over three": lambda: sweep(cubic, dict.fromkeys(("beta", "mass_ratio", "rest_length"), (0.5, 0.9)), 16),
         "Existence": lambda: existence(cubic, "beta", (-0.02, 0.02), "mass_ratio", [0.5, 0.6], samples=5),
@@ -151,7 +154,7 @@ def test_results_show_themselves(kind):
     seen = Cells(page)
     assert len(seen.rows) >= 2
     assert "no picture" not in page
-    if kind in WITHOUT_PICTURE or (kind == "Control" and not hasattr(result, "plot")):
+    if kind in WITHOUT_PICTURE:
         assert not seen.images
         return
     (image,) = seen.images
@@ -185,9 +188,9 @@ def test_what_cannot_be_drawn_does_not_break_the_cell(monkeypatch):
 
 def test_long_tables_are_told_without_their_middle():
     seen = Cells(cell("long", [(str(i), "x", "y") for i in range(1000)], heads=("a", "b", "c")))
-    assert len(seen.rows) == MOST_ROWS + 1
+    assert len(seen.rows) == ROWS_OF_CELL + 1
     assert seen.rows[-1] == ["999", "x", "y"]
-    assert [row[1] for row in seen.rows if row[0] == "..."] == [f"{1000 - MOST_ROWS + 1} more"]
+    assert [row[1] for row in seen.rows if row[0] == "..."] == [f"{1000 - ROWS_OF_CELL + 1} more"]
 
 
 def test_long_laws_are_told_in_one_line():

@@ -15,7 +15,7 @@ def block(translator, node) -> None:
     number = f'<span class="eqno">({node["number"]})</span>' if node["number"] else ""
     name = f' id="equation-{node["label"]}"' if node["label"] else ""
     equation = tex2mathml(node.astext().strip(), as_block=True)
-    translator.body.append(f'<div class="math"{name}>{equation}{number}</div>\n')
+    translator.body.append(f'<div class="math"{name}><div class="equation">{equation}</div>{number}</div>\n')
     raise nodes.SkipNode
 
 
