@@ -13,7 +13,9 @@ from .design.optimize import optimize
 from .design.pareto import Front, pareto
 from .design.sensitivities import quantities, sensitivities
 from .errors import FlowError, InconsistentModel, InputError, NoOrbit, OrbitsError, OutOfRange
+from .hybrid.bifurcations import bifurcations
 from .hybrid.check import Checked, check
+from .hybrid.diagram import Bifurcation, BifurcationDiagram, Branch, BranchEnd
 from .hybrid.multiplier import multiplier
 from .hybrid.return_map import FixedPoint, Hops, ReturnMap
 from .hybrid.simulation import Simulation, simulate
@@ -38,15 +40,15 @@ from .sweeps.sweep import SweepProgress, sweep
 from .sweeps.uncertainty import Uncertainty, uncertainty
 
 __all__ = [
-    "METHODS", "Active", "Affine", "Arc", "Certificate", "Checked", "Control", "Damper", "Design", "Enclosure", "End",
-    "Event", "Existence", "Family", "FixedPoint", "FlowError", "Force", "Front", "Guess", "Hops", "InconsistentModel",
-    "Inerter", "Input", "InputError", "Machine", "Mass", "Mechanism", "Model", "Modes", "NoOrbit", "Orbit",
-    "OrbitsError", "OutOfRange", "Phase", "Pieces", "Point", "Potential", "Proof", "Reduction", "ReturnMap",
-    "Simulation", "Spring", "Stage", "StateFormula", "Statement", "StepControl", "Sweep", "SweepProgress",
-    "Uncertainty", "Units", "Weight", "__version__", "check", "existence", "find", "find_all", "fold_statement",
-    "follow", "follow_branch", "follow_fold", "linear_modes", "multiplier", "optimize", "orbit_at", "pareto", "prove",
-    "prove_absence", "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest", "starts", "steer",
-    "sweep", "trace", "uncertainty",
+    "METHODS", "Active", "Affine", "Arc", "Bifurcation", "BifurcationDiagram", "Branch", "BranchEnd", "Certificate",
+    "Checked", "Control", "Damper", "Design", "Enclosure", "End", "Event", "Existence", "Family", "FixedPoint",
+    "FlowError", "Force", "Front", "Guess", "Hops", "InconsistentModel", "Inerter", "Input", "InputError", "Machine",
+    "Mass", "Mechanism", "Model", "Modes", "NoOrbit", "Orbit", "OrbitsError", "OutOfRange", "Phase", "Pieces", "Point",
+    "Potential", "Proof", "Reduction", "ReturnMap", "Simulation", "Spring", "Stage", "StateFormula", "Statement",
+    "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "Weight", "__version__", "bifurcations", "check",
+    "existence", "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold", "linear_modes",
+    "multiplier", "optimize", "orbit_at", "pareto", "prove", "prove_absence", "prove_fold", "quantities",
+    "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "trace", "uncertainty",
 ]  # fmt: skip
 
 

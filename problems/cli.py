@@ -23,6 +23,7 @@ Examples:
   orbits follow --spring cubic --along beta --from 0 --to -0.02 --plot fold.png
   orbits follow --spring tanh --along b --from 0.1 --to 1 --family 2 --output tanh.jsonl
   orbits map --alpha 3:12:10000 --plot map.png         from launch speed to launch speed
+  orbits map --alpha 4.3:5:400 --along inject --from 0 --to 0.15 --plot flips.png
   orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact on the way
   orbits optimize leg.toml --plot best.png             the best design, as [design] in the file asks
   orbits explore --spring cubic --set beta=0.3 --rest-length 8   the same, to play with
@@ -183,19 +184,39 @@ def follow_command(
 @click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
 @click.option("--all", "whole", is_flag=True, help=f"Print every launch, also of more than {LONGEST_TABLE}.")
 @click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts of one hop.")
+@click.option(
+    "--along",
+    metavar="NAME",
+    help="Follow the map's fixed points between A and B along inject, restitution, damping or another parameter.",
+)
+@click.option("--from", "start", type=float, metavar="V", help="The parameter's first value.")
+@click.option("--to", "stop", type=float, metavar="W", help="Its last value.")
+@click.option("--attractor", type=click.IntRange(0), metavar="N", help="Values at which the attractor is found.")
+@options.file_option("--save", "front", "Save what is followed: .json, or its points as .csv.")
 def return_map(
     alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, whole: bool, cap: int,
+    along: str | None, start: float | None, stop: float | None, attractor: int | None, save: str | None,
     **stated: Any,
 ) -> None:  # fmt: skip
-    """Map launch speeds to the next ones, with the losses and impacts in between."""
+    """Map launch speeds to the next ones, with the losses and impacts in between; or, with --along, follow the fixed
+    points of the map and its hops of period two along a parameter, with their folds and flips."""
     from orbits.errors import InputError
     from orbits.hybrid.return_map import ReturnMap
     from orbits.io import to_json
-    from orbits.plot import plot_map, save_figure
+    from orbits.plot import save_figure
 
     speeds = options.launch_speeds(alpha)
     if not 0 < speeds[0] < float("inf"):
         raise InputError(f"--alpha {alpha}; launch speeds are above 0")
+    if along is not None:
+        if cobweb is not None or start is None or stop is None or len(speeds) < 2:
+            raise InputError("--along needs --from V, --to W and a range --alpha A:B:N, and has no --cobweb")
+        asked = {"inject": inject, "cap": cap, "attractor": attractor}
+        diagram = options.diagram_of(along, (start, stop), speeds, stated, asked)
+        options.write(diagram, as_json, plot, save=save)
+        return
+    if any(each is not None for each in (start, stop, attractor, save)):
+        raise InputError("--from, --to, --attractor and --save go with --along NAME")
     if plot is not None:
         if len(speeds) < 2:
             raise InputError(f"--plot needs a range, --alpha A:B:N, not --alpha {alpha}")
@@ -207,7 +228,7 @@ def return_map(
     with options.progress():
         hops = step(speeds)
         if plot is not None:
-            save_figure(plot_map(step, speeds[0], speeds[-1], start=cobweb), plot)
+            save_figure(step.plot(float(speeds[0]), float(speeds[-1]), start=cobweb), plot)
     if as_json:
         click.echo(to_json(hops.document()))
         return

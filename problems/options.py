@@ -16,6 +16,7 @@ import click
 if TYPE_CHECKING:
     import numpy as np
 
+    from orbits.hybrid.diagram import BifurcationDiagram
     from orbits.hybrid.return_map import Hops
 
     from .units import AnyMachine
@@ -206,6 +207,19 @@ def launch_speeds(text: str) -> "np.ndarray":
     if not low < high:
         raise InputError(f"--alpha {text!r}: the range goes up, A < B")
     return np.linspace(low, high, count)
+
+
+def diagram_of(
+    along: str, span: tuple[float, float], speeds: "np.ndarray", stated: dict[str, Any], asked: dict[str, Any]
+) -> "BifurcationDiagram":
+    """What the return maps of the stated machine do along a parameter, between the ends of its range `span`."""
+    from orbits.hybrid.bifurcations import bifurcations
+
+    between = float(speeds[0]), float(speeds[-1])
+    losses = ("inject", "restitution", "damping", "drag")
+    machine = machine_of(**stated, first=None if along in losses else (along, span[0]))
+    with progress() as report:
+        return bifurcations(machine, along, span, between, samples=len(speeds), progress=report, **asked)
 
 
 def summary(hops: "Hops") -> str:

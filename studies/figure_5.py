@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap, find
-from orbits.plot import COLOURS, new_row, plot_map, save_figure
+from orbits.plot import COLOURS, new_row, save_figure
 from problems import HeavyHand, Hopper
 
 LIGHT, HEAVY = 0.02, 1e3
@@ -40,13 +40,13 @@ def worst_loss(mass_ratio: float) -> float:
 def main(folder: Path) -> dict[str, float]:
     panels = new_row(2, 4.8, 4.4, rows=2)
     orbit = find(Hopper())
-    plot_map(ReturnMap(Hopper()), 1.0, 12.0, panels[0, 0])
+    ReturnMap(Hopper()).plot(1.0, 12.0, panels[0, 0])
     near = 0.02
-    plot_map(ReturnMap(Hopper()), orbit.alpha - near, orbit.alpha + near, panels[0, 1])
+    ReturnMap(Hopper()).plot(orbit.alpha - near, orbit.alpha + near, panels[0, 1])
     panels[0, 1].set_ylim(orbit.alpha - 6 * near, orbit.alpha + near)
-    plot_map(ReturnMap(Hopper(mass_ratio=LIGHT)), 1.0, 12.0, panels[1, 0])
+    ReturnMap(Hopper(mass_ratio=LIGHT)).plot(1.0, 12.0, panels[1, 0])
     heavy = ReturnMap(Hopper(mass_ratio=HEAVY))
-    plot_map(heavy, 2.9, 3.8, panels[1, 1], samples=1200)
+    heavy.plot(2.9, 3.8, panels[1, 1], samples=1200)
     panels[1, 1].set_ylim(2.4, 3.8)
     other = panels[1, 1].twinx()
     alpha = np.linspace(2.9, 3.8, 1200)

@@ -18,11 +18,12 @@ from .branches import SAME_PLACE, BranchTracer, FoundEvent, PeriodicLaunch
 from .cycles import INJECT, MapsAlong
 from .diagram import Bifurcation, BifurcationDiagram, Branch, BranchEnd
 from .impacts import CAP
+from .resolved_map import ROUNDED
 
 SECTIONS, ATTRACTOR = 9, 400
 # Launches from which the attractor is looked for, hops until they have come to it, and hops of it that are kept.
 STARTS_OF_HOPS, TRANSIENT, KEPT_HOPS = 4, 200, 60
-LONGEST_SHARE = 0.02
+LONGEST_CHORD = 0.02
 SETTLES = {True: "stable", False: "unstable"}
 
 
@@ -98,32 +99,43 @@ class _Search:
         self.notes: dict[int, str] = {}  # by the identity of a flip's point
 
     def _tracer(self, period: int) -> BranchTracer:
-        return BranchTracer(self.maps, self.between, period, tuple(self.values), LONGEST_SHARE)
+        return BranchTracer(self.maps, self.between, period, tuple(self.values), LONGEST_CHORD)
 
     def fixed_points(self) -> None:
-        """Follow each fixed point that is found in a section and lies on no branch yet."""
+        """Follow each fixed point that is found in a section and lies on no branch yet. Along the injection the
+        branches that begin at lossless hops come first."""
+        tracer = self._tracer(1)
+        for alpha in self._lossless():
+            hop, beside = tracer.start_lossless(alpha)
+            if max(abs(side.value) for side in beside) <= ROUNDED * alpha:
+                continue  # nothing is lost beside it either, and every launch comes back
+            below, above = ([side, *tracer.trace(side, 1)] for side in beside)
+            self._keep(1, [*reversed(below), FoundEvent("fold", hop), *above])
         starts = list(self._starts())
-        passed: list[tuple[float, float]] = []
+        near = SAME_PLACE * (self.between[1] - self.between[0])
         for i, (value, alpha) in enumerate(starts):
             if self.progress:
                 self.progress(i / len(starts))
-            near = SAME_PLACE * (self.between[1] - self.between[0])
-            if any(value == v and abs(alpha - a) <= near for v, a in passed):
+            if any(((b.values == value) & (np.abs(b.alphas[:, 0] - alpha) <= near)).any() for b in self.branches):
                 continue
-            tracer = self._tracer(1)
             start = tracer.start(alpha, value)
             ahead = list(tracer.trace(start, 1))
-            back = [] if ahead[-1].kind == "closed" else list(tracer.trace(start, -1))
+            back = [ahead[-1]] if ahead[-1].kind == "closed" else list(tracer.trace(start, -1))
             self._keep(1, [*reversed(back), start, *ahead])
-            values, alphas = self.branches[-1].values, self.branches[-1].alphas[:, 0]
-            passed += zip(values.tolist(), alphas.tolist(), strict=True)
+
+    def _lossless(self) -> list[float]:
+        """The lossless launches that are fixed points of a map without injection."""
+        maps = self.maps
+        if maps.name != INJECT or not maps.low <= 0.0 <= maps.high or not maps.lossless(0.0):
+            return []
+        return [point.alpha for point in maps.at(0.0).fixed_points(*self.between, self.samples)]
 
     def _starts(self) -> Iterator[tuple[float, float]]:
-        """Fixed points (value, launch speed) at the sections; lossless hops are none, where two meet."""
+        """Fixed points (value, launch speed) at the sections, but for lossless hops."""
         for value in self.values:
             interrupts.heed()
-            for point in self.maps.at(value).fixed_points(*self.between, self.samples):
-                if point.kind == "crossing":
+            if not self.maps.lossless(value):
+                for point in self.maps.at(value).fixed_points(*self.between, self.samples):
                     yield value, point.alpha
 
     def doubled(self) -> None:
@@ -151,10 +163,10 @@ class _Search:
     def _keep(self, period: int, items: list) -> None:
         """Keep a branch from its points, events and ends in order."""
         ends = [item for item in items if isinstance(item, BranchEnd)]
-        points = [item.point if isinstance(item, FoundEvent) else item for item in items]
-        points = [point for point in points if isinstance(point, PeriodicLaunch)]
+        points = [(x, x.multiplier) if isinstance(x, PeriodicLaunch) else (x.point, _slope(x))
+                  for x in items if not isinstance(x, BranchEnd)]  # fmt: skip
         self.events += [(len(self.branches), item) for item in items if isinstance(item, FoundEvent)]
-        values, alphas, slopes = zip(*((p.value, p.alphas, p.multiplier) for p in points), strict=True)
+        values, alphas, slopes = zip(*((p.value, p.alphas, slope) for p, slope in points), strict=True)
         columns = np.array(values), np.array(alphas), np.array(slopes)
         self.branches.append(Branch(period, *columns, (ends[0], ends[-1])))
 
@@ -170,10 +182,8 @@ class _Search:
         period = self.branches[branch].period
         if event.kind == "flip":
             return self.notes.get(id(event.point), "hops of period four branch off here" if period == 2 else "")
-        if event.kind == "fold":
-            at_rest = self.maps.lossless(event.point.value) or abs(event.point.value) <= 1e-12 * self.maps.high
-            lossless = self.maps.name == INJECT and at_rest and self.maps.at(0.0).impacts.model.conservative
-            return "the lossless hop" if lossless else ""
+        if event.kind == "fold" and self.maps.lossless(event.point.value):
+            return "the lossless hop"
         return "the slope of the map jumps" if event.kind == "border collision" else ""
 
 

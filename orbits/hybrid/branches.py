@@ -20,15 +20,19 @@ from .diagram import BranchEnd
 from .impacts import STATUSES
 
 Vector = np.ndarray
+# Fixed points beside a lossless hop are looked for at this distance, as a share of the range.
+BESIDE_LOSSLESS = 1e-8
 # Steps are shares of the ranges. Beside lossless hops unstable fixed points hardly move with the parameter and stable
 # ones do: seen from further away the curve has a corner there, which small steps turn round.
 SMALLEST, FIRST = 1e-9, 1e-3
-MOST_POINTS = 20_000
+MOST_PLACES = 20_000
 MOST_CORRECTIONS = 8
 CORRECTED, ROUNDING_OF_PLACES = 1e-7, 4e-16  # a correction is the last one below this share of the step, or rounding
+# Corrections of at most this share of the step that hardly become smaller any more are the noise of the map.
+STAGNANT, NOISE = 1e-5, 0.3
 STRAIGHT, EASY = 0.9, 0.98  # cosines of the turn in a step: a step that turns more is repeated, one less lengthens
 LENGTHENED, SHORTENED = 1.7, 0.25
-FIRST_OF_TWO = (1e-3, 1e-4, 1e-5)  # from a flip to the first hops of twice the period, as shares of the range
+FIRST_OF_TWO = (1e-3, 1e-4, 1e-2)  # from a flip to the first hops of twice the period, as shares of the range
 LOCATED = 1e-13  # events are located to this share of a step
 HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
 AROUND, ANGLES = 1e-6, np.radians(np.linspace(-150, 150, 21))  # the circle round a corner
@@ -80,10 +84,10 @@ class BranchTracer:
         launches, impacts = self.maps.cycle(alpha, value, self.period)
         slope = self.maps.multiplier(launches, value)
         step = float(np.linalg.norm(ahead)) * 0.01
-        across = slope - 1.0 if self.period == 1 else np.nan
-        if not np.isfinite(across):
-            across = self.maps.slopes(alpha, value, self.period, step * self.scale[0])[1]
-        along = self.maps.slope_along(alpha, value, self.period)
+        here, across = 0.0, slope - 1.0
+        if self.period == 2 or not np.isfinite(across):
+            here, across = self.maps.slopes(alpha, value, self.period, step * self.scale[0])
+        along = self.maps.slope_along(alpha, value, self.period, here)
         tangent = np.array([-along * self.scale[1], across * self.scale[0]])
         size = float(np.linalg.norm(tangent))
         tangent = tangent / size if size > 0 and np.isfinite(size) else ahead / np.linalg.norm(ahead)
@@ -97,13 +101,13 @@ class BranchTracer:
         """The place on the curve near another where a row (2,) has a level; with `value` the parameter has exactly
         that. Raises `NoOrbit` where Newton's method does not converge."""
         place, first = place.copy(), place
-        along = None
+        along, last = None, np.inf
         for _ in range(MOST_CORRECTIONS):
             alpha, at = float(place[0] * self.scale[0]), self._value(place) if value is None else value
             if alpha <= 0:
                 break
-            along = self.maps.slope_along(alpha, at, self.period) if along is None else along
             excess, across = self.maps.slopes(alpha, at, self.period, 0.01 * step * self.scale[0])
+            along = self.maps.slope_along(alpha, at, self.period, excess) if along is None else along
             matrix = np.array([[across * self.scale[0], along * self.scale[1]], row])
             change = solve(matrix, np.array([excess, row @ place - level]))
             if not np.isfinite(change).all():
@@ -111,8 +115,12 @@ class BranchTracer:
             place -= change
             if np.abs(place - first).max() > 2 * step:
                 break
-            if np.abs(change).max() <= max(CORRECTED * step, ROUNDING_OF_PLACES * np.abs(place).max()):
+            size = float(np.abs(change).max())
+            if size <= max(CORRECTED * step, ROUNDING_OF_PLACES * float(np.abs(place).max())):
                 return place
+            if NOISE * last <= size <= STAGNANT * step:
+                return place
+            last = size
         raise NoOrbit("the corrector does not converge")
 
     def between_points(self, a: PeriodicLaunch, b: PeriodicLaunch, share: float) -> PeriodicLaunch:
@@ -137,13 +145,27 @@ class BranchTracer:
         """A periodic launch that has been found at a value of the parameter."""
         return self.point(np.array([alpha, value]) / self.scale, np.array([0.0, SMALLEST]), value)
 
+    def start_lossless(self, alpha: float) -> tuple[PeriodicLaunch, list[PeriodicLaunch]]:
+        """A lossless hop, which is a fixed point without injection, and the fixed points just below and above it, each
+        with the tangent that leads away. Two branches of fixed points begin there, both tangent to the launch speed's
+        axis and with unbounded curvature."""
+        place, beside = np.array([alpha / self.scale[0], 0.0]), []
+        for side in (-1.0, 1.0):
+            row = np.array([1.0, 0.0])
+            guess = place + side * BESIDE_LOSSLESS * row
+            beside.append(self.point(self.correct(guess, row, float(guess[0]), FIRST), side * BESIDE_LOSSLESS * row))
+        hop, impacts = (alpha,), beside[1].impacts
+        return PeriodicLaunch(0.0, hop, 1.0, impacts, place, np.array([1.0, 0.0])), beside
+
     def start_beside_flip(self, flip: PeriodicLaunch) -> PeriodicLaunch:
         """Hops of twice the period beside those whose multiplier is -1; raises `NoOrbit` where none are found."""
         row = np.array([1.0, 0.0])
-        for step in FIRST_OF_TWO:
+        # The fixed point moves with the parameter too, and may do so faster, so that there are hops on one side only.
+        for step in (side * length for length in FIRST_OF_TWO for side in (1, -1)):
             guess = flip.place + step * row
             try:
-                return self.point(self.correct(guess, row, float(guess[0]), step), step * row)
+                place = self.correct(guess, row, float(guess[0]), 10 * abs(step))
+                return self.point(place, place - flip.place)
             except NoOrbit:
                 continue
         raise NoOrbit("no hops of twice the period are found beside the flip")
@@ -151,7 +173,7 @@ class BranchTracer:
     def trace(self, start: PeriodicLaunch, side: int) -> Iterator[PeriodicLaunch | FoundEvent | BranchEnd]:
         """The points and events from one, in order along its tangent (`side` 1) or against it (-1); an end is last."""
         here, ahead, step = start, side * start.tangent, FIRST
-        for _ in range(MOST_POINTS):
+        for _ in range(MOST_PLACES):
             interrupts.heed()
             there, step, stopped = self._step(here, ahead, step)
             if there is None:
@@ -160,9 +182,8 @@ class BranchTracer:
             if end := self._jump(here, there):
                 yield end
                 return
-            for item in (inside := list(self._inside(here, there))):
-                yield item
-            if closed := self._closed(start, [here, *(x for x in inside if isinstance(x, PeriodicLaunch))]):
+            yield from (inside := list(self._inside(here, there)))
+            if closed := self._closed(start, side, [here, *(x for x in inside if isinstance(x, PeriodicLaunch))]):
                 yield closed
                 return
             if stopped is None or stopped.kind != "flip":
@@ -171,7 +192,7 @@ class BranchTracer:
                 yield stopped
                 return
             here, ahead = there, there.tangent
-        yield BranchEnd("stuck", f"it has {MOST_POINTS} points")
+        yield BranchEnd("stuck", f"it has {MOST_PLACES} points")
 
     def _step(
         self, here: PeriodicLaunch, ahead: Vector, step: float
@@ -219,7 +240,9 @@ class BranchTracer:
             return there, BranchEnd("flip", "its two launches become one, at another flip of the fixed points")
         return there, None
 
-    def _last(self, here: PeriodicLaunch, ahead: Vector, share: float, bound: float) -> tuple[PeriodicLaunch, BranchEnd]:
+    def _last(
+        self, here: PeriodicLaunch, ahead: Vector, share: float, bound: float
+    ) -> tuple[PeriodicLaunch, BranchEnd]:
         """The point where the curve comes to an end of the parameter's range."""
         level, row = bound / float(self.scale[1]), np.array([0.0, 1.0])
         guess = np.array([here.place[0] + share * ahead[0], level])
@@ -278,7 +301,9 @@ class BranchTracer:
                         continue
         yield from (item for _, item in sorted(found, key=lambda pair: pair[0]))
 
-    def _crossing(self, a: PeriodicLaunch, b: PeriodicLaunch, level: float) -> tuple[float, PeriodicLaunch, bool] | None:
+    def _crossing(
+        self, a: PeriodicLaunch, b: PeriodicLaunch, level: float
+    ) -> tuple[float, PeriodicLaunch, bool] | None:
         """Where between two points the multiplier passes a level: the share of the chord, the point, and whether the
         multiplier passes it smoothly and does not jump over it."""
         first, last = a.multiplier - level, b.multiplier - level
@@ -303,11 +328,15 @@ class BranchTracer:
         size = abs(first) + abs(last)
         return share, point, abs(point.multiplier - level) <= 1e-3 * size and (not beside or beside[0] <= 1e-3 * size)
 
-    def _closed(self, start: PeriodicLaunch, passed: list[PeriodicLaunch]) -> BranchEnd | None:
+    def _closed(self, start: PeriodicLaunch, side: int, passed: list[PeriodicLaunch]) -> BranchEnd | None:
         """The end of a curve that has come back to its start, at one of the asked values."""
         again = [p for p in passed[1:] if p.value == start.value]
         close = [p for p in again if abs(p.place[0] - start.place[0]) <= SAME_PLACE]
-        return BranchEnd("closed", "it comes back to where it began") if close else None
+        if not close:
+            return None
+        if side * float(close[0].tangent @ start.tangent) > 0:
+            return BranchEnd("closed", "it comes back to where it began")
+        return BranchEnd("stuck", "two branches are too close to be told apart")
 
     def _round_corner(self, here: PeriodicLaunch, ahead: Vector) -> PeriodicLaunch | None:
         """The curve behind a corner of the map, where a small circle round the last point cuts it; None where it does
@@ -347,4 +376,3 @@ class BranchTracer:
             if self.maps.jumps_between((alpha - reach, alpha + reach), value):
                 return BranchEnd("jump", f"the map jumps {place}")
         return BranchEnd("stuck", f"{place} the map is not smooth, and the curve is lost")
-

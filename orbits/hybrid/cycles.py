@@ -113,14 +113,13 @@ class MapsAlong:
         before, here, behind = self.excess(np.array([alpha - step, alpha, alpha + step]), value, period)
         return float(here), float(behind - before) / (2 * step)
 
-    def slope_along(self, alpha: float, value: float, period: int) -> float:
-        """The derivative of the excess with respect to the parameter, by a difference within its range."""
+    def slope_along(self, alpha: float, value: float, period: int, here: float) -> float:
+        """The derivative of the excess, which is `here`, with respect to the parameter, by a difference within its
+        range."""
         if self.name == INJECT and period == 1:
             return 1.0
-        step = STEP_ALONG * (self.high - self.low)
-        ends = [max(value - step, self.low), min(value + step, self.high)]
-        before, behind = (self.excess(np.array([alpha]), end, period)[0] for end in ends)
-        return float(behind - before) / (ends[1] - ends[0])
+        step = STEP_ALONG * (self.high - self.low) * (-1 if value > self.low + 0.5 * (self.high - self.low) else 1)
+        return float(self.excess(np.array([alpha]), value + step, period)[0] - here) / step
 
     def jumps_between(self, alphas: tuple[float, float], value: float, samples: int = 33) -> bool:
         """Whether the map jumps somewhere between two launch speeds, or a hop there has no next launch."""
@@ -147,4 +146,3 @@ def parameters_of_maps(machine: Machine) -> list[str]:
     """The names of the parameters along which maps can be followed."""
     own = [name for name in (RESTITUTION, *DAMPERS_OF_HOPS) if _has(machine, name)]
     return list(dict.fromkeys([INJECT, *own, *free_parameters(machine)]))
-

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +88,7 @@ class Branch:
         inner = np.flatnonzero(stable[1:] != stable[:-1]) + 1
         # The point of a bifurcation itself counts as unstable and closes the stable stretch beside it.
         cuts = [0, *(int(i) if stable[i - 1] else int(i) - 1 for i in inner), len(self) - 1]
-        parts = [(a, b) for a, b in zip(cuts, cuts[1:], strict=False) if b > a]
+        parts = [(a, b) for a, b in pairwise(cuts) if b > a]
         return [(float(self.values[a]), float(self.values[b]), bool(stable[(a + b) // 2])) for a, b in parts]
 
 

@@ -1,4 +1,4 @@
-"""Figures of the return map: the map with a cobweb, its basins, bifurcation diagrams; in SI where the machine is."""
+"""Figures of the return map: with a cobweb, of its basins, and of bifurcations; in SI where the machine is."""
 
 from itertools import cycle
 from typing import Any
@@ -36,7 +36,7 @@ def plot_map(
         axes.plot(*np.transpose(_cobweb(step, finite_number("start", start), hops)), color=COLOURS[1], lw=0.9,
                   label=f"from {start:g}")  # fmt: skip
     if fixed_points:
-        _mark(axes, [(point.alpha, _kind(point)) for point in step.fixed_points(low, high)])
+        _mark(axes, [(point.alpha, _stability(point)) for point in step.fixed_points(low, high)])
     return _labelled_map(axes, step, low, high)
 
 
@@ -71,7 +71,7 @@ def _cobweb(step: Any, here: float, hops: int) -> list[tuple[float, float]]:
     return web
 
 
-def _kind(point: Any) -> str:
+def _stability(point: Any) -> str:
     """How a fixed point of the map is called in a legend."""
     if point.kind == "lossless":
         return "lossless, attracts from above"

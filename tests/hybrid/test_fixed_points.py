@@ -6,7 +6,6 @@ from matplotlib.figure import Figure
 
 from orbits import InputError, NoOrbit, ReturnMap, find, simulate
 from orbits.hybrid.resolved_map import within
-from orbits.plot import plot_map
 from problems import Hopper, Juggler
 
 
@@ -99,7 +98,7 @@ def test_the_map_is_broken_only_where_it_jumps():
     """With restitution the number of impacts changes all the time and the map does not; light feet make it jump."""
 
     def gaps(machine, low, high):
-        axes = plot_map(ReturnMap(machine), low, high, Figure().subplots(), samples=400)
+        axes = ReturnMap(machine).plot(low, high, Figure().subplots(), samples=400, fixed_points=False)
         y = axes.lines[1].get_ydata()
         return int(np.isnan(y[1:-1] * y[:-2] * 0 + y[2:] * 0)[np.isfinite(y[:-2]) & np.isfinite(y[2:])].sum())
 
