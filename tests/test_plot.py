@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from legibility import faults, smallest_text
 
-from orbits import Mass, Mechanism, Spring, find, follow, orbit_at, pareto, plot, simulate, starts
+from orbits import Mass, Mechanism, Spring, animation, find, follow, orbit_at, pareto, plot, simulate, starts
 from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si, plate_hopper
 
 FRAMES = 6
@@ -31,7 +31,7 @@ def drawn(monkeypatch, tmp_path):
 
     def draw(motion):
         kept, new_axes = [], plot.new_axes
-        monkeypatch.setattr(plot, "new_axes", lambda *size: kept.append(new_axes(*size)) or kept[-1])
+        monkeypatch.setattr(animation, "new_axes", lambda *size: kept.append(new_axes(*size)) or kept[-1])
         assert motion.animate(tmp_path / "motion.gif", FRAMES).stat().st_size > 1000
         (axes,) = kept
         lines = [line for line in axes.lines if np.size(line.get_ydata())]
@@ -76,7 +76,7 @@ def test_springs_in_any_order():
     standing = {"a": 1.1, "b": 2.3, "c": 3.7, "d": 0.0, None: 0.0}
     pairs = [("d", "c"), ("c", "b"), ("b", "a")]
     for order in ((0, 1, 2), (2, 1, 0), (1, 2, 0), (2, 0, 1)):
-        found = plot._lifted(heights, [pairs[i] for i in order], standing)
+        found = animation._lifted(heights, [pairs[i] for i in order], standing)
         assert [found[name][0] / 1.2 for name in "abcd"] == pytest.approx([3, 2, 1, 0])
 
 
@@ -101,7 +101,7 @@ def families():
     axes = None
     for number in (1, 2):
         family = follow(Hopper("tanh", rest_length=30), "b", 0.19, start=0.1, family=number)
-        axes = family.plot(axes, label=f"family {number}")
+        axes = family.plot(axes=axes, label=f"family {number}")
     return axes
 
 

@@ -181,7 +181,7 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
     """Every pair of parameters, with the quantity as colour, and below the quantity over each parameter."""
     names, values = sweep.parameters, sweep[quantity]
     count, known = len(names), np.isfinite(values)
-    panels: Axes = new_row(count, 1.9, 1.8, rows=count)
+    panels: Axes = new_row(count, 2.0, 1.9, rows=count)
     size = _size(len(values)) / 2
     for i, j in np.ndindex(count, count):
         axes: Axes = panels[i, j]
