@@ -20,7 +20,7 @@ from orbits.plot import Axes
 
 from .actuated import RATE, Actuated
 from .disturbed import Disturbed, disturbed
-from .files import machine_stated, statement_of
+from .files import machine_stated, statement_for_file
 from .units import AnyMachine
 
 PERIODIC = 1e-6  # states that differ by less, relative to their size, are the same: the tolerance of a solve is finer
@@ -144,7 +144,7 @@ class Driven(Control):
 
     def document(self) -> dict[str, Any]:
         """The motion as JSON-ready data, with the machine in words and, where a file can state it, its statement."""
-        return {**super().document(), "machine": self.machine.describe(), "statement": statement_of(self.machine)}
+        return {**super().document(), "machine": self.machine.describe(), "statement": statement_for_file(self.machine)}
 
     @classmethod
     def load(cls, path: str | Path, machine: AnyMachine | None = None) -> "Driven":

@@ -116,7 +116,7 @@ def _build(statement: dict[str, Any]) -> AnyMachine:
     return IN_SI[kind](**si, force=statement.get("spring"), **common)
 
 
-def statement_of(machine: AnyMachine) -> dict[str, Any] | None:
+def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
     """What a file states of a machine, from which `build` makes it again to the last bit; None for a machine that no
     file states by itself, such as one with a Python function or a table as its spring."""
     law = machine.spring
@@ -138,7 +138,7 @@ def statement_of(machine: AnyMachine) -> dict[str, Any] | None:
 
 
 def machine_stated(statement: dict[str, Any]) -> AnyMachine:
-    """The machine of a `statement_of` one; raises `InputError`, also where it refers to another file."""
+    """The machine of what `statement_for_file` gave; raises `InputError`, also where it refers to another file."""
     _check_keys("the machine", statement, KEYS)
     if str(statement.get("spring", "")).startswith("table:"):
         raise InputError("the machine's spring is in another file, which is not read")

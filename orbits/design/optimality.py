@@ -4,16 +4,17 @@ The conditions are those of Karush, Kuhn and Tucker in the parameters alone; the
 implicit function theorem.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
 from ..errors import InputError
-from ..io import one_line, write_json
-from ..model.machine import Machine
+from ..io import conform, one_line, read_file, to_json, write_json
+from ..model.machine import Machine, machine_in_words
 from ..pages.cells import cell
 from ..pages.tables import DIGITS, number_text, orbit_rows
 from ..periodic.orbit import Orbit, orbit_of
@@ -135,8 +136,56 @@ class Design:
         return known.get(name, "m" if name.isidentifier() and name.endswith("_rise") else "")
 
     def save(self, path: str | Path) -> Path:
-        """Write the document to a JSON file; returns the path."""
-        return write_json(self.document(), path, "design")
+        """Write the document to a JSON file, with the whole orbit; returns the path."""
+        return write_json(self.saved(), path, "design")
+
+    def saved(self) -> dict[str, Any]:
+        """The document of a file of the design, with the whole orbit, from which `of_saved` makes it again."""
+        return {**self.document(), "pair": self.pair, "share": self.share, "orbit": self.orbit.saved()}
+
+    @classmethod
+    def load(cls, path: str | Path, machine: Machine) -> "Design":
+        """Read a design that `save` wrote.
+
+        machine : the one that was designed, with any values of the parameters that were free
+
+        Raises `InputError` when the file is not one, or is of another machine.
+        """
+        return read_file(path, f"{path} is not a saved design", lambda file: cls.of_saved(json.load(file), machine))
+
+    @classmethod
+    def of_saved(cls, document: Any, machine: Machine) -> "Design":
+        """The design of what `saved` made; raises `ValueError` where parts of it do not fit each other."""
+        data = conform(document, SavedDesign)
+        orbit, best = Orbit.of_saved(data["orbit"]), machine.with_values(**data["parameters"])
+        if json.loads(to_json(machine_in_words(best))) != json.loads(to_json(orbit.machine)):
+            raise ValueError(f"it is of another machine: {dict(orbit.machine)}")
+        told = {name: data[name] for name in SavedDesign.__annotations__ if name not in ("objective", "orbit")}
+        return cls(best, orbit, text=data["objective"]["formula"], objective=data["objective"]["value"], **told)
+
+
+class _SavedObjective(TypedDict):
+    """The objective of a design in a file."""
+
+    formula: str
+    value: float
+
+
+class SavedDesign(TypedDict):
+    """A `Design` in a file; its orbit is read as an orbit's file is."""
+
+    verb: str
+    objective: _SavedObjective
+    parameters: Mapping[str, float]
+    quantities: Mapping[str, float]
+    active: tuple[Active, ...]
+    idle: tuple[str, ...]
+    kkt: float
+    starts: tuple[Start, ...]
+    seconds: float
+    pair: tuple[float, float] | None
+    share: float | None
+    orbit: Mapping[str, Any]
 
 
 class _ActiveRow(NamedTuple):

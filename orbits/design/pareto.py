@@ -1,19 +1,22 @@
 """Pareto fronts: the designs of which none is better than another in both of two objectives."""
 
+import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, TypedDict
 
 import numpy as np
 
 from ..errors import InputError, OrbitsError, whole_number
-from ..io import DOCUMENTS, one_line, write_json, write_table
+from ..io import DOCUMENTS, conform, one_line, read_file, write_json, write_table
 from ..model.machine import Machine
 from ..pages.cells import cell
 from ..pages.tables import number_text
 from ..periodic.find import Progress, find
+from ..plot import Axes, plot_front
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
 from .optimality import Design
@@ -64,19 +67,29 @@ class Front:
     def __repr__(self) -> str:
         return one_line(self, {"minimise": self.texts, "designs": len(self.designs), "seconds": self.seconds})
 
-    def plot(self, axes: Any = None) -> Any:
+    def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the objectives of the designs against each other; returns the axes. See `orbits.plot.plot_front`."""
-        from ..plot import plot_front
-
         return plot_front(self, axes)
 
     def save(self, path: str | Path) -> Path:
-        """Write the document (.json) or a table of objectives and parameters (.csv); returns the path."""
+        """Write the document with the whole orbits (.json) or a table of objectives and parameters (.csv); returns the
+        path."""
         if Path(path).suffix.lower() != ".csv":
-            return write_json(self.document(), path, "front", (*DOCUMENTS, ".csv"))
+            points = [{"values": list(_objectives(design)), **design.saved()} for design in self.designs]
+            return write_json({**self.document(), "points": points}, path, "front", (*DOCUMENTS, ".csv"))
         names = list(self.designs[0].parameters)
         rows = [(*_objectives(design), *(design.parameters[name] for name in names)) for design in self.designs]
         return write_table(self._headings(), rows, path, "front")
+
+    @classmethod
+    def load(cls, path: str | Path, machine: Machine) -> "Front":
+        """Read a front that `save` wrote to .json.
+
+        machine : the one that was designed, with any values of the parameters that were free
+
+        Raises `InputError` when the file is not one, or is of another machine.
+        """
+        return read_file(path, f"{path} is not a saved front", partial(_front_in_file, machine))
 
     def _headings(self) -> list[str]:
         """The objectives and parameters with their units, where they have one."""
@@ -98,6 +111,32 @@ class Front:
         lines += ["".join(f"{value:{width}.12g}" for value in row) for row in rows]
         lines += [f"{self.texts[1]} <= {level:.6g}: {reason}" for level, reason in self.refused]
         return "\n".join([*lines, f"{len(self.designs)} certified designs, {self.seconds:.2f} s"])
+
+
+class _SavedLevel(TypedDict):
+    """A level at which no design was found, in a file."""
+
+    level: float
+    reason: str
+
+
+class SavedFront(TypedDict):
+    """A `Front` in a file; its points are designs, with both objectives in `pair`."""
+
+    objectives: tuple[str, str]
+    points: tuple[Mapping[str, Any], ...]
+    refused: tuple[_SavedLevel, ...]
+    seconds: float
+
+
+def _front_in_file(machine: Machine, file: BinaryIO) -> Front:
+    """The front in an open file; raises `ValueError` where parts of it do not fit each other."""
+    data = conform(json.load(file), SavedFront)
+    designs = tuple(Design.of_saved(point, machine) for point in data["points"])
+    if not designs or any(design.pair is None for design in designs):
+        raise ValueError("it has no designs with two objectives")
+    refused = tuple((each["level"], each["reason"]) for each in data["refused"])
+    return Front(data["objectives"], designs, refused, data["seconds"])
 
 
 @exclusive

@@ -276,13 +276,17 @@ class Orbit:
 
         Raises `InputError` when the file cannot be written.
         """
+        return write_json(self.saved(), path, "orbit")
+
+    def saved(self) -> dict[str, Any]:
+        """The document of a file of the orbit, from which `of_saved` makes it again."""
         bare = self.dimensionless()
         flight, contact = (path and path.saved() for path in (bare.flight, bare.contact))
         heights = {name: height.saved() for name, height in bare.shape.heights.items()}
         shape, units = vars(bare.shape) | {"heights": heights}, self.units and self.units.saved()
         motion = {"shape": shape, "flight": flight, "contact": contact, "units": units}
         document = self.document() | ({"bare": bare.document()} if self.units else {})
-        return write_json({"format": ORBIT_FORMAT, **document, "motion": motion}, path, "orbit")
+        return {"format": ORBIT_FORMAT, **document, "motion": motion}
 
     @classmethod
     def load(cls, path: str | Path) -> "Orbit":
@@ -291,7 +295,12 @@ class Orbit:
 
     @classmethod
     def _parsed(cls, file: BinaryIO) -> "Orbit":
-        data = conform(json.load(file), SavedOrbit)
+        return cls.of_saved(json.load(file))
+
+    @classmethod
+    def of_saved(cls, document: Any) -> "Orbit":
+        """The orbit of what `saved` made; raises `ValueError` where parts of it do not fit each other."""
+        data = conform(document, SavedOrbit)
         if data["format"] != ORBIT_FORMAT:
             raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
         units = data["motion"]["units"] and saved_units(data["motion"]["units"])
