@@ -1,8 +1,9 @@
 """Lossless periodic orbits of machines with plastic contact: found, certified, followed, controlled and designed."""
 
-from .continuation.family import End, Event, Family, Point
+from .continuation.family import Family
 from .continuation.folds import follow_fold
 from .continuation.follow import follow, follow_branch, orbit_at, trace
+from .continuation.point import End, Event, Point
 from .continuation.starts import start_from_rest, starts
 from .continuation.step_control import StepControl
 from .control.answer import Control

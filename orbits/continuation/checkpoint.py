@@ -13,7 +13,8 @@ from ..model.machine import machine_in_words
 from ..periodic.find import Progress
 from ..symbolic import interrupts
 from .curve import CurvePoint
-from .family import ENDINGS, End, Event, Family, Point, json_line
+from .family import ENDINGS, Family
+from .point import End, Event, Point, json_line
 from .tracer import Tracer
 
 

@@ -21,7 +21,7 @@ from ..periodic.find import certified_orbit
 from ..periodic.formulations import equations_of, interpret, or_none
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.single_shooting import Evaluation, joined
-from .family import RESERVED_NAMES, Point, point_in_units
+from .point import RESERVED_NAMES, Point, point_in_units
 from .predictor import around
 
 # A point is at a fold where the tangent has a smaller share than this along the parameter. The value of the parameter

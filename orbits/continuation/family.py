@@ -14,7 +14,6 @@ from ..io import (
     check_ending,
     conform,
     extra_package,
-    fields_in_line,
     one_line,
     read_file,
     to_json,
@@ -22,32 +21,21 @@ from ..io import (
     writing,
 )
 from ..model.machine import Machine, check_parameters
-from ..model.units import UNIT_TEXTS, Units, saved_units
+from ..model.units import UNIT_TEXTS, saved_units
 from ..pages.cells import cell
 from ..pages.tables import DIGITS
-from ..periodic.certificate import Certificate
-from ..periodic.orbit import Orbit, SavedLaws, certificate_in_units, with_note
+from ..periodic.orbit import Orbit, SavedLaws, with_note
 from ..plot import spread
 from ..proof.claim import CONTACT_DURATION, Claim
 from ..proof.prove import prove_claims
 from ..proof.theorem import Proof
 from .hops import orbit_from
+from .point import COLUMNS, KNOWN, NUMBERS, End, Event, Point, check_points, json_line, point_in_units
 from .table import names_of_motions, numbers_of_motions
 
 FAMILY_FORMAT = "persistent-orbits family 1"
 # Endings of the files that a family is saved to; the first two are lines of JSON.
 ENDINGS = (".jsonl", ".json", ".csv", ".nc")
-# Columns of a table of points, after the parameter's own.
-MOTION_COLUMNS = ("alpha", "liftoff_extension", "flight_time", "contact_time", "admissible")
-CHECK_COLUMNS = ("error", "residual", "energy_drift", "family", "clearance", "smallest_separation")
-CONTACT_COLUMNS = ("smallest_contact_force", "largest_contact_force", "landing_jerk", "loss_coefficient")
-COLUMNS = (*MOTION_COLUMNS, *CHECK_COLUMNS, *CONTACT_COLUMNS, "stable_side")
-NUMBERS = COLUMNS[:-1]
-KNOWN = (*NUMBERS, "period")  # at every point; what its motion tells besides is in `table`
-# Names that no parameter can have, since it stands beside these in a table or a document.
-RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point")
-# Unknowns and tangents whose largest component is smaller, or larger than its inverse, are none.
-SMALLEST_SIZE = 1e-100
 # What is read of a saved family at most: some 100,000 points, and lines far longer than any that is written.
 LARGEST_FILE, LONGEST_LINE = 128 * MEGABYTE, 4 * MEGABYTE
 
@@ -76,89 +64,6 @@ class Heading(TypedDict):
     machine: _Machine
     settings: _Settings
     versions: Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class Point:
-    """One orbit of a family, without its motion; in SI for a machine in SI, but for `u` and `tangent`.
-
-    value : of the parameter
-    u : the unknowns of the equations, without dimensions
-    tangent : direction of the curve, in (u, value)
-    flight_time, contact_time : durations; contact_time None when the contact never ends
-    also : values of further parameters that vary along the curve
-    """
-
-    value: float
-    u: tuple[float, ...]
-    tangent: tuple[float, ...]
-    alpha: float
-    liftoff_extension: float
-    flight_time: float
-    contact_time: float | None
-    certificate: Certificate
-    also: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def admissible(self) -> bool:
-        """Whether the orbit is a motion, not merely a root of the equations."""
-        return not self.certificate.violations
-
-    @property
-    def period(self) -> float | None:
-        """The time of a whole cycle; None when the contact never ends."""
-        return None if self.contact_time is None else self.flight_time + self.contact_time
-
-    def __getattr__(self, name: str) -> Any:
-        if name in Certificate.__dataclass_fields__:
-            return getattr(self.certificate, name)
-        raise AttributeError(f"a point has no '{name}'")
-
-    def __repr__(self) -> str:
-        return fields_in_line(self, "value", "alpha", "admissible")
-
-    def row(self) -> dict[str, Any]:
-        """The columns of a table at this point, ready for JSON."""
-        return {**self.also, **{name: getattr(self, name) for name in COLUMNS}, "violations": list(self.violations)}
-
-
-def point_in_units(point: Point, units: Units | None) -> Point:
-    """A dimensionless point in these units; the point itself for None."""
-    if units is None:
-        return point
-    return replace(units.convert(point), certificate=certificate_in_units(point.certificate, units))
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something that happens on the curve, located to the corrector's tolerance.
-
-    kind : "fold", "branch point", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "family",
-        "asked", or a name given by the user
-    after : index of the last point before the event; of the point itself where it was "asked"
-    """
-
-    kind: str
-    after: int
-    point: Point
-
-
-@dataclass(frozen=True)
-class End:
-    """How the curve ends.
-
-    kind : "reached", "escaped", "closed", "degenerate", "stopped", "stuck"; "interrupted" for an unfinished file
-    limit, limit_error : the extrapolated value that the parameter tends to as the orbit escapes or shrinks to nothing,
-        and an estimate of its error; None otherwise
-    """
-
-    kind: str
-    reason: str
-    limit: float | None = None
-    limit_error: float | None = None
-
-    def __repr__(self) -> str:
-        return fields_in_line(self, "kind", "reason", "limit", "limit_error")
 
 
 @dataclass(frozen=True)
@@ -350,7 +255,7 @@ class Family:
         return [*rows, ("end", end)]
 
     def __str__(self) -> str:
-        return "\n".join([self.summary(), *(f"  {name:<16}{text}" for name, text in self.rows(digits=15))])
+        return "\n".join([self.summary(), *(f"  {name:<13} {text}" for name, text in self.rows(digits=15))])
 
     def _repr_html_(self) -> str:
         return cell(self.summary(), self.rows(DIGITS), self.plot)
@@ -432,7 +337,7 @@ class Family:
                 events.append(conform(item["event"], Event, where))
             else:
                 end = conform(item["end"], End, where)
-        _check_points(points, events)
+        check_points(points, events)
         found = tuple(points), tuple(events), end
         family = cls(head["along"], head["machine"], *found, head["settings"], head["versions"])
         return _modernised(family) if family.machine.get("laws_in") == "SI" else family
@@ -464,33 +369,9 @@ def _modernised(family: Family) -> Family:
     return replace(family, machine={**family.machine, "units": {}}, points=points, events=events)
 
 
-def json_line(item: Point | Event | End) -> str:
-    """The line of a saved family for one of its points, its events or its end."""
-    return to_json({type(item).__name__.lower(): asdict(item)})
-
-
 def _lines(file: BinaryIO) -> Iterator[str]:
     """The lines of a file; the last one may be cut within a character, and none is longer than a point can be."""
     while line := file.readline(LONGEST_LINE + 1):
         if len(line) > LONGEST_LINE:
             raise ValueError(f"a line has more than {LONGEST_LINE} bytes")
         yield line.decode(errors="replace")
-
-
-def _check_points(points: Sequence[Point], events: Sequence[Event]) -> None:
-    """Raise `ValueError` where points have other numbers of unknowns than they should, or events no place."""
-    for point in (*points, *(event.point for event in events)):
-        if not point.u or len(point.u) != len((points or [point])[0].u) or len(point.tangent) != len(point.u) + 1:
-            counts = f"{len(point.u)} unknowns u, and a tangent of {len(point.tangent)}"
-            raise ValueError(f"the point at {point.value:g} has {counts}: as many for all points, and one more")
-        if point.also.keys() != (points or [point])[0].also.keys():
-            raise ValueError(f"the point at {point.value:g} has other further parameters than the first")
-        for name in ("u", "tangent"):
-            if not SMALLEST_SIZE < max(map(abs, getattr(point, name))) < 1 / SMALLEST_SIZE:
-                raise ValueError(f"the point at {point.value:g} has {name} = {getattr(point, name)}, no such numbers")
-        if not point.alpha > SMALLEST_SIZE:
-            raise ValueError(f"the point at {point.value:g} has alpha = {point.alpha:g}; a launch speed is above 0")
-        if point.error < 0 or point.family < 1:
-            raise ValueError(f"the point at {point.value:g} has error {point.error:g} and family {point.family}")
-    if wrong := [event for event in events if not -1 <= event.after < max(len(points), 1)]:
-        raise ValueError(f"an event comes after point {wrong[0].after} of {len(points)}")

@@ -13,8 +13,9 @@ from ..periodic.single_shooting import Evaluation, shooting_equations
 from ..symbolic.exclusive import exclusive
 from .checkpoint import collect_family
 from .curve import Curve, CurvePoint, check_followed, machine_at
-from .family import Family, Point
+from .family import Family
 from .follow import bounds_of, start_tracer
+from .point import Point
 from .step_control import Options, StepControl, checked_options
 
 # At a fold the parameter changes by less than this share when the launch speed doubles.

@@ -19,7 +19,8 @@ from .checkpoint import collect_family
 from .corrector import correct
 from .curve import Curve, CurvePoint, Watch, check_followed, machine_at
 from .events import watched
-from .family import End, Event, Family, Point
+from .family import Family
+from .point import End, Event, Point
 from .step_control import Options, StepControl, checked_options
 from .tracer import Tracer
 

@@ -8,7 +8,7 @@ from ..errors import OrbitsError
 from ..model.units import LIFTOFF_SPEED, Message, Quantity, in_units
 from .curve import Curve, CurvePoint
 from .events import Segment
-from .family import End, Point
+from .point import End, Point
 from .step_control import Options
 
 # A limit is extrapolated from the last points, over the first of these factors of alpha that holds enough of them.

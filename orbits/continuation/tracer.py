@@ -12,8 +12,8 @@ from ..model.units import Message
 from .corrector import MEMORY
 from .curve import Curve, CurvePoint, StepEnd
 from .events import Segment, may_happen
-from .family import End, Event
 from .limits import Endings
+from .point import End, Event
 from .step_control import Options, Stepper
 
 # A batch is split at a change of family only where its points lie farther apart than this many shortest steps.

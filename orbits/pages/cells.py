@@ -14,7 +14,7 @@ DOTS_PER_INCH = 130  # sharp on most screens, and a picture of some 30 kB
 ROWS_OF_CELL = 30  # of a table in a cell; a design with the certificate of its orbit has fewer
 NOTE = "font:13px/1.45 system-ui,sans-serif;margin:6px 0;max-width:56ch;overflow-wrap:anywhere"
 TITLE = "font:600 13px/1.45 system-ui,sans-serif;margin:4px 0;overflow-wrap:anywhere"
-BESIDE = "display:flex;flex-wrap:wrap;gap:8px 28px;align-items:flex-start"
+SIDE_BY_SIDE = "display:flex;flex-wrap:wrap;gap:8px 28px;align-items:flex-start"
 
 
 def cell(
@@ -33,7 +33,7 @@ def cell(
     table = html_table(without_middle(rows), "", heads) if rows else ""
     table += "".join(f'<p style="{NOTE}">{escape(note)}</p>' for note in notes)
     words = f'<div style="flex:0 1 auto;max-width:100%;overflow-x:auto">{table}</div>'
-    beside = f'<div style="{BESIDE}">{words}{_picture(title, draw) if draw else ""}</div>'
+    beside = f'<div style="{SIDE_BY_SIDE}">{words}{_picture(title, draw) if draw else ""}</div>'
     return f'<div><p style="{TITLE}">{escape(title)}</p>{beside}</div>'
 
 

@@ -11,9 +11,9 @@ DIGITS = 7  # what a table on a page shows; the printed one shows all that is kn
 RULE = "1px solid rgba(128,128,128,0.35)"
 TABLE = "border-collapse:collapse;font:13px/1.45 system-ui,sans-serif;color:inherit;background:none;margin:0"
 CAPTION = "text-align:left;font-weight:600;padding:2px 0 4px;color:inherit;caption-side:top"
-NAME = f"text-align:left;font-weight:400;padding:2px 14px 2px 0;border-bottom:{RULE};vertical-align:top;background:none"
-VALUE = f"text-align:left;padding:2px 12px 2px 0;border-bottom:{RULE};vertical-align:top;background:none"
-NUMBER = f"{VALUE};white-space:nowrap;font-variant-numeric:tabular-nums"  # of a column among others
+NAME_CELL = f"text-align:left;font-weight:400;padding:2px 14px 2px 0;border-bottom:{RULE};vertical-align:top;background:none"
+VALUE_CELL = f"text-align:left;padding:2px 12px 2px 0;border-bottom:{RULE};vertical-align:top;background:none"
+NUMBER_CELL = f"{VALUE_CELL};white-space:nowrap;font-variant-numeric:tabular-nums"  # of a column among others
 
 
 def number_text(value: Any, unit: str = "", digits: int = DIGITS) -> str:
@@ -71,12 +71,12 @@ def html_table(rows: Sequence[Sequence[str]], title: str, heads: Sequence[str] =
 
     Every text is escaped.
     """
-    above = "".join(f'<th scope="col" style="{NAME};font-weight:600">{escape(text)}</th>' for text in heads)
-    lines, look = [f'<table style="{TABLE}">'], NUMBER if heads else VALUE
+    above = "".join(f'<th scope="col" style="{NAME_CELL};font-weight:600">{escape(text)}</th>' for text in heads)
+    lines, look = [f'<table style="{TABLE}">'], NUMBER_CELL if heads else VALUE_CELL
     if title:
         lines.append(f'<caption style="{CAPTION}">{escape(title)}</caption>')
     lines.append(f"<thead><tr>{above}</tr></thead><tbody>" if heads else "<tbody>")
     for name, *values in rows:
         cells = "".join(f'<td style="{look}">{escape(text)}</td>' for text in values)
-        lines.append(f'<tr><th scope="row" style="{NAME}">{escape(name)}</th>{cells}</tr>')
+        lines.append(f'<tr><th scope="row" style="{NAME_CELL}">{escape(name)}</th>{cells}</tr>')
     return "".join([*lines, "</tbody></table>"])

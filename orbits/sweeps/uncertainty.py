@@ -17,8 +17,8 @@ from .designs import members_of
 from .sweep import sweep as swept
 
 # Shares of the members below the quantiles that are printed, and the columns of the printed table.
-ENDS = ("5%", "95%")
-COLUMNS_OF_UNCERTAINTY = ("mean", "deviation", "linear", *ENDS)
+OUTER_QUANTILES = ("5%", "95%")
+COLUMNS_OF_UNCERTAINTY = ("mean", "deviation", "linear", *OUTER_QUANTILES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Uncertainty:
     def rows(self) -> list[tuple[str, ...]]:
         """The quantities as rows of a table: name, mean, deviation, linear deviation and two quantiles."""
         numbers = {
-            name: (mean, self.deviation[name], self.linear[name], *(self.quantiles[name][share] for share in ENDS))
+            name: (mean, self.deviation[name], self.linear[name], *(self.quantiles[name][share] for share in OUTER_QUANTILES))
             for name, mean in self.mean.items()
         }
         return [(self.sweep.heading(name), *(f"{each:.6g}" for each in row)) for name, row in numbers.items()]

@@ -1,0 +1,129 @@
+"""What a family is made of: its points, the events between them, and the end; and their lines in a file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from ..io import fields_in_line, to_json
+from ..model.units import Units
+from ..periodic.certificate import Certificate
+from ..periodic.orbit import certificate_in_units
+
+# Columns of a table of points, after the parameter's own.
+MOTION_COLUMNS = ("alpha", "liftoff_extension", "flight_time", "contact_time", "admissible")
+CHECK_COLUMNS = ("error", "residual", "energy_drift", "family", "clearance", "smallest_separation")
+CONTACT_COLUMNS = ("smallest_contact_force", "largest_contact_force", "landing_jerk", "loss_coefficient")
+COLUMNS = (*MOTION_COLUMNS, *CHECK_COLUMNS, *CONTACT_COLUMNS, "stable_side")
+NUMBERS = COLUMNS[:-1]
+KNOWN = (*NUMBERS, "period")  # at every point; what its motion tells besides is in `table`
+# Names that no parameter can have, since it stands beside these in a table or a document.
+RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point")
+# Unknowns and tangents whose largest component is smaller, or larger than its inverse, are none.
+SMALLEST_SIZE = 1e-100
+
+
+@dataclass(frozen=True)
+class Point:
+    """One orbit of a family, without its motion; in SI for a machine in SI, but for `u` and `tangent`.
+
+    value : of the parameter
+    u : the unknowns of the equations, without dimensions
+    tangent : direction of the curve, in (u, value)
+    flight_time, contact_time : durations; contact_time None when the contact never ends
+    also : values of further parameters that vary along the curve
+    """
+
+    value: float
+    u: tuple[float, ...]
+    tangent: tuple[float, ...]
+    alpha: float
+    liftoff_extension: float
+    flight_time: float
+    contact_time: float | None
+    certificate: Certificate
+    also: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def admissible(self) -> bool:
+        """Whether the orbit is a motion, not merely a root of the equations."""
+        return not self.certificate.violations
+
+    @property
+    def period(self) -> float | None:
+        """The time of a whole cycle; None when the contact never ends."""
+        return None if self.contact_time is None else self.flight_time + self.contact_time
+
+    def __getattr__(self, name: str) -> Any:
+        if name in Certificate.__dataclass_fields__:
+            return getattr(self.certificate, name)
+        raise AttributeError(f"a point has no '{name}'")
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "value", "alpha", "admissible")
+
+    def row(self) -> dict[str, Any]:
+        """The columns of a table at this point, ready for JSON."""
+        return {**self.also, **{name: getattr(self, name) for name in COLUMNS}, "violations": list(self.violations)}
+
+
+def point_in_units(point: Point, units: Units | None) -> Point:
+    """A dimensionless point in these units; the point itself for None."""
+    if units is None:
+        return point
+    return replace(units.convert(point), certificate=certificate_in_units(point.certificate, units))
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happens on the curve, located to the corrector's tolerance.
+
+    kind : "fold", "branch point", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "family",
+        "asked", or a name given by the user
+    after : index of the last point before the event; of the point itself where it was "asked"
+    """
+
+    kind: str
+    after: int
+    point: Point
+
+
+@dataclass(frozen=True)
+class End:
+    """How the curve ends.
+
+    kind : "reached", "escaped", "closed", "degenerate", "stopped", "stuck"; "interrupted" for an unfinished file
+    limit, limit_error : the extrapolated value that the parameter tends to as the orbit escapes or shrinks to nothing,
+        and an estimate of its error; None otherwise
+    """
+
+    kind: str
+    reason: str
+    limit: float | None = None
+    limit_error: float | None = None
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "kind", "reason", "limit", "limit_error")
+
+
+def json_line(item: Point | Event | End) -> str:
+    """The line of a saved family for one of its points, its events or its end."""
+    return to_json({type(item).__name__.lower(): asdict(item)})
+
+
+def check_points(points: Sequence[Point], events: Sequence[Event]) -> None:
+    """Raise `ValueError` where points have other numbers of unknowns than they should, or events no place."""
+    for point in (*points, *(event.point for event in events)):
+        if not point.u or len(point.u) != len((points or [point])[0].u) or len(point.tangent) != len(point.u) + 1:
+            counts = f"{len(point.u)} unknowns u, and a tangent of {len(point.tangent)}"
+            raise ValueError(f"the point at {point.value:g} has {counts}: as many for all points, and one more")
+        if point.also.keys() != (points or [point])[0].also.keys():
+            raise ValueError(f"the point at {point.value:g} has other further parameters than the first")
+        for name in ("u", "tangent"):
+            if not SMALLEST_SIZE < max(map(abs, getattr(point, name))) < 1 / SMALLEST_SIZE:
+                raise ValueError(f"the point at {point.value:g} has {name} = {getattr(point, name)}, no such numbers")
+        if not point.alpha > SMALLEST_SIZE:
+            raise ValueError(f"the point at {point.value:g} has alpha = {point.alpha:g}; a launch speed is above 0")
+        if point.error < 0 or point.family < 1:
+            raise ValueError(f"the point at {point.value:g} has error {point.error:g} and family {point.family}")
+    if wrong := [event for event in events if not -1 <= event.after < max(len(points), 1)]:
+        raise ValueError(f"an event comes after point {wrong[0].after} of {len(points)}")
