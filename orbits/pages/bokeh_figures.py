@@ -16,6 +16,7 @@ GREY, INK = "#7a7a7a", "#333333"
 FILLED = 0.7
 FLAT = 1e-9  # what varies by a smaller share of itself is constant
 MARGIN = 0.06  # beside what is shown, as a share of it
+SPARE = 0.1  # more where something has just grown, which is likely to go on
 
 
 def bokeh(module: str) -> Any:
@@ -77,9 +78,12 @@ def range_changes(shown: Any, low: float, high: float, steady: bool, margin: flo
         size = abs(high) or 1.0
         low, high = low - 0.5 * size, high + 0.5 * size
     start, end = shown.reset_start, shown.reset_end
-    if steady and start is not None and start <= low and high <= end and size >= FILLED * (end - start):
-        return []
-    ends = {"start": low - margin * size, "end": high + margin * size}
+    below, above = margin, margin
+    if steady and start is not None:
+        if start <= low and high <= end and size >= FILLED * (end - start):
+            return []
+        below, above = margin + SPARE * (low < start), margin + SPARE * (high > end)
+    ends = {"start": low - below * size, "end": high + above * size}
     return [(shown, each + name, value) for name, value in ends.items() for each in ("", "reset_")]
 
 

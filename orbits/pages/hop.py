@@ -27,6 +27,8 @@ from .player import new_player
 
 # Times at which a hop of family n is looked at: so many, and so many more for each family, at most so many.
 TIMES, TIMES_EACH, MOST_TIMES = 160, 40, 1200
+# What moves in each frame is drawn on a canvas of its own, so that nothing else is drawn again for it.
+MOVING = {"level": "overlay"}
 CENTRE_OF_MASS = "centre of mass"
 
 
@@ -187,12 +189,12 @@ class HopFigures:
             models.BoxAnnotation(top=0, fill_color=SHADE, fill_alpha=1, line_color=None, level="underlay")
         )
         figure.add_layout(models.Span(location=0, dimension="width", line_color=INK, line_width=1.5))
-        figure.multi_line("xs", "ys", source=self._springs, line_color=GREY, line_width=2, line_join="round")
-        figure.multi_line("xs", "ys", source=self._knees, line_color=GREY, line_width=5, line_join="round")
+        figure.multi_line("xs", "ys", source=self._springs, line_color=GREY, line_width=2, line_join="round", **MOVING)
+        figure.multi_line("xs", "ys", source=self._knees, line_color=GREY, line_width=5, line_join="round", **MOVING)
         looks = {"color": "colour", "marker": "marker", "size": "size"}
-        drawn = figure.scatter("x", "y", source=self._bodies, line_width=6, **looks)
+        drawn = figure.scatter("x", "y", source=self._bodies, line_width=6, **looks, **MOVING)
         text = {"text": "name", "x_offset": "aside", "text_align": "align", "text_color": INK, "text_font_size": "13px"}
-        figure.text("x", "y", source=self._bodies, text_baseline="middle", y_offset=-11, **text)
+        figure.text("x", "y", source=self._bodies, text_baseline="middle", y_offset=-11, **text, **MOVING)
         told = [("", "@name"), *((name, f"@{name}{{%.5g}}") for name in ("time", "height", "speed"))]
         figure.add_tools(hover([drawn], told))
         return figure
@@ -203,7 +205,7 @@ class HopFigures:
         figure.add_layout(models.Span(location=0, dimension="width", line_color=GREY))
         lines = figure.multi_line("time", "height", source=self._masses, line_color="colour", line_width=2.5)
         centre = figure.line("time", "height", source=self._centre, line_dash=[5, 3], line_width=1.5)
-        figure.scatter("time", "height", source=self._bodies, size=9, color="colour", line_color="white")
+        figure.scatter("time", "height", source=self._bodies, size=9, color="colour", line_color="white", **MOVING)
         new = models.LegendItem
         self._centre_item = new(label=CENTRE_OF_MASS, renderers=[centre])
         self._contact_item = new(label="contact", renderers=[strip])
@@ -216,7 +218,7 @@ class HopFigures:
     def _new_portrait(self) -> Any:
         figure = new_figure("Phase portrait", 300)
         lines = figure.multi_line("height", "speed", source=self._masses, line_color="colour", line_width=2.5)
-        figure.scatter("height", "speed", source=self._bodies, size=9, color="colour", line_color="white")
+        figure.scatter("height", "speed", source=self._bodies, size=9, color="colour", line_color="white", **MOVING)
         told = [("", "@name"), ("height", "$snap_x{%.5g}"), ("speed", "$snap_y{%.5g}")]
         figure.add_tools(hover([lines], told, line_policy="interp"))
         return figure
@@ -225,7 +227,7 @@ class HopFigures:
         figure = new_figure("Contact force", 240, x_range=self.heights.x_range)
         self._shade(figure)
         line = figure.line("time", "force", source=self._force, line_color=INK, line_width=2.5)
-        figure.scatter("time", "force", source=self._bodies, size=9, color=INK, line_color="white")
+        figure.scatter("time", "force", source=self._bodies, size=9, color=INK, line_color="white", **MOVING)
         told = [("time", "@time{%.5g}"), ("force", "@force{%.5g}")]
         figure.add_tools(hover([line], told, mode="vline"))
         return figure

@@ -73,6 +73,7 @@ def write_page(path: str | Path, title: str, sections: Sequence[Any]) -> Path:
         "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
         f"<title>{escape(name)}</title>\n<style>{STYLE}</style>\n{resources.render_js()}\n</head>\n<body>\n<main>\n"
         f"<h1>{escape(name)}</h1>\n{''.join(f'<p>{escape(line)}</p>' for line in [*others, ZOOM])}\n"
+        "<noscript><p>The figures need JavaScript; the tables do not.</p></noscript>\n"
         f"{''.join(body)}\n</main>\n{script}\n</body>\n</html>\n"
     )
     with writing("page", path):

@@ -72,12 +72,13 @@ def _plane(sweep: Any, quantity: str, found: Any, nothing: Any) -> Any:
     mapper = models.LinearColorMapper(palette=MAPPED, low=low, high=high)
     crosses = figure.scatter("p0", "p1", source=nothing, marker="x", size=5, color=GREY)
     marks = _marks(figure, sweep, found, "p0", "p1", {"field": "quantity", "transform": mapper}, "kind")
+    figure.add_tools(_member_tool(sweep, quantity, [marks]))
     if len(nothing.data["p0"]):
         figure.legend[0].items.append(models.LegendItem(label="none", renderers=[crosses]))
+        figure.add_tools(_member_tool(sweep, None, [crosses]))
     if len(values):
         plain = {"title_text_font_style": "normal", "title_text_font_size": "12px", "height": 12}
         figure.add_layout(models.ColorBar(color_mapper=mapper, title=_label(sweep, quantity), **plain), "below")
-    figure.add_tools(_member_tool(sweep, quantity, [marks]), _member_tool(sweep, None, [crosses]))
     return figure
 
 
