@@ -30,7 +30,7 @@ SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
 # A legend below axes, in its font sizes: where it begins, to keep clear of the name of the abscissa; how far apart its
 # columns are; the width of a letter; and that of an entry without its letters. Axes get wider by the layout.
-BELOW, APART, LETTER, BESIDE, WIDER = 4.4, 1.4, 0.52, 4.2, 1.15
+BELOW, APART, LETTER, BESIDE, WIDENED = 4.4, 1.4, 0.52, 4.2, 1.15
 MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
 MARKERS |= {"landing jerk": "<", "collapse": "D", "family": "*"}
 NO_MOTIONS, NO_ORBITS = "no motions", "no orbits"  # entries of legends
@@ -150,7 +150,7 @@ def legend_below(axes: Axes, of: Axes | None = None) -> Axes:
     last = {NO_MOTIONS, NO_ORBITS, *MARKERS}  # curves are named before what is marked on them
     entries = list(zip(*(of or axes).get_legend_handles_labels(), strict=True))
     entries.sort(key=lambda entry: entry[1] in last and hasattr(entry[0], "get_marker"))
-    inches = WIDER * axes.get_window_extent().width / axes.figure.dpi
+    inches = WIDENED * axes.get_window_extent().width / axes.figure.dpi
     room = 72 * inches / FontProperties(size="small").get_size_in_points()
     lengths = [LETTER * len(name) + BESIDE for _, name in entries]
     count = rows = len(entries)
@@ -208,8 +208,8 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
             axes.plot(x[i], y[i], color="0.15", label=name, **look)
             known.append(event.kind)
     axes.set_title(title_of_machine(family.machine), fontsize="medium", wrap=True)
-    labels = {"xlabel": family.heading(family.name), "ylabel": family.heading(quantity)}
-    return finished(axes, **{which: label_of(text) for which, text in labels.items()})
+    across, up = (label_of(family.heading(name)) for name in (family.name, quantity))
+    return finished(axes, xlabel=across, ylabel=up)
 
 
 def label_of(name: str) -> str:

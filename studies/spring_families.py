@@ -53,7 +53,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, list[Family]]:
         top = 30.0 if any(family.end.kind == "escaped" for family in found[title]) else None
         axes.set(ylim=(0, top))
         axes.set_title(title, fontsize="medium")
-        axes.locator_params(axis="x", nbins=5)
+        axes.locator_params(axis="x", nbins=4)
         entries |= {text: handle for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
         axes.get_legend().remove()
     panels[-1].set_axis_off()  # one legend for all panels takes the place of a ninth

@@ -181,7 +181,7 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
     """Every pair of parameters, with the quantity as colour, and below the quantity over each parameter."""
     names, values = sweep.parameters, sweep[quantity]
     count, known = len(names), np.isfinite(values)
-    panels: Axes = new_row(count, 2.0, 1.9, rows=count)
+    panels: Axes = new_row(count, 1.95, 1.85, rows=count)
     size = _size(len(values)) / 2
     for i, j in np.ndindex(count, count):
         axes: Axes = panels[i, j]
@@ -193,12 +193,14 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
             axes.plot(x[~known], y[~known], ".", color="0.8", ms=2, zorder=0, rasterized=True)
         drawn = axes.scatter(x[known], y[known], c=values[known], s=size, cmap=MAP, lw=0, rasterized=True)
         up = quantity if i == j else names[i] if j == 0 else ""
-        axes.set(xlabel=_axis_label(sweep, names[j] if i == count - 1 else ""), ylabel=_axis_label(sweep, up))
-        for name, one in ((names[j], "x"), (None if i == j else names[i], "y")):
+        labels = (_axis_label(sweep, name) for name in (names[j] if i == count - 1 else "", up))
+        across, beside = (label.replace(" (", "\n(") for label in labels)  # a unit has a line of its own
+        axes.set(xlabel=across, ylabel=beside)
+        for name, one in ((names[j], "x"), ("" if i == j else names[i], "y")):
             if name in sweep.about["logarithmic"]:
                 _scale(axes, sweep, name, one)
             else:
-                axes.locator_params(axis=one, nbins=3)
+                axes.locator_params(axis=one, nbins=3 if count < 4 else 2)
     figure, corner = panels[0, 0].figure, panels[0, -1].inset_axes((0.0, 0.0, 0.12, 1.0))
     figure.colorbar(drawn, cax=corner, label=_axis_label(sweep, quantity))
     figure.suptitle(_title_of(sweep), fontsize="medium", wrap=True)

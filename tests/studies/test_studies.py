@@ -1,5 +1,6 @@
 """Every study runs in its quick mode, draws a figure that can be read, and gives the number it is for."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import find
+from orbits.plot import new_axes, save_figure
 from problems import Hopper
 from studies import (
     air_track,
@@ -19,6 +21,7 @@ from studies import (
     attraction,
     chain,
     chain_hand,
+    claims,
     damped_hopper,
     design,
     existence,
@@ -202,6 +205,25 @@ def test_figure_4(tmp_path):
 
 
 @pytest.mark.slow
+def test_the_page_of_the_paper_fits_a_small_screen(tmp_path):
+    """The page has the width of the screen: pictures, and nothing else, are moved in frames of their own, at a size at
+    which their type can be read; and the cells of the table name their columns, since its head is left out there."""
+    axes = new_axes(9.6, 3.8)
+    axes.plot([0, 1], [0, 1])
+    picture = save_figure(axes, tmp_path / "chain.png")
+    rows = [claims.Claim("8", "alpha* < 5", 4.493409, 4.4934094, 1e-6), claims.Claim("9", "stable", True, True, 0)]
+    text = paper.page([(paper.PARTS[0], rows, [("Chains", "N masses", picture)])], quick=False)
+    assert "name='viewport' content='width=device-width, initial-scale=1'" in text
+    (image,) = re.findall("<div class='figure' tabindex='0'[^>]*>(<img [^>]*>)</div>", text)
+    assert text.count("<img") == 1
+    low, high = (float(re.search(f"{which}-width:([0-9]+)px", image)[1]) for which in ("min", "max"))
+    assert smallest_text(axes.figure, low) > 9
+    assert low < 900 < high
+    heads = re.findall("<th[^>]*>([a-z]+)</th>", text)
+    assert re.findall("<td class='n?' data-head='([a-z]+)'>", text) == 2 * heads
+    assert "alpha* &lt; 5" in text
+
+
 def test_the_papers_claims():
     wrong = [row for row in paper.all_claims() if not row.ok]
     assert not wrong
