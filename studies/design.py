@@ -77,7 +77,7 @@ def _figure(winner: Design, found: list[Design], fronts: dict[int, Front], folde
         heights, forces = -trade.values[:, 0], trade.values[:, 1] / 1e3
         (line,) = right.plot(heights, forces, "o-", ms=3.5, lw=1.2)
         colours[family] = line.get_color()
-        right.annotate(f"family {family}", (heights[-1], forces[-1]), (0, -13), textcoords="offset points",
+        right.annotate(f"family {family}", (heights[0], forces[0]), (0, 7), textcoords="offset points",
                        color=line.get_color(), ha="center", fontsize="small")  # fmt: skip
     for design in (design for design in found if design.orbit.family in fronts):
         force = quantities(design.machine, design.orbit, ["largest_contact_force"])["largest_contact_force"] / 1e3

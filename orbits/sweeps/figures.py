@@ -195,12 +195,14 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
         up = quantity if i == j else names[i] if j == 0 else ""
         labels = (_axis_label(sweep, name) for name in (names[j] if i == count - 1 else "", up))
         across, beside = (label.replace(" (", "\n(") for label in labels)  # a unit has a line of its own
-        axes.set(xlabel=across, ylabel=beside)
+        axes.set_xlabel(across, labelpad=12)  # below the power of ten of the ticks
+        axes.set_ylabel(beside)
         for name, one in ((names[j], "x"), ("" if i == j else names[i], "y")):
             if name in sweep.about["logarithmic"]:
                 _scale(axes, sweep, name, one)
             else:
-                axes.locator_params(axis=one, nbins=3 if count < 4 else 2)
+                axes.locator_params(axis=one, nbins=3)
+                axes.ticklabel_format(axis=one, scilimits=(-3, 4))  # long numbers would meet
     figure, corner = panels[0, 0].figure, panels[0, -1].inset_axes((0.0, 0.0, 0.12, 1.0))
     figure.colorbar(drawn, cax=corner, label=_axis_label(sweep, quantity))
     figure.suptitle(_title_of(sweep), fontsize="medium", wrap=True)
