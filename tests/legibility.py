@@ -76,6 +76,10 @@ def _faults_of_legend(axes) -> list[str]:
     legend, (handles, labels) = axes.get_legend(), axes.get_legend_handles_labels()
     if legend is None:
         return []
+    if not labels:  # the lowest of several panels has the legend of those above
+        panels = axes.get_shared_x_axes().get_siblings(axes)
+        handles = [handle for panel in panels for handle in panel.get_legend_handles_labels()[0]]
+        labels = [handle.get_label() for handle in handles]
     entries, found = [text.get_text() for text in legend.get_texts()], []
     if sorted(entries) != sorted(set(labels)):
         found.append(f"the legend has {entries} of {labels}")

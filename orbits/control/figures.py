@@ -27,6 +27,9 @@ def plot_control(control: Any, axes: Axes | None = None) -> Axes:
             t, values = _curve(control, name, of_leg)
             panel.plot(t, values, color=colour, ls=dash, lw=1.8, label=control.heading(name))
         panel.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    for panel, kind in zip(panels, ("states", "inputs"), strict=False):
+        panel.set_ylabel(kind)
+    axes.figure.align_ylabels(panels)
     mark_stages(control, panels)
     _name_stages(control, axes)
     return finished_panels(control, panels)
