@@ -19,6 +19,7 @@ from orbits import (
     Phase,
     ReturnMap,
     Stage,
+    bifurcations,
     existence,
     find,
     follow,
@@ -153,6 +154,9 @@ def made(kind: str):
         "Existence": lambda: existence(cubic, "beta", (0.28, 0.32), "mass_ratio", [0.5, 0.6], samples=3),
         "Hops": lambda: ReturnMap(cubic)([[2.0, 4.0], [4.5, 7.0]]),
         "ReturnMap": lambda: ReturnMap(cubic, inject=0.03),
+        "BifurcationDiagram": lambda: bifurcations(
+            Hopper(), "inject", (0.06, 0.065), (4.5, 4.6), samples=50, sections=2
+        ),
         "FixedPoint": lambda: ReturnMap(Hopper(), inject=0.03).fixed_points(4, 5)[0],
         "Simulation": lambda: simulate(Hopper(restitution=0.3, damping=0.01), 4.6, hops=2),
         "ContactEvent": lambda: simulate(Hopper(), 4.6, hops=1).events[0],
@@ -169,7 +173,7 @@ def made(kind: str):
 RESULTS = (
     *("Orbit", "Orbit in SI", "Certificate", "Trajectory", "Family", "Point", "Event", "End"),
     *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Driven", "Disturbed"),
-    *("Design", "Front", "Sweep", "Uncertainty"),
+    *("Design", "Front", "Sweep", "Uncertainty", "BifurcationDiagram"),
 )
 
 

@@ -59,6 +59,8 @@ def bifurcations(
     maps = MapsAlong(machine, along, low, high, finite_number("inject", inject), cap)
     if along == INJECT and inject != 0:
         raise InputError(f"inject = {inject:g} beside a range of it: the range says it all")
+    for end in (low, high):
+        maps.at(end)  # a machine that cannot be is refused before the search
     values = np.linspace(low, high, sections).tolist()
     if along != INJECT and all(maps.lossless(value) for value in values):
         raise InputError("every fixed point is a lossless hop here: follow them with `follow`, or give an injection")

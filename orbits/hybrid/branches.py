@@ -25,11 +25,11 @@ BESIDE_LOSSLESS = 1e-8
 # Steps are shares of the ranges. Beside lossless hops unstable fixed points hardly move with the parameter and stable
 # ones do: seen from further away the curve has a corner there, which small steps turn round.
 SMALLEST, FIRST = 1e-9, 1e-3
-MOST_PLACES = 20_000
+LONGEST_BRANCH = 20_000
 MOST_CORRECTIONS = 8
 CORRECTED, ROUNDING_OF_PLACES = 1e-7, 4e-16  # a correction is the last one below this share of the step, or rounding
 # Corrections of at most this share of the step that hardly become smaller any more are the noise of the map.
-STAGNANT, NOISE = 1e-5, 0.3
+STAGNANT, SLOWER = 1e-5, 0.3
 STRAIGHT, EASY = 0.9, 0.98  # cosines of the turn in a step: a step that turns more is repeated, one less lengthens
 LENGTHENED, SHORTENED = 1.7, 0.25
 FIRST_OF_TWO = (1e-3, 1e-4, 1e-2)  # from a flip to the first hops of twice the period, as shares of the range
@@ -118,7 +118,7 @@ class BranchTracer:
             size = float(np.abs(change).max())
             if size <= max(CORRECTED * step, ROUNDING_OF_PLACES * float(np.abs(place).max())):
                 return place
-            if NOISE * last <= size <= STAGNANT * step:
+            if SLOWER * last <= size <= STAGNANT * step:
                 return place
             last = size
         raise NoOrbit("the corrector does not converge")
@@ -173,7 +173,7 @@ class BranchTracer:
     def trace(self, start: PeriodicLaunch, side: int) -> Iterator[PeriodicLaunch | FoundEvent | BranchEnd]:
         """The points and events from one, in order along its tangent (`side` 1) or against it (-1); an end is last."""
         here, ahead, step = start, side * start.tangent, FIRST
-        for _ in range(MOST_PLACES):
+        for _ in range(LONGEST_BRANCH):
             interrupts.heed()
             there, step, stopped = self._step(here, ahead, step)
             if there is None:
@@ -192,7 +192,7 @@ class BranchTracer:
                 yield stopped
                 return
             here, ahead = there, there.tangent
-        yield BranchEnd("stuck", f"it has {MOST_PLACES} points")
+        yield BranchEnd("stuck", f"it has {LONGEST_BRANCH} points")
 
     def _step(
         self, here: PeriodicLaunch, ahead: Vector, step: float

@@ -92,24 +92,22 @@ def plot_basin(step: Any, low: float, high: float, axes: Axes | None, hops: int,
     step : a `ReturnMap` without injection and damping
     hops, samples : as in `ReturnMap.basin`
     """
-    intervals = step.basin(low, high, hops, samples)
-    stars, width = step.destinations(intervals, high, hops), high - low
-    lengths = np.array([b - a for a, b in intervals])
+    basins, width = step.basins(low, high, hops, samples), high - low
     unit = f" {step.machine.units.text(LIFTOFF_SPEED)}" if step.machine.units else ""
     axes = _drawn_map(step, low, high, axes or new_axes(6.4, 5.2), 4000)
     inside = axes.get_xaxis_transform()
-    for star, colour in zip(np.unique(stars[np.isfinite(stars)]), cycle(COLOURS[1:])):
-        mine = [pair for pair, own in zip(intervals, stars, strict=True) if own == star]
-        spans = [(a, b - a) for a, b in mine]
-        share = lengths[stars == star].sum() / width
+    total = 0.0
+    for (star, intervals), colour in zip(basins.items(), cycle(COLOURS[1:])):
+        spans = [(a, b - a) for a, b in intervals]
+        length = sum(span for _, span in spans)
+        total, share = total + length, length / width
         text = f"to {star:.6g}{unit}: {100 * share:.3g}%"
         axes.broken_barh(spans, (0, BAR), fc=colour, ec=colour, lw=0.4, transform=inside, label=text, zorder=3)
         axes.broken_barh(spans, (BAR, 1 - BAR), fc=colour, ec="none", transform=inside, alpha=0.12, zorder=0)
         if low <= star <= high:
             axes.plot(star, star, "o", color=colour, mec="0.15", ms=6, zorder=4)
-    total = float(lengths.sum())
     words = f"{100 * total / width:.3g}% of the launches come to a lossless hop: {total:.6g} of {width:.6g}{unit}"
-    axes.set_title(words if intervals else "no launch here comes to a lossless hop", fontsize="medium")
+    axes.set_title(words if basins else "no launch here comes to a lossless hop", fontsize="medium")
     return _labelled_map(axes, step, low, high)
 
 
@@ -120,7 +118,7 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
     if not (len(diagram.branches) or len(diagram.visits)):
         raise InputError("there is nothing to draw: no launch comes back in this range")
     if len(diagram.visits):
-        axes.plot(*diagram.visits.T, ",", color="0.55", zorder=1, rasterized=True)
+        axes.plot(*diagram.visits.T, ".", ms=1.2, mew=0, color="0.55", zorder=1, rasterized=True)
         axes.plot([], [], "o", color="0.55", ms=3, label="visited in the long run")
     known: set[str] = set()
     for branch in diagram.branches:

@@ -80,11 +80,14 @@ class ResolvedMap:
         switches = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
         return list(zip(ends[switches[::2]].tolist(), ends[switches[1::2]].tolist(), strict=True))
 
-    def basin(self, lossless: list[float], hops: int, width: float, progress: Callable | None = None) -> Intervals:
+    def basin(
+        self, lossless: list[float], hops: int, width: float, progress: Callable | None = None, only: int | None = None
+    ) -> Intervals:
         """The intervals of launch speeds that come to one of the `lossless` ones, of which the lowest begins the grid,
-        within `hops` hops, in a range of this width."""
+        within `hops` hops, in a range of this width; with `only` to that of this index."""
         pairs = zip(lossless, [*lossless[1:], float(self.grid[-1])], strict=True)
         intervals, total = [(star, self._end_of_basin(star, end)) for star, end in pairs], 0.0
+        intervals = intervals if only is None else intervals[only : only + 1]
         for _ in range(hops):
             intervals = self.preimages(intervals)
             total, last = float(np.diff(intervals).sum()), total

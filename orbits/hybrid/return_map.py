@@ -28,6 +28,7 @@ from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossle
 BATCH_SIZE = 5000  # launch speeds in one batch: enough to pay for the calls, few enough for the memory
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
 SHOWN, HIGH_LAUNCH = 1000, 9.0
+NO_BASIN = "with injection or damping no hop is lossless, and none comes to one"
 
 
 @dataclass(frozen=True)
@@ -224,22 +225,23 @@ class ReturnMap:
         return [(a * self._speed, b * self._speed) for a, b in intervals]
 
     @exclusive
-    def destinations(self, intervals: Intervals, high: float, hops: int = 1000) -> np.ndarray:
-        """The lossless launch speeds (k,) that the k intervals of a `basin` up to `high` come to, each found by the
-        hops from its middle; NaN where these are too few."""
-        immediate = np.reshape(self.basin(SLOWEST_LOSSLESS * self._speed, high, 0), (-1, 2))
-        found, alpha = np.full(len(intervals), np.nan), np.array([0.5 * (a + b) for a, b in intervals])
-        going = np.arange(len(alpha))
-        for _ in range(hops + 1):
-            i = np.searchsorted(immediate[:, 0], alpha[going], side="right") - 1
-            arrived = (i >= 0) & (alpha[going] <= immediate[i, 1])
-            found[going[arrived]] = immediate[i[arrived], 0]
-            going = going[~arrived]
-            if not len(going):
-                break
-            alpha[going] = self(alpha[going]).next
-            going = going[np.isfinite(alpha[going])]
-        return found
+    def basins(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> dict[float, Intervals]:
+        """The basin of each lossless launch speed below `high` by itself, as `basin` has them together; those that have
+        no launches between `low` and `high` are left out."""
+        low, high, samples = _checked_grid(low, high, samples)
+        if self._bare:
+            with without_units(self._units):
+                bare = self._bare.basins(low / self._speed, high / self._speed, hops, samples)
+            return {star * self._speed: self._in_units(own) for star, own in bare.items()}
+        if self.inject != 0 or not self.impacts.model.conservative:
+            raise InputError(NO_BASIN)
+        lossless = [star for star in lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high) if star < high]
+        if not lossless:
+            return {}
+        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False)
+        found = {star: resolved_map.basin(lossless, hops, high - low, only=k) for k, star in enumerate(lossless)}
+        inside = {star: [(max(a, low), min(b, high)) for a, b in own if b > low] for star, own in found.items()}
+        return {star: own for star, own in inside.items() if own}
 
     @exclusive
     def basin(
@@ -255,7 +257,7 @@ class ReturnMap:
         """
         low, high, samples = _checked_grid(low, high, samples)
         if self.inject != 0 or not self.impacts.model.conservative:
-            raise InputError("with injection or damping no hop is lossless, and none comes to one")
+            raise InputError(NO_BASIN)
         hops = whole_number("hops", hops, "hops", 0)
         if self._bare:
             with without_units(self._units):

@@ -19,6 +19,7 @@ from studies import (
     air_track,
     asteroid,
     attraction,
+    bifurcations,
     chain,
     chain_hand,
     claims,
@@ -263,6 +264,17 @@ def test_figure_8(tmp_path):
     assert numbers["last cycle"] == pytest.approx(0.113429246523, abs=1e-10)
     assert numbers["stays"] < numbers["crisis"] < numbers["stays"] + 0.002  # the grid's width
     assert (tmp_path / "figure_8.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_bifurcations(tmp_path, capsys):
+    """The period doubles at curve (d) of Fig. 8, and the hops of period two are stable up to 0.113429246523."""
+    found = bifurcations.main(tmp_path, quick=True)["inject"]
+    assert [event.kind for event in found.events] == ["fold", "flip", "flip"]
+    values = [event.value for event in found.events]
+    assert values == pytest.approx([0.0, 0.071587384137, 0.113429246523], abs=1e-10)
+    assert (tmp_path / "bifurcations.png").stat().st_size > 10_000
+    assert "hops of period two begin here, stable" in capsys.readouterr().out
 
 
 @pytest.mark.slow
