@@ -11,8 +11,8 @@ DIGITS = 7  # what a table on a page shows; the printed one shows all that is kn
 RULE = "1px solid rgba(128,128,128,0.35)"
 TABLE = "border-collapse:collapse;font:13px/1.45 system-ui,sans-serif;color:inherit;background:none;margin:0"
 CAPTION = "text-align:left;font-weight:600;padding:2px 0 4px;color:inherit;caption-side:top"
-NAME_CELL = f"text-align:left;font-weight:400;padding:2px 14px 2px 0;border-bottom:{RULE};vertical-align:top;background:none"
 VALUE_CELL = f"text-align:left;padding:2px 12px 2px 0;border-bottom:{RULE};vertical-align:top;background:none"
+NAME_CELL = f"{VALUE_CELL};font-weight:400"
 NUMBER_CELL = f"{VALUE_CELL};white-space:nowrap;font-variant-numeric:tabular-nums"  # of a column among others
 
 

@@ -33,7 +33,7 @@ WITH_PYPLOT = """
 from threading import Thread
 from matplotlib import pyplot
 from orbits import ReturnMap, find, follow, orbit_at, simulate, sweep
-from orbits.plot import new_axes, new_row, off_screen, plot_map, save_figure, thumbnails
+from orbits.plot import new_axes, new_row, off_screen, save_figure, thumbnails
 from problems import Hopper
 machine = Hopper("cubic", rest_length=8.0)
 orbit = find(machine)
@@ -44,7 +44,7 @@ assert axes.get_title() == "mine"
 pyplot.show()
 family, run = follow(machine, "beta", 0.35), simulate(machine, 4.6, hops=1)
 drawn = [orbit.plot_phase_portrait(), family.plot("loss_coefficient"), run.plot()]
-drawn += [plot_map(ReturnMap(machine), 2.0, 4.0), new_row(2)[0]]
+drawn += [ReturnMap(machine).plot(2.0, 4.0, samples=200), new_row(2)[0]]
 assert [one.figure.number for one in drawn] == [2, 3, 4, 5, 6]
 _, own = pyplot.subplots()
 orbit.plot(own), family.plot(axes=own)
