@@ -15,7 +15,7 @@ from .bokeh_figures import GREY, Change, apply, bokeh, empty_columns, hover, leg
 
 TORQUE = (1, 0, 1)  # the dimension of a force against an angle
 EXTENSIONS = 301  # at which a law is looked at
-BEYOND = 0.35  # so far beyond the used range on both sides, as a share of it
+ON_EACH_SIDE = 0.35  # so far beyond the used range on both sides, as a share of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ def law_data(machine: Machine, orbit: Any) -> LawData:
     states = bare(np.linspace(0, end, EXTENSIONS))
     used = extension(states)
     low, high = float(used.min()), float(used.max())
-    beside = BEYOND * (high - low)
+    beside = ON_EACH_SIDE * (high - low)
     places, forces = _forces(own, np.linspace(low - beside, high + beside, EXTENSIONS))
     start = _forces(own, np.array([bare.liftoff_extension]))[1]
     turns = units is not None and "liftoff" in units.angles

@@ -89,7 +89,7 @@ def orbit_page(orbit: Any, path: str | Path) -> Path:
     figures.show(data, steady=False)
     table = html_table([*machine_rows(orbit.machine), *orbit_rows(orbit)], "Certificate")
     first = "Animation and certificate", [_animation(figures), table]
-    return write_page(path, data.title, [first, *_other_figures(figures, *_laws(orbit))])
+    return write_page(path, data.title, [first, *_other_figures(figures, *_law_figures(orbit))])
 
 
 def family_page(family: Any, path: str | Path, quantity: str, hops: Iterable[tuple[Any, Any]]) -> Path:
@@ -135,7 +135,7 @@ def _other_figures(figures: HopFigures, *beside: Any) -> list[Any]:
     return [("Over a cycle", [figures.heights, figures.portrait]), ("Forces", [figures.force, *beside])]
 
 
-def _laws(orbit: Any) -> list[Any]:
+def _law_figures(orbit: Any) -> list[Any]:
     """The figure of the spring's law, where the orbit knows its machine and this states a force of its extension."""
     if orbit.source is None or orbit.source.model.tension is None:
         return []
