@@ -312,7 +312,13 @@ def test_plots(softening):
     solid, dashed, *_ = axes.lines
     assert np.nanmin(solid.get_xdata()[~np.isnan(solid.get_ydata())]) == events(softening, "collapse")[0].value
     assert np.nanmax(dashed.get_ydata()) == softening[-1].alpha
-    assert {text.get_text() for text in axes.get_legend().get_texts()} == {"first", "second", "collapse", "fold"}
+    assert {text.get_text() for text in axes.get_legend().get_texts()} == {
+        "first",
+        "second",
+        "collapse",
+        "fold",
+        "no motions",
+    }
 
 
 @pytest.mark.parametrize(
