@@ -122,7 +122,7 @@ class _Search:
                 continue
             start = tracer.start(alpha, value)
             ahead = list(tracer.trace(start, 1))
-            back = [ahead[-1]] if ahead[-1].kind == "closed" else list(tracer.trace(start, -1))
+            back = ahead[-1:] if _ends_as(ahead, "closed") else list(tracer.trace(start, -1))
             self._keep(1, [*reversed(back), start, *ahead])
 
     def _lossless(self) -> list[float]:
@@ -159,7 +159,7 @@ class _Search:
             items = list(tracer.trace(first, 1))
             joint = PeriodicLaunch(flip.value, flip.alphas * 2, 1.0, flip.impacts * 2, flip.place, first.tangent)
             self._keep(2, [BranchEnd("flip", "a flip of the fixed points"), joint, first, *items])
-            if items[-1].kind == "flip":
+            if _ends_as(items, "flip"):
                 ended.append([item for item in items if isinstance(item, PeriodicLaunch)][-1])
 
     def _keep(self, period: int, items: list) -> None:
@@ -187,6 +187,11 @@ class _Search:
         if event.kind == "fold" and self.maps.lossless(event.point.value):
             return "the lossless hop"
         return "the slope of the map jumps" if event.kind == "border collision" else ""
+
+
+def _ends_as(items: list, kind: str) -> bool:
+    """Whether what has been traced has an end of this kind."""
+    return isinstance(items[-1], BranchEnd) and items[-1].kind == kind
 
 
 def _slope(event: FoundEvent) -> float:

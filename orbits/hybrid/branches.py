@@ -35,7 +35,8 @@ LENGTHENED, SHORTENED = 1.7, 0.25
 FIRST_OF_TWO = (1e-3, 1e-4, 1e-2)  # from a flip to the first hops of twice the period, as shares of the range
 LOCATED = 1e-13  # events are located to this share of a step
 HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
-AROUND, ANGLES = 1e-6, np.radians(np.linspace(-150, 150, 21))  # the circle round a corner
+# The circle round a corner, and the angle at which both sides of the curve are looked at.
+AROUND, ANGLES, BESIDE = 1e-6, np.radians(np.linspace(-150, 150, 21)), 1e-5
 SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are the same
 
 
@@ -211,9 +212,7 @@ class BranchTracer:
             if straight:
                 return there, step * (LENGTHENED if turn >= EASY else 1.0), stopped
             step *= SHORTENED
-        if there := self._round_corner(here, ahead):
-            return there, FIRST, None
-        return None, step, None
+        return self._round_corner(here, ahead), FIRST, None
 
     def _stepped(self, here: PeriodicLaunch, ahead: Vector, step: float) -> tuple[PeriodicLaunch, BranchEnd | None]:
         """One step of a certain length, shorter where it comes to an end of a range."""
@@ -359,7 +358,8 @@ class BranchTracer:
             if not np.isfinite(fa + fb):
                 continue
             angle = bracketed_root(excess, ANGLES[i], ANGLES[i + 1], fa, fb)
-            if abs(excess(angle)) <= 1e-3 * (abs(fa) + abs(fb)):
+            # At a jump the excess is small on one side only.
+            if max(abs(excess(angle + side * BESIDE)) for side in (-1, 1)) <= 1e-2 * (abs(fa) + abs(fb)):
                 place = on_circle(angle)
                 return self.point(place, place - here.place)
         return None

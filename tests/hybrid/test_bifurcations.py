@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from orbits import InputError, ReturnMap, bifurcations, multiplier, simulate
+from orbits import InputError, ReturnMap, bifurcations, find, multiplier, simulate
 from orbits.hybrid.branches import BranchTracer, FoundEvent, PeriodicLaunch
 from orbits.hybrid.cycles import MapsAlong
 from orbits.hybrid.diagram import BranchEnd
@@ -123,6 +123,16 @@ def test_a_branch_ends_where_hops_have_no_next():
     assert points[-1].value == pytest.approx(1 / 0.3, abs=1e-5)
 
 
+def test_a_heavy_foot_bounces_from_throws_of_pi_on():
+    """Section 9 of the paper: with a heavy foot the map falls off at pi, where bouncing begins; a branch ends there."""
+    asked = {"sections": 2, "attractor": 0, "samples": 60, "cap": 2000}
+    diagram = bifurcations(Hopper(mass_ratio=50.0), "inject", (0.1225, 0.124), (3.1, 3.2), **asked)
+    (end,) = {end.reason: end for branch in diagram.branches for end in branch.ends if end.kind == "jump"}.values()
+    assert "the map jumps" in end.reason
+    launches = np.concatenate([branch.alphas.ravel() for branch in diagram.branches])
+    assert np.abs(launches - np.pi).min() < 1e-6
+
+
 @cache
 def of_the_paper():
     return bifurcations(Hopper(), "inject", (0.0, 0.12), (4.4, 4.7), sections=3, attractor=6)
@@ -225,7 +235,7 @@ def test_along_the_damping():
 def test_in_si_as_without_units():
     """The same events in units of the launch speed's, of a machine whose numbers are in SI."""
     leg = hopper_in_si(60.0, 60.0, force="k*r", parameters={"k": 8000.0}, rest_length=0.8)
-    speed = ReturnMap(leg).fixed_points(0.5, 3.0)[0].alpha / ALPHA
+    speed = find(leg).alpha / ALPHA
     asked = {"sections": 2, "attractor": 0}
     diagram = bifurcations(leg, "inject", (0.0, 0.1 * speed), (4.4 * speed, 4.7 * speed), **asked)
     assert [event.value / speed for event in diagram.events] == pytest.approx([0.0, 0.071587384137], abs=1e-10)
