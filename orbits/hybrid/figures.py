@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import InputError, finite_number
 from ..model.units import LIFTOFF_SPEED
-from ..plot import COLOURS, Axes, finished, new_axes, title_of_machine
+from ..plot import COLOURS, Axes, cobweb, finished, new_axes, sampled_map, title_of_machine
 
 IDENTITY: dict[str, Any] = {"color": "0.6", "lw": 0.8, "zorder": 1}
 # How fixed points look: full where they attract, open where they do not, half where they attract from above only.
@@ -33,8 +33,7 @@ def plot_map(
     """
     axes = _drawn_map(step, low, high, axes or new_axes(5.2, 5.0), samples)
     if start is not None:
-        axes.plot(*np.transpose(_cobweb(step, finite_number("start", start), hops)), color=COLOURS[1], lw=0.9,
-                  label=f"from {start:g}")  # fmt: skip
+        axes.plot(*cobweb(step, finite_number("start", start), hops), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
     if fixed_points:
         _mark(axes, [(point.alpha, _stability(point)) for point in step.fixed_points(low, high)])
     return _labelled_map(axes, step, low, high)
@@ -42,33 +41,18 @@ def plot_map(
 
 def _drawn_map(step: Any, low: float, high: float, axes: Axes, samples: int) -> Axes:
     """The identity line and the map, broken where it jumps."""
-    alpha = np.linspace(low, high, samples)
-    found = step(alpha)
-    broken = step.jumps(found) + 1
-    x, y = (np.insert(values, broken, np.nan) for values in (alpha, found.next))
     axes.plot([low, high], [low, high], label="identity", **IDENTITY)
-    axes.plot(x, y, color=COLOURS[0], lw=1.6, label="map")
+    axes.plot(*sampled_map(step, low, high, samples), color=COLOURS[0], lw=1.6, label="map")
     return axes
 
 
 def _labelled_map(axes: Axes, step: Any, low: float, high: float) -> Axes:
     unit = f" ({step.machine.units.text(LIFTOFF_SPEED)})" if step.machine.units else ""
-    labels = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
+    labels: dict[str, Any] = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
+    axes.set_title(f"return map of {title_of_machine(step.machine.describe())}", fontsize="medium", wrap=True)
     lowest = min([low, *(float(np.nanmin(line.get_ydata())) for line in axes.lines if len(line.get_ydata()))])
     bottom = 0.0 if lowest < 0.3 * high else lowest - 0.05 * (high - lowest)
     return finished(axes, xlim=(low, high), ylim=(bottom, high), **labels)
-
-
-def _cobweb(step: Any, here: float, hops: int) -> list[tuple[float, float]]:
-    """The corners of a cobweb, up to where the machine comes to rest."""
-    web = [(here, here)]
-    for _ in range(hops):
-        there = float(step(here).next)
-        if not np.isfinite(there):
-            break
-        web += [(here, there), (there, there)]
-        here = there
-    return web
 
 
 def _stability(point: Any) -> str:
