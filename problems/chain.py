@@ -47,6 +47,12 @@ class Chain(Stated):
     springs : a spring as in `TwoMassMachine`, for all, or (N - 1,) of them, from the top; smooth, parameters in common
     restitution : of the impacts of the lowest mass, 0 <= e <= 1
     parameters : values of the formulas' names
+
+    >>> from orbits import find_all
+    >>> from problems import Chain
+    >>> chain = Chain(masses=(1, 1, 1))
+    >>> len(find_all(chain, chain.starts(half_contact=5, half_flight=5)))
+    6
     """
 
     masses: Sequence[float] = (1.0, 1.0, 1.0)

@@ -15,12 +15,20 @@ from orbits.model.laws import Law, positive
 
 
 def formula(text: str, /, **parameters: float) -> Law:
-    """Gravity from a formula of the height z: ``formula("1/(1 + z/R)**2", R=50)``."""
+    """Gravity from a formula of the height z: ``formula("1/(1 + z/R)**2", R=50)``.
+
+    >>> float(formula("1/(1 + z/R)**2", R=50.0)(50.0))
+    0.25
+    """
     return _checked(laws.from_formula(text, "z", parameters))
 
 
 def function(ratio: Callable, /, **parameters: float) -> Law:
-    """Gravity from a Python function ratio(z, **parameters)."""
+    """Gravity from a Python function ratio(z, **parameters).
+
+    >>> float(function(lambda z, R: 1 / (1 + z / R) ** 3, R=90.0)(90.0))
+    0.125
+    """
     return _checked(laws.from_function(ratio, "z", parameters))
 
 

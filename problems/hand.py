@@ -42,6 +42,12 @@ def chain_hand(
     springs : one as in `TwoMassMachine`, for all, or (N - 1,) of them, from the hand down, with parameters in common
     parameters : values of the formulas' names
     restitution : of the impacts of the ball, 0 <= e <= 1
+
+    >>> from orbits import find_all, starts
+    >>> from problems import chain_hand
+    >>> juggler = chain_hand()
+    >>> len(find_all(juggler, starts(juggler, 4, 4)))
+    1
     """
     given, own = given_numbers(parameters or {}), mass_parameters(masses, 2, MOST_MASSES)
     names = ["ball", "hand", *(f"y{i}" for i in range(3, len(own) + 1))]

@@ -16,7 +16,13 @@ from .machine import END, RATE, TwoMassMachine
 
 @dataclass(frozen=True, repr=False)
 class Hopper(TwoMassMachine):
-    """Body and foot joined by a spring; see `TwoMassMachine` for the arguments. `mass_ratio` is foot over body."""
+    """Body and foot joined by a spring; see `TwoMassMachine` for the arguments. `mass_ratio` is foot over body.
+
+    >>> from orbits import find
+    >>> from problems import Hopper
+    >>> round(find(Hopper("r + beta*r**3", mass_ratio=0.5, parameters={"beta": 0.3})).alpha, 9)
+    2.936459188
+    """
 
     kind = "hopper"
 

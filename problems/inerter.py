@@ -41,6 +41,11 @@ def inerter_hopper(
     spring : a law of `problems.springs`, or a formula of the extension r, whose other names are `parameters`
     rest_length : of the spring; None for long enough that the masses never meet
     in_si : whether all numbers are in kg, m and s
+
+    >>> from orbits import find
+    >>> from problems import inerter_hopper
+    >>> round(find(inerter_hopper()).alpha, 6)
+    7.518912
     """
     own = {"body_mass": body_mass, "foot_mass": foot_mass, "inertance": inertance, "surface_gravity": surface_gravity}
     length = {} if rest_length is None else {"rest_length": rest_length}

@@ -29,6 +29,11 @@ class Juggler(TwoMassMachine):
 
     The force is that of the hand's own spring, zero at lift-off. A hopper with spring force phi and lift-off extension
     rho moves as the juggler with force phi(r + rho) - 1 under constant gravity (eq. 6, with one clock).
+
+    >>> from orbits import find
+    >>> from problems import Juggler
+    >>> round(find(Juggler(mass_ratio=0.9)).alpha, 9)  # tan(alpha) = alpha
+    4.493409458
     """
 
     kind = "juggler"
@@ -69,6 +74,12 @@ class HeavyHand(TwoMassMachine):
     What is conserved is the hand's energy alone, from lift-off to lift-off and through every impact, so every launch
     that ends in sustained contact comes back as it was; the others bounce for ever. For a linear spring, period-one
     bouncing is stable for pi < alpha < sqrt(pi^2 + 3) (Schaal and Atkeson 1993, with e = 0).
+
+    >>> from orbits import ReturnMap
+    >>> from problems import HeavyHand
+    >>> hop = ReturnMap(HeavyHand())(4.6)
+    >>> str(hop.status), int(hop.impacts)
+    ('lifts_off', 1)
     """
 
     kind = "heavy hand"

@@ -48,6 +48,11 @@ def knee_hopper(
     stiffness : of the knee in N m/rad, 600 where the torque has it
     rest_angle : of the knee where its spring is unloaded, in rad, between 0 and pi
     restitution : of the foot's impacts, 0 <= e <= 1
+
+    >>> from orbits import find
+    >>> from problems import knee_hopper
+    >>> round(find(knee_hopper()).alpha, 6)  # of the knee, rad/s
+    3.193781
     """
     if not 0 < number("rest_angle", rest_angle) < pi:
         raise InputError(f"rest_angle = {rest_angle:g} rad: a knee rests between folded (0) and straight (pi)")

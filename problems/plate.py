@@ -46,6 +46,12 @@ def plate_hopper(
     spring, plate_spring : as in `TwoMassMachine`, with parameters in common
     parameters : values of the formulas' names, by default a plate_stiffness of 100
     restitution : of the impacts of the foot, 0 <= e <= 1
+
+    >>> from orbits import find_all, starts
+    >>> from problems import plate_hopper
+    >>> plate = plate_hopper()
+    >>> len(find_all(plate, starts(plate, 3, 3))) > 50
+    True
     """
     given = given_numbers({"plate_stiffness": 100.0} if parameters is None else parameters)
     names, own = ("body", "foot", "plate"), mass_parameters(masses, 3, 3)

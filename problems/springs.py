@@ -31,12 +31,20 @@ TABLE_OPTIONS = ("branch", "noise")
 
 
 def formula(text: str, /, **parameters: float) -> Law:
-    """A spring from a formula of the extension r: ``formula("r + beta*r**3", beta=0.3)``."""
+    """A spring from a formula of the extension r: ``formula("r + beta*r**3", beta=0.3)``.
+
+    >>> float(formula("r + beta*r**3", beta=0.3)(2.0))
+    4.4
+    """
     return laws.from_formula(text, "r", parameters)
 
 
 def potential(text: str, /, **parameters: float) -> Law:
-    """A spring from its potential energy V(r); the force is dV/dr."""
+    """A spring from its potential energy V(r); the force is dV/dr.
+
+    >>> float(potential("r**2/2 + beta*r**4/4", beta=0.3)(2.0))
+    4.4
+    """
     return laws.from_potential(text, "r", parameters)
 
 
@@ -44,6 +52,9 @@ def function(force: Callable, /, breakpoints: tuple[float, ...] = (), **paramete
     """A spring from a Python function force(r, **parameters), smooth between the breakpoints.
 
     State where it jumps or bends: integration steps end there, and derivatives are carried across a jump.
+
+    >>> float(function(lambda r, b: r + b * r**3, b=0.3)(2.0))
+    4.4
     """
     return laws.from_function(force, "r", parameters, breakpoints)
 
@@ -150,6 +161,10 @@ def table(
     smoothed first, see `smoothing.curve_of`; the law's text says so, and orbits say how far it can move alpha. Outside
     the table there is no force: an orbit that needs one is refused with the range. Raises `InputError` for a table that
     cannot be read or interpolated, and for a loop of which no branch is named.
+
+    >>> law = table(([-2.0, -1.0, 0.0, 1.0, 2.0], [-3.0, -1.2, 0.0, 1.2, 3.0]), noise=0)
+    >>> float(law(1.0)), law.range()
+    (1.2, (-2.0, 2.0))
     """
     if noise is not None and number("noise", noise, high=1e100) < 0:
         raise InputError(f"noise = {noise:g} is below 0; it is the standard deviation of a row's force")

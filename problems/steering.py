@@ -96,6 +96,10 @@ def keep_hopping(
 
     The stages are a flight from lift-off and the contact after it. A machine that loses nothing needs nothing: its
     answer is the lossless orbit, whatever is asked. Raises as `steer` and `find` do.
+
+    >>> from problems import Hopper, steering
+    >>> round(steering.keep_hopping(Hopper(damping=0.01)).cost / 0.01**2, 1)
+    125.8
     """
     if cost not in ("effort", "work", "peak"):
         raise InputError(f"cost = {cost!r}; it is 'effort', 'work' or 'peak'")
@@ -121,6 +125,11 @@ def recover(
     effort; below 0 the launch is too fast.
 
     The spring's end is at rest at both lift-offs. Arguments and errors as in `keep_hopping`.
+
+    >>> from problems import Hopper, steering
+    >>> back = steering.recover(Hopper(), short=0.1)
+    >>> steering.missed(Hopper(), back) < 1e-9
+    True
     """
     hop = _hop(machine, family, orbit, lossless or (short == 0 and not machine.damped), intervals, rate, stroke)
     launch = hop.orbit.alpha - finite_number("short", short)
@@ -145,6 +154,10 @@ def start_up(
 
     The spring's end is at rest at both ends. Raises `InputError` for a number of pumps that cannot be, else as `steer`
     and `find` do.
+
+    >>> from problems import Hopper, steering
+    >>> steering.start_up(Hopper(), pumps=2, stroke=2.0).status
+    'optimal'
     """
     pumps, intervals = whole_number("pumps", pumps, "pumps"), whole_number("intervals", intervals, "intervals")
     driven, orbit = Actuated(machine), _lossless(machine, family, orbit)

@@ -62,6 +62,12 @@ def hopper_in_si(
     parameters : values of the formulas' other names, in SI
 
     Raises `InputError` that names what cannot be meant.
+
+    >>> from orbits import find
+    >>> from problems import hopper_in_si
+    >>> leg = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
+    >>> round(find(leg).alpha, 6)  # m/s
+    0.851607
     """
     return _machine(
         Hopper, {"body_mass": body_mass, "foot_mass": foot_mass}, force, stiffness, body_radius, gravity, parameters,
@@ -75,7 +81,13 @@ def juggler_in_si(
     surface_gravity: float = STANDARD_GRAVITY, body_radius: float | None = None, gravity: Any = None,
     restitution: float = 0.0, damping: float = 0.0, drag: float = 0.0, parameters: Mapping[str, float] | None = None,
 ) -> "MachineInSI":  # fmt: skip
-    """A juggler in SI from the masses of ball and hand (kg); the rest as in `hopper_in_si`."""
+    """A juggler in SI from the masses of ball and hand (kg); the rest as in `hopper_in_si`.
+
+    >>> from orbits import find
+    >>> from problems import juggler_in_si
+    >>> round(find(juggler_in_si(0.2923, 0.2657, stiffness=8.8, surface_gravity=0.18)).alpha, 6)  # m/s
+    0.140541
+    """
     return _machine(
         Juggler, {"ball_mass": ball_mass, "hand_mass": hand_mass}, force, stiffness, body_radius, gravity, parameters,
         surface_gravity=surface_gravity, rest_length=rest_length, restitution=restitution, damping=damping, drag=drag,

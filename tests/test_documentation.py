@@ -191,6 +191,8 @@ WITH_EXAMPLES = (
     *("plate_hopper", "chain_hand", "springs.formula", "springs.potential", "springs.function", "springs.table"),
     *("gravity.formula", "gravity.function", "steering.keep_hopping", "steering.recover", "steering.start_up"),
 )
+# A fold costs second derivatives of a whole flight.
+LONG_EXAMPLES = ("orbits.continuation.folds", "orbits.proof.prove")
 OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
 
@@ -199,12 +201,16 @@ def examples_of(module) -> list[doctest.DocTest]:
     return [test for test in doctest.DocTestFinder(exclude_empty=True).find(module) if test.examples]
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if not name.startswith("orbits.proof.")])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in LONG_EXAMPLES else []) for name in MODULES]
+)
 def test_examples_in_docstrings_run(name, tmp_path, monkeypatch):
     try:
         tests = examples_of(import_module(name))
-    except ModuleNotFoundError as error:
+    except ModuleNotFoundError as error:  # of an extra
         pytest.skip(f"needs {error.name}")
+    if any(".prove" in test.name for test in tests):
+        pytest.importorskip("flint")
     monkeypatch.chdir(tmp_path)
     for test in tests:
         said: list[str] = []

@@ -75,6 +75,12 @@ class Family:
     settings : what `follow` was asked for
     versions : of the packages that computed the family
     source : the machine that was followed; None for a family from a file or another process
+
+    >>> from orbits import follow
+    >>> from problems import Hopper
+    >>> family = follow(Hopper("cubic", rest_length=9.0), "beta", 0.3, start=0.2, at=[0.25])
+    >>> [round(point.alpha, 4) for point in family.at(0.25)]
+    [3.0148]
     """
 
     name: str

@@ -81,6 +81,14 @@ def follow_fold(
     at, longest, most, step_control, output : as in `follow`
 
     Returns a `Family` along `across`, whose points have the value of `along` too (`column`); its "fold"s are cusps.
+
+    >>> from orbits import follow, follow_fold
+    >>> from problems import Hopper
+    >>> spring = Hopper("r + b*r**3 + d*r**5", rest_length=30.0, parameters={"b": 0.0, "d": 0.0})
+    >>> fold = next(event.point for event in follow(spring, "b", -0.02).events if event.kind == "fold")
+    >>> folds = follow_fold(spring, fold, "b", "d", 1e-6)
+    >>> round(float(folds.column("b")[-1]), 6), folds.end.kind
+    (-0.010732, 'reached')
     """
     check_followed(machine, across)
     if along == across:

@@ -70,6 +70,14 @@ def follow(
 
     Returns the `Family`, whose `end` says how it ended: a curve that is lost on the way is "stuck", with the reason.
     Raises `NoOrbit` without a first orbit, and `InputError` for what cannot be meant.
+
+    >>> from orbits import follow
+    >>> from problems import Hopper
+    >>> family = follow(Hopper("cubic", rest_length=30.0), "beta", -0.02, start=0.0)
+    >>> [event.kind for event in family.events], family.end.kind
+    (['collapse', 'fold'], 'escaped')
+    >>> round(family.events[1].point.value, 9)
+    -0.010695215
     """
     options = checked_options(at, watch, longest, most, stop_inadmissible, step_control)
     tracer = _begin(machine, along, start, stop, family, orbit, method, options, resume)
@@ -81,7 +89,14 @@ def trace(
     machine: Machine, along: str, stop: Stop, start: float | None = None, family: int = 1, **options: Any
 ) -> Iterator[Orbit | Event | End]:
     """The orbits of a family one by one, as `follow` finds them: `Orbit`s, each `Event` before the orbit that comes
-    after it, and the `End` last. The options are those of `follow`, from `orbit` to `method`."""
+    after it, and the `End` last. The options are those of `follow`, from `orbit` to `method`.
+
+    >>> from orbits import trace
+    >>> from problems import Hopper
+    >>> hops = trace(Hopper("cubic"), "beta", 0.01, start=0.0)
+    >>> round(next(hops).alpha, 6), list(hops)[-1].kind
+    (4.493409, 'reached')
+    """
     known = [field.name for field in fields(Options)]
     method, orbit = options.pop("method", None), options.pop("orbit", None)
     if unknown := options.keys() - set(known):
@@ -170,7 +185,15 @@ def _first_point(curve: Curve, x, direction, row, first_step: float) -> CurvePoi
 @exclusive
 def orbit_at(machine: Machine, point: Point, along: str, method: str | None = None) -> Orbit:
     """The whole orbit at a point of a family, with its motion; machine, parameter and method are those that the family
-    was followed with, the simplest method where None is given."""
+    was followed with, the simplest method where None is given.
+
+    >>> from orbits import follow, orbit_at
+    >>> from problems import Hopper
+    >>> machine = Hopper("cubic", rest_length=9.0)
+    >>> family = follow(machine, "beta", 0.3, start=0.2)
+    >>> round(orbit_at(machine, family[-1], "beta").flight_time, 6)
+    5.872918
+    """
     machine, method = machine_at(machine, point, along, method)
     curve, x, row = Curve(machine, along, method, 1.0), np.array([*point.u, point.value]), np.array(point.tangent)
     with interrupts.deferred(), curve.without_units(point.value):

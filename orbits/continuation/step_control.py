@@ -55,6 +55,12 @@ class StepControl:
     running_ratio : a curve is taken to escape if it is lost after the launch speed has grown by this factor
     least_progress : share of the parameter's way within which a lost curve has not really begun
     same_point : relative distance below which two points are the same, so that the curve has closed
+
+    >>> from orbits import StepControl, follow
+    >>> from problems import Hopper
+    >>> family = follow(Hopper("tanh"), "b", 0.2, start=0.1, step_control=StepControl(first_step=0.01))
+    >>> family.end.kind
+    'reached'
     """
 
     first_step: float = _between(1e-8, 1.0, 5e-3)

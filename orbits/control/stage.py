@@ -52,6 +52,11 @@ class Stage:
     above : (x, p) -> expressions that are at or above zero at the end
 
     Stages compare by identity: what is built from them is kept for the next call.
+
+    >>> from orbits import Input, Phase, Stage
+    >>> cart = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])
+    >>> Stage(cart, 4, (0.5, 2), {"f": Input(-1, 1)}, end=lambda x, p: [x[0] - 1, x[1]]).coefficient_names
+    ('f[0]',)
     """
 
     phase: Phase

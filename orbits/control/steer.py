@@ -75,6 +75,13 @@ def steer(
 
     Raises `InputError` for bounds that conflict. Raises `NoOrbit`, saying what is in the way, where there is no such
     motion, a stage collapses or runs away, the cost has no lower bound, or nothing is found from the guess.
+
+    >>> from orbits import Guess, Input, Phase, Stage, steer
+    >>> cart = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])
+    >>> ends = {"start": lambda x, before, p: x, "end": lambda x, p: [x[0] - 1, x[1]]}
+    >>> stage = Stage(cart, 4, (1, 1), {"f": Input(degree=1)}, **ends, running=lambda x, p, q: p["f"] ** 2)
+    >>> round(steer([stage], guess=[Guess(1.0, lambda t: [t, 1.0])]).cost, 9)
+    12.0
     """
     began = time.perf_counter()
     stages, parameters, free = tuple(stages), dict(parameters or {}), dict(free or {})

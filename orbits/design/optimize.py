@@ -57,6 +57,14 @@ def optimize(
     that the starts lead to.
     Raises `InputError` for an ill-posed problem, and `NoOrbit` with the reason when no start leads to an optimum: by
     how much the constraints are missed, an orbit that escapes, or a contact that collapses.
+
+    >>> from orbits import optimize
+    >>> from problems import hopper_in_si
+    >>> leg = hopper_in_si(60.0, 3.0, force="k*r", parameters={"k": 8000.0}, rest_length=0.8)
+    >>> over, wanted = {"k": (2000.0, 20000.0)}, ["centre_of_mass_rise == 0.04"]
+    >>> best = optimize(leg, minimise="largest_contact_force", over=over, subject_to=wanted)
+    >>> round(best.parameters["k"], 3), round(best.objective, 3)
+    (7071.55, 1483.088)
     """
     with interrupts.deferred():
         problem = design_problem(machine, minimise, maximise, over, subject_to)

@@ -158,6 +158,14 @@ def pareto(
     between the ends, starting from the design before, from both ends, and from as many `starts` as are given. Dominated
     designs are left out. The other arguments are those of `optimize`; an objective to be large is written "-alpha".
     Raises as `optimize` does where an end has no optimum.
+
+    >>> from orbits import pareto
+    >>> from problems import hopper_in_si
+    >>> leg = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 5000.0, "b": 1e5}, rest_length=0.8)
+    >>> both, over = ("-centre_of_mass_rise", "largest_contact_force"), {"k": (500.0, 5e4), "b": (0.0, 1e7)}
+    >>> front = pareto(leg, minimise=both, over=over, subject_to=["stroke <= 0.25"], points=3)
+    >>> front.values.shape
+    (3, 2)
     """
     if isinstance(minimise, str) or not isinstance(minimise, Sequence) or len(minimise) != 2:
         raise InputError(f"minimise = {minimise!r}; a front has two objectives")

@@ -22,6 +22,11 @@ def quantities(machine: Machine, orbit: Orbit, names: Names = None) -> dict[str,
     """Quantities of a machine's orbit, or formulas of them, by their text; None for all that the orbit has.
 
     In the machine's units, or in SI for a machine stated so. Raises `InputError` for an unknown name.
+
+    >>> from orbits import find, quantities
+    >>> from problems import Hopper
+    >>> round(quantities(Hopper(), find(Hopper()), ["stroke"])["stroke"], 5)
+    12.26528
     """
     names = _requested(machine, orbit, names)
     if not names:
@@ -41,6 +46,11 @@ def sensitivities(
 
     By the implicit function theorem on the equations of the orbit, with derivatives from their graph. At a fold of the
     family in a parameter they are infinite. Raises `InputError` for an unknown name or another machine's orbit.
+
+    >>> from orbits import sensitivities
+    >>> from problems import Hopper
+    >>> round(sensitivities(Hopper("cubic"), 1, ["beta"], ["alpha"])["alpha"]["beta"], 6)
+    -1.425744
     """
     check_parameters(machine)
     formula_names(machine)  # raises for a machine that cannot be designed, before an orbit is searched for

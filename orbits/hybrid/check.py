@@ -76,6 +76,11 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
     First the parts of the machine and the fields of its model, at random states and parameters; then its orbit and two
     hops beside it, whose flights, impacts and contacts are integrated again by another method. Raises `InputError`
     where a part of the machine is missing or malformed, and `InconsistentModel` with all that does not hold.
+
+    >>> from orbits import check
+    >>> from problems import Hopper
+    >>> check(Hopper()).largest < 1
+    True
     """
     _check_parts(machine)
     relations = algebraic_relations(machine.model, machine.values)

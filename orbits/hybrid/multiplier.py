@@ -26,6 +26,11 @@ def multiplier(machine: Machine, alpha: float) -> float:
     """d(next launch speed)/d(launch speed) over the hop that starts with `alpha`.
 
     Raises `NoOrbit` where there is none: the machine does not lift off again, or lands tangentially.
+
+    >>> from orbits import multiplier
+    >>> from problems import Hopper
+    >>> round(multiplier(Hopper(), 4.6), 6)
+    -1.616561
     """
     alpha = finite_number("alpha", alpha)
     if alpha <= 0:

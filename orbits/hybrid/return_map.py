@@ -92,6 +92,15 @@ class ReturnMap:
     Called with launch speeds (...), it gives `Hops`; in an array, one that is not a number above 0 has the status
     "invalid". It does not check whether the masses pass through each other: see `Simulation.smallest_separation`.
     Raises `InputError` where a launch is more than a speed, and for a single speed that is not above 0.
+
+    >>> from orbits import ReturnMap
+    >>> from problems import Hopper
+    >>> hops = ReturnMap(Hopper())([2.0, 4.0, 4.5])
+    >>> hops.status.tolist(), hops.next.round(4).tolist()
+    (['rests', 'lifts_off', 'lifts_off'], [nan, 2.0736, 4.4952])
+    >>> low, high = ReturnMap(Hopper(), inject=0.03).fixed_points(4, 5)
+    >>> round(low.multiplier, 3), round(high.multiplier, 3)
+    (7.274, -0.598)
     """
 
     @exclusive

@@ -276,6 +276,14 @@ def simulate(
     A hop from a launch whose end is "undecided" in the `ReturnMap` ends the simulation with that status, at the landing
     after its many bounces. Raises `InputError` for arguments without a meaning, such as a launch at which the contact
     would not open.
+
+    >>> from orbits import simulate
+    >>> from problems import Hopper
+    >>> run = simulate(Hopper(), 4.6, hops=2)
+    >>> [event.kind for event in run.events]
+    ['landing', 'lift-off', 'impact', 'landing', 'lift-off']
+    >>> run.launches.round(4).tolist()
+    [4.6, 4.3923, 3.7382]
     """
     check_machine(machine)
     units = getattr(machine, "units", None)

@@ -79,6 +79,13 @@ class Mechanism(Stated):
 
     Raises `InputError` for an unknown name, for what is no mechanism, and for masses, inertias, dampers and gravity of
     a wrong sign as soon as all parameters have values.
+
+    >>> from orbits import Mass, Mechanism, Spring, find
+    >>> masses = [Mass("body", "m1"), Mass("foot", "m2")]
+    >>> elements, numbers = [*masses, Spring("body - foot", "k*r")], {"m1": 1.0, "m2": 1.0, "k": 1.0}
+    >>> hopper = Mechanism(("body", "foot"), elements, gap="foot", parameters=numbers, gravity=1.0)
+    >>> round(find(hopper).alpha, 6)
+    6.354641
     """
 
     coordinates: Sequence[str]

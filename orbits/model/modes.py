@@ -249,6 +249,11 @@ def linear_modes(
     watch : as in `Modes`
 
     Raises `InputError` for matrices that are not so, and where no mode swings.
+
+    >>> from orbits import linear_modes
+    >>> modes = linear_modes([[1.0]], [[4.0]], [0.0])
+    >>> modes.rates.tolist()  # of one mass on a spring
+    [2.0]
     """
     m, k, f = (np.array(values, dtype=float) for values in (inertia, stiffness, load))
     if f.ndim != 1 or not f.size or m.shape != k.shape or m.shape != 2 * f.shape:

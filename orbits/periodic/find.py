@@ -63,6 +63,12 @@ def find(
     others it is the first under constant gravity, or what that becomes as gravity's variation is brought in, and its
     `known_in_family` is None. It may be inadmissible: see its `violations`. Raises `NoOrbit` when there is none or a
     solve ends on another family, and `InputError` for a family or a method that cannot be.
+
+    >>> from orbits import find
+    >>> from problems import Hopper
+    >>> orbit = find(Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3}))
+    >>> round(orbit.alpha, 9), orbit.admissible
+    (2.936459188, True)
     """
     check_machine(machine)
     number = None if family is None else _family_number(family)
@@ -105,6 +111,12 @@ def find_all(
     sampled speeds are taken to be at most four times those that its second differences show: no proof, but the samples
     go where that matters. A search that is stopped after 20,000 launches may miss some. Starts that lead to no orbit
     are left out. Raises `NoOrbit` where there is none, with what was searched or the last reason.
+
+    >>> from orbits import find_all
+    >>> from problems import Hopper
+    >>> hops = find_all(Hopper("cubic", rest_length=30.0, parameters={"beta": -0.005}), family=1)
+    >>> [round(hop.alpha, 4) for hop in hops]
+    [4.7432, 9.924]
     """
     if starts is None:
         check_machine(machine)

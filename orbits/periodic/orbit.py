@@ -89,6 +89,14 @@ class Orbit:
     known_in_family : how many orbits of its family a search over launch speeds has found, this one among them; None
         where none was made. A search of many sign changes ends after 20,000 launches and may leave some out.
     source : the machine that it was found for; None for an orbit from a file or another process, and for a copy
+
+    >>> from orbits import find
+    >>> from problems import Hopper
+    >>> orbit = find(Hopper())
+    >>> round(orbit.flight_time - 2 * orbit.alpha, 9)
+    0.0
+    >>> orbit([0.0, 1.0]).shape  # y1, y1', y2, y2' at two times
+    (2, 4)
     """
 
     machine: Mapping[str, Any]

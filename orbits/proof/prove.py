@@ -47,6 +47,12 @@ def prove(
     the answer says what and why; that is no error. Lengths, times and speeds are in the machine's own units without SI.
     Raises `InputError` without python-flint, for parameters and digits that cannot be, and for an orbit whose machine
     is not known.
+
+    >>> from orbits import find, prove
+    >>> from problems import Hopper
+    >>> proof = prove(find(Hopper("r + 0.3*r**3", rest_length=8.0)))
+    >>> proof.proved, proof.family, "2.9364591884941964779777" in proof.alpha
+    (True, 1, True)
     """
     _need_flint()
     claim = claim_of(orbit, machine)
@@ -108,6 +114,14 @@ def prove_fold(
     digits, parameters : as in `prove`
 
     Raises `InputError` as `prove` does, and for a machine without this parameter.
+
+    >>> from orbits import follow, prove_fold
+    >>> from problems import Hopper
+    >>> machine = Hopper("cubic", rest_length=30.0)
+    >>> family = follow(machine, "beta", -0.02, start=0.0)
+    >>> fold = next(event.point for event in family.events if event.kind == "fold")
+    >>> prove_fold(machine, fold, "beta").proved
+    True
     """
     _need_flint()
     check_parameters(machine, along)
@@ -136,6 +150,11 @@ def prove_absence(machine: Machine, family: int | None = None, *, parameters: Ex
     Of a family it is told for springs whose force is odd, rises everywhere and is bounded, as tanh: see
     `orbits.proof.absence` for the theorem. The machine's extension has to move alone, as a hopper's does under constant
     gravity. `parameters` as in `prove`; raises `InputError` as it does.
+
+    >>> from orbits import prove_absence
+    >>> from problems import Hopper
+    >>> prove_absence(Hopper("tanh", parameters={"b": 0.4}), 1).proved
+    True
     """
     _need_flint()
     check_machine(machine)

@@ -215,6 +215,12 @@ def existence(
     A machine has the orbit of least launch speed or none. The boundaries are located to 1e-6 of a parameter's range
     wherever neighbours on the grid differ; what lies between two neighbours that agree is not seen. An edge from where
     on motions are too sensitive for an orbit to be certified is the edge of what `find` finds.
+
+    >>> from orbits import existence
+    >>> from problems import Hopper
+    >>> diagram = existence(Hopper("cubic"), "beta", (-0.03, 0.01), "rest_length", [25.0, 30.0], samples=8)
+    >>> [(round(low, 4), high) for low, high in diagram.motions(1)]
+    [(-0.0067, 0.01)]
     """
     whole_number("family", family, most=LARGEST_FAMILY)
     if along == across:

@@ -78,6 +78,12 @@ def sweep(
 
     A member does not depend on the others, nor on where it is computed: the answer is the same to the last bit.
     Raises `InputError` that names what cannot be meant, before anything is computed.
+
+    >>> from orbits import sweep
+    >>> from problems import Hopper
+    >>> hops = sweep(Hopper("cubic", rest_length=9.0), {"beta": [0.1, 0.2, 0.3]})
+    >>> hops["alpha"].round(6).tolist(), hops["status"].tolist()
+    ([3.412355, 3.111516, 2.936459], ['certified', 'certified', 'certified'])
     """
     exclusive(check_machine)(machine, "with_values")
     allowed = [*free_parameters(machine), *(name for name in DAMPING if hasattr(machine, name))]

@@ -76,6 +76,13 @@ def uncertainty(
 
     The linear answer is taken at the machine itself, with the standard deviations of the distributions. Raises
     `NoOrbit` where the machine itself has no such orbit.
+
+    >>> from scipy.stats import norm
+    >>> from orbits import uncertainty
+    >>> from problems import Hopper
+    >>> spread = uncertainty(Hopper("cubic", rest_length=9.0), {"beta": norm(0.3, 0.01)}, samples=64)
+    >>> round(spread.deviation["alpha"], 4), round(spread.linear["alpha"], 4)
+    (0.0143, 0.0143)
     """
     whole_number("samples", samples, "members", least=2)
     members = members_of(over, samples, "sobol", seed, list(machine.values))

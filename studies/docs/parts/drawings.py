@@ -97,8 +97,9 @@ class Drawing(SphinxDirective):
         for path in paths:
             # From the root of the sources, which Sphinx takes an absolute path to be relative to.
             uri = "/" + os.path.relpath(path, self.env.srcdir)
-            figure = nodes.figure("", nodes.image(uri=uri, alt=caption))
-            pictures.append(figure)
+            pictures.append(nodes.figure("", nodes.image(uri=uri, alt=caption)))
+        if kind == "drawn" and caption:
+            pictures[-1] += nodes.caption("", caption)
         return pictures
 
 
@@ -121,7 +122,7 @@ class Study(Drawing):
         self.env.note_dependency(str(study_path(name)))
         text = re.match(r'"""(.*?)"""', source, flags=re.DOTALL)[1]
         said = nodes.container(classes=["study"])
-        head = re.sub(r"\nRun: .*", "", text, flags=re.DOTALL)
+        head = re.sub(r"\s+Run: .*", "", text, flags=re.DOTALL)
         for paragraph in head.split("\n\n"):
             said += nodes.paragraph("", " ".join(paragraph.split()))
         figures = self.figures("study", name, "", " ".join(text.split("\n")[0].split()))

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 from docutils import nodes
+from docutils.statemachine import StringList
 from sphinx.addnodes import download_reference
 from sphinx.util.docutils import SphinxDirective
 
@@ -24,8 +25,7 @@ class Notebooks(SphinxDirective):
             section = nodes.section("", nodes.title("", title.lstrip("# ")), ids=[nodes.make_id(path.stem)])
             section["names"] = [path.stem]
             self.state.document.note_explicit_target(section)
-            if rest.strip():
-                section += nodes.paragraph("", rest.strip().split("\n\n")[0].replace("`", ""))
+            self.state.nested_parse(StringList(rest.strip().split("\n\n")[0].split("\n"), str(path)), 0, section)
             file = download_reference("", "", refdomain="", reftarget=f"/../notebooks/{path.name}", reftype="download")
             file += nodes.literal("", f"studies/notebooks/{path.name}")
             section += nodes.paragraph("", "", file)
