@@ -1,5 +1,6 @@
 """What the figures of Bokeh have in common: their looks, their tools, and ranges that do not jump."""
 
+from html import escape
 from importlib import import_module
 from typing import Any, TypeAlias
 
@@ -11,7 +12,7 @@ from ..errors import InputError
 Change: TypeAlias = tuple[Any, str, Any]
 
 TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
-GREY, INK = "#7a7a7a", "#333333"
+GREY, INK = "#6b6b6b", "#333333"
 # A range stays as long as what it shows fills at least this share of it.
 FILLED = 0.7
 FLAT = 1e-9  # what varies by a smaller share of itself is constant
@@ -63,12 +64,19 @@ def empty_columns(*names: str) -> dict[str, list]:
 
 
 def hover(renderers: list[Any], told: list[tuple[str, str]], **options: Any) -> Any:
-    """A tool that tells what is at the pointer.
+    """A tool that tells what is at the pointer; `told` is as for `tip`."""
+    formatters = {text.split("{")[0]: "printf" for _, text in told if "{" in text}
+    return bokeh("models").HoverTool(renderers=renderers, tooltips=tip(told), formatters=formatters, **options)
+
+
+def tip(told: list[tuple[str, str]]) -> str:
+    """What stands in a tooltip, narrow enough for a phone.
 
     told : names and texts, where "@name{%.5g}" is a column in the format of C; a text without a name has none
     """
-    formatters = {text.split("{")[0]: "printf" for _, text in told if "{" in text}
-    return bokeh("models").HoverTool(renderers=renderers, tooltips=told, formatters=formatters, **options)
+    names = (f"<span style='color:{GREY}'>{escape(name)}</span> " if name else "" for name, _ in told)
+    rows = "".join(f"<div>{name}{text}</div>" for name, (_, text) in zip(names, told, strict=True))
+    return f"<div style='max-width:15em;white-space:normal;overflow-wrap:anywhere;color:{INK}'>{rows}</div>"
 
 
 def range_changes(shown: Any, low: float, high: float, steady: bool, margin: float = MARGIN) -> list[Change]:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..plot import COLOURS, family_curve
-from .bokeh_figures import INK, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes
+from .bokeh_figures import INK, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes, tip
 from .tables import number_text
 
 # How events are marked, alike in each figure of a family.
@@ -21,8 +21,9 @@ class FamilyData:
 
     value, motions, others : (k,) the parameter along the curve, and the quantity where the orbits are motions and where
         they are not, NaN elsewhere
-    points : columns (m,) of the orbits: "value", "quantity", "alpha", and "told", what a certificate says in short
-    events : columns of what happens and of the end: "value", "quantity", "kind", "told"
+    points : columns (k,) of the orbits: "value", "quantity", "alpha", and "told", whether they are motions and what
+        happens there
+    events : columns of what happens and of the end: "value", "quantity", "kind"
     labels : of the two axes, with units
     """
 
@@ -41,18 +42,16 @@ def family_data(family: Any, quantity: str = "alpha") -> FamilyData:
     """
     value, whole, motions, others = family_curve(family, quantity)
     along, speed_in = family.in_order(), family.units.get("alpha", "")
-    told = ["a motion" if p.admissible else "; ".join(p.violations) for p, _ in along]
-    speeds = [number_text(point.alpha, speed_in) for point, _ in along]
-    points = {"value": value, "quantity": whole, "alpha": speeds, "told": told}
+    told = ["a motion" if point.admissible else "; ".join(point.violations) for point, _ in along]
+    told = [text if event is None else f"{event.kind}: {text}" for text, (_, event) in zip(told, along, strict=True)]
     marked = [i for i, (_, event) in enumerate(along) if event and event.kind != "asked"]
     kinds = [along[i][1].kind for i in marked]
-    if len(along):
-        marked, kinds, told = (
-            [*marked, len(along) - 1],
-            [*kinds, f"end: {family.end.kind}"],
-            [*told[:-1], ending(family)],
-        )
-    events = {"value": value[marked], "quantity": whole[marked], "kind": kinds, "told": [told[i] for i in marked]}
+    if along:
+        marked, kinds = [*marked, len(along) - 1], [*kinds, f"end: {family.end.kind}"]
+        told[-1] += f"; {kinds[-1]}, {ending(family)}"
+    speeds = [number_text(point.alpha, speed_in) for point, _ in along]
+    points = {"value": value, "quantity": whole, "alpha": speeds, "told": told}
+    events = {"value": value[marked], "quantity": whole[marked], "kind": kinds}
     labels = family.heading(family.name), family.heading(quantity).replace("_", " ")
     return FamilyData(value, motions, others, points, events, labels)
 
@@ -76,7 +75,7 @@ class FamilyFigure:
         models, new = bokeh("models"), bokeh("models").ColumnDataSource
         self._curve = new(empty_columns("value", "motions", "others"))
         self.points = new(empty_columns("value", "quantity", "alpha", "told"))
-        self._events = new(empty_columns("value", "quantity", "kind", "told", "marker"))
+        self._events = new(empty_columns("value", "quantity", "kind", "marker"))
         self._here = new(empty_columns("value", "quantity"))
         self.figure = figure = new_figure("", height)
         line = figure.line("value", "motions", source=self._curve, line_width=2.5, color=COLOURS[0])
@@ -91,8 +90,8 @@ class FamilyFigure:
         self._items = [new_item(label="motions", renderers=[line]), new_item(label="no motions", renderers=[dashed])]
         self._items.append(new_item(label="shown", renderers=[here], visible=False))
         legend_above(figure, *self._items, new_item(label={"field": "kind"}, renderers=[events]))
-        self._told = [hover([points], [("", "")]), hover([events], [("", "@kind"), ("", "@told")])]
-        figure.add_tools(*self._told, models.TapTool(renderers=[points]))
+        self._hover = hover([points], [("", "@told")])
+        figure.add_tools(self._hover, models.TapTool(renderers=[points]))
 
     def show(self, data: FamilyData, steady: bool = True) -> None:
         """Show another family in place of the one before; what `mark` has marked is gone.
@@ -116,8 +115,8 @@ class FamilyFigure:
             (self.figure.yaxis[0], "axis_label", up),
             (self._items[0], "visible", bool(np.isfinite(data.motions).any())),
             (self._items[1], "visible", bool(np.isfinite(data.others).any())),
-            (self._told[0], "tooltips", tips),
-            (self._told[0], "formatters", {"@value": "printf", "@quantity": "printf"}),
+            (self._hover, "tooltips", tip(tips)),
+            (self._hover, "formatters", {"@value": "printf", "@quantity": "printf"}),
             *self.marks(),
         ]
         for shown, values in ((self.figure.x_range, data.value), (self.figure.y_range, data.points["quantity"])):

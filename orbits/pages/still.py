@@ -60,8 +60,11 @@ def write_page(path: str | Path, title: str, sections: Sequence[Any]) -> Path:
     """
     path = check_path(path, PAGES)
     models = [part for _, parts in sections for part in parts if not isinstance(part, str)]
-    script, places = bokeh("embed").components(models, wrap_script=True)
-    resources = bokeh("resources").Resources(mode="inline", components=["bokeh", "bokeh-widgets"])
+    script, places, loaded, hint = "", tuple[str, ...](), "", ""
+    if models:
+        script, places = bokeh("embed").components(models, wrap_script=True)
+        loaded = bokeh("resources").Resources(mode="inline", components=["bokeh", "bokeh-widgets"]).render_js()
+        hint = f"<p>{ZOOM}</p>\n<noscript><p>The figures need JavaScript; the tables do not.</p></noscript>\n"
     left, body = iter(places), list[str]()
     for heading, parts in sections:
         body.append(f"<section aria-label='{escape(heading)}'>" + (f"<h2>{escape(heading)}</h2>" if heading else ""))
@@ -71,9 +74,8 @@ def write_page(path: str | Path, title: str, sections: Sequence[Any]) -> Path:
     text = (
         "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
-        f"<title>{escape(name)}</title>\n<style>{STYLE}</style>\n{resources.render_js()}\n</head>\n<body>\n<main>\n"
-        f"<h1>{escape(name)}</h1>\n{''.join(f'<p>{escape(line)}</p>' for line in [*others, ZOOM])}\n"
-        "<noscript><p>The figures need JavaScript; the tables do not.</p></noscript>\n"
+        f"<title>{escape(name)}</title>\n<style>{STYLE}</style>\n{loaded}\n</head>\n<body>\n<main>\n"
+        f"<h1>{escape(name)}</h1>\n{''.join(f'<p>{escape(line)}</p>' for line in others)}\n{hint}"
         f"{''.join(body)}\n</main>\n{script}\n</body>\n</html>\n"
     )
     with writing("page", path):
@@ -121,7 +123,7 @@ def sweep_page(sweep: Any, path: str | Path, quantity: str | None) -> Path:
     statuses = html_table([(name, str(count)) for name, count in summary["status"].items()], "Members by status")
     tables = [statuses, html_table(named, "Quantiles", ["", *shares])] if named else [statuses]
     title = "\n".join([*(line.strip() for line in str(sweep).splitlines()[:2]), told])
-    return write_page(path, title, [("Members", figures), ("In numbers", tables)])
+    return write_page(path, title, [*([("Members", figures)] if figures else []), ("In numbers", tables)])
 
 
 def _animation(figures: HopFigures) -> Any:

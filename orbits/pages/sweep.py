@@ -21,12 +21,15 @@ def sweep_figures(sweep: Any, quantity: str | None = None) -> tuple[list[Any], s
 
     Over one parameter it is the quantity against it, over two their plane with the quantity as colour, and over more
     the quantity against each, where members that are selected in one figure are so in all. In SI for a machine that is
-    stated so. Raises `InputError` for a column that is no number.
+    stated so. Without members that have the quantity there is no figure over one parameter. Raises `InputError` for a
+    column that is no number, and for a plane of several families.
     """
     quantity = quantity or sweep.numbers[0]
     values = sweep[quantity]
     if quantity not in sweep.numbers:
         raise InputError(f"'{quantity}' is no answer in numbers: give one of {', '.join(sweep.numbers)}")
+    if len(sweep.parameters) == 2 and len(sweep.about["families"]) > 1:
+        raise InputError("a figure over two parameters is of one family: take sweep.of_family(n)")
     step = -(-len(sweep) // MOST_SHOWN) or 1
     chosen = np.arange(0, len(sweep), step)
     known = np.isfinite(values[chosen])
@@ -36,7 +39,7 @@ def sweep_figures(sweep: Any, quantity: str | None = None) -> tuple[list[Any], s
         told = f"One of {step} members is shown: {told}"
     if len(sweep.parameters) == 2:
         return [_plane(sweep, quantity, found, nothing)], told + "."
-    return [_against(sweep, name, quantity, found) for name in sweep.parameters], told + "."
+    return [_against(sweep, name, quantity, found) for name in sweep.parameters if known.any()], told + "."
 
 
 def _source(sweep: Any, quantity: str, rows: np.ndarray) -> Any:

@@ -174,7 +174,8 @@ def test_a_family_has_its_motions_events_and_end(folded):
     known = dict(zip(data.events["kind"], data.events["value"].tolist(), strict=True))
     assert known["fold"] == pytest.approx(-0.0106952149164040, rel=1e-9)  # the reference value
     assert [kind for kind in known if kind.startswith("end")] == ["end: escaped"]
-    assert "tends to" in data.events["told"][-1]
+    assert "end: escaped" in data.points["told"][-1]
+    assert "tends to" in data.points["told"][-1]
     # Motions end where the contact collapses; there both lines meet.
     collapse = data.value.tolist().index(known["collapse"])
     assert np.isfinite(data.motions[: collapse + 1]).all()
@@ -247,6 +248,11 @@ def test_members_of_a_sweep_are_shown():
     crosses, marks = figure.renderers
     assert len(crosses.data_source.data["p0"]) == 2
     assert len(marks.data_source.data["p0"]) == 2
+    assert sweep_figures(sweep(Hopper("cubic", rest_length=30), {"beta": [-0.5]})) == ([], "0 of 1 members have alpha.")
+    both = sweep(Hopper("cubic"), {"beta": [0.0, 0.1], "mass_ratio": [0.5, 1.0]}, family=[1, 2])
+    with pytest.raises(InputError, match="of one family"):
+        sweep_figures(both)
+    assert len(sweep_figures(both.of_family(2))[0]) == 1
 
 
 def test_of_a_large_sweep_some_members_are_shown():

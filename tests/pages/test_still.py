@@ -95,6 +95,8 @@ def test_the_page_of_a_sweep(tmp_path):
     text = checked(swept.page(tmp_path / "sweep.html", "flight_time"))
     assert "2 of 2 members have flight time." in text
     assert "<title>2 of 2 members of hopper" in text
+    nothing = sweep(Hopper("cubic", rest_length=30), {"beta": [-0.5]}).page(tmp_path / "nothing.html")
+    assert "0 of 1 members have alpha." in checked(nothing)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Still pages in a real browser: they are drawn where they should be, move, stop, tell, and load nothing."""
 
 import io
+import re
 
 import numpy as np
 import pytest
@@ -28,15 +29,19 @@ view.el.scrollIntoView({block: "center"});
 const at = (view.canvas_view ?? view.canvas).el.getBoundingClientRect();
 return [at.left + view.frame.x_scale.compute(arguments[1]), at.top + view.frame.y_scale.compute(arguments[2])];
 """
-# What is written in tooltips, wherever they are in the shadows of the page.
+# What is written in tooltips, wherever they are in the shadows of the page, and where they end on both sides.
 TOOLTIPS = """
 const found = [], seen = [document.body];
 while (seen.length) {
-  const element = seen.pop();
-  if (element.classList?.contains("bk-Tooltip")) found.push(element.shadowRoot?.textContent ?? element.textContent);
-  seen.push(...(element.shadowRoot?.children ?? []), ...element.children);
+  const element = seen.pop(), inner = [...(element.shadowRoot?.children ?? []), ...element.children];
+  if (element.classList?.contains("bk-Tooltip")) {
+    const text = inner.filter(child => child.tagName != "STYLE").map(child => child.innerText).join(" ");
+    const {left, right} = element.getBoundingClientRect();
+    if (text.trim()) found.push([text, left, right]);
+  }
+  seen.push(...inner);
 }
-return found.filter(text => text.trim()).join(" ");
+return found[0];
 """
 MODEL = "[...Bokeh.documents[0]._all_models.values()].find(m => m.name == arguments[0])"
 
@@ -161,9 +166,10 @@ def test_a_curve_tells_its_numbers(page, hop, orbit, width):
     pointer = ActionBuilder(page.driver)
     pointer.pointer_action.move_to_location(round(x), round(y)).pause(0.2).move_to_location(round(x) + 1, round(y))
     pointer.perform()
-    told = page.wait(TOOLTIPS)
-    assert "body" in told
-    assert f"{body:.2g}"[:3] in told
+    told, left, right = page.wait(TOOLTIPS)
+    numbers = [float(number) for number in re.findall(r"[-.e0-9]*[0-9]", told.split("foot")[0].partition("body")[2])]
+    assert numbers == pytest.approx([t, body], abs=0.01)
+    assert 0 <= left < right <= width
 
 
 @pytest.mark.parametrize("width", SIZES)
