@@ -14,6 +14,7 @@ from .bokeh_figures import (
     GREY,
     INK,
     MARGIN,
+    MOVING,
     Change,
     apply,
     bokeh,

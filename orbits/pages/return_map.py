@@ -7,7 +7,18 @@ import numpy as np
 
 from ..model.units import LIFTOFF_SPEED
 from ..plot import COLOURS, PALE, cobweb, sampled_map
-from .bokeh_figures import GREY, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes
+from .bokeh_figures import (
+    GREY,
+    MOVING,
+    Change,
+    apply,
+    bokeh,
+    empty_columns,
+    hover,
+    legend_above,
+    new_figure,
+    range_changes,
+)
 
 SAMPLES, HOPS = 1500, 60
 
@@ -73,7 +84,9 @@ class MapFigure:
         identity = figure.line("alpha", "following", source=self._identity, line_color=GREY, line_dash=[4, 3])
         line = figure.line("alpha", "following", source=self._map, line_color=COLOURS[0], line_width=2.5)
         web = figure.line("alpha", "following", source=self._web, line_color=COLOURS[1], line_width=1.5)
-        figure.scatter("alpha", "following", source=self._start, color=COLOURS[1], line_color="white", size=10)
+        figure.scatter(
+            "alpha", "following", source=self._start, color=COLOURS[1], line_color="white", size=10, **MOVING
+        )
         names = ("map", line), ("next = this", identity), ("cobweb", web), ("comes to a lossless hop", strips)
         self._items = {name: models.LegendItem(label=name, renderers=[drawn]) for name, drawn in names}
         legend_above(figure, *self._items.values(), columns=2)
@@ -88,9 +101,13 @@ class MapFigure:
         """What `show` changes."""
         basin = np.zeros((0, 2)) if data.basin is None else data.basin
         most = np.nanmax(data.following, initial=data.high, where=np.isfinite(data.following))
-        sources = {self._map: (data.alpha, data.following), self._web: data.web, self._start: data.web[:, :1]}
-        sources[self._identity] = ([data.low, data.high],) * 2
-        changes: list[Change] = [(source, "data", {"alpha": x, "following": y}) for source, (x, y) in sources.items()]
+        lines: list[tuple[Any, Any, Any]] = [
+            (self._map, data.alpha, data.following),
+            (self._web, *data.web),
+            (self._start, *data.web[:, :1]),
+            (self._identity, [data.low, data.high], [data.low, data.high]),
+        ]
+        changes: list[Change] = [(source, "data", {"alpha": x, "following": y}) for source, x, y in lines]
         changes.append((self._basin, "data", {"low": basin[:, 0], "high": basin[:, 1]}))
         changes += range_changes(self.figure.x_range, data.low, data.high, steady, 0.0)
         changes += range_changes(self.figure.y_range, 0.0, float(most), steady)

@@ -144,7 +144,10 @@ def _family_answer(scene: Scene, along: str, parts: list[Family], ways: int) -> 
     text = f"{count}, still growing" if growing or len(parts) < ways else f"{count}. {'. '.join(told)}."
     order = [point for point, _ in family.in_order()]
     values, starts = tuple(p.value for p in order), tuple(start_of(p) for p in order)
-    return FamilyAnswer(scene, along, family_data(family), values, starts, text)
+    data = family_data(family)
+    if growing:  # where it has got to is no end
+        data = replace(data, events={name: column[:-1] for name, column in data.events.items()})
+    return FamilyAnswer(scene, along, data, values, starts, text)
 
 
 def map_answers(given: Any, scene: Scene) -> Iterator[MapData]:

@@ -88,12 +88,12 @@ def _number(scene: Scene, told: Mapping[str, Any]) -> Scene:
     return scene.with_numbers(**{name: told.get("value")})  # type: ignore[arg-type]  # the scene checks it
 
 
-def _law(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]:
-    def change(scene: Scene, told: Mapping[str, Any]) -> Scene:
-        others = {"rows": None} if name == "spring" else {}
-        return replace(scene, **{name: told.get("value"), "start": None}, **others)
+def _spring(scene: Scene, told: Mapping[str, Any]) -> Scene:
+    return replace(scene, spring=told.get("value"), rows=None, start=None)  # type: ignore[arg-type]
 
-    return change
+
+def _gravity(scene: Scene, told: Mapping[str, Any]) -> Scene:
+    return replace(scene, gravity=told.get("value"), start=None)  # type: ignore[arg-type]
 
 
 def _machine(scene: Scene, told: Mapping[str, Any]) -> Scene:
@@ -122,7 +122,8 @@ def _of_rows(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]:
     def change(scene: Scene, told: Mapping[str, Any]) -> Scene:
         if scene.rows is None:
             raise InputError(f"{name} is of measured rows, and there are none")
-        return replace(scene, rows=replace(scene.rows, **{name: None if (value := told.get("value")) == "" else value}))
+        value: Any = None if told.get("value") == "" else told.get("value")
+        return replace(scene, rows=replace(scene.rows, **{name: value}))
 
     return change
 
@@ -130,8 +131,8 @@ def _of_rows(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]:
 # The fields by name.
 CHANGES: dict[str, Callable[[Scene, Mapping[str, Any]], Scene]] = {
     "number": _number,
-    "spring": _law("spring"),
-    "gravity": _law("gravity"),
+    "spring": _spring,
+    "gravity": _gravity,
     "machine": _machine,
     "family": _family,
     "floating": _floating,

@@ -162,7 +162,9 @@ def python_lines(scene: Scene) -> str:
     find = f"orbit = find(machine, family={scene.family}{start})\nprint(orbit)\n"
     if scene.fixed_laws:
         numbers = ", ".join(f"{name}={value!r}" for name, value in scene.numbers.items() if name != "restitution")
-        made = f"from problems import {scene.machine}\n\nmachine = {scene.machine}()" if scene.machine != "given" else ""
+        made = (
+            f"from problems import {scene.machine}\n\nmachine = {scene.machine}()" if scene.machine != "given" else ""
+        )
         made = made or "\n# machine: the one that explore was called with\nmachine = machine"
         return f"from orbits import find\n{made}.with_values({numbers})\n{find}"
     told = scene.statement()

@@ -199,9 +199,18 @@ window.startExplorer = (bridge, figures) => {
   });
   for (const button of document.querySelectorAll("[data-save]")) button.addEventListener("click", async () => {
     const kind = button.dataset.save, name = $("picture").value;
+    hold(figures[name], false);
+    await new Promise((resolve) => setTimeout(resolve, 100));
     const layer = await Bokeh.index.get(figures[name]).export(kind == "png" ? "png" : "svg");
     save(`${name}.${kind}`, await layer.to_blob());
   });
+
+  // What is not seen is not drawn: each figure takes as long to draw as a hop takes to find.
+  const seen = new IntersectionObserver((entries) => {
+    for (const {target, isIntersecting} of entries) hold(figures[target.dataset.figure], !isIntersecting);
+  }, {rootMargin: "200px"});
+  const hold = (figure, held) => figure.setv({hold_render: held}, {sync: false});
+  for (const place of document.querySelectorAll("[data-figure]")) seen.observe(place);
 
   bridge.properties.told.change.connect(told);
   bridge.properties.rows.change.connect(() => { if (bridge.rows) save_text(state.scene.rows.name, bridge.rows); });

@@ -33,7 +33,7 @@ FOLDER = Path(__file__).parent
 LONGEST_HISTORY = 200
 GESTURE = 1.0  # seconds: changes of one field that follow sooner are undone together
 ROWS_LEFT_OUT = "The measured rows are too many for a link, which leaves them out: save the machine file and its rows."
-CALM = 400  # milliseconds without a change, after which the family and the map are computed
+CALM = 300  # milliseconds without a change, after which the law is drawn, and the family and the map are computed
 
 
 class Bridge(DataModel):
@@ -66,6 +66,7 @@ class Explorer:
         self._dials_of: tuple[Any, ...] = ()
         self._texts = {"family": "", "map": ""}
         self._number = self._count = 0
+        self._awaited: Question | None = None  # of which the hop is not shown yet
         self._pending: Any = None  # what will compute the family and the map
         self._workers = {
             "hop": self._worker(self._hop_came),
@@ -92,13 +93,14 @@ class Explorer:
     # ---- figures
 
     def _new_figures(self) -> None:
-        self._bridge = Bridge()
+        self._bridge: Any = Bridge()
         self._hops, self._families, self._maps, self._laws = HopFigures(), FamilyFigure(), MapFigure(), LawFigure()
         hops = {name: getattr(self._hops, name) for name in ("machine", "heights", "portrait", "force", "player")}
         figures = {**hops, "family": self._families.figure, "map": self._maps.figure, "law": self._laws.figure}
-        for name, figure in figures.items():
-            figure.name = name
-            self._document.add_root(figure)
+        with self._document.models.freeze():  # otherwise all models are counted again for each figure
+            for name, figure in figures.items():
+                figure.name = name
+                self._document.add_root(figure)
         self._families.figure.on_event(Tap, self._family_tapped)
         self._maps.figure.on_event(Tap, self._map_tapped)
         self._bridge.on_change("asked", lambda attribute, old, new: self._asked(new))
@@ -163,7 +165,8 @@ class Explorer:
 
     def _ask_hop(self) -> None:
         kind = self._kind_of(self._wanted)
-        self._workers["hop"].ask(Question("hop", (self._wanted, kind != self._dials_of)))
+        self._awaited = Question("hop", (self._wanted, kind != self._dials_of))
+        self._workers["hop"].ask(self._awaited)
 
     @staticmethod
     def _kind_of(scene: Scene) -> tuple[Any, ...]:
@@ -181,6 +184,7 @@ class Explorer:
 
     def _stop(self) -> None:
         self._workers["hop"].stop()
+        self._awaited = None
         self._wanted, self._problems = self._shown, {"page": "Stopped: this is still the hop before."}
 
     def _family_tapped(self, event: Any) -> None:
@@ -206,6 +210,10 @@ class Explorer:
             self._problems = {place: answer.reason}
         elif isinstance(answer, HopAnswer):
             self._show_hop(question, answer)
+        else:
+            return
+        if self._awaited is not None and question.number == self._awaited.number:
+            self._awaited = None
         self._tell()
 
     def _show_hop(self, question: Question, answer: HopAnswer) -> None:
@@ -220,9 +228,6 @@ class Explorer:
             self._dials, self._dials_of = answer.dials, self._kind_of(asked)
         self._count += 1
         self._hops.show(answer.data, steady)
-        self._laws.figure.visible = answer.law is not None
-        if answer.law is not None:
-            self._laws.show(answer.law, steady)
         self._mark()
         self._around_later()
 
@@ -240,8 +245,16 @@ class Explorer:
 
     def _around(self) -> None:
         self._pending = None
+        law = self._hop.law if self._hop else None
+        self._laws.figure.visible = law is not None
+        if law is not None:
+            self._laws.show(law)
         scene, bounds = self._shown, {dial.name: (dial.low, dial.high) for dial in self._dials}
-        if scene.along in bounds and scene.along in scene.numbers and (self._family is None or not self._family.holds(scene)):
+        if (
+            scene.along in bounds
+            and scene.along in scene.numbers
+            and (self._family is None or not self._family.holds(scene))
+        ):
             self._texts["family"] = "The family is being followed."
             self._workers["family"].ask(Question("family", (scene, scene.along, *bounds[scene.along])))
         self._workers["map"].ask(Question("map", (scene,)))
@@ -282,7 +295,7 @@ class Explorer:
         state = {
             "n": self._number,
             "shown": self._count,
-            "idle": self._workers["hop"].busy == 0.0,
+            "idle": self._awaited is None,
             "status": f"A hop of family {scene.family}, alpha = {hop.alpha:.8g}{failing}." if hop else "",
             "title": hop.data.title if hop else "",
             "problems": self._problems,

@@ -20,6 +20,7 @@ from orbits.symbolic.formula import parse, suggest
 from .. import gravity as gravities
 from .. import springs
 from ..files import KINDS, MASSES, SI_KEYS, build
+from ..units import AnyMachine, MachineInSI
 
 # The machine that `explore` was given, where no statement makes it.
 GIVEN = "given"
@@ -242,15 +243,13 @@ def with_surroundings(scene: Scene) -> Scene:
 
 def scene_of_machine(machine: Any) -> Scene:
     """The scene of any machine: a statement where that makes the same machine, else the given one."""
-    from ..machine import TwoMasses
-
-    if isinstance(machine, TwoMasses) and machine.kind in KINDS:
+    if isinstance(machine, AnyMachine) and machine.kind in KINDS:
         words = machine.describe()
-        si = machine.units is not None
-        numbers = machine.stated_values if si else dict(machine.values)
+        si = isinstance(machine, MachineInSI)
+        numbers = machine.stated_values if isinstance(machine, MachineInSI) else dict(machine.values)
         numbers = {**numbers, **{name: getattr(machine, name) for name in LOSSES if getattr(machine, name)}}
-        if si and words["spring"] != LINEAR_IN_SI and machine.spring and not machine.spring.with_slope(0.0)[1] > 0:
-            numbers["stiffness"] = machine.stiffness
+        if isinstance(machine, MachineInSI) and machine.spring and not machine.spring.with_slope(0.0)[1] > 0:
+            numbers["stiffness"] = machine.stiffness  # it sets the units where the law has no slope
         try:
             scene = Scene(machine.kind, si, words["spring"], words["gravity"], numbers=numbers)
             if (scene := scene.complete()).build() == machine:

@@ -30,10 +30,6 @@ def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
 
     Raises `InputError` without the extra `explore`, and where the port is taken.
     """
-    prepare()
-    sockets = _bound(port)
-    port = sockets[0].getsockname()[1]
-    hosts = {f"{LOOPBACK}:{port}", f"localhost:{port}"}
     try:
         from bokeh.application.application import Application
         from bokeh.application.handlers.function import FunctionHandler
@@ -44,8 +40,12 @@ def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
         from tornado.ioloop import IOLoop
     except ImportError:
         raise InputError("the page needs Bokeh: install persistent-orbits[explore]") from None
+    prepare()
+    sockets = _bound(port)
+    port = sockets[0].getsockname()[1]
+    hosts = {f"{LOOPBACK}:{port}", f"localhost:{port}"}
     for name in ("bokeh", "tornado"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+        logging.getLogger(name).setLevel(logging.ERROR)
     settings.resources = "server"  # whatever the environment says, nothing comes from elsewhere
     settings.allowed_ws_origin = []  # nor is anybody else let in
     application = Application(FunctionHandler(_page_of(scene, given, hosts)))
@@ -103,9 +103,9 @@ def _page_of(scene: "Scene", given: Any, hosts: set[str]) -> Callable[[Any], Non
 
 def _words(text: str) -> Any:
     """A text as a model of Bokeh."""
-    from bokeh.models import Div
+    from orbits.pages.bokeh_figures import bokeh
 
-    return Div(text=escape(text))
+    return bokeh("models").Div(text=escape(text))
 
 
 def run(scene: "Scene", port: int, browser: bool, tell: Callable[[str], None]) -> None:
@@ -138,7 +138,8 @@ class Exploration:
         scene = with_surroundings(scene_of_machine(machine))
         given = machine if scene.fixed_laws else None
         self.height, self.address = height, ""
-        self._ready, self._problem = threading.Event(), None
+        self._ready = threading.Event()
+        self._problem: InputError | None = None
         self._thread = threading.Thread(target=self._serve, args=(scene, given), daemon=True)
         self._thread.start()
         self._ready.wait()
@@ -148,16 +149,20 @@ class Exploration:
     def _serve(self, scene: "Scene", given: Any) -> None:
         import asyncio
 
-        asyncio.set_event_loop(asyncio.new_event_loop())
+        loop = asyncio.new_event_loop()
+        asyncio.set_event_loop(loop)
         try:
-            self._server, self.address = serve(scene, 0, given)
-            self._server.start()
-        except InputError as error:
-            self._problem = error
-            return
+            try:
+                self._server, self.address = serve(scene, 0, given)
+                self._server.start()
+            except InputError as error:
+                self._problem = error
+                return
+            finally:
+                self._ready.set()
+            self._server.io_loop.start()
         finally:
-            self._ready.set()
-        self._server.io_loop.start()
+            loop.close()
 
     def close(self) -> None:
         """End the page and its processes."""

@@ -10,6 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
@@ -77,10 +78,8 @@ class Worker:
             if self._asked is None:
                 self._since = time.monotonic()
             self._asked = question
-            try:
+            with suppress(OSError):  # of a process that has just died, which its reader tells
                 self._pipe.send(question)
-            except (BrokenPipeError, OSError):
-                pass  # the process has just died, which its reader tells
 
     def stop(self) -> None:
         """End what is computed, at once; the next question begins a new process."""

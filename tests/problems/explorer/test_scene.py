@@ -39,7 +39,9 @@ SCENES = {
     "potential": Scene(spring="potential:r**2/2 + c*r**4", numbers={"c": 0.02, "rest_length": 9.0}).complete(),
     "gravity": Scene(gravity="exp(-z/H)", numbers={"H": 90.0}).complete(),
     "sphere": replace(IN_SI, gravity="inverse_square", numbers={**IN_SI.numbers, "R": 1e4}).complete(),
-    "restitution": replace(beginning("hopper"), numbers={**beginning("hopper").numbers, "restitution": 0.25}).complete(),
+    "restitution": replace(
+        beginning("hopper"), numbers={**beginning("hopper").numbers, "restitution": 0.25}
+    ).complete(),
     "rows": Scene(rows=SHORT_ROWS, along="mass_ratio").complete(),
     "measured leg": replace(IN_SI, rows=ROWS).complete(),
     "around": replace(beginning("hopper"), launch=2.5, along="rest_length", start=(0.8290513811936318, 2.94, 2.9)),
@@ -236,7 +238,7 @@ def test_sliders_end_where_there_is_no_such_machine(scene):
     assert {dial.name for dial in dials} - {"restitution"} <= {*scene.numbers}
     for dial in dials[:-1]:
         assert dial.low <= dial.value <= dial.high
-        assert not dial.factors or 0 < dial.low
+        assert not dial.factors or dial.low > 0
         for end in (dial.low, dial.high):
             machine.with_values(**{dial.name: end})
     shown = {dial["name"]: dial for dial in fields_of(scene.with_numbers(mass_ratio=1e6), dials, False)["dials"]}

@@ -189,7 +189,9 @@ def test_a_family_comes_in_pieces_and_is_that_of_follow():
 
 def test_a_point_beyond_a_fold_is_come_back_to():
     """Two hops have the same beta < 0: the start tells which is meant, and another slider keeps to its branch."""
-    softening = replace(beginning("hopper"), numbers={"mass_ratio": 1.0, "rest_length": 30.0, "beta": 0.0}, along="beta")
+    softening = replace(
+        beginning("hopper"), numbers={"mass_ratio": 1.0, "rest_length": 30.0, "beta": 0.0}, along="beta"
+    )
     *_, family = family_answers(None, softening, "beta", -0.02, 0.02)
     place = family.nearest(-0.005, 15.0)
     high = family.starts[place][1]
@@ -206,7 +208,7 @@ def test_the_map_is_drawn_first_and_then_its_basin():
     first, second = map_answers(None, replace(beginning("juggler"), launch=4.6))
     assert first.basin is None
     assert first.web.shape[0] == 2
-    assert first.web.shape[1] > 10
+    assert first.web.shape[1] > 4
     assert 0 < second.share < 1
     again = list(map_answers(None, replace(beginning("juggler"), launch=4.7)))
     assert len(again) == 1  # another cobweb needs no other basin

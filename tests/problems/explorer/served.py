@@ -1,0 +1,24 @@
+"""`orbits explore` as a process of its own, for tests."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).parents[3]
+COMMAND = [sys.executable, "-c", "from problems.cli import main; main()", "explore"]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
+
+
+@contextmanager
+def served(*options: str) -> Iterator[tuple[str, subprocess.Popen]]:
+    """The address of the page that the command serves with these options, and its process."""
+    command = [*COMMAND, "--no-browser", "--port", "0", *options]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes, env=ENVIRONMENT) as process:
+        try:
+            yield process.stdout.readline().split(" ")[0], process
+        finally:
+            process.kill()

@@ -1,0 +1,300 @@
+"""The page in a real browser: sliders moved, formulas typed, points clicked, links followed, rows dropped."""
+
+import time
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+pytest.importorskip("bokeh")
+
+from orbits import find
+from orbits.plot import COLOURS
+from problems import Hopper, springs
+from problems.explorer.forms import scene_of_link
+from tests.browser import Page, chromium
+from tests.problems.explorer.served import served
+from tests.problems.explorer.test_scene import arguments
+
+pytestmark = pytest.mark.browser
+SETTLED = "return window.explorer && explorer.settled"
+ENDLESS = "r + 0.02*sin(60*r)"
+
+
+@pytest.fixture(scope="module")
+def address():
+    with served() as (where, _):
+        yield where
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as page:
+        yield page
+
+
+@pytest.fixture
+def page(browser: Page, address: str):
+    """The page with what it begins with, drawn."""
+    browser.resize(1200)
+    browser.open(address)
+    shown(browser)
+    yield browser
+    assert browser.errors() == []
+    hosts = {urlsplit(url).hostname for url in browser.requests()}
+    assert hosts <= {"localhost", ""}  # nothing comes from elsewhere
+
+
+def shown(page: Page) -> float:
+    """Wait until the page shows what was asked for; the hop's alpha as it is shown."""
+    page.wait(SETTLED)
+    return alpha_of(page)
+
+
+def alpha_of(page: Page) -> float:
+    """The launch speed in the table of the certificate."""
+    text = page.run("return document.querySelector('#certificate td').textContent")
+    return float(text.split(" ")[0])
+
+
+def element(page: Page, name: str):
+    return page.driver.find_element("id", name)
+
+
+def type_in(page: Page, name: str, text: str) -> None:
+    """Replace the text of a field and leave it."""
+    field = element(page, name)
+    page.run("arguments[0].value = ''", field)
+    field.send_keys(text, "\t")
+
+
+def problem(page: Page, where: str = "problem") -> str:
+    return page.run("return document.getElementById(arguments[0]).textContent", where)
+
+
+def cubic(beta: float, **others) -> float:
+    """The launch speed of the hop that the page begins with, for another spring."""
+    return find(Hopper("r + beta*r**3", rest_length=8.0, parameters={"beta": beta}), **others).alpha
+
+
+def seen(page: Page, name: str) -> None:
+    """Scroll to a figure, and wait until it is drawn: what is not seen is not."""
+    page.run("Bokeh.index.get(explorer.figures[arguments[0]]).el.scrollIntoView({block: 'center'})", name)
+    page.wait("return !explorer.figures[arguments[0]].hold_render", name)
+    time.sleep(0.4)
+
+
+def curve_is_drawn(page: Page) -> bool:
+    """Whether the body's height is drawn where it should be, some time in flight: its colour is in the picture there."""
+    seen(page, "heights")
+    x, y = page.run("""
+        const figure = explorer.figures.heights, view = Bokeh.index.get(figure), frame = view.frame.bbox;
+        const masses = figure.renderers.map(r => r.data_source).find(s => s.data.colour && s.data.height[0]?.length);
+        const k = Math.floor(masses.data.time[0].length * 0.3), {left, top} = view.el.getBoundingClientRect();
+        const share = (range, value) => (value - range.start) / (range.end - range.start);
+        return [left + frame.left + frame.width * share(figure.x_range, masses.data.time[0][k]),
+                top + frame.top + frame.height * (1 - share(figure.y_range, masses.data.height[0][k]))];
+    """)
+    colour = np.array([int(COLOURS[0][i : i + 2], 16) for i in (1, 3, 5)])
+    around = page.picture()[int(y) - 4 : int(y) + 5, int(x) - 4 : int(x) + 5].astype(int)
+    return bool((np.abs(around - colour).max(axis=2) < 60).any())
+
+
+def is_not_blank(page: Page, name: str) -> bool:
+    """Whether a figure has colours beside its white."""
+    seen(page, name)
+    box = page.run("""
+        const el = Bokeh.index.get(explorer.figures[arguments[0]]).el;
+        const {left, top, width, height} = el.getBoundingClientRect();
+        return [left, top, width, height];
+    """, name)  # fmt: skip
+    left, top, width, height = map(int, box)
+    part = page.picture()[max(top, 0) : top + height, max(left, 0) : left + width]
+    return width > 200 and len(np.unique(part.reshape(-1, 3), axis=0)) > 20
+
+
+def test_the_first_picture_is_the_hop_of_find(page):
+    assert alpha_of(page) == pytest.approx(cubic(0.3), rel=1e-6)
+    assert curve_is_drawn(page)
+
+
+@pytest.mark.parametrize("width", [1200, 400])
+def test_every_figure_is_drawn_at_both_widths(page, width):
+    page.resize(width)
+    page.wait("return explorer.state['map-text'].includes('%')", seconds=60)
+    page.wait("return /reached|escaped/.test(explorer.state['family-text'])", seconds=60)
+    for name in ("machine", "heights", "portrait", "force", "law", "family", "map"):
+        assert is_not_blank(page, name), name
+    assert curve_is_drawn(page)
+    assert page.run("return document.documentElement.scrollWidth") <= width
+
+
+def test_a_slider_moved_by_keyboard_shows_the_hop_there(page):
+    slider = element(page, "slider-beta")
+    slider.send_keys("\ue014" * 8)  # arrow to the right
+    alpha, told = shown(page), page.run("return explorer.state.dials.find(d => d.name == 'beta').value")
+    assert told > 0.3
+    assert alpha == pytest.approx(cubic(told), rel=1e-6)
+    assert float(element(page, "number-beta").get_attribute("value")) == told
+    assert curve_is_drawn(page)
+    type_in(page, "number-beta", "3.5")  # beyond the slider's end
+    assert shown(page) == pytest.approx(cubic(3.5), rel=1e-6)
+
+
+def test_a_formula_is_typed_and_a_bad_one_leaves_the_hop(page):
+    type_in(page, "spring", "tanh(b*r)/b")
+    alpha = shown(page)
+    machine = Hopper("tanh(b*r)/b", rest_length=8.0, parameters={"b": 0.1})
+    assert alpha == pytest.approx(find(machine).alpha, rel=1e-6)
+    for text, said in (("tanh(b*r)/", "tanh(b*r)/"), ("__import__('os')", "os"), ("table:/etc/passwd", "dropped")):
+        type_in(page, "spring", text)
+        assert shown(page) == alpha
+        assert said in problem(page, "spring-problem")
+        assert element(page, "spring").get_attribute("value") == text  # it stays, to be mended
+        assert element(page, "spring").get_attribute("aria-invalid") == "true"
+    type_in(page, "gravity", "exp(-z/H)")
+    machine = Hopper("tanh(b*r)/b", "exp(-z/H)", rest_length=8.0, parameters={"b": 0.1, "H": 100.0})
+    assert shown(page) == pytest.approx(find(machine).alpha, rel=1e-6)
+    type_in(page, "gravity", "z")
+    shown(page)
+    assert "must be 1" in problem(page, "gravity-problem")
+
+
+def test_without_a_hop_the_last_one_stands_and_undo_leads_back(page):
+    before = alpha_of(page)
+    type_in(page, "number-beta", "-0.4")
+    assert shown(page) == before
+    assert problem(page)
+    element(page, "undo").click()
+    shown(page)
+    assert problem(page) == ""
+    type_in(page, "number-beta", "0.9")
+    assert shown(page) != before
+    page.driver.find_element("tag name", "body").send_keys("\ue009z")  # Ctrl-Z
+    page.wait("return explorer.settled && explorer.state.dials.find(d => d.name == 'beta').value == 0.3")
+    assert alpha_of(page) == before
+
+
+def test_a_family_and_a_machine_are_chosen(page):
+    page.run("const s = document.getElementById('family'); s.value = '3'; s.dispatchEvent(new Event('change'))")
+    assert shown(page) == pytest.approx(cubic(0.3, family=3), rel=1e-6)
+    page.run("const s = document.getElementById('machine'); s.value = 'juggler'; s.dispatchEvent(new Event('change'))")
+    assert shown(page) == pytest.approx(4.493409457909064, rel=1e-6)  # alpha = tan(alpha)
+
+
+def click(page: Page, name: str, x: float, y: float) -> None:
+    """Click at a place of a figure, in its own coordinates."""
+    from selenium.webdriver import ActionChains
+
+    seen(page, name)
+    el, dx, dy = page.run("""
+        const [name, x, y] = arguments, figure = explorer.figures[name], view = Bokeh.index.get(figure);
+        const box = view.el.getBoundingClientRect(), frame = view.frame.bbox;
+        const share = (range, value) => (value - range.start) / (range.end - range.start);
+        return [view.el, frame.left + frame.width * share(figure.x_range, x) - box.width / 2,
+                frame.top + frame.height * (1 - share(figure.y_range, y)) - box.height / 2];
+    """, name, x, y)  # fmt: skip
+    ActionChains(page.driver).move_to_element_with_offset(el, round(dx), round(dy)).click().perform()
+
+
+def test_a_click_on_the_family_goes_there(page):
+    page.wait("return /reached|escaped/.test(explorer.state['family-text'])", seconds=60)
+    value, alpha = page.run("""
+        const all = explorer.figures.family.renderers.map(r => r.data_source.data);
+        const {value, quantity} = all.find(d => d.quantity?.length > 30);
+        const k = value.findIndex(v => v < 1.2);
+        return [value[k], quantity[k]];
+    """)
+    click(page, "family", value, alpha)
+    page.wait("return explorer.settled && explorer.state.shown > 1")
+    there = page.run("return explorer.state.dials.find(d => d.name == 'beta').value")
+    assert there == pytest.approx(value, abs=0.1)
+    assert shown(page) == pytest.approx(cubic(there), rel=1e-6)
+    assert page.run("return explorer.state.lowest")  # a way back to the lowest hop is offered
+    click(page, "map", 2.0, 1.0)
+    page.wait("return explorer.state.scene.launch > 0")
+    assert page.run("return explorer.state.scene.launch") == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_link_shows_the_same_in_another_tab(page):
+    type_in(page, "number-mass_ratio", "1.7")
+    type_in(page, "spring", "r + beta*r**3 + c*r**5")
+    alpha, link = shown(page), element(page, "link").get_attribute("value")
+    table = page.run("return document.getElementById('certificate').textContent")
+    assert page.run("return location.href") == link
+    scene = scene_of_link(arguments(urlsplit(link).query))
+    assert find(scene.build()).alpha == pytest.approx(alpha, rel=1e-6)
+    first = page.driver.current_window_handle
+    page.driver.switch_to.new_window("tab")
+    try:
+        page.resize(1200)
+        page.open(link)
+        shown(page)
+        again = page.run("return document.getElementById('certificate').textContent")
+        assert again.partition("found by")[0] == table.partition("found by")[0]
+        page.open(link.partition("?")[0] + "?spring=table:/etc/passwd")
+        shown(page)
+        assert "cannot be followed" in problem(page)
+        assert alpha_of(page) == pytest.approx(cubic(0.3), rel=1e-6)
+    finally:
+        page.driver.close()
+        page.driver.switch_to.window(first)
+
+
+def test_what_takes_long_is_stopped(page):
+    before = alpha_of(page)
+    page.run("explorer.ask('family', {value: 40})")
+    shown(page)
+    type_in(page, "spring", ENDLESS)
+    page.wait("return !document.getElementById('stop').hidden")
+    assert page.run("return !explorer.state.idle || explorer.state.n >= 0")
+    element(page, "stop").click()
+    page.wait("return document.getElementById('stop').hidden")
+    shown(page)
+    assert "Stopped" in problem(page)
+    page.run("explorer.ask('family', {value: 1})")
+    assert shown(page) == before
+
+
+DROP = """
+    const [name, text] = arguments, data = new DataTransfer();
+    data.items.add(new File([text], name, {type: "text/csv"}));
+    document.getElementById("drop").dispatchEvent(new DragEvent("drop", {dataTransfer: data, bubbles: true}));
+"""
+
+
+def test_rows_are_dropped(page):
+    before = alpha_of(page)
+    page.run(DROP, "bad.csv", "no header\n1,2\n")
+    page.wait("return document.getElementById('rows-problem').textContent")
+    assert alpha_of(page) == before
+    page.run(
+        "const s = document.getElementById('machine'); s.value = 'hopper si'; s.dispatchEvent(new Event('change'))"
+    )
+    shown(page)
+    page.run(DROP, "leg <b>.csv", springs.SAMPLE.read_text(encoding="utf-8"))
+    page.wait("return explorer.state.scene.rows")
+    shown(page)
+    assert element(page, "rows-name").text == "leg__b_.csv"
+    element(page, "branch").send_keys("mean", "\t")
+    page.wait("return explorer.settled && explorer.state.scene.rows.branch == 'mean'")
+    assert problem(page, "rows-problem") == ""
+    scene = scene_of_link(arguments(urlsplit(element(page, "link").get_attribute("value")).query))
+    assert alpha_of(page) == pytest.approx(find(scene.build()).alpha, rel=1e-6)
+
+
+def test_pictures_are_saved(page):
+    for kind, begins in (("png", "\x89PNG"), ("svg", "<svg")):
+        text = page.driver.execute_async_script(
+            """
+            const [kind, done] = arguments, old = URL.createObjectURL;
+            URL.createObjectURL = (blob) => {
+              blob.arrayBuffer().then((data) => done(String.fromCharCode(...new Uint8Array(data).slice(0, 4000))));
+              URL.createObjectURL = old;
+              return "#";
+            };
+            document.querySelector(`[data-save=${kind}]`).click();
+            """,
+            kind,
+        )
+        assert begins in text[:100]

@@ -1,0 +1,140 @@
+"""The server of the page: on the loopback interface alone, for its own page alone, and ended cleanly."""
+
+import http.client
+import signal
+import socket
+import subprocess
+import sys
+import time
+from urllib.parse import urlsplit
+
+import pytest
+
+from orbits import InputError
+from problems import Hopper, explore
+
+pytest.importorskip("bokeh")
+
+from problems.explorer.scene import beginning
+from problems.explorer.server import serve
+from tests.problems.explorer.served import COMMAND, ENVIRONMENT, served
+
+UPGRADE = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
+UPGRADE |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "bokeh, token"}
+
+
+@pytest.fixture(scope="module")
+def port():
+    with served() as (address, _):
+        yield urlsplit(address).port
+
+
+def answer(port: int, path: str = "/", headers: dict | None = None) -> tuple[int, str]:
+    """The status and the text that a request gets."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+    connection.request("GET", path, headers=headers or {})
+    reply = connection.getresponse()
+    text = "" if reply.status == 101 else reply.read().decode()
+    connection.close()
+    return reply.status, text
+
+
+@pytest.mark.parametrize(
+    ("origin", "status"),
+    [
+        ("http://localhost:{port}", 101),
+        ("http://127.0.0.1:{port}", 101),
+        ("http://localhost", 403),
+        ("http://localhost:1", 403),
+        ("http://localhost.evil.example:{port}", 403),
+        ("http://evil.example:{port}", 403),
+        ("http://0.0.0.0:{port}", 403),
+        ("https://evil.example", 403),
+        ("null", 403),
+        ("", 403),
+    ],
+)
+def test_only_its_own_page_may_talk_to_it(port, origin, status):
+    headers = UPGRADE | {"Origin": origin.format(port=port)}
+    assert answer(port, "/ws", headers)[0] == status
+
+
+def test_a_name_that_another_site_gives_this_machine_gets_no_page(port):
+    assert "startExplorer" in answer(port)[1]
+    assert "startExplorer" not in answer(port, headers={"Host": f"evil.example:{port}"})[1]
+
+
+def test_a_page_names_no_address_but_its_own(port):
+    status, text = answer(port)
+    assert status == 200
+    assert "Lossless hops" in text
+    words = text.replace(f"http://localhost:{port}", "")
+    assert "https://" not in words
+    assert 'src="http' not in words
+
+
+def test_only_the_loopback_interface_is_listened_on(port):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        try:
+            other.connect(("192.0.2.1", 9))  # sends nothing, but tells the address of the way out
+        except OSError:
+            pytest.skip("this machine has no other interface")
+        address = other.getsockname()[0]
+    if address.startswith("127."):
+        pytest.skip("this machine has no other interface")
+    with pytest.raises(OSError, match=r"refused|timed out"):
+        socket.create_connection((address, port), timeout=2)
+
+
+def test_an_interrupt_ends_it_cleanly():
+    with served() as (address, process):
+        answer(urlsplit(address).port)  # a tab, which has workers
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=20)
+        assert process.returncode == 0
+        assert err == ""
+        assert "Traceback" not in out
+
+
+def test_a_port_that_is_taken_is_said(port):
+    run = subprocess.run(
+        [*COMMAND, "--no-browser", "--port", str(port)], capture_output=True, text=True, env=ENVIRONMENT, timeout=60
+    )
+    assert run.returncode == 2
+    assert f"port {port} is taken" in run.stderr
+
+
+def test_bad_options_are_said_before_anything_is_served(orbits):
+    run = orbits("explore --no-browser --spring 'r + c*r**3'")
+    assert run.code == 2
+    assert "without a value" in run.err
+    assert orbits("explore --port 70000").code == 2
+
+
+def test_without_bokeh_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "bokeh.server.server", None)
+    with pytest.raises(InputError, match=r"persistent-orbits\[explore\]"):
+        serve(beginning("hopper"))
+    with pytest.raises(InputError, match=r"persistent-orbits\[explore\]"):
+        explore(Hopper())
+
+
+def test_a_notebook_shows_the_page_of_a_machine():
+    page = explore(Hopper("tanh", rest_length=20.0, parameters={"b": 0.1}), height=700)
+    try:
+        text = page._repr_html_()
+        assert text.startswith("<iframe")
+        assert page.address in text
+        assert "height:700px" in text
+        assert "tanh" not in repr(page)
+        assert answer(urlsplit(page.address).port)[0] == 200
+    finally:
+        page.close()
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", urlsplit(page.address).port), timeout=2)
+
+
+def test_what_is_no_machine_is_said():
+    with pytest.raises(InputError, match="no machine"):
+        explore("hopper")
