@@ -30,7 +30,7 @@ SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
 # A legend below axes, in its font sizes: where it begins, to keep clear of the name of the abscissa; how far apart its
 # columns are; the width of a letter; and that of an entry without its letters. Axes get wider by the layout.
-BELOW, APART, LETTER, BESIDE, WIDENED = 4.4, 1.4, 0.52, 4.2, 1.15
+BELOW, APART, LETTER, ENTRY, WIDENED = 4.4, 1.4, 0.52, 4.2, 1.15
 MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
 MARKERS |= {"landing jerk": "<", "collapse": "D", "family": "*"}
 NO_MOTIONS, NO_ORBITS = "no motions", "no orbits"  # entries of legends
@@ -152,7 +152,7 @@ def legend_below(axes: Axes, of: Axes | None = None) -> Axes:
     entries.sort(key=lambda entry: entry[1] in last and hasattr(entry[0], "get_marker"))
     inches = WIDENED * axes.get_window_extent().width / axes.figure.dpi
     room = 72 * inches / FontProperties(size="small").get_size_in_points()
-    lengths = [LETTER * len(name) + BESIDE for _, name in entries]
+    lengths = [LETTER * len(name) + ENTRY for _, name in entries]
     count = rows = len(entries)
     for rows in range(1, count + 1):
         if sum(max(lengths[i : i + rows]) for i in range(0, count, rows)) <= room:

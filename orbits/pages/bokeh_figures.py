@@ -12,6 +12,8 @@ from ..errors import InputError
 Change: TypeAlias = tuple[Any, str, Any]
 
 TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
+# What moves in each frame is drawn on a canvas of its own, so that nothing else is drawn again for it.
+MOVING = {"level": "overlay"}
 GREY, INK = "#6b6b6b", "#333333"
 # A range stays as long as what it shows fills at least this share of it.
 FILLED = 0.7

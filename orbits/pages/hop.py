@@ -28,8 +28,6 @@ from .player import new_player
 
 # Times at which a hop of family n is looked at: so many, and so many more for each family, at most so many.
 TIMES, TIMES_EACH, MOST_TIMES = 160, 40, 1200
-# What moves in each frame is drawn on a canvas of its own, so that nothing else is drawn again for it.
-MOVING = {"level": "overlay"}
 CENTRE_OF_MASS = "centre of mass"
 
 
