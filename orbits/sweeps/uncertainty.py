@@ -48,7 +48,7 @@ class Uncertainty:
     def rows(self) -> list[tuple[str, ...]]:
         """The quantities as rows of a table: name, mean, deviation, linear deviation and two quantiles."""
         numbers = {
-            name: (mean, self.deviation[name], self.linear[name], *(self.quantiles[name][share] for share in OUTER_QUANTILES))
+            name: (mean, self.deviation[name], self.linear[name], *map(self.quantiles[name].get, OUTER_QUANTILES))
             for name, mean in self.mean.items()
         }
         return [(self.sweep.heading(name), *(f"{each:.6g}" for each in row)) for name, row in numbers.items()]
