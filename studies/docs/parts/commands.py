@@ -22,6 +22,7 @@ class Commands(SphinxDirective):
     def run(self):
         from problems.cli import orbits
 
+        self.env.note_reread()  # what it shows may change without the page
         sections = []
         for name, text in helps(orbits, "orbits"):
             section = nodes.section("", nodes.title("", name), ids=[nodes.make_id(name)], names=[name])

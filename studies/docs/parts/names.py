@@ -1,11 +1,11 @@
-"""References to Python names: those in backticks lead to the page of the object where it has one, and are code elsewhere.
+"""References to Python names: those in backticks lead to the page of the object where it has one, else they are code.
 
 A name may be written short, as `find` or `Orbit.plot`. What is asked for by a role of Sphinx, as {py:func}, has to be
 there.
 """
 
 from docutils import nodes
-from sphinx.addnodes import pending_xref
+from sphinx.addnodes import desc_signature, pending_xref
 from sphinx.util.docutils import SphinxRole
 from sphinx.util.nodes import make_refnode
 
@@ -29,26 +29,31 @@ def page_of(env, text: str):
     return None
 
 
+def above(node):
+    """The nodes that a node stands in, from the inside."""
+    while node.parent is not None:
+        node = node.parent
+        yield node
+
+
 def link_names(app, document, page: str) -> None:
     """Turn code that is a public name into a reference to it, but on the name's own line and in headings."""
     for literal in list(document.findall(nodes.literal)):
-        outer, above = literal.parent, set()
-        while outer is not None:
-            above.add(type(outer))
-            outer = outer.parent
-        if above & {nodes.reference, nodes.title, nodes.term} or any(issubclass(kind, pending_xref) for kind in above):
+        if any(
+            isinstance(outer, nodes.reference | nodes.title | nodes.term | pending_xref) for outer in above(literal)
+        ):
             continue
         found = page_of(app.env, literal.astext())
         if found and found.objtype != "module":
-            reference = make_refnode(app.builder, page, found.docname, found.node_id, literal.deepcopy(), literal.astext())
-            literal.replace_self(reference)
+            name = literal.astext()
+            literal.replace_self(
+                make_refnode(app.builder, page, found.docname, found.node_id, literal.deepcopy(), name)
+            )
 
 
 def resolve(app, env, node, content):
     """The references in signatures, which name things as the sources do; most of them are no public names."""
-    if node.get("refdomain") != "py" or node.get("py:module") is None and "py:class" not in node:
-        return None
-    if node.get("reftype") != "class" or node.get("refexplicit"):
+    if node.get("refdomain") != "py" or not any(isinstance(outer, desc_signature) for outer in above(node)):
         return None
     found = page_of(env, node["reftarget"].rpartition(".")[2])
     if found:

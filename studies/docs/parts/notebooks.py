@@ -15,6 +15,7 @@ class Notebooks(SphinxDirective):
     """A section for each notebook."""
 
     def run(self):
+        self.env.note_reread()  # what it shows may change without the page
         sections = []
         for path in sorted(NOTEBOOKS.glob("*.ipynb")):
             self.env.note_dependency(str(path))
