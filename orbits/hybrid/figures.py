@@ -36,6 +36,7 @@ def plot_map(
         axes.plot(*cobweb(step, finite_number("start", start), hops), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
     if fixed_points:
         _mark(axes, [(point.alpha, _stability(point)) for point in step.fixed_points(low, high)])
+    axes.set_title(f"return map of {title_of_machine(step.machine.describe())}", fontsize="medium", wrap=True)
     return _labelled_map(axes, step, low, high)
 
 
@@ -49,7 +50,6 @@ def _drawn_map(step: Any, low: float, high: float, axes: Axes, samples: int) -> 
 def _labelled_map(axes: Axes, step: Any, low: float, high: float) -> Axes:
     unit = f" ({step.machine.units.text(LIFTOFF_SPEED)})" if step.machine.units else ""
     labels: dict[str, Any] = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
-    axes.set_title(f"return map of {title_of_machine(step.machine.describe())}", fontsize="medium", wrap=True)
     lowest = min([low, *(float(np.nanmin(line.get_ydata())) for line in axes.lines if len(line.get_ydata()))])
     bottom = 0.0 if lowest < 0.3 * high else lowest - 0.05 * (high - lowest)
     return finished(axes, xlim=(low, high), ylim=(bottom, high), **labels)
