@@ -26,6 +26,14 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.fixture(autouse=True)
+def no_figures_left():
+    """Close the figures of pyplot, which keeps those of all tests once one of them has loaded it."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
+
+
 def middle(enclosure: dict) -> float:
     """The middle of a proved enclosure."""
     return float((Decimal(enclosure["low"]) + Decimal(enclosure["high"])) / 2)
