@@ -6,7 +6,19 @@ from typing import Any
 import numpy as np
 
 from ..plot import COLOURS, family_curve
-from .bokeh_figures import INK, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes, tip
+from .bokeh_figures import (
+    INK,
+    MOVING,
+    Change,
+    apply,
+    bokeh,
+    empty_columns,
+    hover,
+    legend_above,
+    new_figure,
+    range_changes,
+    tip,
+)
 from .tables import number_text
 
 # How events are marked, alike in each figure of a family.
@@ -85,11 +97,11 @@ class FamilyFigure:
         look = {"marker": "marker", "fill_color": "white", "line_color": INK, "line_width": 1.6, "size": 10}
         events = figure.scatter("value", "quantity", source=self._events, **look)
         ring = {"size": 16, "fill_color": None, "line_color": COLOURS[1], "line_width": 3}
-        here = figure.scatter("value", "quantity", source=self._here, **ring)
+        here = figure.scatter("value", "quantity", source=self._here, **ring, **MOVING)
         new_item = models.LegendItem
         self._items = [new_item(label="motions", renderers=[line]), new_item(label="no motions", renderers=[dashed])]
         self._items.append(new_item(label="shown", renderers=[here], visible=False))
-        legend_above(figure, *self._items, new_item(label={"field": "kind"}, renderers=[events]))
+        legend_above(figure, *self._items, new_item(label={"field": "kind"}, renderers=[events]), columns=3)
         self._hover = hover([points], [("", "@told")])
         figure.add_tools(self._hover, models.TapTool(renderers=[points]))
 

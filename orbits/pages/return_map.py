@@ -20,7 +20,7 @@ from .bokeh_figures import (
     range_changes,
 )
 
-SAMPLES, HOPS = 1500, 60
+MAP_SAMPLES, WEB_HOPS = 1500, 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +55,8 @@ def map_data(
     *,
     basin: Any = None,
     start: float | None = None,
-    samples: int = SAMPLES,
-    hops: int = HOPS,
+    samples: int = MAP_SAMPLES,
+    hops: int = WEB_HOPS,
 ) -> MapData:
     """What the figure shows of a `ReturnMap` between two launch speeds.
 

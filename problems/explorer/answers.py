@@ -21,9 +21,9 @@ from orbits.periodic.orbit import Orbit
 from .dials import Dial, dials_of
 from .scene import Scene
 
-FIRST_PIECE, PIECE, MOST_POINTS = 12, 60, 2000  # points of a family until it is shown again, and in all
+FIRST_PIECE, PIECE, LONGEST_FAMILY = 12, 60, 2000  # points of a family until it is shown again, and in all
 BEYOND = 2.0  # the map is drawn up to so many times the hop's launch speed
-SLOWEST = 1e-3  # and from this share of that on
+SLOWEST_DRAWN = 1e-3  # and from this share of that on
 COBWEB = 80  # hops
 
 
@@ -51,7 +51,7 @@ class HopAnswer:
 def hop_answer(given: Any, scene: Scene, with_dials: bool) -> Iterator[HopAnswer]:
     """The hop of a scene; raises `NoOrbit` where there is none."""
     machine = scene.build(given)
-    orbit = _orbit_of(machine, scene)
+    orbit = _orbit_of_scene(machine, scene)
     if scene.start is not None:
         scene = replace(scene, start=start_of(orbit))
     try:
@@ -107,25 +107,25 @@ def family_answers(given: Any, scene: Scene, along: str, low: float, high: float
     here = machine.values.get(along)
     if here is None:
         raise InputError(f"this machine has no parameter '{along}' to follow")
-    hop, bounds = _orbit_of(machine, scene), (min(low, here), max(high, here))
-    ways = [stop for stop in (bounds[::-1], bounds) if stop[1] != here]
+    hop, bounds = _orbit_of_scene(machine, scene), (min(low, here), max(high, here))
+    ways = [stop for stop in (bounds, bounds[::-1]) if stop[1] != here]
     parts: list[Family] = []
     for stop in ways:
         part = follow(machine, along, stop, family=hop.family, orbit=hop, most=FIRST_PIECE)
         yield _family_answer(scene, along, [*parts, part], len(ways))
-        while part.end.kind == "stopped" and len(part) < MOST_POINTS:
+        while part.end.kind == "stopped" and len(part) < LONGEST_FAMILY:
             part = follow(machine, along, stop, family=hop.family, resume=part, most=PIECE)
             yield _family_answer(scene, along, [*parts, part], len(ways))
         parts.append(part)
 
 
-def _orbit_of(machine: Any, scene: Scene) -> Orbit:
+def _orbit_of_scene(machine: Any, scene: Scene) -> Orbit:
     """The orbit of a scene; raises `NoOrbit`."""
     start = scene.start and dict(zip(("liftoff", "alpha", "duration"), scene.start, strict=True))
     return find(machine, scene.family, start=start)
 
 
-def joined(parts: list[Family]) -> Family:
+def joined_ways(parts: list[Family]) -> Family:
     """One family of one that goes up from a hop and one that goes down from it, the latter turned round."""
     if len(parts) == 1:
         return parts[0]
@@ -137,8 +137,8 @@ def joined(parts: list[Family]) -> Family:
 
 
 def _family_answer(scene: Scene, along: str, parts: list[Family], ways: int) -> FamilyAnswer:
-    family, ends = joined(parts), [part.end for part in parts]
-    growing = ends[-1].kind == "stopped" and len(parts[-1]) < MOST_POINTS
+    family, ends = joined_ways(parts), [part.end for part in parts]
+    growing = ends[-1].kind == "stopped" and len(parts[-1]) < LONGEST_FAMILY
     told = [f"{word}: {end.kind}, {end.reason}" for word, end in zip(("up", "down"), ends, strict=False)]
     count = f"{len(family)} orbits"
     text = f"{count}, still growing" if growing or len(parts) < ways else f"{count}. {'. '.join(told)}."
@@ -168,8 +168,8 @@ _last_basin: list[tuple[Scene, list[tuple[float, float]]]] = []
 def _map_of(given: Any, scene: Scene) -> tuple[ReturnMap, float, float]:
     """The return map of a scene's machine, and between which launch speeds it is drawn."""
     machine = scene.build(given)
-    alpha = _orbit_of(machine, scene).alpha
-    return ReturnMap(machine), SLOWEST * alpha, BEYOND * alpha
+    alpha = _orbit_of_scene(machine, scene).alpha
+    return ReturnMap(machine), SLOWEST_DRAWN * alpha, BEYOND * alpha
 
 
 # What a worker may be asked, by name; each function takes the page's given machine and the arguments of the question.

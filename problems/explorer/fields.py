@@ -12,7 +12,7 @@ from orbits.errors import InputError
 from .. import gravity as gravities
 from .. import springs
 from .dials import Dial
-from .scene import GIVEN, MeasuredRows, Scene, beginning
+from .scene import GIVEN, DroppedRows, Scene, beginning
 
 KINDS_IN_WORDS = {
     "hopper": "hopper",
@@ -22,11 +22,11 @@ KINDS_IN_WORDS = {
     "inerter_hopper": "hopper with an inerter",
     "knee_hopper": "hopper with a knee, in SI",
 }
-FAMILIES = 12  # that are offered
+OFFERED_FAMILIES = 12  # that are offered
 REST_LENGTHS = {False: 10.0, True: 1.0}  # that a spring is given which had none, dimensionless and in SI
 
 
-def fields_of(scene: Scene, dials: list[Dial], given: bool) -> dict[str, Any]:
+def shown_fields(scene: Scene, dials: list[Dial], given: bool) -> dict[str, Any]:
     """What the fields show of a scene, ready for JSON.
 
     dials : of its parameters; their values may be older than the scene
@@ -34,7 +34,7 @@ def fields_of(scene: Scene, dials: list[Dial], given: bool) -> dict[str, Any]:
     """
     rows, fixed = scene.rows, scene.fixed_laws
     shown = [_with_value(dial, scene.numbers.get(dial.name, dial.value)) for dial in dials]
-    families = sorted({*range(1, FAMILIES + 1), scene.family})
+    families = sorted({*range(1, OFFERED_FAMILIES + 1), scene.family})
     kinds = KINDS_IN_WORDS | ({GIVEN: "as it was given"} if given else {})
     names = [dial.name for dial in dials if dial.name != "restitution"]
     return {
@@ -49,16 +49,16 @@ def fields_of(scene: Scene, dials: list[Dial], given: bool) -> dict[str, Any]:
             "along": scene.along,
             "launch": scene.launch,
         },
-        "dials": [asdict(dial) | {"label": label_of(dial.name)} for dial in shown],
+        "dials": [asdict(dial) | {"label": dial_label(dial.name)} for dial in shown],
         "machines": list(kinds.items()),
         "families": [(str(number), str(number)) for number in families],
-        "alongs": [("", "none"), *((name, label_of(name)) for name in names)],
+        "alongs": [("", "none"), *((name, dial_label(name)) for name in names)],
         "springs": list(springs.NAMED),
         "gravities": list(gravities.NAMED),
     }
 
 
-def label_of(name: str) -> str:
+def dial_label(name: str) -> str:
     """A parameter's name as a label."""
     words = name.replace("_", " ") if len(name) > 3 else name
     return "restitution (of the map)" if name == "restitution" else words
@@ -81,41 +81,41 @@ def changed(scene: Scene, act: str, told: Mapping[str, Any]) -> Scene:
     return CHANGES[act](scene, told).complete()
 
 
-def _number(scene: Scene, told: Mapping[str, Any]) -> Scene:
+def _to_number(scene: Scene, told: Mapping[str, Any]) -> Scene:
     name = str(told.get("name"))
     if name != "restitution" and name not in scene.numbers:
         raise InputError(f"this machine has no parameter {name[:40]!r}")
     return scene.with_numbers(**{name: told.get("value")})  # type: ignore[arg-type]  # the scene checks it
 
 
-def _spring(scene: Scene, told: Mapping[str, Any]) -> Scene:
+def _to_spring(scene: Scene, told: Mapping[str, Any]) -> Scene:
     return replace(scene, spring=told.get("value"), rows=None, start=None)  # type: ignore[arg-type]
 
 
-def _gravity(scene: Scene, told: Mapping[str, Any]) -> Scene:
+def _to_gravity(scene: Scene, told: Mapping[str, Any]) -> Scene:
     return replace(scene, gravity=told.get("value"), start=None)  # type: ignore[arg-type]
 
 
-def _machine(scene: Scene, told: Mapping[str, Any]) -> Scene:
+def _to_machine(scene: Scene, told: Mapping[str, Any]) -> Scene:
     kind, _, si = str(told.get("value")).partition(" ")
     if kind == GIVEN:
         raise InputError("go back to the machine that was given with undo, or by reloading the page without a link")
     return beginning(kind, si == "si")
 
 
-def _family(scene: Scene, told: Mapping[str, Any]) -> Scene:
+def _to_family(scene: Scene, told: Mapping[str, Any]) -> Scene:
     return replace(scene, family=told.get("value"), start=None)  # type: ignore[arg-type]  # the scene checks it
 
 
-def _floating(scene: Scene, told: Mapping[str, Any]) -> Scene:
+def _to_floating(scene: Scene, told: Mapping[str, Any]) -> Scene:
     numbers = {name: value for name, value in scene.numbers.items() if name != "rest_length"}
     if told.get("value") is not True:
         numbers["rest_length"] = REST_LENGTHS[scene.si]
     return replace(scene, numbers=numbers)
 
 
-def _rows(scene: Scene, told: Mapping[str, Any]) -> Scene:
-    return replace(scene, rows=MeasuredRows(told.get("name"), told.get("text")), start=None)  # type: ignore[arg-type]
+def _to_rows(scene: Scene, told: Mapping[str, Any]) -> Scene:
+    return replace(scene, rows=DroppedRows(told.get("name"), told.get("text")), start=None)  # type: ignore[arg-type]
 
 
 def _of_rows(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]:
@@ -130,13 +130,13 @@ def _of_rows(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]:
 
 # The fields by name.
 CHANGES: dict[str, Callable[[Scene, Mapping[str, Any]], Scene]] = {
-    "number": _number,
-    "spring": _spring,
-    "gravity": _gravity,
-    "machine": _machine,
-    "family": _family,
-    "floating": _floating,
-    "rows": _rows,
+    "number": _to_number,
+    "spring": _to_spring,
+    "gravity": _to_gravity,
+    "machine": _to_machine,
+    "family": _to_family,
+    "floating": _to_floating,
+    "rows": _to_rows,
     "rows-away": lambda scene, told: replace(scene, rows=None, start=None),
     "branch": _of_rows("branch"),
     "noise": _of_rows("noise"),

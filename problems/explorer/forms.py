@@ -12,14 +12,27 @@ from urllib.parse import urlencode
 from orbits.errors import InputError
 
 from ..files import MASSES, SI_KEYS, build
-from .scene import LARGEST_ROWS, LINEAR_IN_SI, LOSSES, MeasuredRows, Scene, beginning, with_surroundings
+from .scene import LARGEST_ROWS, LINEAR_IN_SI, LOSSES, DroppedRows, Scene, beginning, with_surroundings
 
 # Characters of measured rows in a link, packed: browsers and servers take some 60,000 of an address.
 LONGEST_ROWS_IN_LINK = 8000
 LONGEST_VALUE = 12_000
 # A parameter's name in a link follows this, so that none is taken for a word of the link's own.
 NUMBER = "p."
-WORDS = ("machine", "si", "spring", "gravity", "family", "start", "along", "launch", "rows", "name", "branch", "noise")
+LINK_WORDS = (
+    "machine",
+    "si",
+    "spring",
+    "gravity",
+    "family",
+    "start",
+    "along",
+    "launch",
+    "rows",
+    "name",
+    "branch",
+    "noise",
+)
 
 
 def link_of(scene: Scene) -> tuple[str, bool]:
@@ -50,30 +63,32 @@ def scene_of_link(query: Mapping[str, list[bytes]]) -> Scene:
     for name, values in query.items():
         if len(values) != 1 or len(values[0]) > LONGEST_VALUE:
             raise InputError(f"the link gives '{name[:40]}' more than once, or too long")
-        if name not in WORDS and not name.startswith(NUMBER):
-            raise InputError(f"the link has an unknown word '{name[:40]}'; it knows {', '.join(WORDS)}")
+        if name not in LINK_WORDS and not name.startswith(NUMBER):
+            raise InputError(f"the link has an unknown word '{name[:40]}'; it knows {', '.join(LINK_WORDS)}")
         try:
             told[name] = values[0].decode("utf-8")
         except UnicodeDecodeError:
             raise InputError(f"'{name[:40]}' of the link is no text") from None
-    numbers = {name.removeprefix(NUMBER): _number(name, text) for name, text in told.items() if name.startswith(NUMBER)}
-    start = tuple(_number("start", part) for part in told["start"].split(",")) if "start" in told else None
+    numbers = {
+        name.removeprefix(NUMBER): _number_in_link(name, text) for name, text in told.items() if name.startswith(NUMBER)
+    }
+    start = tuple(_number_in_link("start", part) for part in told["start"].split(",")) if "start" in told else None
     scene = Scene(
         told.get("machine", "hopper"),
-        _number("si", told.get("si", "0")) == 1,
+        _number_in_link("si", told.get("si", "0")) == 1,
         told.get("spring", "r"),
         told.get("gravity", "1"),
         _rows_of(told),
         numbers,
-        _whole("family", told.get("family", "1")),
+        _whole_in_link("family", told.get("family", "1")),
         start,  # type: ignore[arg-type]  # the scene counts them
         told.get("along", ""),
-        _number("launch", told["launch"]) if "launch" in told else None,
+        _number_in_link("launch", told["launch"]) if "launch" in told else None,
     )
     return scene.complete()
 
 
-def _rows_of(told: Mapping[str, str]) -> MeasuredRows | None:
+def _rows_of(told: Mapping[str, str]) -> DroppedRows | None:
     """The measured rows in a link; no more than a table may have are unpacked."""
     if "rows" not in told:
         return None
@@ -86,19 +101,19 @@ def _rows_of(told: Mapping[str, str]) -> MeasuredRows | None:
         decoded = text.decode("utf-8")
     except (ValueError, zlib.error):
         raise InputError("the measured rows in the link are damaged, or too many") from None
-    noise = _number("noise", told["noise"]) if "noise" in told else None
-    return MeasuredRows(told.get("name", "rows"), decoded, told.get("branch"), noise)
+    noise = _number_in_link("noise", told["noise"]) if "noise" in told else None
+    return DroppedRows(told.get("name", "rows"), decoded, told.get("branch"), noise)
 
 
-def _number(name: str, text: str) -> float:
+def _number_in_link(name: str, text: str) -> float:
     try:
         return float(text)  # the scene refuses what is not finite
     except ValueError:
         raise InputError(f"'{name[:40]}' of the link is {text[:40]!r}, no number") from None
 
 
-def _whole(name: str, text: str) -> int:
-    value = _number(name, text[:40])
+def _whole_in_link(name: str, text: str) -> int:
+    value = _number_in_link(name, text[:40])
     if not value.is_integer():
         raise InputError(f"'{name[:40]}' of the link is {text[:40]!r}, no whole number")
     return int(value)
@@ -126,13 +141,13 @@ def scene_of_statement(told: Mapping[str, Any], family: int = 1) -> Scene:
     return with_surroundings(scene.complete())
 
 
-def _rows_from_file(spring: str) -> MeasuredRows:
+def _rows_from_file(spring: str) -> DroppedRows:
     """The rows of "table:FILE?branch=loading&noise=0.5", with the text of the file."""
     from ..springs import table_options
     from ..tables import text_of
 
     path, options = table_options(spring.removeprefix("table:"))
-    return MeasuredRows(Path(path).name, text_of(Path(path)), **options)
+    return DroppedRows(Path(path).name, text_of(Path(path)), **options)
 
 
 def machine_file(scene: Scene) -> str:

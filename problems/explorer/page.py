@@ -9,7 +9,7 @@ from typing import Any
 
 from bokeh.core.properties import String
 from bokeh.document import Document
-from bokeh.events import Tap
+from bokeh.events import Press, Tap
 from bokeh.model import DataModel
 from bokeh.models import CustomJS
 from bokeh.resources import Resources
@@ -24,10 +24,10 @@ from orbits.pages.tables import html_table
 
 from .answers import FamilyAnswer, HopAnswer
 from .dials import Dial
-from .fields import changed, fields_of
+from .fields import changed, shown_fields
 from .forms import link_of, machine_file, python_lines
 from .scene import Scene
-from .worker import Done, Failure, Question, Worker
+from .worker import Done, Failure, Task, Worker
 
 FOLDER = Path(__file__).parent
 LONGEST_HISTORY = 200
@@ -66,7 +66,7 @@ class Explorer:
         self._dials_of: tuple[Any, ...] = ()
         self._texts = {"family": "", "map": ""}
         self._number = self._count = 0
-        self._awaited: Question | None = None  # of which the hop is not shown yet
+        self._awaited: Task | None = None  # of which the hop is not shown yet
         self._pending: Any = None  # what will compute the family and the map
         self._workers = {
             "hop": self._worker(self._hop_came),
@@ -82,10 +82,10 @@ class Explorer:
         for worker in self._workers.values():
             worker.stop()
 
-    def _worker(self, came: Callable[[Question, Any], None], calm: bool = False) -> Worker:
+    def _worker(self, came: Callable[[Task, Any], None], calm: bool = False) -> Worker:
         """A worker whose answers come to a method, in the thread of the document."""
 
-        def deliver(question: Question, answer: Any) -> None:
+        def deliver(question: Task, answer: Any) -> None:
             self._document.add_next_tick_callback(lambda: came(question, answer))
 
         return Worker(deliver, self._given, calm)
@@ -97,12 +97,14 @@ class Explorer:
         self._hops, self._families, self._maps, self._laws = HopFigures(), FamilyFigure(), MapFigure(), LawFigure()
         hops = {name: getattr(self._hops, name) for name in ("machine", "heights", "portrait", "force", "player")}
         figures = {**hops, "family": self._families.figure, "map": self._maps.figure, "law": self._laws.figure}
+        # A click that takes longer is a press. What is asked for after the figures are in the document is not heard.
+        for event in (Tap, Press):
+            self._families.figure.on_event(event, self._family_clicked)
+            self._maps.figure.on_event(event, self._map_clicked)
         with self._document.models.freeze():  # otherwise all models are counted again for each figure
             for name, figure in figures.items():
                 figure.name = name
                 self._document.add_root(figure)
-        self._families.figure.on_event(Tap, self._family_tapped)
-        self._maps.figure.on_event(Tap, self._map_tapped)
         self._bridge.on_change("asked", lambda attribute, old, new: self._asked(new))
         start = CustomJS(args={"bridge": self._bridge, "figures": figures}, code="startExplorer(bridge, figures)")
         self._document.js_on_event("document_ready", start)
@@ -165,7 +167,7 @@ class Explorer:
 
     def _ask_hop(self) -> None:
         kind = self._kind_of(self._wanted)
-        self._awaited = Question("hop", (self._wanted, kind != self._dials_of))
+        self._awaited = Task("hop", (self._wanted, kind != self._dials_of))
         self._workers["hop"].ask(self._awaited)
 
     @staticmethod
@@ -187,7 +189,7 @@ class Explorer:
         self._awaited = None
         self._wanted, self._problems = self._shown, {"page": "Stopped: this is still the hop before."}
 
-    def _family_tapped(self, event: Any) -> None:
+    def _family_clicked(self, event: Any) -> None:
         """Go to the hop of the family that is nearest to a click."""
         answer = self._family
         if answer is None:
@@ -197,14 +199,14 @@ class Explorer:
         self._go(replace(scene, start=answer.starts[place]), "family point")
         self._tell()
 
-    def _map_tapped(self, event: Any) -> None:
+    def _map_clicked(self, event: Any) -> None:
         if event.x is not None and event.x > 0:
             self._change("launch", {"value": float(f"{event.x:.6g}")})
             self._tell()
 
     # ---- what comes
 
-    def _hop_came(self, question: Question, answer: Any) -> None:
+    def _hop_came(self, question: Task, answer: Any) -> None:
         if isinstance(answer, Failure):
             place = self._cause if self._cause in ("spring", "gravity", "rows") else "page"
             self._problems = {place: answer.reason}
@@ -216,7 +218,7 @@ class Explorer:
             self._awaited = None
         self._tell()
 
-    def _show_hop(self, question: Question, answer: HopAnswer) -> None:
+    def _show_hop(self, question: Task, answer: HopAnswer) -> None:
         asked, with_dials = question.arguments
         shown = self._with_surroundings(answer.scene)
         if asked.hop == self._wanted.hop:
@@ -256,11 +258,11 @@ class Explorer:
             and (self._family is None or not self._family.holds(scene))
         ):
             self._texts["family"] = "The family is being followed."
-            self._workers["family"].ask(Question("family", (scene, scene.along, *bounds[scene.along])))
-        self._workers["map"].ask(Question("map", (scene,)))
+            self._workers["family"].ask(Task("family", (scene, scene.along, *bounds[scene.along])))
+        self._workers["map"].ask(Task("map", (scene,)))
         self._tell()
 
-    def _family_came(self, question: Question, answer: Any) -> None:
+    def _family_came(self, question: Task, answer: Any) -> None:
         if isinstance(answer, Failure):
             self._family, self._texts["family"] = None, f"No family here: {answer.reason}"
         elif isinstance(answer, FamilyAnswer):
@@ -270,7 +272,7 @@ class Explorer:
             self._mark()
         self._tell()
 
-    def _map_came(self, question: Question, answer: Any) -> None:
+    def _map_came(self, question: Task, answer: Any) -> None:
         if isinstance(answer, Failure):
             self._texts["map"] = f"No map here: {answer.reason}"
         elif not isinstance(answer, Done):
@@ -308,6 +310,6 @@ class Explorer:
             "map-text": self._texts["map"],
             "python": python_lines(scene),
             "file": file,
-            **fields_of(self._wanted, self._dials, self._given is not None),
+            **shown_fields(self._wanted, self._dials, self._given is not None),
         }
         self._bridge.told = json.dumps(state)

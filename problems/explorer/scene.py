@@ -56,7 +56,7 @@ BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
 
 
 @dataclass(frozen=True)
-class MeasuredRows:
+class DroppedRows:
     """A measured spring: the name and the text of its file, and how `springs.table` is to read it."""
 
     name: str
@@ -115,7 +115,7 @@ class Scene:
     si: bool = False
     spring: str = "r"
     gravity: str = "1"
-    rows: MeasuredRows | None = None
+    rows: DroppedRows | None = None
     numbers: Mapping[str, float] = field(default_factory=dict)
     family: int = 1
     start: tuple[float, float, float] | None = None
@@ -206,12 +206,12 @@ class Scene:
             return build({**told, "spring": self.rows.law(self.si)} if self.rows else told, "this machine")
         if self.machine == GIVEN and given is None:
             raise InputError("this link is of a machine made in Python: open it from the page that shows the machine")
-        base = given if self.machine == GIVEN else _fixed(self.machine)
+        base = given if self.machine == GIVEN else _with_its_own_laws(self.machine)
         return base.with_values(**{name: value for name, value in self.numbers.items() if name != "restitution"})
 
 
 @lru_cache(maxsize=8)
-def _fixed(name: str) -> Any:
+def _with_its_own_laws(name: str) -> Any:
     """A machine with fixed laws, as it begins."""
     import problems
 
@@ -221,7 +221,7 @@ def _fixed(name: str) -> Any:
 def beginning(machine: str, si: bool = False) -> Scene:
     """What the page begins with for a kind of machine."""
     if machine in WITH_FIXED_LAWS:
-        return given_scene(_fixed(machine), machine)
+        return given_scene(_with_its_own_laws(machine), machine)
     if (machine, si) not in BEGINNINGS:
         raise InputError(f"unknown machine {machine[:40]!r}{suggest(machine[:40], (*KINDS, *WITH_FIXED_LAWS))}")
     return Scene(machine, si, **BEGINNINGS[machine, si])

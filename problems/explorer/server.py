@@ -88,7 +88,7 @@ def _page_of(scene: "Scene", given: Any, hosts: set[str]) -> Callable[[Any], Non
         request = document.session_context.request
         # A name that another site lets point to this machine is refused; and so are more tabs than can be served.
         if request.headers.get("Host", "").lower() not in hosts or len(tabs) >= MOST_TABS:
-            document.add_root(_words("This page is served to this machine alone, to a few tabs at a time."))
+            document.add_root(_page_of_words("This page is served to this machine alone, to a few tabs at a time."))
             return
         try:
             begun, problem = (scene_of_link(request.arguments) if request.arguments else scene), ""
@@ -101,7 +101,7 @@ def _page_of(scene: "Scene", given: Any, hosts: set[str]) -> Callable[[Any], Non
     return fill
 
 
-def _words(text: str) -> Any:
+def _page_of_words(text: str) -> Any:
     """A text as a model of Bokeh."""
     from orbits.pages.bokeh_figures import bokeh
 

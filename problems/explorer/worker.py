@@ -25,7 +25,7 @@ IMPATIENT = 3.0
 
 
 @dataclass(frozen=True)
-class Question:
+class Task:
     """What a worker is asked: a name of `answers.ANSWERS` and its arguments; no two have the same number."""
 
     name: str
@@ -55,12 +55,12 @@ class Worker:
     given : the machine of the page, where no statement makes it
     """
 
-    def __init__(self, deliver: Callable[[Question, Any], None], given: Any = None, calm: bool = False):
+    def __init__(self, deliver: Callable[[Task, Any], None], given: Any = None, calm: bool = False):
         self._deliver, self._given, self._calm = deliver, given, calm
         self._lock = threading.Lock()
         self._process: Any = None
         self._pipe: Any = None
-        self._asked: Question | None = None  # the newest, until its last answer has come
+        self._asked: Task | None = None  # the newest, until its last answer has come
         self._since = 0.0
 
     @property
@@ -68,7 +68,7 @@ class Worker:
         """For how many seconds it has been computing; 0.0 where it waits."""
         return time.monotonic() - self._since if self._asked is not None else 0.0
 
-    def ask(self, question: Question) -> None:
+    def ask(self, question: Task) -> None:
         """Ask for answers to a question, in the place of what was asked before."""
         with self._lock:
             if self._asked is not None and self.busy > IMPATIENT:
@@ -120,7 +120,7 @@ class Worker:
         if lost is not None:
             self._deliver(lost, Failure("the process that computed this has ended; there may be too little memory"))
 
-    def _wanted(self, process: Any, question: Question, answer: Any) -> bool:
+    def _wanted(self, process: Any, question: Task, answer: Any) -> bool:
         """Whether somebody waits for an answer; its question is settled with the last one."""
         last = isinstance(answer, Done | Failure)
         with self._lock:
@@ -176,7 +176,7 @@ def answer_questions(pipe: Any, given: Any, calm: bool) -> None:
                 break
 
 
-def _answers(question: Question, given: Any) -> Iterator[Any]:
+def _answers(question: Task, given: Any) -> Iterator[Any]:
     """The answers to a question; an error that is raised on purpose is one in words."""
     try:
         yield from ANSWERS[question.name](given, *question.arguments)

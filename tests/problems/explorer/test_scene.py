@@ -14,7 +14,7 @@ from orbits import InputError, find
 from orbits.errors import LONGEST_MESSAGE
 from problems import Hopper, Juggler, explorer, hopper_in_si, inerter_hopper, springs
 from problems.explorer.dials import dials_of
-from problems.explorer.fields import changed, fields_of
+from problems.explorer.fields import changed, shown_fields
 from problems.explorer.forms import (
     first_scene,
     link_of,
@@ -23,12 +23,12 @@ from problems.explorer.forms import (
     scene_of_link,
     scene_of_statement,
 )
-from problems.explorer.scene import LARGEST_ROWS, MeasuredRows, Scene, beginning, scene_of_machine
+from problems.explorer.scene import LARGEST_ROWS, DroppedRows, Scene, beginning, scene_of_machine
 from problems.files import read
 from problems.options import machine_of
 
-ROWS = MeasuredRows("leg spring.csv", springs.SAMPLE.read_text(encoding="utf-8"), "mean")
-SHORT_ROWS = MeasuredRows("rows.csv", "extension,force\n" + "\n".join(f"{r},{r + r**3 / 50}" for r in range(-20, 21)))
+ROWS = DroppedRows("leg spring.csv", springs.SAMPLE.read_text(encoding="utf-8"), "mean")
+SHORT_ROWS = DroppedRows("rows.csv", "extension,force\n" + "\n".join(f"{r},{r + r**3 / 50}" for r in range(-20, 21)))
 IN_SI = beginning("hopper", True)
 SCENES = {
     "cubic": beginning("hopper"),
@@ -181,11 +181,11 @@ def test_rows_in_a_link_have_no_say_in_where_files_are(tmp_path):
 
 def test_rows_that_are_too_many_stay_out_of_the_link():
     rows = "extension,force\n" + "\n".join(f"{r / 3e3 - 2!r},{(r * 7919) % 6007 / 1e5!r}" for r in range(9000))
-    query, whole = link_of(replace(SCENES["rows"], rows=MeasuredRows("rows.csv", rows)))
+    query, whole = link_of(replace(SCENES["rows"], rows=DroppedRows("rows.csv", rows)))
     assert not whole
     assert len(query) < 500
     with pytest.raises(InputError, match="at most"):
-        MeasuredRows("rows.csv", "1" * (LARGEST_ROWS + 1))
+        DroppedRows("rows.csv", "1" * (LARGEST_ROWS + 1))
 
 
 @pytest.mark.parametrize(
@@ -241,7 +241,7 @@ def test_sliders_end_where_there_is_no_such_machine(scene):
         assert not dial.factors or dial.low > 0
         for end in (dial.low, dial.high):
             machine.with_values(**{dial.name: end})
-    shown = {dial["name"]: dial for dial in fields_of(scene.with_numbers(mass_ratio=1e6), dials, False)["dials"]}
+    shown = {dial["name"]: dial for dial in shown_fields(scene.with_numbers(mass_ratio=1e6), dials, False)["dials"]}
     assert "mass_ratio" not in shown or shown["mass_ratio"]["high"] == 1e6
 
 

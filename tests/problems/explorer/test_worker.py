@@ -19,7 +19,7 @@ pytest.importorskip("bokeh")
 
 from problems.explorer.answers import HopAnswer, family_answers, hop_answer, map_answers
 from problems.explorer.scene import Scene, beginning
-from problems.explorer.worker import Done, Failure, Question, Worker
+from problems.explorer.worker import Done, Failure, Task, Worker
 from tests.browser import wait_for
 
 ROOT = Path(__file__).parents[3]
@@ -43,11 +43,11 @@ def made():
         worker.stop()
 
 
-def hop(scene: Scene, with_dials: bool = False) -> Question:
-    return Question("hop", (scene, with_dials))
+def hop(scene: Scene, with_dials: bool = False) -> Task:
+    return Task("hop", (scene, with_dials))
 
 
-def answered(answers: Queue, question: Question) -> list:
+def answered(answers: Queue, question: Task) -> list:
     """The answers that come until the last one to a question."""
     found = []
     while True:
@@ -95,7 +95,7 @@ def test_what_has_no_answer_is_said(made):
     (failure,) = answered(answers, question)
     assert isinstance(failure, Failure)
     assert failure.expected
-    worker.ask(question := Question("hop", ("no scene", True)))
+    worker.ask(question := Task("hop", ("no scene", True)))
     (failure,) = answered(answers, question)
     assert not failure.expected
     worker.ask(question := hop(CUBIC))
@@ -154,12 +154,12 @@ def test_workers_end_with_the_program_that_started_them(tmp_path):
     lines = """
         import os, signal, time
         from problems.explorer.scene import Scene
-        from problems.explorer.worker import Question, Worker
+        from problems.explorer.worker import Task, Worker
 
         if __name__ == "__main__":
             worker = Worker(print)
             scene = Scene(spring="r + 0.02*sin(60*r)", numbers={"rest_length": 30.0}, family=40).complete()
-            worker.ask(Question("hop", (scene, False)))
+            worker.ask(Task("hop", (scene, False)))
             time.sleep(1)
             print(worker._process.pid, flush=True)
             os.kill(os.getpid(), signal.SIGKILL)
@@ -178,7 +178,7 @@ def test_a_family_comes_in_pieces_and_is_that_of_follow():
     assert "still growing" in pieces[0].text
     assert "escaped" in pieces[-1].text
     values = pieces[-1].values
-    assert values[0] == 2.0
+    assert values[-1] == 2.0
     down = follow(Hopper("cubic", rest_length=8.0), "beta", 2.0)
     for point in (down[0], down[-1]):
         place = pieces[-1].nearest(point.value, point.alpha)
