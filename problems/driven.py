@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from orbits import Control, InputError, Simulation
 from orbits.animation import SPRING_END, Report, animate_simulation
 from orbits.control.answer import control_of
+from orbits.hybrid.simulation import times_within
 from orbits.io import conform, read_file, to_json
 from orbits.model.phase import Affine
 from orbits.model.units import LIFTOFF_SPEED, without_units
@@ -109,11 +110,11 @@ class Driven(Control):
         return disturbed(self, hops, launch_error, state, push, values)
 
     def power(self, t: ArrayLike) -> np.ndarray:
-        """The actuator's power (...) on the machine at times (...)."""
+        """The actuator's power (...) on the machine at times (...); raises as a call does."""
         bare, units = self.dimensionless(), self.machine.units
         if units is not None:
             with without_units(units):
-                return bare.power(np.asarray(t) / units.time) * units.energy / units.time
+                return bare.power(times_within(t, self.end, " s") / units.time) * units.energy / units.time
         states = self(t)
         tension = self.machine.spring(self.actuated.model.extension(states) - states[..., -1])  # type: ignore[misc]
         return -self.machine.mass_ratio * tension * self.inputs_at(t)[..., self.inputs.index(RATE)]

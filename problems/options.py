@@ -214,10 +214,11 @@ def diagram_of(
 ) -> "BifurcationDiagram":
     """What the return maps of the stated machine do along a parameter, between the ends of its range `span`."""
     from orbits.hybrid.bifurcations import bifurcations
+    from orbits.hybrid.cycles import DAMPERS_OF_HOPS, INJECT, RESTITUTION
 
     between = float(speeds[0]), float(speeds[-1])
-    losses = ("inject", "restitution", "damping", "drag")
-    machine = machine_of(**stated, first=None if along in losses else (along, span[0]))
+    known = along in (INJECT, RESTITUTION, *DAMPERS_OF_HOPS)  # without being a parameter of the formulas
+    machine = machine_of(**stated, first=None if known else (along, span[0]))
     with progress() as report:
         return bifurcations(machine, along, span, between, samples=len(speeds), progress=report, **asked)
 

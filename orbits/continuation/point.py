@@ -17,7 +17,7 @@ COLUMNS = (*MOTION_COLUMNS, *CHECK_COLUMNS, *CONTACT_COLUMNS, "stable_side")
 NUMBERS = COLUMNS[:-1]
 KNOWN = (*NUMBERS, "period")  # at every point; what its motion tells besides is in `table`
 # Names that no parameter can have, since it stands beside these in a table or a document.
-RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point")
+RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point", "event")
 # Unknowns and tangents whose largest component is smaller, or larger than its inverse, are none.
 SMALLEST_SIZE = 1e-100
 

@@ -16,7 +16,7 @@ from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
 from .branches import SAME_PLACE, BranchTracer, FoundEvent, PeriodicLaunch
 from .cycles import INJECT, MapsAlong
-from .diagram import Bifurcation, BifurcationDiagram, Branch, BranchEnd
+from .diagram import RESERVED_IN_DIAGRAMS, Bifurcation, BifurcationDiagram, Branch, BranchEnd
 from .impacts import CAP
 from .resolved_map import ROUNDED
 
@@ -57,6 +57,8 @@ def bifurcations(
         raise InputError(f"between = {between!r}; launch speeds are above 0")
     sections = whole_number("sections", sections, "values of the parameter", 2)
     maps = MapsAlong(machine, along, low, high, finite_number("inject", inject), cap)
+    if along in RESERVED_IN_DIAGRAMS:
+        raise InputError(f"a parameter called '{along}' cannot be told from the diagram's own; give it another name")
     if along == INJECT and inject != 0:
         raise InputError(f"inject = {inject:g} beside a range of it: the range says it all")
     for end in (low, high):
@@ -143,9 +145,9 @@ class _Search:
     def doubled(self) -> None:
         """Follow the hops of twice the period from each flip of fixed points."""
         tracer, ended = self._tracer(2), list[PeriodicLaunch]()
-        for _, event in [pair for pair in self.events if pair[1].kind == "flip"]:
-            flip = event.point
-            if any(abs(np.subtract(flip.place, end.place)).max() <= 1e-3 for end in ended):
+        flips = [event.point for _, event in self.events if event.kind == "flip"]
+        for flip in flips:
+            if flip in ended:
                 self.notes[id(flip)] = "the hops of period two end here"
                 continue
             try:
@@ -157,10 +159,10 @@ class _Search:
             kind = SETTLES[abs(first.multiplier) < 1]
             self.notes[id(flip)] = f"hops of period two begin here, {kind}, toward {side} {self.maps.name}"
             items = list(tracer.trace(first, 1))
-            joint = PeriodicLaunch(flip.value, flip.alphas * 2, 1.0, flip.impacts * 2, flip.place, first.tangent)
-            self._keep(2, [BranchEnd("flip", "a flip of the fixed points"), joint, first, *items])
-            if _ends_as(items, "flip"):
-                ended.append([item for item in items if isinstance(item, PeriodicLaunch)][-1])
+            if _ends_as(items, "flip") and (other := _flip_beside([first, *items], flips, flip)):
+                ended.append(other)
+                items.insert(-1, _twice(other, first))
+            self._keep(2, [BranchEnd("flip", "a flip of the fixed points"), _twice(flip, first), first, *items])
 
     def _keep(self, period: int, items: list) -> None:
         """Keep a branch from its points, events and ends in order."""
@@ -192,6 +194,24 @@ class _Search:
 def _ends_as(items: list, kind: str) -> bool:
     """Whether what has been traced has an end of this kind."""
     return isinstance(items[-1], BranchEnd) and items[-1].kind == kind
+
+
+def _twice(flip: PeriodicLaunch, along: PeriodicLaunch) -> PeriodicLaunch:
+    """The fixed point at a flip as a point of a branch of period two, of which another point is given."""
+    return PeriodicLaunch(flip.value, flip.alphas * 2, 1.0, flip.impacts * 2, flip.place, along.tangent)
+
+
+def _flip_beside(items: list, flips: list[PeriodicLaunch], but: PeriodicLaunch) -> PeriodicLaunch | None:
+    """The flip, but one, at which a branch of period two ends: its two launches lie on both sides of the fixed point,
+    at most a step away. None where it is not among the flips that are known."""
+    last = [item for item in items if isinstance(item, PeriodicLaunch)][-1]
+    middle = last.place * [np.mean(last.alphas) / last.alphas[0], 1.0]
+
+    def far(flip: PeriodicLaunch) -> float:
+        return float(np.abs(flip.place - middle).max())
+
+    nearest = min((flip for flip in flips if flip is not but), key=far, default=None)
+    return nearest if nearest and far(nearest) <= LONGEST_CHORD else None
 
 
 def _slope(event: FoundEvent) -> float:

@@ -14,6 +14,8 @@ from ..pages.cells import cell
 DIAGRAM_ENDINGS = (".json", ".csv")
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
 COLUMNS_OF_BRANCHES = ("branch", "period", "value", "alpha", "other", "multiplier", "stable")
+# Names that the parameter of a diagram cannot have, since it stands beside these in a table or a document.
+RESERVED_IN_DIAGRAMS = (*COLUMNS_OF_BRANCHES, "ends", "kind", "note")
 
 
 @dataclass(frozen=True)
@@ -84,12 +86,13 @@ class Branch:
     def stretches(self) -> list[tuple[float, float, bool]]:
         """The parts of the curve, in order, each from one value of the parameter to another, and whether it is
         stable. At bifurcations, which are points of the curve, one part gives way to the next."""
-        stable = self.stable
-        inner = np.flatnonzero(stable[1:] != stable[:-1]) + 1
-        # The point of a bifurcation itself counts as unstable and closes the stable stretch beside it.
-        cuts = [0, *(int(i) if stable[i - 1] else int(i) - 1 for i in inner), len(self) - 1]
+        before, behind = self.multipliers[:-1], self.multipliers[1:]
+        # A bifurcation, with 1, -1 or no multiplier, counts as what is beside it.
+        between = np.where(np.isnan(before), behind, np.where(np.isnan(behind), before, 0.5 * (before + behind)))
+        stable = np.abs(between) < 1
+        cuts = [0, *(np.flatnonzero(stable[1:] != stable[:-1]) + 1).tolist(), len(self) - 1]
         parts = [(a, b) for a, b in pairwise(cuts) if b > a]
-        return [(float(self.values[a]), float(self.values[b]), bool(stable[(a + b) // 2])) for a, b in parts]
+        return [(float(self.values[a]), float(self.values[b]), bool(stable[a])) for a, b in parts]
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,10 +164,15 @@ class BifurcationDiagram:
         found = []
         for branch in self.branches:
             ahead = branch.values - value
-            for i in np.flatnonzero((ahead[1:] >= 0) != (ahead[:-1] >= 0)):
-                share = ahead[i] / (ahead[i] - ahead[i + 1])
-                alphas = branch.alphas[i] + share * (branch.alphas[i + 1] - branch.alphas[i])
-                slope = branch.multipliers[i] + share * (branch.multipliers[i + 1] - branch.multipliers[i])
+            exact = ahead == 0
+            if branch.ends[1].kind == "closed":  # its last point is its first one
+                exact[-1] = False
+            places = [(i, i, 0.0) for i in np.flatnonzero(exact)]
+            for i in np.flatnonzero(ahead[1:] * ahead[:-1] < 0):
+                places.append((i, i + 1, float(ahead[i] / (ahead[i] - ahead[i + 1]))))
+            for i, k, share in places:
+                alphas = branch.alphas[i] + share * (branch.alphas[k] - branch.alphas[i])
+                slope = branch.multipliers[i] + share * (branch.multipliers[k] - branch.multipliers[i])
                 found += [(branch.period, float(alpha), float(slope)) for alpha in alphas]
         return sorted(found, key=lambda each: each[1])
 

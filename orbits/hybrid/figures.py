@@ -50,7 +50,7 @@ def _drawn_map(step: Any, low: float, high: float, axes: Axes, samples: int) -> 
 def _labelled_map(axes: Axes, step: Any, low: float, high: float) -> Axes:
     unit = f" ({step.machine.units.text(LIFTOFF_SPEED)})" if step.machine.units else ""
     labels: dict[str, Any] = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
-    lowest = min([low, *(float(np.nanmin(line.get_ydata())) for line in axes.lines if len(line.get_ydata()))])
+    lowest = float(np.nanmin(np.hstack([line.get_ydata() for line in axes.lines])))
     bottom = 0.0 if lowest < 0.3 * high else lowest - 0.05 * (high - lowest)
     return finished(axes, xlim=(low, high), ylim=(bottom, high), **labels)
 

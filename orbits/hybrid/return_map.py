@@ -221,6 +221,8 @@ class ReturnMap:
         launch `start`; returns the axes. See `orbits.hybrid.figures.plot_map`."""
         from .figures import plot_map
 
+        low, high, samples = _checked_grid(low, high, samples)
+        hops = whole_number("hops", hops, "hops", 0)
         return plot_map(self, low, high, axes, samples, start, hops, fixed_points)
 
     def plot_basin(self, low: float, high: float, axes: Any = None, hops: int = 1000, samples: int = 2000) -> Any:
@@ -238,6 +240,7 @@ class ReturnMap:
         """The basin of each lossless launch speed below `high` by itself, as `basin` has them together; those that have
         no launches between `low` and `high` are left out."""
         low, high, samples = _checked_grid(low, high, samples)
+        hops = whole_number("hops", hops, "hops", 0)
         if self._bare:
             with without_units(self._units):
                 bare = self._bare.basins(low / self._speed, high / self._speed, hops, samples)

@@ -31,7 +31,7 @@ p { margin: 0.3em 0 0.8em; overflow-wrap: anywhere; }
 """
 ZOOM = "To zoom, choose a tool beside a figure. Point at a curve for its numbers."
 # What the page of a family does when a hop of it is chosen: the value "values[hop][i]" is given to the property
-# "names[i]" of "models[i]". A click moves the slider to the nearest hop.
+# "names[i]" of "models[i]". A click moves the slider to the nearest hop, of those that have the quantity.
 CHOOSE = """
 values[cb_obj.value].forEach((value, i) => {
   models[i].setv({[names[i]]: value instanceof Map ? Object.fromEntries(value) : value});
@@ -40,12 +40,14 @@ values[cb_obj.value].forEach((value, i) => {
 CLICK = """
 const [i] = points.selected.indices;
 if (i === undefined) return;
-const size = row => Math.max(...row) - Math.min(...row) || 1;
+const known = row => row.filter(Number.isFinite);
+const size = row => Math.max(...known(row)) - Math.min(...known(row)) || 1;
 const across = size(places.map(place => place[0])), up = size(places.map(place => place[1]));
 const {value, quantity} = points.data;
 const far = places.map(([x, y]) => Math.hypot((x - value[i]) / across, (y - quantity[i]) / up));
 points.selected.indices = [];
-slider.value = far.indexOf(Math.min(...far));
+const nearest = far.indexOf(Math.min(...known(far)));
+if (nearest >= 0) slider.value = nearest;
 """
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from orbits import InputError, ReturnMap, bifurcations, find, multiplier, simulate
+from orbits.hybrid.bifurcations import _Search
 from orbits.hybrid.branches import BranchTracer, FoundEvent, PeriodicLaunch
 from orbits.hybrid.cycles import MapsAlong
-from orbits.hybrid.diagram import BranchEnd
+from orbits.hybrid.diagram import BifurcationDiagram, Branch, BranchEnd
 from problems import Hopper, hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha
@@ -65,6 +66,57 @@ def test_the_logistic_map_doubles_its_period():
         assert point.multiplier == pytest.approx(4 + 2 * r - r**2, abs=1e-8)
     (second,) = (item for item in items if isinstance(item, FoundEvent))
     assert (second.kind, second.point.value) == ("flip", pytest.approx(1 + np.sqrt(6), abs=1e-10))
+
+
+class BackAndForth(KnownMaps):
+    """The logistic map with r = 3.2 - v^2, which comes to its flip at r = 3 twice."""
+
+    def __init__(self):
+        super().__init__(-1.0, 1.0, lambda a, v: (3.2 - v**2) * a * (1 - a), lambda a, v: (3.2 - v**2) * (1 - 2 * a))
+
+    def at(self, value):
+        return SimpleNamespace(fixed_points=lambda *_: [SimpleNamespace(alpha=1 - 1 / (3.2 - value**2))])
+
+    def lossless(self, value):
+        return False
+
+
+def test_hops_of_period_two_between_two_flips_are_one_branch():
+    search = _Search(BackAndForth(), (0.1, 0.99), [-1.0, -0.5, 1.0], 100, None)
+    search.fixed_points()
+    search.doubled()
+    first, second = search.located()
+    assert (first.value, second.value) == pytest.approx((-np.sqrt(0.2), np.sqrt(0.2)), abs=1e-11)
+    assert "begin here, stable, toward greater value" in first.note
+    assert second.note == "the hops of period two end here"
+    single, double = search.branches
+    assert (single.period, double.period) == (1, 2)
+    assert double.values[[0, -1]] == pytest.approx([first.value, second.value], abs=1e-11)
+    assert double.alphas[[0, -1]] == pytest.approx(2 / 3, abs=1e-11)
+    assert [end.kind for end in double.ends] == ["flip", "flip"]
+    assert [stable for *_, stable in double.stretches()] == [True]
+
+
+def test_a_stable_stretch_between_bifurcations_that_follow_each_other():
+    """No point lies between the fold and the flip, nor between the flip and the border collision."""
+    end = BranchEnd("reached", "")
+    values, slopes = np.array([1.0, 0.0, 2.0, 3.0, 4.0]), np.array([1.4, 1.0, -1.0, np.nan, 0.3])
+    branch = Branch(1, values, np.ones((5, 1)), slopes, (end, end))
+    assert branch.stretches() == [(1.0, 0.0, False), (0.0, 2.0, True), (2.0, 3.0, False), (3.0, 4.0, True)]
+
+
+def test_periodic_launches_at_the_ends_and_at_points_of_a_branch():
+    end = BranchEnd("reached", "")
+    values = np.array([0.0, 1.0, 2.0])
+    branch = Branch(1, values, values[:, None] + 5, values / 2, (end, end))
+    back = Branch(1, values[::-1], values[::-1, None] + 8, values[::-1] / 2, (end, end))
+    diagram = BifurcationDiagram("v", (0.0, 2.0), (4.0, 11.0), {}, (branch, back), ())
+    for value in (0.0, 0.25, 1.0, 2.0):
+        assert diagram.periodic(value) == [(1, value + 5, value / 2), (1, value + 8, value / 2)]
+    assert diagram.periodic(2.1) == []
+    around, closed = np.array([0.0, 1.0, 0.0]), BranchEnd("closed", "")
+    branch = Branch(1, around, np.array([[5.0], [6.0], [5.0]]), around, (closed, closed))
+    assert BifurcationDiagram("v", (0.0, 1.0), (4.0, 7.0), {}, (branch,), ()).periodic(0.0) == [(1, 5.0, 0.0)]
 
 
 def test_a_fold_and_what_lies_on_both_sides_of_it():
@@ -263,6 +315,13 @@ def test_in_si_as_without_units():
 def test_what_cannot_be_meant(arguments, options, words):
     with pytest.raises(InputError, match=words):
         bifurcations(Hopper(), *arguments, **options)
+
+
+@pytest.mark.parametrize("name", ["period", "multiplier", "kind"])
+def test_a_parameter_that_a_document_could_not_tell(name):
+    machine = Hopper(f"r + {name}*r**3", parameters={name: 0.1}, damping=0.01)
+    with pytest.raises(InputError, match="give it another name"):
+        bifurcations(machine, name, (0.0, 0.2), (4, 5), inject=0.05)
 
 
 def test_nothing_comes_back_with_damping_alone():

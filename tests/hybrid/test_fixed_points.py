@@ -148,6 +148,31 @@ def test_the_figure_of_a_map_with_a_cobweb():
     assert sorted(float(mark.get_xdata()[0]) for mark in marks) == [p.alpha for p in step.fixed_points(4.4, 4.7)]
 
 
+def test_the_figure_of_a_map_without_next_launches():
+    axes = ReturnMap(Hopper(damping=0.5)).plot(2.2, 2.6, samples=50)
+    assert not np.isfinite(axes.lines[1].get_ydata()).any()
+    assert axes.get_ylim()[0] < 2.2
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"low": "a"}, "low = 'a' is not a finite number"),
+        ({"low": 6.0}, "0 < low < high"),
+        ({"samples": 1}, "samples = 1"),
+        ({"hops": -2}, "hops = -2"),
+        ({"start": -1.0}, "launch speeds are above 0"),
+    ],
+)
+def test_figures_that_cannot_be_meant(asked, words):
+    step = ReturnMap(Hopper())
+    with pytest.raises(InputError, match=words):
+        step.plot(**{"low": 4, "high": 5} | asked)
+    if "start" not in asked:
+        with pytest.raises(InputError, match=words):
+            step.plot_basin(**{"low": 4, "high": 5} | asked)
+
+
 @pytest.mark.parametrize("law", ["{}", "{} + 0.1*{}**3"])
 def test_hopper_and_juggler_move_alike(law):
     """Eq. (6): the juggler with force phi(r + rho) - 1 has the hopper's launches, in flights, impacts and contacts."""

@@ -14,7 +14,8 @@ pytest.importorskip("bokeh")
 
 from PIL import Image
 
-from orbits.plot import COLOURS
+from orbits.pages.still import MOST_HOPS
+from orbits.plot import COLOURS, spread
 
 pytestmark = pytest.mark.browser
 SIZES = (1200, 400)
@@ -172,24 +173,37 @@ def test_a_curve_tells_its_numbers(page, hop, orbit, width):
     assert 0 <= left < right <= width
 
 
-@pytest.mark.parametrize("width", SIZES)
-def test_a_hop_of_a_family_is_chosen(page, followed, width):
+def clicked(page: Page, point, quantity: str, before: int) -> int:
+    """The number of the hop that is shown after a click at a point of a family; another one was shown before."""
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
+    x, y = page.run(FIND + PLACE, quantity.replace("_", " "), point.value, getattr(point, quantity))
+    pointer = ActionBuilder(page.driver)
+    pointer.pointer_action.move_to_location(round(x), round(y)).click()
+    pointer.perform()
+    return page.wait(f"const at = {MODEL}.value; return at != arguments[1] && [at]", "hop", before)[0]
+
+
+@pytest.mark.parametrize("width", SIZES)
+def test_a_hop_of_a_family_is_chosen(page, followed, width):
     family, path = followed
     opened(page, path, width, 4)
     heights = "[...Bokeh.documents[0]._all_models.values()].find(m => m.data?.speed && !m.data.aside).data.height[0]"
     before = page.run(f"return Math.max(...{heights})")
     last = page.run(f"const slider = {MODEL}; slider.value = slider.end; return slider.end", "hop")
     assert page.wait(f"const top = Math.max(...{heights}); return top > arguments[0] && top", before)
-    middle = family[len(family) // 2]
-    x, y = page.run(FIND + PLACE, "alpha", middle.value, middle.alpha)
-    pointer = ActionBuilder(page.driver)
-    pointer.pointer_action.move_to_location(round(x), round(y)).click()
-    pointer.perform()
-    chosen = page.wait(f"const at = {MODEL}.value; return at != arguments[1] && at", "hop", last)
+    chosen = clicked(page, family[len(family) // 2], "alpha", last)
     assert 0 < chosen < last
     assert colour_near(page, page.run(FIND + PLACE, "alpha", family[0].value, family[0].alpha), COLOURS[0])
+
+
+def test_a_click_where_some_hops_do_not_have_the_quantity(page, tmp_path):
+    """Beyond the collapse the contact never ends and has no time; a click finds the nearest hop of the others."""
+    family = follow(Hopper("cubic", rest_length=30), "beta", stop=-0.02, start=0.0)
+    assert np.isnan(family.column("contact_time")).any()
+    opened(page, family.page(tmp_path / "folded.html", "contact_time"), 1200, 4)
+    hops = spread(family, MOST_HOPS)
+    assert clicked(page, hops[2], "contact_time", 0) == 2
 
 
 @pytest.mark.parametrize("width", SIZES)

@@ -76,6 +76,9 @@ def test_si(leg, tmp_path):
     t = np.linspace(0, bare.end, 30)
     assert leg(np.minimum(t * units.time, leg.end)) == pytest.approx(bare(t) * size, abs=1e-12)
     assert leg.power(t[3] * units.time) == pytest.approx(bare.power(t[3]) * units.energy / units.time, rel=1e-9)
+    for wrong in ("a", None, -0.1, leg.end + 0.1):
+        with pytest.raises(InputError, match=r"times lie between 0 and .* s$"):
+            leg.power(wrong)
     head = leg.save(tmp_path / "leg.csv").read_text().splitlines()[0]
     assert head == ("time (s),stage,y1 (m),y1' (m/s),y2 (m),y2' (m/s),u (m),w (m/s),running cost (m^2/s),power (W)")
     off, bare_off = leg.simulate(2, damping=5.5), bare.simulate(2, damping=5.5 / 5.0 * bare.machine.damping)
