@@ -211,6 +211,7 @@ def test_the_page_of_the_paper_fits_a_small_screen(tmp_path):
     which their type can be read; and the cells of the table name their columns, since its head is left out there."""
     axes = new_axes(9.6, 3.8)
     axes.plot([0, 1], [0, 1])
+    axes.set(xlabel="time", ylabel="height")
     picture = save_figure(axes, tmp_path / "chain.png")
     rows = [claims.Claim("8", "alpha* < 5", 4.493409, 4.4934094, 1e-6), claims.Claim("9", "stable", True, True, 0)]
     text = paper.page([(paper.PARTS[0], rows, [("Chains", "N masses", picture)])], quick=False)
