@@ -110,11 +110,11 @@ def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
     metres, seconds, _ = unit_labels(orbit.units)
     axes, (t, states) = axes or new_axes(), _cycle(orbit, 2001)
     for (name, height), colour in zip(orbit.shape.heights.items(), COLOURS, strict=False):
-        axes.plot(t, height(states), color=colour, label=name, **_style(name))
+        axes.plot(t, height(states), color=colour, label=plain(name), **_style(name))
     if orbit.contact_time is not None:
         axes.axvspan(orbit.flight_time, t[-1], fc=SHADE, ec="0.7", lw=0.5, label="contact", zorder=0)
     axes.axhline(0, color="0.4", lw=0.8)
-    axes.set_title(title(orbit), fontsize="medium", wrap=True)
+    axes.set_title(plain(title(orbit)), fontsize="medium", wrap=True)
     label = vertical(orbit.machine["rest_length"]) + metres
     return finished(axes, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=label)
 
@@ -168,8 +168,8 @@ def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
     metres, _, speeds_in = unit_labels(orbit.units)
     axes, (_, states) = axes or new_axes(4.5, 4.0), _cycle(orbit, 2001)
     for (name, (height, speed)), colour in zip(masses_at(orbit, states).items(), cycle(COLOURS), strict=False):
-        axes.plot(height, speed, color=colour, lw=1.6, label=name)
-    axes.set_title(title(orbit), fontsize="medium", wrap=True)
+        axes.plot(height, speed, color=colour, lw=1.6, label=plain(name))
+    axes.set_title(plain(title(orbit)), fontsize="medium", wrap=True)
     label = vertical(orbit.machine["rest_length"]) + metres
     return finished(axes, xlabel=label, ylabel="speed" + speeds_in)
 
@@ -204,17 +204,22 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
     for i, (_, event) in enumerate(family.in_order()):
         if event and event.kind != "asked":
             look = {"marker": MARKERS.get(event.kind, "P"), "ls": "", "ms": 6, "mfc": "white", "mew": 1.4, "zorder": 4}
-            name = None if event.kind in known else event.kind
-            axes.plot(x[i], y[i], color="0.15", label=name, **look)
-            known.append(event.kind)
-    axes.set_title(title_of_machine(family.machine), fontsize="medium", wrap=True)
+            kind = plain(event.kind)
+            axes.plot(x[i], y[i], color="0.15", label=None if kind in known else kind, **look)
+            known.append(kind)
+    axes.set_title(plain(title_of_machine(family.machine)), fontsize="medium", wrap=True)
     across, up = (label_of(family.heading(name)) for name in (family.name, quantity))
     return finished(axes, xlabel=across, ylabel=up)
 
 
 def label_of(name: str) -> str:
     """The name of a quantity with its unit as text for a plot: without underscores, and with powers raised."""
-    return re.sub(r"\^(-?\d+)", r"$^{\1}$", name.replace("_", " "))
+    return re.sub(r"\^(-?\d+)", r"$^{\1}$", plain(name).replace("_", " "))
+
+
+def plain(text: str) -> str:
+    """A text for a label, in which a dollar sign begins no mathematics."""
+    return text.replace("$", r"\$")
 
 
 def family_curve(family: Any, quantity: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -272,7 +277,7 @@ def plot_front(front: Any, axes: Axes | None = None) -> Axes:
     texts = [text.lstrip().lstrip("-").strip() for text in front.texts]
     units = [front.designs[0].unit_of(text) for text in texts]
     labels = [label_of(text + (unit and f" ({unit})")) for text, unit in zip(texts, units, strict=True)]
-    axes.set_title(title_of_machine(front.designs[0].machine.describe()), fontsize="medium", wrap=True)
+    axes.set_title(plain(title_of_machine(front.designs[0].machine.describe())), fontsize="medium", wrap=True)
     return finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 
@@ -305,7 +310,7 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
     metres, seconds, _ = unit_labels(machine.units)
     heights, states = run.heights, run(t)
     for (name, height), colour in zip(heights.items(), COLOURS, strict=False):
-        axes.plot(t, height(states), color=colour, label=name, **_style(name))
+        axes.plot(t, height(states), color=colour, label=plain(name), **_style(name))
     _shade_contacts(run, axes)
     impacts = [event for event in run.events if event.kind == "impact"]
     landing = int(np.argmax(machine.model.gap(machine.values).weights))
@@ -315,7 +320,7 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
     if impacts:
         axes.plot(times, places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
     axes.axhline(0, color="0.4", lw=0.8)
-    axes.set_title(title_of_machine(machine.describe()), fontsize="medium", wrap=True)
+    axes.set_title(plain(title_of_machine(machine.describe())), fontsize="medium", wrap=True)
     label = vertical(machine.rest_length) + metres
     return finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel=label)
 
@@ -326,7 +331,7 @@ def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Ax
     metres, seconds, _ = unit_labels(run.machine.units)
     axes.plot(t, run.gap(run(t)), color=COLOURS[1], lw=2, label=label)
     _shade_contacts(run, axes)
-    axes.set_title(title_of_machine(run.machine.describe()), fontsize="medium", wrap=True)
+    axes.set_title(plain(title_of_machine(run.machine.describe())), fontsize="medium", wrap=True)
     return finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel="gap" + metres)
 
 

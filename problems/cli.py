@@ -209,8 +209,8 @@ def return_map(
     if not 0 < speeds[0] < float("inf"):
         raise InputError(f"--alpha {alpha}; launch speeds are above 0")
     if along is not None:
-        if cobweb is not None or start is None or stop is None or len(speeds) < 2:
-            raise InputError("--along needs --from V, --to W and a range --alpha A:B:N, and has no --cobweb")
+        if cobweb is not None or whole or start is None or stop is None or len(speeds) < 2:
+            raise InputError("--along needs --from V, --to W and a range --alpha A:B:N, and has no --cobweb or --all")
         asked = {"inject": inject, "cap": cap, "attractor": attractor}
         diagram = options.diagram_of(along, (start, stop), speeds, stated, asked)
         options.write(diagram, as_json, plot, save=save)

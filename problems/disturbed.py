@@ -20,6 +20,10 @@ from .actuated import Actuated
 if TYPE_CHECKING:
     from .driven import Driven
 
+# A push comes so much later, as a share of its time, that it follows a landing at that time: the first of these is
+# enough but for a landing at no speed, whose time is known less well.
+JUST_AFTER = (1e-13, 1e-10, 1e-8, 1e-6)
+
 
 @dataclass(frozen=True)
 class Disturbed:
@@ -33,19 +37,19 @@ class Disturbed:
     run: Simulation
 
     @property
-    def launches(self) -> int:
-        """How many launches both have, that of the start among them if it was one."""
+    def compared(self) -> int:
+        """How many launches are compared: those that both have, that of the start among them if it was one."""
         return min(len(self.nominal.launches), len(self.run.launches))
 
     @property
     def launch_errors(self) -> np.ndarray:
         """By how much the disturbed launch speeds (k,) are above the nominal ones, launch by launch."""
-        return self.run.launches[: self.launches] - self.nominal.launches[: self.launches]
+        return self.run.launches[: self.compared] - self.nominal.launches[: self.compared]
 
     @property
     def delays(self) -> np.ndarray:
         """By how much the disturbed launches (k,) come later than the nominal ones."""
-        return launch_times(self.run)[: self.launches] - launch_times(self.nominal)[: self.launches]
+        return launch_times(self.run)[: self.compared] - launch_times(self.nominal)[: self.compared]
 
     def __repr__(self) -> str:
         return one_line(self, {"launch_errors": self.launch_errors.tolist(), "status": self.run.status})
@@ -129,12 +133,17 @@ def _pushed(machine: Actuated, start: Mapping[str, Any], hops: int, schedule: In
         raise InputError(f"push = {push!r}; it is a time, and changes of flight states by name") from None
     if unknown := [name for name in changes if name not in names]:
         raise InputError(f"push: the machine has no flight state '{unknown[0]}'; it has {', '.join(names)}")
-    first = simulate(machine, hops=hops, time=time, schedule=schedule, **start)
-    if first.end < time:
-        raise InputError(f"push at {time:g}: the motion ends before, at {first.end:.6g}")
+    if time <= 0:
+        raise InputError(f"push: time = {time:g}; it comes after the start, which is disturbed by state= instead")
     jump = np.array([finite_number(f"the push of {name}", changes.get(name, 0.0)) for name in names])
-    left = hops - len(_liftoffs(first))
-    rest = simulate(machine, state=first(time) + jump, hops=left, schedule=_later(schedule, time))
+    for later in JUST_AFTER:
+        first = simulate(machine, hops=hops, time=time * (1 + later), schedule=schedule, **start)
+        left, now = hops - len(_liftoffs(first)), first.end
+        if now < time or left == 0:
+            raise InputError(f"push at {time:g}: the motion ends at {now:.6g}")
+        rest = simulate(machine, state=first(now) + jump, hops=left, schedule=_later(schedule, now))
+        if [leg.phase for leg in (*first.legs[-1:], *rest.legs[:1])] != ["flight", "contact"]:
+            break
     return _one_after_other(first, rest)
 
 

@@ -42,7 +42,7 @@ def plot_disturbed(disturbed: Any, axes: Axes | None = None) -> Axes:
     for height, label in zip(masses, ("undisturbed", None), strict=False):
         axes.plot(t, height(nominal(t)), color="0.1", lw=0.9, ls=(0, (4, 2)), label=label)
     (below,) = panels_below(axes, 1)
-    times = launch_times(run)[: disturbed.launches]
+    times = launch_times(run)[: disturbed.compared]
     below.plot(times, disturbed.launch_errors, "o-", color=COLOURS[3], ms=5, lw=1.0, clip_on=False)
     unit = f" ({run.machine.units.text(LIFTOFF_SPEED)})" if run.machine.units else ""
     below.set_ylabel("launch speed\noff by" + unit)

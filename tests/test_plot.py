@@ -1,5 +1,7 @@
 """Figures that can be read, and animations of machines whose springs are no column from the top down to the ground."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from legibility import faults, smallest_text
@@ -159,6 +161,19 @@ def test_legends_name_only_what_is_there():
     flight = simulate(Hopper(), 4.0, time=1.0)
     assert set(names(flight.plot())) == {"body", "foot", "centre of mass"}
     assert plot.plot_gap(flight).get_legend() is None
+
+
+def test_texts_with_dollars_are_no_mathematics(tmp_path):
+    """What does not close would raise; units have their powers raised all the same."""
+    orbit, family = find(Hopper()), follow(Hopper("cubic"), "beta", 0.01, 0.0)
+    for spring in ("$", "$x_$", "r + $\\frac$"):
+        odd = replace(orbit, machine={**orbit.machine, "spring": spring})
+        for axes in (odd.plot(), odd.plot_phase_portrait()):
+            axes.figure.draw_without_rendering()
+            assert spring in axes.get_title().replace(r"\$", "$")
+        odd = replace(family, machine={**family.machine, "spring": spring}, name=f"{spring} $")
+        odd.plot().figure.draw_without_rendering()
+    assert plot.label_of("$a$ (m/s^2)") == r"\$a\$ (m/s$^{2}$)"
 
 
 def test_faults_are_found():

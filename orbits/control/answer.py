@@ -16,10 +16,10 @@ from ..io import check_ending, conform, extra_package, fields_in_line, read_file
 from ..model.units import Dimension, Units, dimension_of_state, unit_text
 from ..pages.cells import cell
 from ..plot import Axes
+from .stage import RUNNING_COST
 from .transcription import Multipliers, Transcription
 
 CONTROL_FORMAT = "persistent-orbits control 1"
-RUNNING_COST = "running cost"  # the last row of a leg, in the unit of the cost; the space keeps it apart from states
 TABLE_ROWS = 201  # of a table whose times are not given
 CONTROL_NUMBERS = ("cost", "violation", "error", "seconds")
 

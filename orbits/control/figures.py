@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..plot import COLOURS, Axes, new_axes
+from ..plot import COLOURS, Axes, new_axes, plain
 
 STAGE_SAMPLES = 401  # times of a stage at which its curves are drawn
 DASHES = ("-", (0, (5, 2)), (0, (1, 1.5)))  # of curves beyond the number of colours
@@ -25,7 +25,7 @@ def plot_control(control: Any, axes: Axes | None = None) -> Axes:
         looks = zip(drawn, cycle([(colour, dash) for dash in DASHES for colour in COLOURS]), strict=False)
         for name, (colour, dash) in looks:
             t, values = _curve(control, name, of_leg)
-            panel.plot(t, values, color=colour, ls=dash, lw=1.8, label=control.heading(name))
+            panel.plot(t, values, color=colour, ls=dash, lw=1.8, label=plain(control.heading(name)))
         panel.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     for panel, kind in zip(panels, ("states", "inputs"), strict=False):
         panel.set_ylabel(kind)
@@ -83,7 +83,9 @@ def _name_stages(control: Any, axes: Axes) -> None:
 
     place: dict[str, Any] = {"transform": blended_transform_factory(axes.transData, axes.transAxes), "ha": "center"}
     for leg in control.legs:
-        axes.text(leg.start + 0.5 * leg.duration, 1.02, leg.phase, fontsize="small", color="0.4", **place)
+        axes.text(
+            leg.start + 0.5 * leg.duration, 1.02, leg.phase, fontsize="small", color="0.4", parse_math=False, **place
+        )
 
 
 def finished_panels(motion: Any, panels: list[Axes], time: str | None = None) -> Axes:

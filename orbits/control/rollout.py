@@ -8,8 +8,8 @@ import numpy as np
 
 from ..flow.trajectory import Trajectory
 from ..numerics.bernstein import PiecewisePolynomials, powers
-from .answer import RUNNING_COST, ControlledLeg, WarmStart
-from .stage import Stage, stage_flow
+from .answer import ControlledLeg, WarmStart
+from .stage import RUNNING_COST, Stage, stage_flow
 from .transcription import StageUnknowns
 
 

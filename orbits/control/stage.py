@@ -16,6 +16,8 @@ from ..model.phase import Phase
 
 # Name of the length of an interval among the parameters of a phase. The apostrophe keeps it apart from identifiers.
 INTERVAL_LENGTH = "interval's length"
+RUNNING_COST = "running cost"  # the last row of a leg, in the unit of the cost
+COLUMNS_OF_CONTROL = ("time", "stage", RUNNING_COST)  # of its table, beside states and inputs, which have other names
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,9 @@ def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:
     whole_number(f"{where}: intervals", stage.intervals, "intervals")
     if stage.phase.pieces:
         raise InputError(f"{where}: its law is piecewise; control needs a law that is smooth, as a formula")
+    for name in (*stage.phase.states, *stage.inputs):
+        if name in COLUMNS_OF_CONTROL:
+            raise InputError(f"{where}: '{name}' is a column of the motion's table already; rename the state or input")
     for name, given in stage.inputs.items():
         if name in parameters:
             raise InputError(f"{where}: '{name}' is both an input and a parameter; rename one")

@@ -10,7 +10,6 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number, whole_number
 from ..model.machine import Machine, machine_in_words
-from ..model.units import LIFTOFF_SPEED
 from ..periodic.find import Progress
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
@@ -70,12 +69,9 @@ def bifurcations(
     search = _Search(maps, (slow, fast), values, whole_number("samples", samples, "launches", 2), progress)
     search.fixed_points()
     search.doubled()
-    words, speed = machine_in_words(machine), machine.units
-    units = {**words.get("units", {}), "alpha": speed.text(LIFTOFF_SPEED)} if speed else {}
-    units |= {INJECT: units["alpha"]} if units else {}
     return BifurcationDiagram(
-        along, (low, high), (slow, fast), words, tuple(search.branches), search.located(),
-        visits=_visits(maps, (slow, fast), count), units=units,
+        along, (low, high), (slow, fast), machine_in_words(machine), tuple(search.branches), search.located(),
+        visits=_visits(maps, (slow, fast), count), units=maps.units,
     )  # fmt: skip
 
 
@@ -167,6 +163,7 @@ class _Search:
     def _keep(self, period: int, items: list) -> None:
         """Keep a branch from its points, events and ends in order."""
         ends = [item for item in items if isinstance(item, BranchEnd)]
+        items = _with_events_at_points(items)
         points = [(x, x.multiplier) if isinstance(x, PeriodicLaunch) else (x.point, _slope(x))
                   for x in items if not isinstance(x, BranchEnd)]  # fmt: skip
         self.events += [(len(self.branches), item) for item in items if isinstance(item, FoundEvent)]
@@ -189,6 +186,25 @@ class _Search:
         if event.kind == "fold" and self.maps.lossless(event.point.value):
             return "the lossless hop"
         return "the slope of the map jumps" if event.kind == "border collision" else ""
+
+
+def _with_events_at_points(items: list) -> list:
+    """The items of a branch in order, where points exactly at a multiplier of 1 or -1 become events if the multiplier
+    passes it there; the tracer finds those between points."""
+    items, places = list(items), [i for i, item in enumerate(items) if not isinstance(item, BranchEnd)]
+    for before, i, behind in zip(places, places[1:], places[2:], strict=False):
+        point = items[i]
+        if isinstance(point, FoundEvent) or point.multiplier not in (1.0, -1.0):
+            continue
+        (last, first), (following, second) = (
+            (x.point, _slope(x)) if isinstance(x, FoundEvent) else (x, x.multiplier)
+            for x in (items[before], items[behind])
+        )
+        if (first - point.multiplier) * (second - point.multiplier) < 0:
+            turns = (last.value - point.value) * (following.value - point.value) > 0
+            kind = "flip" if point.multiplier < 0 else "fold" if turns else "branch point"
+            items[i] = FoundEvent(kind, point)
+    return items
 
 
 def _ends_as(items: list, kind: str) -> bool:

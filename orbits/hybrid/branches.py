@@ -234,7 +234,7 @@ class BranchTracer:
             bound = slow if there.alphas[0] < slow else fast
             row, level = np.array([1.0, 0.0]), bound / float(self.scale[0])
             last = self.point(self.correct(there.place, row, level, 2 * step), ahead * step)
-            return last, BranchEnd("left", f"it leaves the launch speeds asked for at {bound:g}")
+            return last, BranchEnd("left", f"it leaves the launch speeds asked for at {self.maps.told('alpha', bound)}")
         if self.period == 2 and (there.alphas[1] - there.alphas[0]) * (here.alphas[1] - here.alphas[0]) < 0:
             return there, BranchEnd("flip", "its two launches become one, at another flip of the fixed points")
         return there, None
@@ -247,7 +247,7 @@ class BranchTracer:
         guess = np.array([here.place[0] + share * ahead[0], level])
         step = max(float(np.linalg.norm(guess - here.place)), SMALLEST)
         last = self.point(self.correct(guess, row, level, step, bound), guess - here.place + SMALLEST * ahead, bound)
-        return last, BranchEnd("reached", f"{self.maps.name} = {bound:g} is reached")
+        return last, BranchEnd("reached", f"{self.maps.told(self.maps.name, bound)} is reached")
 
     def _jump(self, a: PeriodicLaunch, b: PeriodicLaunch) -> BranchEnd | None:
         """The end of the branch where the map jumps between two points, of which it joins two curves."""
@@ -276,8 +276,9 @@ class BranchTracer:
 
     def _jumped(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> BranchEnd:
         counts = " and ".join(map(str, before.impacts)), " and ".join(map(str, behind.impacts))
-        place = f"{self.maps.name} = {before.value:.9g}, alpha = {before.alphas[0]:.9g}"
-        return BranchEnd("jump", f"the map jumps near {place}: {counts[0]} impacts in a hop, {counts[1]} behind")
+        return BranchEnd(
+            "jump", f"the map jumps near {self._place(before)}: {counts[0]} impacts in a hop, {counts[1]} behind"
+        )
 
     def _inside(self, a: PeriodicLaunch, b: PeriodicLaunch) -> Iterator[PeriodicLaunch | FoundEvent]:
         """The events and asked values between two points, in order along the curve."""
@@ -308,7 +309,7 @@ class BranchTracer:
         first, last = a.multiplier - level, b.multiplier - level
         if not (np.isfinite(first) and np.isfinite(last)) or (first >= 0) == (last >= 0):
             return None
-        if 0.0 in (first, last):  # a bifurcation that begins the branch
+        if 0.0 in (first, last):  # begins or ends the branch, or is seen when all its points are known
             return None
         points = {0.0: a, 1.0: b}
 
@@ -326,6 +327,10 @@ class BranchTracer:
         beside = sorted(abs(points[each].multiplier - level) for each in points if abs(each - share) < 1e-9)
         size = abs(first) + abs(last)
         return share, point, abs(point.multiplier - level) <= 1e-3 * size and (not beside or beside[0] <= 1e-3 * size)
+
+    def _place(self, point: PeriodicLaunch) -> str:
+        """Where a point is, in words."""
+        return f"{self.maps.told(self.maps.name, point.value, 9)}, {self.maps.told('alpha', point.alphas[0], 9)}"
 
     def _closed(self, start: PeriodicLaunch, side: int, passed: list[PeriodicLaunch]) -> BranchEnd | None:
         """The end of a curve that has come back to its start, at one of the asked values."""
@@ -366,7 +371,7 @@ class BranchTracer:
 
     def _why_stuck(self, here: PeriodicLaunch, ahead: Vector) -> BranchEnd:
         """Why the curve cannot be followed further."""
-        place = f"near {self.maps.name} = {here.value:.9g}, alpha = {here.alphas[0]:.9g}"
+        place = f"near {self._place(here)}"
         beyond = here.place + AROUND * ahead
         value, reach = self._value(beyond), AROUND * float(self.scale[0])
         for alpha in (float(beyond[0] * self.scale[0]), *here.alphas[1:]):

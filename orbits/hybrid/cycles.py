@@ -4,13 +4,15 @@ A launch of period one, a fixed point, comes back after one hop; a launch of per
 """
 
 from collections import OrderedDict
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 
 from ..errors import InputError, NoOrbit
-from ..model.machine import Machine, check_machine, free_parameters
+from ..model.machine import Machine, check_machine, free_parameters, machine_in_words
+from ..model.units import LIFTOFF_SPEED
 from .multiplier import multiplier
 from .return_map import Hops, ReturnMap
 
@@ -29,7 +31,11 @@ class MapsAlong:
     name : "inject", "restitution", or a parameter of the machine
     low, high : the range of the parameter, outside of which no map is asked for
     inject : injection of all maps, unless it is the parameter
+
+    `units` has those of launch speeds ("alpha") and parameters by name; it is empty for a dimensionless machine.
     """
+
+    units: Mapping[str, str] = {}
 
     def __init__(self, machine: Machine, name: str, low: float, high: float, inject: float, cap: int):
         self.machine, self.name, self.low, self.high, self.cap = machine, name, low, high, cap
@@ -38,6 +44,13 @@ class MapsAlong:
         check_machine(machine, "with_values", "restitution")
         if name not in (known := parameters_of_maps(machine)):
             raise InputError(f"the return map has no parameter '{name}'; it has {', '.join(known)}")
+        if machine.units:
+            speed = machine.units.text(LIFTOFF_SPEED)
+            self.units = {**machine_in_words(machine).get("units", {}), "alpha": speed, INJECT: speed}
+
+    def told(self, name: str, number: float, digits: int = 6) -> str:
+        """A value of the parameter, or a launch speed "alpha", in words: "inject = 0.12 m/s"."""
+        return f"{name} = {number:.{digits}g} {self.units.get(name) or ''}".rstrip()
 
     def machine_at(self, value: float) -> Machine:
         """The machine at a value of the parameter."""

@@ -13,6 +13,7 @@ from ..pages.cells import cell
 
 DIAGRAM_ENDINGS = (".json", ".csv")
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
+WORDS_OF_STABILITY = {True: "stable", False: "unstable", None: "stability unknown"}
 COLUMNS_OF_BRANCHES = ("branch", "period", "value", "alpha", "other", "multiplier", "stable")
 # Names that the parameter of a diagram cannot have, since it stands beside these in a table or a document.
 RESERVED_IN_DIAGRAMS = (*COLUMNS_OF_BRANCHES, "ends", "kind", "note")
@@ -79,20 +80,25 @@ class Branch:
         return one_line(self, {"period": self.period, "points": len(self), **ends})
 
     @property
-    def stable(self) -> np.ndarray:
-        """Whether the hops (n,) attract their neighbours: the multiplier is smaller than 1 in size."""
-        return np.abs(self.multipliers) < 1
+    def stable(self) -> list[bool | None]:
+        """Whether the hops (n,) attract their neighbours: the multiplier is smaller than 1 in size. None where they have
+        none, and it is not known."""
+        return [_settles(each) for each in self.multipliers.tolist()]
 
-    def stretches(self) -> list[tuple[float, float, bool]]:
+    def stretches(self) -> list[tuple[float, float, bool | None]]:
         """The parts of the curve, in order, each from one value of the parameter to another, and whether it is
-        stable. At bifurcations, which are points of the curve, one part gives way to the next."""
+        stable, None where that is not known. At bifurcations, which are points of the curve, one part gives way to the
+        next."""
+        return [(float(self.values[a]), float(self.values[b]), stable) for a, b, stable in self.parts()]
+
+    def parts(self) -> list[tuple[int, int, bool | None]]:
+        """The `stretches` by the indices of their first and their last point."""
         before, behind = self.multipliers[:-1], self.multipliers[1:]
         # A bifurcation, with 1, -1 or no multiplier, counts as what is beside it.
         between = np.where(np.isnan(before), behind, np.where(np.isnan(behind), before, 0.5 * (before + behind)))
-        stable = np.abs(between) < 1
-        cuts = [0, *(np.flatnonzero(stable[1:] != stable[:-1]) + 1).tolist(), len(self) - 1]
-        parts = [(a, b) for a, b in pairwise(cuts) if b > a]
-        return [(float(self.values[a]), float(self.values[b]), bool(stable[a])) for a, b in parts]
+        stable = [_settles(each) for each in between.tolist()]
+        cuts = [0, *(i for i in range(1, len(stable)) if stable[i] != stable[i - 1]), len(self) - 1]
+        return [(a, b, stable[a]) for a, b in pairwise(cuts) if b > a]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +141,7 @@ class BifurcationDiagram:
         for i, branch in enumerate(self.branches):
             rows.append((f"branch {i}", f"{HOPS_OF[branch.period]}, {len(branch)} points"))
             for a, b, stable in branch.stretches():
-                how = "stable" if stable else "unstable"
-                rows.append(("", f"{self.along} = {a:.12g} to {b:.12g}{unit}: {how}"))
+                rows.append(("", f"{self.along} = {a:.12g} to {b:.12g}{unit}: {WORDS_OF_STABILITY[stable]}"))
             for where, end in zip(("begins", "ends"), branch.ends, strict=True):
                 rows.append(("", f"{where}: {end.reason}"))
         for event in self.events:
@@ -190,7 +195,7 @@ class BifurcationDiagram:
                 self.along: branch.values.tolist(),
                 "alpha": branch.alphas.tolist(),
                 "multiplier": [_known(each) for each in branch.multipliers.tolist()],
-                "stable": branch.stable.tolist(),
+                "stable": branch.stable,
                 "ends": [vars(end) for end in branch.ends],
             }
             for branch in self.branches
@@ -214,10 +219,11 @@ class BifurcationDiagram:
     def rows(self) -> Iterator[tuple]:
         """The points of all branches, with the columns of a table."""
         for i, branch in enumerate(self.branches):
-            for value, alphas, slope in zip(branch.values, branch.alphas, branch.multipliers, strict=True):
+            columns = branch.values, branch.alphas, branch.multipliers, branch.stable
+            for value, alphas, slope, stable in zip(*columns, strict=True):
                 other = float(alphas[1]) if branch.period == 2 else ""
-                known = "" if np.isnan(slope) else float(slope)
-                yield i, branch.period, float(value), float(alphas[0]), other, known, bool(abs(slope) < 1)
+                known = ("", "") if stable is None else (float(slope), stable)
+                yield i, branch.period, float(value), float(alphas[0]), other, *known
 
     def save(self, path: str | Path) -> Path:
         """Write the diagram to .json (everything) or .csv (the points of its branches)."""
@@ -228,6 +234,11 @@ class BifurcationDiagram:
         heads = [self.heading(names.get(name, name)) for name in COLUMNS_OF_BRANCHES]
         heads[COLUMNS_OF_BRANCHES.index("other")] = "other " + heads[COLUMNS_OF_BRANCHES.index("other")]
         return write_table(heads, self.rows(), path, "diagram")
+
+
+def _settles(multiplier: float) -> bool | None:
+    """Whether hops with a multiplier attract their neighbours; None without one."""
+    return None if np.isnan(multiplier) else abs(multiplier) < 1
 
 
 def _known(number: float) -> float | None:

@@ -7,7 +7,8 @@ import numpy as np
 
 from ..errors import InputError, finite_number
 from ..model.units import LIFTOFF_SPEED
-from ..plot import COLOURS, Axes, cobweb, finished, new_axes, sampled_map, title_of_machine
+from ..plot import COLOURS, Axes, cobweb, finished, new_axes, plain, sampled_map, title_of_machine
+from .diagram import WORDS_OF_STABILITY
 
 IDENTITY: dict[str, Any] = {"color": "0.6", "lw": 0.8, "zorder": 1}
 # How fixed points look: full where they attract, open where they do not, half where they attract from above only.
@@ -15,6 +16,11 @@ LOOKS_OF_POINTS: dict[str, dict[str, Any]] = {
     "stable": {"mfc": "0.15"},
     "unstable": {"mfc": "white"},
     "lossless, attracts from above": {"fillstyle": "right", "mfc": "0.15", "markerfacecoloralt": "white"},
+}
+LOOKS_OF_STABILITY: dict[bool | None, dict[str, Any]] = {
+    True: {"lw": 2},
+    False: {"lw": 1.3, "ls": (0, (4, 2))},
+    None: {"lw": 1.3, "ls": (0, (1, 2))},
 }
 LOOKS_OF_EVENTS = {"flip": "o", "fold": "s", "branch point": "D", "border collision": "X"}
 WORDS_OF_PERIODS = {1: "fixed points", 2: "period two"}
@@ -36,7 +42,7 @@ def plot_map(
         axes.plot(*cobweb(step, finite_number("start", start), hops), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
     if fixed_points:
         _mark(axes, [(point.alpha, _stability(point)) for point in step.fixed_points(low, high)])
-    axes.set_title(f"return map of {title_of_machine(step.machine.describe())}", fontsize="medium", wrap=True)
+    axes.set_title(plain(f"return map of {title_of_machine(step.machine.describe())}"), fontsize="medium", wrap=True)
     return _labelled_map(axes, step, low, high)
 
 
@@ -107,15 +113,11 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
     known: set[str] = set()
     for branch in diagram.branches:
         colour, words = COLOURS[branch.period - 1], WORDS_OF_PERIODS[branch.period]
-        joint = np.isclose(np.abs(branch.multipliers), 1, rtol=0, atol=1e-6)
-        for stable, style in ((True, {"lw": 2}), (False, {"lw": 1.3, "ls": (0, (4, 2))})):
-            shown = (branch.stable == stable) | joint
-            if not (shown & ~joint).any():
-                continue
-            label = f"{words}, {'stable' if stable else 'unstable'}"
-            for alphas in branch.alphas.T:
-                name = None if label in known else label
-                axes.plot(branch.values, np.where(shown, alphas, np.nan), color=colour, label=name, zorder=2, **style)
+        for first, last, stable in branch.parts():
+            label, part = f"{words}, {WORDS_OF_STABILITY[stable]}", slice(first, last + 1)
+            for alphas in branch.alphas[part].T:
+                look = {"color": colour, "label": None if label in known else label, "zorder": 2}
+                axes.plot(branch.values[part], alphas, **look, **LOOKS_OF_STABILITY[stable])
                 known.add(label)
     for event in diagram.events:
         name = None if event.kind in known else event.kind
@@ -124,7 +126,7 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
                   label=name, zorder=4, clip_on=False)  # fmt: skip
         known.add(event.kind)
     machine = diagram.machine
-    axes.set_title(f"return map of {title_of_machine(machine)}", fontsize="medium", wrap=True)
+    axes.set_title(plain(f"return map of {title_of_machine(machine)}"), fontsize="medium", wrap=True)
     labels = {"xlabel": diagram.heading(diagram.along).replace("_", " "),
               "ylabel": diagram.heading("alpha").replace("alpha", "launch speed")}  # fmt: skip
     drawn = np.concatenate([diagram.visits[:, 1], *(branch.alphas.ravel() for branch in diagram.branches)])

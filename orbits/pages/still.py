@@ -29,6 +29,8 @@ p { margin: 0.3em 0 0.8em; overflow-wrap: anywhere; }
 .columns > *, .wide > * { min-width: 0; }
 .table { overflow-x: auto; }
 """
+# A browser loads nothing for a page, whatever its texts say: Bokeh would load a script for texts with TeX in them.
+POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
 ZOOM = "To zoom, choose a tool beside a figure. Point at a curve for its numbers."
 # What the page of a family does when a hop of it is chosen: the value "values[hop][i]" is given to the property
 # "names[i]" of "models[i]". A click moves the slider to the nearest hop, of those that have the quantity.
@@ -75,6 +77,7 @@ def write_page(path: str | Path, title: str, sections: Sequence[Any]) -> Path:
     name, *others = title.splitlines()
     text = (
         "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
         f"<title>{escape(name)}</title>\n<style>{STYLE}</style>\n{loaded}\n</head>\n<body>\n<main>\n"
         f"<h1>{escape(name)}</h1>\n{''.join(f'<p>{escape(line)}</p>' for line in others)}\n{hint}"
@@ -160,7 +163,7 @@ def _choice(family: Any, quantity: str, shown: FamilyFigure, hops: list[tuple[An
     if not hops:
         return []
     models, figures = bokeh("models"), HopFigures()
-    about = models.Div(sizing_mode="stretch_width")
+    about = models.Div(sizing_mode="stretch_width", disable_math=True)
     changes, places = list[list[Change]](), list[tuple[float, float]]()
     size = sum(each.nbytes for each in vars(hop_data(hops[0][1])).values() if isinstance(each, np.ndarray))
     for point, orbit in hops[:: -(-size * len(hops) // LARGEST_HOPS)]:

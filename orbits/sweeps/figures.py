@@ -17,6 +17,7 @@ from ..plot import (
     label_of,
     legend_below,
     new_axes,
+    plain,
     new_row,
     title_of_machine,
 )
@@ -205,7 +206,7 @@ def _matrix(sweep: Any, quantity: str) -> Axes:
                 axes.ticklabel_format(axis=one, scilimits=(-3, 4))  # long numbers would meet
     figure, corner = panels[0, 0].figure, panels[0, -1].inset_axes((0.0, 0.0, 0.12, 1.0))
     figure.colorbar(drawn, cax=corner, label=_axis_label(sweep, quantity))
-    figure.suptitle(_title_of(sweep), fontsize="medium", wrap=True)
+    figure.suptitle(plain(_title_of(sweep)), fontsize="medium", wrap=True)
     return panels[0, 0]
 
 
@@ -235,7 +236,7 @@ def _scale(axes: Axes, sweep: Any, name: str, which: str) -> None:
 def _labelled(axes: Axes, sweep: Any, across: str, up: str) -> Axes:
     """The axes with their title, names, scales and, where something has a label, a legend below."""
     axes.set(xlabel=_axis_label(sweep, across), ylabel=_axis_label(sweep, up))
-    axes.set_title(_title_of(sweep), fontsize="medium", wrap=True)
+    axes.set_title(plain(_title_of(sweep)), fontsize="medium", wrap=True)
     _scale(axes, sweep, across, "x")
     _scale(axes, sweep, up, "y")
     return legend_below(axes)

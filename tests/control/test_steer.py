@@ -1,5 +1,7 @@
 """Optimal control: closed forms, energy, the same machine simulated open loop, and how failures are named."""
 
+from dataclasses import replace
+
 import casadi as ca
 import mpmath as mp
 import numpy as np
@@ -172,6 +174,11 @@ def test_free_parameters_and_final_costs():
         (lambda: cart(degree=-1), "from 0"),
         (lambda: cart(running=lambda x, p, q: p["price"]), "asks for 'price'"),
         (lambda: cart(intervals="a"), "intervals = 'a'"),
+        (
+            lambda: Stage(Phase("cart", ("x", "time"), lambda x, p, q: [x[1], 1]), 4, (1.0, 1.0)),
+            "'time' is a column of the motion's table already; rename",
+        ),
+        (lambda: replace(cart(), inputs={"running cost": Input()}), "'running cost' is a column"),
         (lambda: cart(intervals=np.inf), "intervals = inf"),
         (lambda: cart(duration=2.0), "a lowest and a highest number, not 2.0"),
         (

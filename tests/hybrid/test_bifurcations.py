@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError, ReturnMap, bifurcations, find, multiplier, simulate
-from orbits.hybrid.bifurcations import _Search
+from orbits.hybrid.bifurcations import _Search, _with_events_at_points
 from orbits.hybrid.branches import BranchTracer, FoundEvent, PeriodicLaunch
 from orbits.hybrid.cycles import MapsAlong
 from orbits.hybrid.diagram import BifurcationDiagram, Branch, BranchEnd
@@ -95,6 +95,69 @@ def test_hops_of_period_two_between_two_flips_are_one_branch():
     assert double.alphas[[0, -1]] == pytest.approx(2 / 3, abs=1e-11)
     assert [end.kind for end in double.ends] == ["flip", "flip"]
     assert [stable for *_, stable in double.stretches()] == [True]
+
+
+class AlwaysAtOne(KnownMaps):
+    """1 - (1 + v) d + d^3 with d = a - 1: fixed points 1, a flip at v = 0 exactly, and hops of period two with
+    d^2 = v, whose multiplier is (1 - 2 v)^2."""
+
+    def __init__(self):
+        super().__init__(
+            -0.5, 0.5, lambda a, v: 1 - (1 + v) * (a - 1) + (a - 1) ** 3, lambda a, v: -(1 + v) + 3 * (a - 1) ** 2
+        )
+
+    def at(self, value):
+        return SimpleNamespace(fixed_points=lambda *_: [SimpleNamespace(alpha=1.0)])
+
+    def lossless(self, value):
+        return False
+
+
+@pytest.mark.parametrize("section", [0.0, -1e-3, -0.3])
+def test_a_flip_at_a_point_of_its_branch(section):
+    """The branch begins at the flip, or comes to it by a first step of 1/1000 of the range, or passes it."""
+    search = _Search(AlwaysAtOne(), (0.5, 1.9), [section], 100, None)
+    search.fixed_points()
+    search.doubled()
+    (flip,) = (event for event in search.located() if event.branch == 0)
+    assert (flip.kind, flip.value, flip.multiplier) == ("flip", pytest.approx(0.0, abs=1e-12), -1.0)
+    single, double = search.branches
+    assert (single.values[[0, -1]], double.period) == (pytest.approx(sorted([-0.5, 0.5]), abs=1e-12), 2)
+    assert len(np.unique(single.values)) == len(single)
+    assert (double.alphas - 1) ** 2 == pytest.approx(np.column_stack([double.values] * 2), abs=1e-10)
+    inner = double.values > 1e-6
+    assert double.multipliers[inner] == pytest.approx((1 - 2 * double.values[inner]) ** 2, abs=1e-7)
+
+
+def test_a_multiplier_that_touches_a_level_is_no_bifurcation():
+    end, place = BranchEnd("reached", ""), np.zeros(2)
+
+    def kinds(values, slopes):
+        points = [PeriodicLaunch(v, (1.0,), s, (1,), place, place) for v, s in zip(values, slopes, strict=True)]
+        return [x.kind for x in _with_events_at_points([end, *points, end]) if isinstance(x, FoundEvent)]
+
+    assert kinds([0, 1, 2], [-0.9, -1.0, -0.9]) == kinds([0, 1, 2], [-1.1, -1.0, -1.1]) == []
+    assert kinds([0, 1], [-1.0, -1.1]) == kinds([0, 1, 2, 3], [1.0, 1.0, 1.0, 1.0]) == []
+    assert kinds([0, 1, 2], [-0.9, -1.0, -1.1]) == ["flip"]
+    assert kinds([0, 1, 0], [1.1, 1.0, 0.9]) == ["fold"]
+    assert kinds([0, 1, 2], [1.1, 1.0, 0.9]) == ["branch point"]
+
+
+def test_a_branch_without_multipliers_is_not_called_unstable(tmp_path):
+    end = BranchEnd("reached", "")
+    values, slopes = np.arange(6.0), np.array([0.5, np.nan, 0.6, np.nan, np.nan, 2.0])
+    branch = Branch(1, values, values[:, None] + 5, slopes, (end, end))
+    assert branch.stable == [True, None, True, None, None, False]
+    assert branch.stretches() == [(0.0, 3.0, True), (3.0, 4.0, None), (4.0, 5.0, False)]
+    machine = {"machine": "known", "spring": "r", "gravity": "1"}
+    diagram = BifurcationDiagram("v", (0.0, 5.0), (4.0, 11.0), machine, (branch,), ())
+    document = json.loads(diagram.save(tmp_path / "diagram.json").read_text())
+    assert document["branches"][0]["stable"] == [True, None, True, None, None, False]
+    table = diagram.save(tmp_path / "diagram.csv").read_text().splitlines()
+    assert table[2] == "0,1,1,6,,,"
+    assert "v = 3 to 4: stability unknown" in str(diagram)
+    labels = diagram.plot().get_legend_handles_labels()[1]
+    assert labels == [f"fixed points, {each}" for each in ("stable", "stability unknown", "unstable")]
 
 
 def test_a_stable_stretch_between_bifurcations_that_follow_each_other():
@@ -293,6 +356,8 @@ def test_in_si_as_without_units():
     assert [event.value / speed for event in diagram.events] == pytest.approx([0.0, 0.071587384137], abs=1e-10)
     assert diagram.heading("inject") == "inject (m/s)"
     assert "m/s" in str(diagram)
+    reasons = {end.reason for branch in diagram.branches for end in branch.ends if end.kind == "reached"}
+    assert reasons == {f"inject = {0.1 * speed:g} m/s is reached"}
     assert diagram.plot().get_ylabel() == "launch speed (m/s)"
 
 

@@ -2,6 +2,7 @@
 
 import io
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -204,6 +205,12 @@ def test_a_click_where_some_hops_do_not_have_the_quantity(page, tmp_path):
     opened(page, family.page(tmp_path / "folded.html", "contact_time"), 1200, 4)
     hops = spread(family, MOST_HOPS)
     assert clicked(page, hops[2], "contact_time", 0) == 2
+
+
+def test_a_page_loads_nothing_for_texts_with_mathematics(page, tmp_path, orbit):
+    """Bokeh loads a script from elsewhere for texts with TeX in them, as a file may have them."""
+    words = replace(orbit, machine={**orbit.machine, "spring": "$$x^2$$", "machine": r"\(a\)"})
+    opened(page, words.page(tmp_path / "hop.html"), 1200, 4)
 
 
 @pytest.mark.parametrize("width", SIZES)

@@ -283,6 +283,18 @@ def test_a_push_of_nothing_changes_nothing(kept):
             assert [event.kind for event in off.run.events][:2] == [event.kind for event in whole.events][:2]
 
 
+def test_a_push_at_a_landing_or_lift_off_comes_after_it():
+    for driven in (steering.keep_hopping(Hopper(damping=C), lossless=False), steering.recover(Hopper(), 0.05)):
+        whole = driven.simulate(3).run
+        for event in whole.events[:-1]:
+            for time in event.time * np.array([1 - 1e-14, 1, 1 + 1e-14]):
+                off = driven.simulate(3, push=(time, {"y1'": 0.0}))
+                assert [each.kind for each in off.run.events] == [each.kind for each in whole.events]
+                assert off.launch_errors == pytest.approx(0, abs=1e-8)
+        with pytest.raises(InputError, match="push at .*: the motion ends at"):
+            driven.simulate(3, push=(whole.end, {"y1'": 0.0}))
+
+
 @pytest.mark.parametrize(
     ("disturbance", "words"),
     [
@@ -295,8 +307,9 @@ def test_a_push_of_nothing_changes_nothing(kept):
         ({"damping": -0.1}, "below 0"),
         ({"push": 3.0}, "push = 3.0; it is a time"),
         ({"push": (1.0, {"y3'": 0.1})}, "no flight state 'y3''"),
-        ({"push": (1e3, {"y1'": 0.1})}, "the motion ends before"),
-        ({"push": (-1.0, {"y1'": 0.1})}, "time = -1"),
+        ({"push": (1e3, {"y1'": 0.1})}, "the motion ends at"),
+        ({"push": (-1.0, {"y1'": 0.1})}, "push: time = -1"),
+        ({"push": (0.0, {"y1'": 0.1})}, "push: time = 0; it comes after the start.*state="),
         ({"push": (1.0, {"y1'": np.inf})}, "not a finite number"),
         ({"push": (12.0, {"y2'": 0.1})}, "must be open"),
     ],
@@ -314,7 +327,7 @@ def test_a_motion_that_begins_in_contact_has_no_launch(started):
 def test_an_end_before_its_time_is_told(kept):
     off = kept.simulate(5, launch_error=-0.05)
     assert off.run.status == "rests"
-    assert off.launches == len(off.launch_errors) == len(off.delays) < 6
+    assert off.compared == len(off.launch_errors) == len(off.delays) < 6
     assert str(off).endswith("rests")
     assert str(off).splitlines()[1].split()[0] == "0"
     assert repr(off).startswith("Disturbed(launch_errors=[")

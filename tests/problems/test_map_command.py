@@ -35,6 +35,7 @@ def test_a_branch_in_words_and_in_a_file(orbits, tmp_path):
         ("map --alpha 4.5 --along inject --from 0 --to 1", "a range --alpha A:B:N"),
         ("map --alpha 4:5:9 --along inject --from 0", "--along needs --from V, --to W"),
         ("map --alpha 4:5:9 --along inject --from 0 --to 1 --cobweb 4.5", "has no --cobweb"),
+        ("map --alpha 4:5:9 --along inject --from 0 --to 1 --all", "has no --cobweb or --all"),
         ("map --alpha 4:5:9 --from 0", "go with --along"),
         ("map --alpha 4:5:9 --save x.json", "go with --along"),
         ("map --alpha 4:5:9 --along speed --from 0 --to 1", "has a parameter 'speed'"),
