@@ -15,6 +15,7 @@ from .bokeh_figures import GREY, Change, apply, bokeh, empty_columns, hover, leg
 
 TORQUE = (1, 0, 1)  # the dimension of a force against an angle
 EXTENSIONS = 301  # at which a law is looked at
+LONGEST_TITLE = 44  # characters that fit above the figure on a phone
 ON_EACH_SIDE = 0.35  # so far beyond the used range on both sides, as a share of it
 
 
@@ -25,7 +26,7 @@ class LawData:
     extension, force : (k,) of the spring, NaN where the law has no value; a tension is positive
     used : the smallest and the largest extension of the hop
     liftoff : the extension at lift-off, and the force there
-    title : the law as it was stated
+    title : the law as it was stated, cut where it is long
     labels : of the two axes, with units
     """
 
@@ -55,6 +56,7 @@ def law_data(machine: Machine, orbit: Any) -> LawData:
     places, forces = _forces(own, np.linspace(low - beside, high + beside, EXTENSIONS))
     start = _forces(own, np.array([bare.liftoff_extension]))[1]
     turns = units is not None and "liftoff" in units.angles
+    title = f"Spring: {orbit.machine['spring']}"
     name, dimensions = ("torque", (EXTENSION, TORQUE)) if turns else ("force", (EXTENSION, FORCE))
     length, force = (units.of(each) if units else 1.0 for each in dimensions)
     texts = [f" ({units.text(each)})" if units else "" for each in dimensions]
@@ -63,7 +65,7 @@ def law_data(machine: Machine, orbit: Any) -> LawData:
         force=forces * force,
         used=(low * length, high * length),
         liftoff=(bare.liftoff_extension * length, float(start[0]) * force),
-        title=f"Spring: {orbit.machine['spring']}",
+        title=title if len(title) <= LONGEST_TITLE else title[: LONGEST_TITLE - 3] + "...",
         labels=("extension" + texts[0], name + texts[1]),
     )
 

@@ -27,6 +27,13 @@ SLOWEST_DRAWN = 1e-3  # and from this share of that on
 COBWEB = 80  # hops
 
 
+@dataclass(frozen=True)
+class DialsAnswer:
+    """The sliders of a scene's parameters, which come before its hop, and without one too."""
+
+    dials: list[Dial]
+
+
 @dataclass(frozen=True, eq=False)
 class HopAnswer:
     """A hop as the page shows it.
@@ -36,7 +43,6 @@ class HopAnswer:
     rows : the certificate, names and texts
     alpha : launch speed
     admissible : whether it is a motion
-    dials : of the parameters, None where they were not asked for
     """
 
     scene: Scene
@@ -45,12 +51,13 @@ class HopAnswer:
     rows: list[tuple[str, str]]
     alpha: float
     admissible: bool
-    dials: list[Dial] | None
 
 
-def hop_answer(given: Any, scene: Scene, with_dials: bool) -> Iterator[HopAnswer]:
-    """The hop of a scene; raises `NoOrbit` where there is none."""
+def hop_answer(given: Any, scene: Scene, with_dials: bool) -> Iterator[DialsAnswer | HopAnswer]:
+    """The hop of a scene, after the sliders where these are asked for; raises `NoOrbit` where there is none."""
     machine = scene.build(given)
+    if with_dials:
+        yield DialsAnswer(dials_of(machine, scene))
     orbit = _orbit_of_scene(machine, scene)
     if scene.start is not None:
         scene = replace(scene, start=start_of(orbit))
@@ -58,8 +65,7 @@ def hop_answer(given: Any, scene: Scene, with_dials: bool) -> Iterator[HopAnswer
         law = law_data(machine, orbit)
     except InputError:
         law = None
-    dials = dials_of(machine, scene) if with_dials else None
-    yield HopAnswer(scene, hop_data(orbit), law, orbit_rows(orbit), orbit.alpha, orbit.admissible, dials)
+    yield HopAnswer(scene, hop_data(orbit), law, orbit_rows(orbit), orbit.alpha, orbit.admissible)
 
 
 def start_of(orbit: Any) -> tuple[float, float, float]:
@@ -71,15 +77,13 @@ def start_of(orbit: Any) -> tuple[float, float, float]:
 class FamilyAnswer:
     """A piece of a family and what is known of its ends.
 
-    of : the scene
-    along : the parameter
+    of : the scene, with the parameter that the family is followed along
     values : of it, at the points
     starts : of its points, as those of a scene, to go there
     text : in words, how far it is and how it ends
     """
 
     of: Scene
-    along: str
     data: FamilyData
     values: tuple[float, ...]
     starts: tuple[tuple[float, float, float], ...]
@@ -92,18 +96,30 @@ class FamilyAnswer:
         return int(np.hypot(*away).argmin())
 
     def holds(self, scene: Scene) -> bool:
-        """Whether a scene's hop differs from those of the family in the parameter alone."""
-        return _beside(self.of, self.along) == _beside(scene, self.along)
+        """Whether the family is that of a scene's hop."""
+        return same_family(self.of, scene)
+
+    @property
+    def along(self) -> str:
+        """The parameter."""
+        return self.of.along
 
 
-def _beside(scene: Scene, along: str) -> Scene:
+def same_family(scene: Scene, other: Scene) -> bool:
+    """Whether two scenes are followed along the same parameter and differ in that alone."""
+    return _beside(scene) == _beside(other)
+
+
+def _beside(scene: Scene) -> Scene:
     """What does not change along a family."""
-    return replace(scene.hop, start=None, numbers={**scene.numbers, along: 0.0})
+    others = {name: value for name, value in scene.numbers.items() if name != scene.along}
+    return replace(scene, start=None, launch=None, numbers=others)
 
 
-def family_answers(given: Any, scene: Scene, along: str, low: float, high: float) -> Iterator[FamilyAnswer]:
-    """The family through a scene's hop along a parameter, from the hop up and then down, as it grows."""
-    machine = scene.build(given)
+def family_answers(given: Any, scene: Scene, low: float, high: float) -> Iterator[FamilyAnswer]:
+    """The family through a scene's hop along its parameter, between two values, as it grows from the hop up and then
+    down."""
+    machine, along = scene.build(given), scene.along
     here = machine.values.get(along)
     if here is None:
         raise InputError(f"this machine has no parameter '{along}' to follow")
@@ -112,10 +128,10 @@ def family_answers(given: Any, scene: Scene, along: str, low: float, high: float
     parts: list[Family] = []
     for stop in ways:
         part = follow(machine, along, stop, family=hop.family, orbit=hop, most=FIRST_PIECE)
-        yield _family_answer(scene, along, [*parts, part], len(ways))
+        yield _family_answer(scene, [*parts, part], len(ways))
         while part.end.kind == "stopped" and len(part) < LONGEST_FAMILY:
             part = follow(machine, along, stop, family=hop.family, resume=part, most=PIECE)
-            yield _family_answer(scene, along, [*parts, part], len(ways))
+            yield _family_answer(scene, [*parts, part], len(ways))
         parts.append(part)
 
 
@@ -136,7 +152,7 @@ def joined_ways(parts: list[Family]) -> Family:
     return replace(up, points=(*down.points[:0:-1], *up.points), events=tuple(events))
 
 
-def _family_answer(scene: Scene, along: str, parts: list[Family], ways: int) -> FamilyAnswer:
+def _family_answer(scene: Scene, parts: list[Family], ways: int) -> FamilyAnswer:
     family, ends = joined_ways(parts), [part.end for part in parts]
     growing = ends[-1].kind == "stopped" and len(parts[-1]) < LONGEST_FAMILY
     told = [f"{word}: {end.kind}, {end.reason}" for word, end in zip(("up", "down"), ends, strict=False)]
@@ -147,7 +163,7 @@ def _family_answer(scene: Scene, along: str, parts: list[Family], ways: int) -> 
     data = family_data(family)
     if growing:  # where it has got to is no end
         data = replace(data, events={name: column[:-1] for name, column in data.events.items()})
-    return FamilyAnswer(scene, along, data, values, starts, text)
+    return FamilyAnswer(scene, data, values, starts, text)
 
 
 def map_answers(given: Any, scene: Scene) -> Iterator[MapData]:

@@ -7,11 +7,16 @@ window.startExplorer = (bridge, figures) => {
   const STEPS = 400, LARGEST_ROWS = 1 << 20, PATIENCE = 700;
   let n = 0, timer = null, state = null;
 
+  // What takes long can be stopped, whether a field, a click on a figure or the page itself has asked for it.
+  const settled = () => state && state.idle && state.n >= n;
+  function offer_stop_later() {
+    clearTimeout(timer);
+    timer = setTimeout(() => { $("stop").hidden = settled(); }, PATIENCE);
+  }
   function ask(act, rest = {}) {
     n += 1;
     bridge.asked = JSON.stringify({n, act, ...rest});
-    clearTimeout(timer);
-    timer = setTimeout(() => { $("stop").hidden = !state || (state.idle && state.n == n); }, PATIENCE);
+    offer_stop_later();
   }
 
   // Sliders go over whole numbers from 0 to STEPS, and stand for a parameter in equal steps or equal factors.
@@ -120,10 +125,11 @@ window.startExplorer = (bridge, figures) => {
       $("link").value = `${location.origin}/?${state.link}`;
       history.replaceState(null, "", `?${state.link}`);
     }
-    if (state.idle && state.n >= n) {
+    if (settled()) {
       clearTimeout(timer);
+      timer = null;
       $("stop").hidden = true;
-    }
+    } else if (timer === null) offer_stop_later();
     if (state.n >= n) show_fields();
     document.body.dataset.shown = state.shown;
   }
@@ -209,11 +215,14 @@ window.startExplorer = (bridge, figures) => {
   const seen = new IntersectionObserver((entries) => {
     for (const {target, isIntersecting} of entries) hold(figures[target.dataset.figure], !isIntersecting);
   }, {rootMargin: "200px"});
-  const hold = (figure, held) => figure.setv({hold_render: held}, {sync: false});
+  const hold = (figure, held) => {
+    figure.setv({hold_render: held}, {sync: false});
+    if (!held) Bokeh.index.get(figure).invalidate_layout();  // its legend may have grown meanwhile
+  };
   for (const place of document.querySelectorAll("[data-figure]")) seen.observe(place);
 
   bridge.properties.told.change.connect(told);
   bridge.properties.rows.change.connect(() => { if (bridge.rows) save_text(state.scene.rows.name, bridge.rows); });
-  window.explorer = {ask, figures, get state() { return state; }, get settled() { return state && state.idle && state.n >= n; }};
+  window.explorer = {ask, figures, get state() { return state; }, get settled() { return settled(); }};
   told();
 };

@@ -22,7 +22,7 @@ from orbits.pages.law import LawFigure
 from orbits.pages.return_map import MapFigure
 from orbits.pages.tables import html_table
 
-from .answers import FamilyAnswer, HopAnswer
+from .answers import DialsAnswer, FamilyAnswer, HopAnswer, same_family
 from .dials import Dial
 from .fields import changed, shown_fields
 from .forms import link_of, machine_file, python_lines
@@ -60,13 +60,14 @@ class Explorer:
         self._history: list[Scene] = []
         self._cause, self._last_change = "", 0.0
         self._problems: dict[str, str] = {"page": problem} if problem else {}
+        self._failed: dict[str, str] = {}  # of these, why the hop that is wanted is not shown
         self._hop: HopAnswer | None = None
         self._family: FamilyAnswer | None = None
-        self._dials: list[Dial] = []
-        self._dials_of: tuple[Any, ...] = ()
+        self._dials: dict[tuple[Any, ...], list[Dial]] = {}  # by what their ends depend on
         self._texts = {"family": "", "map": ""}
         self._number = self._count = 0
         self._awaited: Task | None = None  # of which the hop is not shown yet
+        self._around_it: dict[str, Task] = {}  # the newest that was asked around a hop
         self._pending: Any = None  # what will compute the family and the map
         self._workers = {
             "hop": self._worker(self._hop_came),
@@ -124,7 +125,7 @@ class Explorer:
         try:
             told = json.loads(text)
             act, self._number = str(told["act"]), int(told["n"])
-        except (ValueError, TypeError, KeyError, RecursionError):
+        except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             return
         if act == "undo":
             self._undo()
@@ -144,7 +145,7 @@ class Explorer:
         try:
             scene = changed(self._wanted, act, told)
         except InputError as error:
-            self._problems = {place: str(error)}
+            self._problems = self._failed | {place: str(error)}
             return
         self._go(scene, f"{act} {told.get('name', '')}" if act == "number" else act)
 
@@ -154,9 +155,9 @@ class Explorer:
         gesture = cause == self._cause and now - self._last_change < GESTURE
         if scene != before and not gesture and self._history[-1:] != [self._shown]:
             self._history = [*self._history, self._shown][-LONGEST_HISTORY:]
-        self._cause, self._last_change, self._problems = cause, now, {}
+        self._cause, self._last_change = cause, now
         if scene.hop == before.hop and self._hop is not None:
-            self._shown = self._with_surroundings(self._shown)
+            self._shown, self._problems = self._with_surroundings(self._shown), self._failed
             self._around_later(now=True)
         else:
             self._ask_hop()
@@ -166,8 +167,8 @@ class Explorer:
         return replace(scene, along=self._wanted.along, launch=self._wanted.launch)
 
     def _ask_hop(self) -> None:
-        kind = self._kind_of(self._wanted)
-        self._awaited = Task("hop", (self._wanted, kind != self._dials_of))
+        self._problems = self._failed = {}
+        self._awaited = Task("hop", (self._wanted, not self._dials_for(self._wanted)))
         self._workers["hop"].ask(self._awaited)
 
     @staticmethod
@@ -175,25 +176,34 @@ class Explorer:
         """What the ends of the sliders depend on."""
         return scene.machine, scene.si, scene.spring, scene.gravity, scene.rows, tuple(scene.numbers)
 
+    def _dials_for(self, scene: Scene) -> list[Dial]:
+        """The sliders of a scene, none where they are not known yet."""
+        return self._dials.get(self._kind_of(scene), [])
+
     def _undo(self) -> None:
         failed = self._wanted != self._shown
         if not failed and not self._history:
             return
         scene = self._shown if failed else self._history[-1]
-        self._history = self._history if failed else self._history[:-1]
-        self._wanted, self._cause, self._problems = scene, "", {}
+        if self._history[-1:] == [scene]:
+            self._history = self._history[:-1]
+        self._wanted, self._cause = scene, ""
         self._ask_hop()
 
     def _stop(self) -> None:
         self._workers["hop"].stop()
         self._awaited = None
-        self._wanted, self._problems = self._shown, {"page": "Stopped: this is still the hop before."}
+        if self._hop is None:
+            self._problems = self._failed = {"page": "Stopped: no hop has been found yet."}
+        else:
+            self._wanted, self._failed = self._shown, {}
+            self._problems = {"page": "Stopped: this is still the hop before."}
 
     def _family_clicked(self, event: Any) -> None:
         """Go to the hop of the family that is nearest to a click."""
         answer = self._family
-        if answer is None:
-            return
+        if answer is None or not answer.holds(self._shown):
+            return  # another one is being followed
         place = answer.nearest(event.x, event.y)
         scene = self._shown.with_numbers(**{answer.along: answer.values[place]})
         self._go(replace(scene, start=answer.starts[place]), "family point")
@@ -207,27 +217,30 @@ class Explorer:
     # ---- what comes
 
     def _hop_came(self, question: Task, answer: Any) -> None:
-        if isinstance(answer, Failure):
-            place = self._cause if self._cause in ("spring", "gravity", "rows") else "page"
-            self._problems = {place: answer.reason}
-        elif isinstance(answer, HopAnswer):
+        if self._awaited is None or isinstance(answer, Done):
+            return  # what was on its way when it was stopped is not shown
+        newest = question.number == self._awaited.number
+        if isinstance(answer, HopAnswer):
             self._show_hop(question, answer)
-        else:
-            return
-        if self._awaited is not None and question.number == self._awaited.number:
+        elif isinstance(answer, DialsAnswer):
+            self._dials[self._kind_of(question.arguments[0])] = answer.dials
+            newest = False  # the hop comes after them
+        elif newest:
+            place = self._cause if self._cause in ("spring", "gravity", "rows") else "page"
+            self._failed = {place: answer.reason}
+            self._problems = self._problems | self._failed
+        if newest:
             self._awaited = None
         self._tell()
 
     def _show_hop(self, question: Task, answer: HopAnswer) -> None:
-        asked, with_dials = question.arguments
+        asked = question.arguments[0]
         shown = self._with_surroundings(answer.scene)
         if asked.hop == self._wanted.hop:
             self._wanted = shown
         first, self._hop = self._hop is None, answer
         steady = not first and self._kind_of(self._shown) == self._kind_of(asked)
         self._shown = shown
-        if with_dials and answer.dials is not None:
-            self._dials, self._dials_of = answer.dials, self._kind_of(asked)
         self._count += 1
         self._hops.show(answer.data, steady)
         self._mark()
@@ -236,8 +249,10 @@ class Explorer:
     def _mark(self) -> None:
         """Mark the hop in the family, where that is the family through it."""
         family, hop = self._family, self._hop
-        if family is not None and hop is not None and family.along in hop.scene.numbers:
+        if family is not None and hop is not None and family.holds(self._shown):
             self._families.mark(hop.scene.numbers[family.along], hop.alpha)
+        else:
+            self._families.mark()
 
     def _around_later(self, now: bool = False) -> None:
         """Compute the family and the map once nothing has changed for a while."""
@@ -251,31 +266,53 @@ class Explorer:
         self._laws.figure.visible = law is not None
         if law is not None:
             self._laws.show(law)
-        scene, bounds = self._shown, {dial.name: (dial.low, dial.high) for dial in self._dials}
-        if (
-            scene.along in bounds
-            and scene.along in scene.numbers
-            and (self._family is None or not self._family.holds(scene))
-        ):
-            self._texts["family"] = "The family is being followed."
-            self._workers["family"].ask(Task("family", (scene, scene.along, *bounds[scene.along])))
-        self._workers["map"].ask(Task("map", (scene,)))
+        self._follow()
+        self._ask_around("map", self._shown)
         self._tell()
 
+    def _ask_around(self, what: str, *arguments: Any) -> None:
+        """Ask for a family or a map; only what comes of this is shown from now on."""
+        self._around_it[what] = Task(what, arguments)
+        self._workers[what].ask(self._around_it[what])
+
+    def _follow(self) -> None:
+        """Follow the family of the hop, unless that is what is shown or is being followed."""
+        scene, asked = self._shown, self._around_it.get("family")
+        bounds = {dial.name: (dial.low, dial.high) for dial in self._dials_for(scene) if dial.name in scene.numbers}
+        if scene.along not in bounds:
+            self._workers["family"].stop()
+            self._around_it.pop("family", None)
+            self._no_family("")
+        elif asked is None or not same_family(asked.arguments[0], scene):
+            self._texts["family"] = "The family is being followed."
+            self._ask_around("family", scene, *bounds[scene.along])
+
+    def _no_family(self, why: str) -> None:
+        self._family, self._texts["family"] = None, why
+        self._families.figure.visible = False
+
     def _family_came(self, question: Task, answer: Any) -> None:
+        if question != self._around_it.get("family"):
+            return
         if isinstance(answer, Failure):
-            self._family, self._texts["family"] = None, f"No family here: {answer.reason}"
+            del self._around_it["family"]
+            self._no_family(f"No family here: {answer.reason}")
         elif isinstance(answer, FamilyAnswer):
             steady = self._family is not None and self._family.along == answer.along
             self._family, self._texts["family"] = answer, answer.text
+            self._families.figure.visible = True
             self._families.show(answer.data, steady)
             self._mark()
         self._tell()
 
     def _map_came(self, question: Task, answer: Any) -> None:
+        if question != self._around_it.get("map"):
+            return
         if isinstance(answer, Failure):
             self._texts["map"] = f"No map here: {answer.reason}"
+            self._maps.figure.visible = False
         elif not isinstance(answer, Done):
+            self._maps.figure.visible = True
             self._maps.show(answer)
             share = answer.share
             found = f"{share or 0:.1%} of these launches come to a lossless hop."
@@ -293,6 +330,7 @@ class Explorer:
         except InputError as error:
             file = str(error)
         rows = hop.rows if hop else []
+        dials = self._dials_for(self._wanted) or self._dials_for(scene)
         failing = "" if hop is None or hop.admissible else ", which is no motion"
         state = {
             "n": self._number,
@@ -310,6 +348,6 @@ class Explorer:
             "map-text": self._texts["map"],
             "python": python_lines(scene),
             "file": file,
-            **shown_fields(self._wanted, self._dials, self._given is not None),
+            **shown_fields(self._wanted, dials, self._given is not None),
         }
         self._bridge.told = json.dumps(state)

@@ -19,7 +19,7 @@ from orbits.symbolic.formula import parse, suggest
 
 from .. import gravity as gravities
 from .. import springs
-from ..files import KINDS, MASSES, SI_KEYS, build
+from ..files import KINDS, MASSES, SI_KEYS, SI_PARAMETERS, build
 from ..units import AnyMachine, MachineInSI
 
 # The machine that `explore` was given, where no statement makes it.
@@ -235,9 +235,10 @@ def given_scene(machine: Any, name: str = GIVEN) -> Scene:
 
 
 def with_surroundings(scene: Scene) -> Scene:
-    """A scene with a parameter along which the family is followed: the last one, which is a law's where these have
-    any."""
+    """A scene with a parameter along which the family is followed: the last one of its laws where these have any, and a
+    rest length last of all, which changes no hop under a constant gravity."""
     names = [name for name in scene.numbers if name not in LOSSES]
+    names.sort(key=lambda name: (name not in {"mass_ratio", *SI_PARAMETERS}, name != "rest_length"))
     return replace(scene, along=names[-1]) if names and not scene.along else scene
 
 

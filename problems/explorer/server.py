@@ -2,6 +2,7 @@
 
 import errno
 import logging
+import re
 import socket
 import threading
 from collections.abc import Callable
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from .scene import Scene
 
 LOOPBACK = "127.0.0.1"
+HOSTS = (LOOPBACK, "localhost")  # the names by which a browser asks for the page
 # Of one message from a page: measured rows as JSON, whose letters may take six characters each.
 LARGEST_MESSAGE = 8 << 20
 MOST_TABS = 40  # each has a process of its own
@@ -38,25 +40,27 @@ def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
         from bokeh.settings import settings
         from tornado.httpserver import HTTPServer
         from tornado.ioloop import IOLoop
+        from tornado.routing import HostMatches, Rule, RuleRouter
     except ImportError:
         raise InputError("the page needs Bokeh: install persistent-orbits[explore]") from None
     prepare()
     sockets = _bound(port)
     port = sockets[0].getsockname()[1]
-    hosts = {f"{LOOPBACK}:{port}", f"localhost:{port}"}
+    hosts = [f"{name}:{port}" for name in HOSTS]
     for name in ("bokeh", "tornado"):
         logging.getLogger(name).setLevel(logging.ERROR)
-    settings.resources = "server"  # whatever the environment says, nothing comes from elsewhere
-    settings.allowed_ws_origin = []  # nor is anybody else let in
-    application = Application(FunctionHandler(_page_of(scene, given, hosts)))
+    settings.allowed_ws_origin = []  # whatever the environment says, nobody else is let in
+    application = Application(FunctionHandler(_page_of(scene, given)))
     tornado = BokehTornado(
         {"/": application},
-        extra_websocket_origins=sorted(hosts),
+        extra_websocket_origins=hosts,
         websocket_max_message_size_bytes=LARGEST_MESSAGE,
         check_unused_sessions_milliseconds=2000,
         unused_session_lifetime_milliseconds=5000,
     )
-    http = HTTPServer(tornado, max_header_size=1 << 16)
+    # A name that another site lets point to this machine is refused, whatever is asked for.
+    own = RuleRouter([Rule(HostMatches(re.escape(name)), tornado) for name in HOSTS])
+    http = HTTPServer(own, max_header_size=1 << 16)
     http.add_sockets(sockets)
     return BaseServer(IOLoop.current(), tornado, http), f"http://localhost:{port}/"
 
@@ -77,7 +81,7 @@ def _bound(port: int) -> list[socket.socket]:
     return [listening]
 
 
-def _page_of(scene: "Scene", given: Any, hosts: set[str]) -> Callable[[Any], None]:
+def _page_of(scene: "Scene", given: Any) -> Callable[[Any], None]:
     """What fills the document of a tab."""
     tabs = set[str]()
 
@@ -86,9 +90,8 @@ def _page_of(scene: "Scene", given: Any, hosts: set[str]) -> Callable[[Any], Non
         from .page import Explorer
 
         request = document.session_context.request
-        # A name that another site lets point to this machine is refused; and so are more tabs than can be served.
-        if request.headers.get("Host", "").lower() not in hosts or len(tabs) >= MOST_TABS:
-            document.add_root(_page_of_words("This page is served to this machine alone, to a few tabs at a time."))
+        if len(tabs) >= MOST_TABS:
+            document.add_root(_page_of_words(f"{MOST_TABS} tabs are open, and no more are served: close some."))
             return
         try:
             begun, problem = (scene_of_link(request.arguments) if request.arguments else scene), ""

@@ -266,3 +266,15 @@ def test_the_command_lines_machine_is_what_the_page_begins_with(tmp_path):
 
 def test_the_room_is_documented():
     assert explorer.__doc__
+
+
+@pytest.mark.parametrize(
+    ("stated", "along"),
+    [
+        ({"spring": "r + beta*r**3", "rest_length": 30.0, "parameters": {"beta": 0.1}}, "beta"),
+        ({"si": {"body_mass": 70.0, "foot_mass": 5.0, "stiffness": 2e4, "rest_length": 1.0}}, "stiffness"),
+        ({"machine": "juggler"}, "mass_ratio"),
+    ],
+)
+def test_a_family_is_followed_along_what_changes_the_hop(stated, along):
+    assert scene_of_statement(stated).along == along

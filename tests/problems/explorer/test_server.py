@@ -59,9 +59,16 @@ def test_only_its_own_page_may_talk_to_it(port, origin, status):
     assert answer(port, "/ws", headers)[0] == status
 
 
-def test_a_name_that_another_site_gives_this_machine_gets_no_page(port):
-    assert "startExplorer" in answer(port)[1]
-    assert "startExplorer" not in answer(port, headers={"Host": f"evil.example:{port}"})[1]
+@pytest.mark.parametrize("host", ["evil.example", "localhost.evil.example", "0.0.0.0", "127x0x0x1", "[::1]"])
+@pytest.mark.parametrize("path", ["/", "/ws", "/metadata", "/static/js/bokeh.min.js"])
+def test_a_name_that_another_site_gives_this_machine_is_refused(port, host, path):
+    headers = {"Host": f"{host}:{port}", "Origin": f"http://localhost:{port}"}
+    assert answer(port, path, headers | (UPGRADE if path == "/ws" else {}))[0] == 404
+
+
+def test_the_page_is_served_by_both_names_of_this_machine(port):
+    for host in ("localhost", "127.0.0.1"):
+        assert "startExplorer" in answer(port, headers={"Host": f"{host}:{port}"})[1]
 
 
 def test_a_page_names_no_address_but_its_own(port):

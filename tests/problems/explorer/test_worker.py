@@ -68,9 +68,10 @@ def is_alive(pid: int) -> bool:
 def test_a_hop_is_that_of_find(made):
     worker, answers = made()
     worker.ask(question := hop(CUBIC, True))
-    answer, end = answered(answers, question)
+    dials, answer, end = answered(answers, question)
     orbit = find(Hopper("cubic", rest_length=8.0))
     assert isinstance(end, Done)
+    assert [dial.name for dial in dials.dials] == ["mass_ratio", "rest_length", "beta", "restitution"]
     assert (answer.alpha, answer.admissible, answer.scene) == (orbit.alpha, True, CUBIC)
     assert answer.data.end == orbit.period
     assert worker.busy == 0.0
@@ -94,6 +95,10 @@ def test_what_has_no_answer_is_said(made):
     worker.ask(question := hop(CUBIC.with_numbers(beta=-0.3)))
     (failure,) = answered(answers, question)
     assert isinstance(failure, Failure)
+    assert failure.expected
+    worker.ask(question := hop(CUBIC.with_numbers(beta=-0.3), True))
+    dials, failure = answered(answers, question)
+    assert len(dials.dials) == 4  # the way back from a machine without a hop
     assert failure.expected
     worker.ask(question := Task("hop", ("no scene", True)))
     (failure,) = answered(answers, question)
@@ -173,7 +178,7 @@ def test_workers_end_with_the_program_that_started_them(tmp_path):
 
 def test_a_family_comes_in_pieces_and_is_that_of_follow():
     scene = replace(CUBIC, along="beta")
-    pieces = list(family_answers(None, scene, "beta", -0.5, 2.0))
+    pieces = list(family_answers(None, scene, -0.5, 2.0))
     assert len(pieces) > 3
     assert "still growing" in pieces[0].text
     assert "escaped" in pieces[-1].text
@@ -192,7 +197,7 @@ def test_a_point_beyond_a_fold_is_come_back_to():
     softening = replace(
         beginning("hopper"), numbers={"mass_ratio": 1.0, "rest_length": 30.0, "beta": 0.0}, along="beta"
     )
-    *_, family = family_answers(None, softening, "beta", -0.02, 0.02)
+    *_, family = family_answers(None, softening, -0.02, 0.02)
     place = family.nearest(-0.005, 15.0)
     high = family.starts[place][1]
     scene = replace(softening.with_numbers(beta=family.values[place]), start=family.starts[place])
