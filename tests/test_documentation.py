@@ -24,7 +24,7 @@ from problems import springs
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "studies" / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
-BLOCK = re.compile(r"^```(python|toml|text|console|\{drawn\}[^\n]*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```(python|toml|text|output|console|\{drawn\}[^\n]*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 # The pages whose code takes more than some seconds.
 LONG = (
     *("command_line.md", "control.md", "design.md", "families.md", "proof.md", "return_map.md", "thousand_orbits.md"),
@@ -32,7 +32,7 @@ LONG = (
 # What waits for a reader at the browser, or for a machine that a page only speaks of.
 NOT_RUN = ("orbits explore",)
 # The package that a block needs beside the required ones.
-NEEDED = {"prove": "flint", "dataframe": "pandas", "dataset": "xarray", ".page(": "bokeh", "explore": "panel"}
+NEEDED = {"prove": "flint", "dataframe": "pandas", "dataset": "xarray", ".page(": "bokeh", "explore": "bokeh"}
 
 
 def name_of(path: Path) -> str:
@@ -66,20 +66,46 @@ def save_named(text: str) -> Path | None:
     return path
 
 
+def differing(shown: str, printed: str) -> list[tuple[str, str]]:
+    """The words in which a text differs from the end of what was printed. Numbers agree to five digits, those below
+    1e-6 are rounding errors, and "..." stands for any one word, as for a time."""
+    words = shown.split()
+    pairs = list(zip(words, printed.split()[-len(words) :], strict=True))
+    return [(word, other) for word, other in pairs if word not in ("...", other) and not close(word, other)]
+
+
+def close(word: str, other: str) -> bool:
+    """Whether two words are the same but for the last digits of a number."""
+    number = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+    if re.sub(number, "#", word) != re.sub(number, "#", other):
+        return False
+    pairs = zip(re.findall(number, word), re.findall(number, other), strict=True)
+    return all(float(a) == pytest.approx(float(b), rel=1e-5, abs=1e-6) for a, b in pairs)
+
+
+def test_shown_output_is_compared():
+    assert differing("alpha 2.93645918 +- 2.1e-15 in ... ms", "x\nalpha 2.93645919 +- 3e-15 in 140.7 ms") == []
+    assert differing("alpha 2.9364 (family 1),", "alpha 2.9365 (family 2),") == [("2.9364", "2.9365"), ("1),", "2),")]
+
+
 @pytest.mark.parametrize("page", [with_marks(page) for page in PAGES if blocks_of(page)])
 def test_page_runs(page, orbits, tmp_path, monkeypatch, capsys):
-    """A page's Python runs from its top to its end, its files are machines that hop, and its commands exit with 0."""
+    """A page's Python runs from its top to its end and prints what the page shows, its files are machines that hop, and
+    its commands exit with 0."""
     for word, package in NEEDED.items():
         if any(word in text for _, text in blocks_of(page)):
             pytest.importorskip(package)
     monkeypatch.chdir(tmp_path)
     shutil.copy(springs.SAMPLE, tmp_path)
     names: dict = {"__name__": "page"}
+    printed = ""
     for kind, text in blocks_of(page):
         if kind == "python":
             exec(compiled(page, text), names)
             plt.close("all")
-            capsys.readouterr()  # what is printed here is no document of a command
+            printed = capsys.readouterr().out
+        elif kind == "output":
+            assert differing(text, printed) == []
         elif kind == "console":
             for line in text.replace("\\\n", " ").splitlines():
                 command = shlex.split(line.removeprefix("$ "), comments=True)
