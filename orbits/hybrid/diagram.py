@@ -10,10 +10,10 @@ import numpy as np
 
 from ..io import check_ending, one_line, write_json, write_table
 from ..pages.cells import cell
+from .figures import WORDS_OF_STABILITY, plot_bifurcations
 
 DIAGRAM_ENDINGS = (".json", ".csv")
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
-WORDS_OF_STABILITY = {True: "stable", False: "unstable", None: "stability unknown"}
 COLUMNS_OF_BRANCHES = ("branch", "period", "value", "alpha", "other", "multiplier", "stable")
 # Names that the parameter of a diagram cannot have, since it stands beside these in a table or a document.
 RESERVED_IN_DIAGRAMS = (*COLUMNS_OF_BRANCHES, "ends", "kind", "note")
@@ -183,8 +183,6 @@ class BifurcationDiagram:
 
     def plot(self, axes: Any = None) -> Any:
         """Plot the launch speeds against the parameter; returns the axes. See `orbits.hybrid.figures`."""
-        from .figures import plot_bifurcations
-
         return plot_bifurcations(self, axes)
 
     def document(self) -> dict[str, Any]:

@@ -8,7 +8,6 @@ import numpy as np
 from ..errors import InputError, finite_number
 from ..model.units import LIFTOFF_SPEED
 from ..plot import COLOURS, Axes, cobweb, finished, new_axes, plain, sampled_map, title_of_machine
-from .diagram import WORDS_OF_STABILITY
 
 IDENTITY: dict[str, Any] = {"color": "0.6", "lw": 0.8, "zorder": 1}
 # How fixed points look: full where they attract, open where they do not, half where they attract from above only.
@@ -17,6 +16,7 @@ LOOKS_OF_POINTS: dict[str, dict[str, Any]] = {
     "unstable": {"mfc": "white"},
     "lossless, attracts from above": {"fillstyle": "right", "mfc": "0.15", "markerfacecoloralt": "white"},
 }
+WORDS_OF_STABILITY = {True: "stable", False: "unstable", None: "stability unknown"}
 LOOKS_OF_STABILITY: dict[bool | None, dict[str, Any]] = {
     True: {"lw": 2},
     False: {"lw": 1.3, "ls": (0, (4, 2))},

@@ -17,8 +17,8 @@ from ..plot import (
     label_of,
     legend_below,
     new_axes,
-    plain,
     new_row,
+    plain,
     title_of_machine,
 )
 

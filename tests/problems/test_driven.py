@@ -291,7 +291,7 @@ def test_a_push_at_a_landing_or_lift_off_comes_after_it():
                 off = driven.simulate(3, push=(time, {"y1'": 0.0}))
                 assert [each.kind for each in off.run.events] == [each.kind for each in whole.events]
                 assert off.launch_errors == pytest.approx(0, abs=1e-8)
-        with pytest.raises(InputError, match="push at .*: the motion ends at"):
+        with pytest.raises(InputError, match=r"push at .*: the motion ends at"):
             driven.simulate(3, push=(whole.end, {"y1'": 0.0}))
 
 
