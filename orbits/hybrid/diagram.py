@@ -81,8 +81,8 @@ class Branch:
 
     @property
     def stable(self) -> list[bool | None]:
-        """Whether the hops (n,) attract their neighbours: the multiplier is smaller than 1 in size. None where they have
-        none, and it is not known."""
+        """Whether the hops (n,) attract their neighbours: the multiplier is smaller than 1 in size. None where they
+        have none, and it is not known."""
         return [_settles(each) for each in self.multipliers.tolist()]
 
     def stretches(self) -> list[tuple[float, float, bool | None]]:
