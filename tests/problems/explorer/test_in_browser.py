@@ -163,6 +163,9 @@ def test_without_a_hop_the_last_one_stands_and_undo_leads_back(page):
     type_in(page, "number-beta", "-0.4")
     assert shown(page) == before
     assert problem(page)
+    page.run("explorer.ask('along', {value: 'mass_ratio'})")
+    assert shown(page) == before
+    assert problem(page)  # it stays until there is a hop, whatever else is changed
     element(page, "undo").click()
     shown(page)
     assert problem(page) == ""
