@@ -12,6 +12,8 @@ Run: python studies/bifurcations.py [--output FOLDER] [--quick]
 import argparse
 from pathlib import Path
 
+import numpy as np
+
 from orbits import BifurcationDiagram, bifurcations
 from orbits.plot import new_row, save_figure
 from problems import Hopper
@@ -29,13 +31,11 @@ def main(folder: Path, quick: bool = False) -> dict[str, BifurcationDiagram]:
         found["damping"] = bifurcations(
             Hopper(), "damping", (0.0, 0.007), LAUNCHES, inject=DAMPED_INJECT, sections=sections
         )
-    panels = new_row(2, 5.2, 4.4)
-    for axes, (name, diagram) in zip(panels, found.items(), strict=False):
+    panels = np.atleast_1d(new_row(len(found), 5.2, 4.4))
+    for axes, (name, diagram) in zip(panels, found.items(), strict=True):
         print(f"\n{diagram}")
         diagram.plot(axes)
         axes.set_title(f"along the {'injection' if name == 'inject' else 'damping'}", fontsize="medium")
-    if quick:
-        panels[1].remove()
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(panels[0], folder / 'bifurcations.png')}")
     return found

@@ -109,7 +109,7 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
         raise InputError("there is nothing to draw: no launch comes back in this range")
     if len(diagram.visits):
         axes.plot(*diagram.visits.T, ".", ms=1.2, mew=0, color="0.55", zorder=1, rasterized=True)
-        axes.plot([], [], "o", color="0.55", ms=3, label="visited in the long run")
+        axes.plot(*diagram.visits[:1].T, "o", color="0.55", ms=3, label="visited in the long run", zorder=1)
     known: set[str] = set()
     for branch in diagram.branches:
         colour, words = COLOURS[branch.period - 1], WORDS_OF_PERIODS[branch.period]

@@ -23,7 +23,7 @@ from .motion import Motion, Refuted
 from .refusal import Unproved
 from .root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
 from .theorem import Enclosure, Proof
-from .wording import machine_sentence, motion_sentence, parameter_texts, root_sentence
+from .wording import machine_sentence, motion_sentence, parameter_texts, root_sentence, units_sentence
 
 BITS_PER_DIGIT = 3.33
 # Bits that are asked for where no number of digits is.
@@ -179,7 +179,7 @@ class Case:
         names, each = ", ".join(self.statement.unknowns), bool(self.numbers.wide)
         root = root_sentence(names, self.enclosures, self.uniqueness_radius or "0", each)
         side = f" The hop attracts from {self.stable_side}, and not from the other side." if self.stable_side else ""
-        units = "" if self.machine.units is None else "Lengths, times and speeds are dimensionless."
+        units = units_sentence(self.machine.units)
         return " ".join(filter(None, (machine, root, motion_sentence(self.family, self.conditions), units))) + side
 
     def _names(self) -> tuple[str, ...]:

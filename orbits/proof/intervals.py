@@ -11,7 +11,7 @@ from .case import REFUTED, exact_numbers, parameter_bounds, scene_texts, whole_p
 from .claim import Claim
 from .exact import Decimals
 from .theorem import Enclosure, Proof
-from .wording import machine_sentence, motion_sentence
+from .wording import machine_sentence, motion_sentence, units_sentence
 
 # Intervals are halved so often where they are too wide for one proof.
 HALVINGS_OF_INTERVALS = 4
@@ -28,7 +28,9 @@ def proof_of(claim: Claim, digits: int | None, parameters: Mapping[str, Decimals
     if parts is None or not any(claim.alpha in part.enclosures["alpha"] for part in parts):
         return whole
     joined = _joined(parts, machine_sentence(machine_in_words(claim.machine), scene_texts(claim, parameters)))
-    return replace(joined, parameters=parameter_bounds(numbers), seconds=time.perf_counter() - began)
+    statement = " ".join(filter(None, (joined.statement, units_sentence(claim.machine.units))))
+    seconds = time.perf_counter() - began
+    return replace(joined, statement=statement, parameters=parameter_bounds(numbers), seconds=seconds)
 
 
 def _parts(claim: Claim, parameters: dict[str, Any], options: dict[str, Any], left: int) -> list[Proof] | None:

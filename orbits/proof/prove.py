@@ -44,7 +44,7 @@ def prove(
     loss : whether to enclose the loss coefficient too
 
     What is proved, with which lemmas, and what is trusted, is said in `orbits.proof`. Where something is not proved,
-    the answer says what and why; that is no error. Lengths, times and speeds are in the machine's own units without SI.
+    the answer says what and why; that is no error. Lengths, times and speeds are dimensionless.
     Raises `InputError` without python-flint, for parameters and digits that cannot be, and for an orbit whose machine
     is not known.
 

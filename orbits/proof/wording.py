@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
+from ..model.units import Units
 from .decimals import decimal_text
 from .exact import Numbers
 from .theorem import Enclosure
@@ -40,6 +41,11 @@ def motion_sentence(family: int | None, conditions: Mapping[str, str]) -> str:
         return ""
     whole = "It is a motion: " if told and set(conditions.values()) == {"proved"} else "Of the motion: "
     return f"{whole}{'; '.join([*counted, *told])}."
+
+
+def units_sentence(units: Units | None) -> str:
+    """What is said of the units of a theorem about a machine that is stated in SI."""
+    return "" if units is None else "Lengths, times and speeds are dimensionless."
 
 
 def parameter_texts(numbers: Numbers) -> dict[str, str]:
