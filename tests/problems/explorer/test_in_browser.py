@@ -58,6 +58,8 @@ def alpha_of(page: Page) -> float:
 
 
 def element(page: Page, name: str):
+    """An element of the page, which may be written anew just now."""
+    page.wait("return document.getElementById(arguments[0])", name)
     return page.driver.find_element("id", name)
 
 
