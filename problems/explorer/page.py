@@ -59,7 +59,7 @@ class Explorer:
         self._wanted, self._shown = scene, scene
         self._history: list[Scene] = []
         self._cause, self._last_change = "", 0.0
-        self._problems: dict[str, str] = {"page": problem} if problem else {}
+        self._problems: dict[str, str] = {}
         self._failed: dict[str, str] = {}  # of these, why the hop that is wanted is not shown
         self._hop: HopAnswer | None = None
         self._family: FamilyAnswer | None = None
@@ -77,6 +77,8 @@ class Explorer:
         self._new_figures()
         document.on_session_destroyed(lambda _: self.close())
         self._ask_hop()
+        if problem:
+            self._problems = {"page": problem}
 
     def close(self) -> None:
         """End the workers."""
