@@ -271,7 +271,7 @@ def test_folds_and_diagrams():
     diagram = existence(LEG, "rest_length", (0.1, 1.0), "body_mass", [55.0, 60.0], samples=5)
     least = LEG.rest_length - find(LEG).certificate.smallest_separation
     assert diagram.motions(1)[0][0] == pytest.approx(least, abs=1e-6 * 0.9)
-    assert diagram.plot().get_ylabel() == "body_mass (kg)"
+    assert diagram.plot().get_ylabel() == "body mass (kg)"
 
 
 @pytest.mark.parametrize("name", ["leg", "thrower", pytest.param("rover", marks=pytest.mark.slow)])
