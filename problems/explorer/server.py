@@ -47,6 +47,7 @@ def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
     sockets = _bound(port)
     port = sockets[0].getsockname()[1]
     hosts = [f"{name}:{port}" for name in HOSTS]
+    loop = IOLoop()  # from now on that of this thread
     for name in ("bokeh", "tornado"):
         logging.getLogger(name).setLevel(logging.ERROR)
     settings.allowed_ws_origin = []  # whatever the environment says, nobody else is let in
@@ -62,7 +63,7 @@ def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
     own = RuleRouter([Rule(HostMatches(re.escape(name)), tornado) for name in HOSTS])
     http = HTTPServer(own, max_header_size=1 << 16)
     http.add_sockets(sockets)
-    return BaseServer(IOLoop.current(), tornado, http), f"http://localhost:{port}/"
+    return BaseServer(loop, tornado, http), f"http://localhost:{port}/"
 
 
 def _bound(port: int) -> list[socket.socket]:
@@ -150,22 +151,16 @@ class Exploration:
             raise self._problem
 
     def _serve(self, scene: "Scene", given: Any) -> None:
-        import asyncio
-
-        loop = asyncio.new_event_loop()
-        asyncio.set_event_loop(loop)
         try:
-            try:
-                self._server, self.address = serve(scene, 0, given)
-                self._server.start()
-            except InputError as error:
-                self._problem = error
-                return
-            finally:
-                self._ready.set()
-            self._server.io_loop.start()
+            self._server, self.address = serve(scene, 0, given)
+            self._server.start()
+        except InputError as error:
+            self._problem = error
+            return
         finally:
-            loop.close()
+            self._ready.set()
+        self._server.io_loop.start()
+        self._server.io_loop.close()
 
     def close(self) -> None:
         """End the page and its processes."""
