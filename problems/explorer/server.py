@@ -32,6 +32,8 @@ def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
 
     Raises `InputError` without the extra `explore`, and where the port is taken.
     """
+    import asyncio
+
     try:
         from bokeh.application.application import Application
         from bokeh.application.handlers.function import FunctionHandler
@@ -47,7 +49,8 @@ def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
     sockets = _bound(port)
     port = sockets[0].getsockname()[1]
     hosts = [f"{name}:{port}" for name in HOSTS]
-    loop = IOLoop()  # from now on that of this thread
+    asyncio.set_event_loop(asyncio.new_event_loop())  # of this thread, which tornado then takes
+    loop = IOLoop.current()
     for name in ("bokeh", "tornado"):
         logging.getLogger(name).setLevel(logging.ERROR)
     settings.allowed_ws_origin = []  # whatever the environment says, nobody else is let in
@@ -130,6 +133,14 @@ def run(scene: "Scene", port: int, browser: bool, tell: Callable[[str], None]) -
         server.stop()
 
 
+async def _what_is_left() -> None:
+    """Wait for what a stopped server still does in the loop of this thread, which is some seconds at most."""
+    import asyncio
+
+    if tasks := asyncio.all_tasks() - {asyncio.current_task()}:
+        await asyncio.wait(tasks, timeout=5)
+
+
 class Exploration:
     """A page that is served in the background; a notebook shows it, and `close` ends it.
 
@@ -159,8 +170,10 @@ class Exploration:
             return
         finally:
             self._ready.set()
-        self._server.io_loop.start()
-        self._server.io_loop.close()
+        loop = self._server.io_loop
+        loop.start()
+        loop.run_sync(_what_is_left)
+        loop.close()
 
     def close(self) -> None:
         """End the page and its processes."""
