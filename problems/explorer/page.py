@@ -89,6 +89,9 @@ class Explorer:
         """A worker whose answers come to a method, in the thread of the document."""
 
         def deliver(question: Task, answer: Any) -> None:
+            context = self._document.session_context
+            if context is None or context.destroyed:
+                return  # the tab was closed while this was computed
             self._document.add_next_tick_callback(lambda: came(question, answer))
 
         return Worker(deliver, self._given, calm)

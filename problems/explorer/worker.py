@@ -35,10 +35,9 @@ class Task:
 
 @dataclass(frozen=True)
 class Failure:
-    """Why there is no answer, in words; `expected` unless it is a fault of the program."""
+    """Why there is no answer, in words."""
 
     reason: str
-    expected: bool = True
 
 
 @dataclass(frozen=True)
@@ -85,8 +84,6 @@ class Worker:
         """End what is computed, at once; the next question begins a new process."""
         with self._lock:
             self._end()
-
-    close = stop
 
     def _begin(self) -> None:
         context = process_context()
@@ -185,6 +182,6 @@ def _answers(question: Task, given: Any) -> Iterator[Any]:
     except MemoryError:
         yield Failure("there is not enough memory for this")
     except Exception as error:
-        yield Failure(f"internal error, please report it: {type(error).__name__}: {error}", expected=False)
+        yield Failure(f"internal error, please report it: {type(error).__name__}: {error}")
     else:
         yield Done()
