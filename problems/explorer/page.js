@@ -60,12 +60,18 @@ window.startExplorer = (bridge, figures) => {
       dials.forEach(new_dial);
     }
     for (const dial of dials) {
-      const slider = $(`slider-${dial.name}`), number = $(`number-${dial.name}`);
+      const slider = $(`slider-${dial.name}`);
       slider.dial = dial;
       slider.value = place_of(dial, dial.value);
       slider.setAttribute("aria-valuetext", short(dial.value));
-      if (document.activeElement !== number || number.valueAsNumber !== dial.value) number.value = short(dial.value);
+      keep_typing($(`number-${dial.name}`), short(dial.value));
     }
+  }
+
+  // A field that is being typed in stays as it is, until what the server tells of it changes.
+  function keep_typing(field, text) {
+    if (document.activeElement !== field || field.dataset.told !== text) field.value = text;
+    field.dataset.told = text;
   }
 
   function fill(select, pairs, chosen) {
@@ -78,12 +84,12 @@ window.startExplorer = (bridge, figures) => {
   }
 
   const write = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
-  // A field that is being typed in, or whose text the server could not take, stays as it is.
+  // A field whose text the server could not take stays as it is too.
   function write_field(id, value, problem) {
     const field = $(id), text = value == null ? "" : String(value);
     field.setAttribute("aria-invalid", problem ? "true" : "false");
-    if (!problem && (document.activeElement !== field || field.dataset.told !== text)) field.value = text;
-    field.dataset.told = text;
+    if (problem) field.dataset.told = text;
+    else keep_typing(field, text);
   }
 
   function show_fields() {

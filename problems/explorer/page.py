@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 from bokeh.core.properties import String
@@ -86,13 +87,15 @@ class Explorer:
             worker.stop()
 
     def _worker(self, came: Callable[[Task, Any], None], calm: bool = False) -> Worker:
-        """A worker whose answers come to a method, in the thread of the document."""
+        """A worker whose answers come to a method in their order, in the thread of the document."""
+        answers = SimpleQueue[tuple[Task, Any]]()  # callbacks from before the session begins come in any order
 
         def deliver(question: Task, answer: Any) -> None:
             context = self._document.session_context
             if context is None or context.destroyed:
                 return  # the tab was closed while this was computed
-            self._document.add_next_tick_callback(lambda: came(question, answer))
+            answers.put((question, answer))
+            self._document.add_next_tick_callback(lambda: came(*answers.get()))
 
         return Worker(deliver, self._given, calm)
 

@@ -178,6 +178,16 @@ def test_without_a_hop_the_last_one_stands_and_undo_leads_back(page):
     assert alpha_of(page) == before
 
 
+def test_what_is_being_typed_is_not_overwritten(page):
+    """A message that comes meanwhile, as of the family or of another field, tells the old number again."""
+    element(page, "number-beta").send_keys("\ue009a\ue000", "0.7")  # not left yet
+    page.run("explorer.ask('along', {value: 'mass_ratio'})")
+    shown(page)
+    assert element(page, "number-beta").get_attribute("value") == "0.7"
+    element(page, "number-beta").send_keys("\t")
+    assert shown(page) == pytest.approx(cubic(0.7), rel=1e-6)
+
+
 def test_a_family_and_a_machine_are_chosen(page):
     page.run("const s = document.getElementById('family'); s.value = '3'; s.dispatchEvent(new Event('change'))")
     assert shown(page) == pytest.approx(cubic(0.3, family=3), rel=1e-6)
