@@ -143,8 +143,8 @@ def _pushed(machine: Actuated, start: Mapping[str, Any], hops: int, schedule: In
             raise InputError(f"push at {time:g}: the motion ends at {now:.6g}")
         rest = simulate(machine, state=first(now) + jump, hops=left, schedule=_later(schedule, now))
         if [leg.phase for leg in (*first.legs[-1:], *rest.legs[:1])] != ["flight", "contact"]:
-            break
-    return _one_after_other(first, rest)
+            return _one_after_other(first, rest)
+    raise InputError(f"push at {time:g}: it falls into a landing; push a little earlier or later")
 
 
 def _later(schedule: Inputs, time: float) -> Inputs:
