@@ -227,6 +227,9 @@ window.startExplorer = (bridge, figures) => {
   };
   for (const place of document.querySelectorAll("[data-figure]")) seen.observe(place);
 
+  // The workers of a page that is left need not go on until its session ends.
+  window.addEventListener("pagehide", () => ask("leave"));
+
   bridge.properties.told.change.connect(told);
   bridge.properties.rows.change.connect(() => { if (bridge.rows) save_text(state.scene.rows.name, bridge.rows); });
   window.explorer = {ask, figures, get state() { return state; }, get settled() { return settled(); }};

@@ -135,6 +135,9 @@ class Explorer:
             act, self._number = str(told["act"]), int(told["n"])
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             return
+        if act == "leave":
+            self._leave()
+            return
         if act == "undo":
             self._undo()
         elif act == "stop":
@@ -197,6 +200,13 @@ class Explorer:
             self._history = self._history[:-1]
         self._wanted, self._cause = scene, ""
         self._ask_hop()
+
+    def _leave(self) -> None:
+        """Compute nothing more for a page that nobody sees, whose session ends some seconds later."""
+        if self._pending is not None:
+            self._document.remove_timeout_callback(self._pending)
+            self._pending = None
+        self.close()
 
     def _stop(self) -> None:
         self._workers["hop"].stop()

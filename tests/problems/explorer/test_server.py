@@ -1,22 +1,30 @@
 """The server of the page: on the loopback interface alone, for its own page alone, and ended cleanly."""
 
 import http.client
+import json
 import signal
 import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
+from pathlib import Path
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 
-from orbits import InputError
+from orbits import InputError, find
 from problems import Hopper, explore
 
 pytest.importorskip("bokeh")
 
+from bokeh.client import pull_session
+
+from problems.explorer.page import Bridge
 from problems.explorer.scene import beginning
 from problems.explorer.server import serve
+from tests.browser import wait_for
 from tests.problems.explorer.served import COMMAND, ENVIRONMENT, served
 
 UPGRADE = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
@@ -91,6 +99,87 @@ def test_only_the_loopback_interface_is_listened_on(port):
         pytest.skip("this machine has no other interface")
     with pytest.raises(OSError, match=r"refused|timed out"):
         socket.create_connection((address, port), timeout=2)
+
+
+class Tab:
+    """A tab without a browser: what its fields ask, and what they are told."""
+
+    def __init__(self, port: int, **query: str):
+        self._address = f"http://localhost:{port}/"
+        self.session = pull_session(url=self._address, arguments=query)
+        self._asked = 0
+
+    def ask(self, act: str, **rest) -> None:
+        self._asked += 1
+        bridge_of(self.session).asked = json.dumps({"n": self._asked, "act": act, **rest})
+        self.session.force_roundtrip()
+
+    def told(self) -> dict:
+        """All that the fields show, as soon as it is what was asked for."""
+
+        def settled() -> dict | None:
+            with pull_session(self.session.id, self._address) as now:  # a client hears nothing by itself
+                told = json.loads(bridge_of(now).told)
+            return told if told["idle"] and told["n"] == self._asked else None
+
+        return wait_for(settled, what="the hop that was asked for is shown")
+
+
+def alpha_of(told: dict) -> float:
+    """The launch speed that a tab is told."""
+    return float(told["status"].partition("alpha = ")[2].rstrip("."))
+
+
+def bridge_of(session) -> Bridge:
+    return next(model for model in session.document.models if isinstance(model, Bridge))
+
+
+def cubic(beta: float) -> float:
+    return find(Hopper("r + beta*r**3", rest_length=8.0, parameters={"beta": beta})).alpha
+
+
+@pytest.mark.slow
+def test_ten_tabs_do_not_disturb_each_other(port):
+    betas = np.linspace(0.1, 1.0, 10)
+    tabs = [Tab(port, **{"spring": "r + beta*r**3", "p.beta": str(beta), "p.rest_length": "8"}) for beta in betas]
+    tabs[0].ask("spring", value="r + ")  # what goes wrong in one is not told in another
+    for tab, beta in zip(tabs[1:5], betas[1:5], strict=True):
+        tab.ask("number", name="beta", value=beta + 0.05)
+    for k, (tab, beta) in enumerate(zip(tabs, betas, strict=True)):
+        told = tab.told()
+        assert set(told["problems"]) == ({"spring"} if k == 0 else set())
+        assert alpha_of(told) == pytest.approx(cubic(beta + 0.05 * (1 <= k < 5)), rel=1e-7)
+        tab.session.close()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are counted by /proc")
+def test_nothing_is_computed_for_a_page_that_was_left():
+    with served() as (address, process):
+        tab = Tab(urlsplit(address).port)
+        tab.told()
+        assert len(descendants(process.pid)) > 2  # what forks the workers, what tracks it, and a worker
+        tab.ask("leave")
+        wait_for(lambda: len(descendants(process.pid)) <= 2, what="the workers end")
+        time.sleep(0.5)  # what follows a hop a little later, the family and the map, is not begun either
+        assert len(descendants(process.pid)) <= 2
+        tab.ask("number", name="beta", value=0.5)  # a browser may bring a page back
+        assert alpha_of(tab.told()) == pytest.approx(cubic(0.5), rel=1e-7)
+        tab.session.close()
+
+
+def descendants(pid: int) -> list[int]:
+    """The processes that a process has started, and those that these have."""
+    parents = {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # of a process that has just ended
+            state, parent = path.read_text().rpartition(")")[2].split()[:2]
+            if state != "Z":
+                parents[int(path.parent.name)] = int(parent)
+    found = [pid]
+    for one in found:
+        found += [child for child, parent in parents.items() if parent == one]
+    return found[1:]
 
 
 def test_an_interrupt_ends_it_cleanly():
