@@ -26,6 +26,16 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_addoption(parser):
+    parser.addoption("--one-of-each", action="store_true", help="run each test with the last of its parameters alone")
+
+
+@pytest.hookimpl(trylast=True)  # after those that are not asked for have gone
+def pytest_collection_modifyitems(config, items):
+    if config.getoption("--one-of-each"):
+        items[:] = {item.nodeid.partition("[")[0]: item for item in items}.values()
+
+
 @pytest.fixture(autouse=True)
 def no_figures_left():
     """Close the figures of pyplot, which keeps those of all tests once one of them has loaded it."""

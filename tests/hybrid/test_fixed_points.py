@@ -112,6 +112,7 @@ def test_the_map_is_broken_only_where_it_jumps():
         assert np.abs(np.diff(np.nan_to_num(fine))).max() > 0.3 * abs(np.nan_to_num(fine[-1]) - np.nan_to_num(fine[0]))
 
 
+@pytest.mark.slow
 def test_basins_and_their_figure():
     """Launches of each basin come to the lossless hop that is told; together they are `basin`, and the figure tells
     the total."""

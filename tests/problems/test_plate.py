@@ -93,6 +93,7 @@ def orbits(machine):
     return find_all(machine, starts(machine, 3.0, 4.0))
 
 
+@pytest.mark.slow
 class TestEquationsByHand:
     m = (1.5, 1.0, 0.8)
 

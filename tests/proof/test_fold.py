@@ -32,6 +32,7 @@ def test_the_fold_of_the_cubic_family(machine, fold):
     assert "beta = " not in proof.statement  # it is what is enclosed
 
 
+@pytest.mark.slow
 def test_more_digits_of_a_fold(machine, fold):
     place = prove_fold(machine, fold, "beta", digits=30).enclosures["beta"]
     assert Decimal(place.high) - Decimal(place.low) < Decimal("1e-30")

@@ -87,6 +87,7 @@ def test_air_track_amplitudes_are_equation_14():
     assert second == pytest.approx(length * (hand + depth), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_theorems(tmp_path):
     """Every hop is proved or refuted, and no wrong claim is proved; an enclosure is hardly wider than what it holds."""
     numbers = theorems.main(tmp_path, quick=True)
