@@ -17,9 +17,10 @@ from .errors import FlowError, InconsistentModel, InputError, NoOrbit, OrbitsErr
 from .hybrid.bifurcations import bifurcations
 from .hybrid.check import Checked, check
 from .hybrid.diagram import Bifurcation, BifurcationDiagram, Branch, BranchEnd
+from .hybrid.motion import Simulation
 from .hybrid.multiplier import multiplier
 from .hybrid.return_map import FixedPoint, Hops, ReturnMap
-from .hybrid.simulation import Simulation, simulate
+from .hybrid.simulation import simulate
 from .io import version
 from .model.machine import Machine
 from .model.mechanics.elements import Damper, Force, Inerter, Mass, Potential, Spring, Weight

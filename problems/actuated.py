@@ -64,8 +64,8 @@ class Actuated(Stated):
         """Every parameter but the actuator's rate, which is an input."""
         return {**self.machine.values, **{name: float(getattr(self.machine, name)) for name in DAMPERS}}
 
-    restitution = property(attrgetter("machine.restitution"))
-    rest_length = property(attrgetter("machine.rest_length"))
+    restitution = property(attrgetter("machine.restitution"), doc="That of the machine.")
+    rest_length = property(attrgetter("machine.rest_length"), doc="That of the machine, None if it has none.")
 
     @property
     def scheduled(self) -> dict[str, float]:

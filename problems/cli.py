@@ -313,9 +313,9 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
 @click.option("--outcome", default="find", show_default=True, metavar="find|map|fixed_points", help="What is asked.")
 @click.option("--between", metavar="A:B", help="Launch speeds between which fixed points are looked for.")
-@click.option("--store", metavar="FILE", help="An SQLite file that has every member as soon as it is done.")
+@click.option("--store", metavar="FILE", help="An SQLite file that has every chunk of members as soon as it is done.")
 @click.option("--resume", is_flag=True, help="Go on with the store, or begin it.")
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute; 1 by default.")
 @options.json_option
 @options.file_option("--output", "sweep", "Write the members: .csv, .nc, .parquet or .json.")
 @options.plot_option
@@ -361,7 +361,7 @@ def sweep_command(
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
 @click.option("--both-ways", is_flag=True, help="Locate boundaries between the rows too.")
 @click.option("--colour", metavar="QUANTITY", help="Colour the figure by a quantity.")
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute; 1 by default.")
 @options.json_option
 @options.file_option("--output", "diagram", "Write the diagram: .json or .nc; its rows: .csv.")
 @options.plot_option

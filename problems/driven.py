@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from orbits import Control, InputError, Simulation
 from orbits.animation import SPRING_END, Report, animate_simulation
 from orbits.control.answer import control_of
-from orbits.hybrid.simulation import times_within
+from orbits.hybrid.motion import times_within
 from orbits.io import conform, read_file, to_json
 from orbits.model.phase import Affine
 from orbits.model.units import LIFTOFF_SPEED, without_units

@@ -153,7 +153,7 @@ def table(
     positive; both are counted the other way where one says compression, unless the other says tension. Units follow the
     names, as in `Weg [mm]`, `force_kN`, or stand in the row below. Tabs, semicolons, commas or blanks separate the
     columns; with commas a decimal comma has to be in quotes. Lines before the header and comments (#, ;, %, //) are
-    left aside. Branches may have their rows in any order; forces at repeated extensions are averaged, and how they
+    left aside. Rows that are no loop may stand in any order; forces at repeated extensions are averaged, and how they
     differ is noise.
 
     The law is the C2 cubic spline, as a quintic Hermite interpolant whose slopes and curvatures are cut back where the

@@ -20,7 +20,7 @@ from orbits import Control, Guess, InputError, NoOrbit, Orbit, Simulation, Stage
 from orbits.control.answer import control_in_units
 from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of
-from orbits.hybrid.simulation import run_in_units
+from orbits.hybrid.motion import run_in_units
 from orbits.model.phase import Affine
 from orbits.model.units import ENERGY, LENGTH, SPEED, Dimension, Message, Quantity, without_units
 from orbits.numerics.bernstein import derivative, piecewise_roots

@@ -31,7 +31,7 @@ ROOT = Path(__file__).parent.parent
 COPIED = ("orbits", "problems", "studies", "tests", "README.md", "pyproject.toml")
 # Rooms without tests of their own, with those of the rooms that use them first.
 TESTED_BY = {"model": ("flow", "periodic")}
-# What every room does for machines in SI is tested here.
+# What rooms do for machines in SI is tested here; numerics knows no units.
 IN_SI = "tests/problems/test_units.py", "tests/problems/test_messages.py"
 SWAPPED = {
     **{ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult},
@@ -39,7 +39,7 @@ SWAPPED = {
     **{ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.Is: ast.IsNot, ast.IsNot: ast.Is},
     **{ast.In: ast.NotIn, ast.NotIn: ast.In},
 }
-PYTEST = (sys.executable, *["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist"])
+PYTEST = (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider")
 # A run is given so many times the time of the unchanged sources, and a start; and so much memory in bytes.
 SLOWER, START, MEMORY = 4.0, 60.0, 6 * 2**30
 
@@ -58,7 +58,8 @@ class Mutation:
     def tests(self) -> tuple[str, ...]:
         """Where the tests of the module's room are."""
         room = Path(self.module).parts[1]
-        return *(f"tests/{name}" for name in TESTED_BY.get(room, (room,))), *IN_SI
+        rooms = TESTED_BY.get(room, (room,))
+        return *(f"tests/{name}" for name in rooms), *(IN_SI if room != "numerics" else ())
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,7 @@ def follow(
 def trace(
     machine: Machine, along: str, stop: Stop, start: float | None = None, family: int = 1, **options: Any
 ) -> Iterator[Orbit | Event | End]:
-    """The orbits of a family one by one, as `follow` finds them: `Orbit`s, each `Event` before the orbit that comes
+    """The orbits of a family one by one, as `follow` finds them: each `Orbit`, an `Event` before the orbit that comes
     after it, and the `End` last. The options are those of `follow`, from `orbit` to `method`.
 
     >>> from orbits import trace

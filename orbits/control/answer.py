@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
-from ..hybrid.simulation import Leg, index_of_legs, rows_of_legs, times_within
+from ..hybrid.motion import Leg, index_of_legs, rows_of_legs, times_within
 from ..io import check_ending, conform, extra_package, fields_in_line, read_file, write_json, write_table
 from ..model.units import Dimension, Units, dimension_of_state, unit_text
 from ..pages.cells import cell

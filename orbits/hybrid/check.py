@@ -21,8 +21,9 @@ from ..periodic.formulations import vector
 from ..periodic.guess import guess, guesses
 from ..periodic.orbit import MACHINE_FIELDS, Orbit
 from ..symbolic.exclusive import exclusive
+from .motion import Simulation
 from .return_map import ReturnMap
-from .simulation import Simulation, simulate
+from .simulation import simulate
 
 # All parts of a machine.
 PARTS = ("model", "values", "with_values", "describe", "units", "restitution", "rest_length")

@@ -280,7 +280,7 @@ class Orbit:
         return orbit_page(self, path)
 
     def save(self, path: str | Path) -> Path:
-        """Write the orbit to a JSON file, every float with 17 significant digits; returns the path.
+        """Write the orbit to a JSON file, every float with the digits that bring it back; returns the path.
 
         Raises `InputError` when the file cannot be written.
         """

@@ -26,8 +26,13 @@ DAMPING = ("damping", "drag", "rest_length")
 
 
 class SweepProgress(NamedTuple):
-    """How far a sweep has come: members done and in all, how many of each status, seconds since it began, an estimate
-    of the seconds left, and members that were done before it began."""
+    """How far a sweep has come.
+
+    done, whole : members that are done, and all of them
+    statuses : how many members have each status
+    seconds, left : since it began, and an estimate of those that are left
+    before : members that were done before it began
+    """
 
     done: int
     whole: int

@@ -108,7 +108,16 @@ window.startExplorer = (bridge, figures) => {
     write_field("noise", scene.rows ? scene.rows.noise : "");
     fill($("along"), state.alongs, scene.along);
     write_field("launch", scene.launch);
+    show_place(state.place);
     show_dials(state.dials);
+  }
+
+  // The hops of the family one after the other, also beyond a fold, where no parameter leads.
+  function show_place(place) {
+    $("place-line").hidden = !place;
+    if (!place) return;
+    Object.assign($("place"), {max: place.of - 1, value: place.at});
+    $("place").setAttribute("aria-valuetext", place.text);
   }
 
   function show() {
@@ -155,6 +164,9 @@ window.startExplorer = (bridge, figures) => {
   chosen("gravity", "gravity");
   chosen("along", "along");
   chosen("branch", "branch");
+  $("place").addEventListener("input", () => {
+    ask("place", {value: $("place").valueAsNumber, of: Number($("place").max) + 1});
+  });
   const number_or_none = (field) => Number.isFinite(field.valueAsNumber) ? field.valueAsNumber : null;
   chosen("noise", "noise", number_or_none);
   chosen("launch", "launch", number_or_none);

@@ -142,6 +142,8 @@ class Explorer:
             self._undo()
         elif act == "stop":
             self._stop()
+        elif act == "place":
+            self._place_moved(told)
         elif act == "give-rows":
             if self._shown.rows:
                 self._bridge.rows = ""
@@ -219,13 +221,27 @@ class Explorer:
 
     def _family_clicked(self, event: Any) -> None:
         """Go to the hop of the family that is nearest to a click."""
-        answer = self._family
-        if answer is None or not answer.holds(self._shown):
-            return  # another one is being followed
-        place = answer.nearest(event.x, event.y)
-        scene = self._shown.with_numbers(**{answer.along: answer.values[place]})
-        self._go(replace(scene, start=answer.starts[place]), "family point")
-        self._tell()
+        family = self._family_shown()
+        if family is not None:
+            self._go_along(family, family.nearest(event.x, event.y))
+            self._tell()
+
+    def _place_moved(self, told: dict[str, Any]) -> None:
+        """Go to the hop of the family that is told by its number among so many; a family may have grown since."""
+        family, place = self._family_shown(), told.get("value")
+        if family is None or not isinstance(place, int) or told.get("of") != len(family.values):
+            return
+        if 0 <= place < len(family.values):
+            self._go_along(family, place)
+
+    def _family_shown(self) -> FamilyAnswer | None:
+        """The family that is drawn, if it is that of the hop; another one may be being followed."""
+        family = self._family
+        return family if family is not None and family.holds(self._shown) else None
+
+    def _go_along(self, family: FamilyAnswer, place: int) -> None:
+        scene = self._shown.with_numbers(**{family.along: family.values[place]})
+        self._go(replace(scene, start=family.starts[place]), "family point")
 
     def _map_clicked(self, event: Any) -> None:
         if event.x is not None and event.x > 0:
@@ -266,8 +282,8 @@ class Explorer:
 
     def _mark(self) -> None:
         """Mark the hop in the family, where that is the family through it."""
-        family, hop = self._family, self._hop
-        if family is not None and hop is not None and family.holds(self._shown):
+        family, hop = self._family_shown(), self._hop
+        if family is not None and hop is not None:
             self._families.mark(hop.scene.numbers[family.along], hop.alpha)
         else:
             self._families.mark()
@@ -339,6 +355,15 @@ class Explorer:
 
     # ---- what is told
 
+    def _place(self) -> dict[str, Any] | None:
+        """Which hop of its family is shown, by its number among so many; None without one."""
+        family, hop = self._family_shown(), self._hop
+        if family is None or hop is None:
+            return None
+        value = hop.scene.numbers[family.along]
+        text = f"{family.along} = {value:.6g}, alpha = {hop.alpha:.6g}"
+        return {"at": family.nearest(value, hop.alpha), "of": len(family.values), "text": text}
+
     def _tell(self) -> None:
         """Tell the tab everything that its fields show."""
         hop, scene = self._hop, self._shown
@@ -364,6 +389,7 @@ class Explorer:
             "link-text": "" if whole else ROWS_LEFT_OUT,
             "family-text": self._texts["family"],
             "map-text": self._texts["map"],
+            "place": self._place(),
             "python": python_lines(scene),
             "file": file,
             **shown_fields(self._wanted, dials, self._given is not None),

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import expm
 
 from orbits import Control, InputError, ReturnMap, find, simulate
-from orbits.hybrid.simulation import Simulation
+from orbits.hybrid.motion import Simulation
 from problems import Actuated, Disturbed, Driven, Hopper, Juggler, hopper_in_si, springs, steering
 from problems.driven import WithMovedEnd
 

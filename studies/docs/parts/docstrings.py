@@ -50,7 +50,8 @@ def restructured(lines: list[str]) -> list[str]:
 
 def process_docstring(app, what, name, thing, options, lines: list[str]) -> None:
     """The event of autodoc, which takes the lines in place."""
-    lines[:] = restructured(lines)
+    # What Python says of each field of a named tuple is nothing; the docstring of the class tells them.
+    lines[:] = [] if lines and lines[0].startswith("Alias for field number") else restructured(lines)
 
 
 def process_signature(app, what, name, thing, options, signature, returned):

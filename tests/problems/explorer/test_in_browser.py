@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("bokeh")
 
-from orbits import find
+from orbits import find, follow
 from orbits.plot import COLOURS
 from problems import Hopper, springs
 from problems.explorer.forms import scene_of_link
@@ -231,6 +231,22 @@ def test_a_click_on_the_family_goes_there(page):
     there = page.run("return explorer.state.dials.find(d => d.name == 'beta').value")
     assert there == pytest.approx(value, abs=0.1)
     assert shown(page) == pytest.approx(cubic(there), rel=1e-6)
+    assert page.run("return explorer.state.lowest")  # a way back to the lowest hop is offered
+
+
+def test_the_hops_beyond_a_fold_are_come_to_by_keyboard(page, address):
+    page.open(address + "?spring=r%2Bbeta*r**3&p.beta=-0.008&p.rest_length=30&along=beta")
+    lowest = shown(page)
+    page.wait("return explorer.state['family-text'].includes('down: ')", seconds=120)
+    slider = element(page, "place")
+    assert f"alpha = {lowest:.6g}" in slider.get_attribute("aria-valuetext")
+    slider.send_keys("\ue011", "\ue014" * 3)  # Home, which is beyond the fold, and three hops towards it
+    page.wait("return explorer.settled && explorer.state.place.at == 3")
+    alpha, told = shown(page), page.run("return explorer.state.dials.find(d => d.name == 'beta').value")
+    machine = Hopper("r + beta*r**3", rest_length=30.0, parameters={"beta": told})
+    assert alpha > 1.5 * find(machine).alpha  # at the same beta
+    family = follow(machine.with_values(beta=-0.008), "beta", (0.0, -0.02), at=(told,))
+    assert alpha == pytest.approx(max(point.alpha for point in family if point.value == told), rel=1e-6)
     assert page.run("return explorer.state.lowest")  # a way back to the lowest hop is offered
 
 
