@@ -145,8 +145,9 @@ def table(
 
     in_si : whether the law is in m and N, to which the units in the header are then converted; without, units there are
         an error, since a dimensionless machine takes the numbers as they stand
-    branch : of a loop, whose rows are in the order of the measurement: "loading", on which the measured travel grows,
-        "unloading", or "mean", half way between both, where both have been measured
+    branch : of a loop, whose rows are in the order of the measurement: "loading", on which the measured travel grows
+        (away from rest, where the table has one side alone), "unloading", or "mean", half way between both, where both
+        have been measured
     noise : standard deviation of a row's force, in the law's unit; 0 where the rows are exact, None to estimate it
 
     The header names one column of `tables.EXTENSION_NAMES` and one of `tables.FORCE_NAMES`, tension and extension

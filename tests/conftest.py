@@ -27,13 +27,20 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 def pytest_addoption(parser):
-    parser.addoption("--one-of-each", action="store_true", help="run each test with the last of its parameters alone")
+    text = "run each test with the first and the last of its parameters alone"
+    parser.addoption("--few-of-each", action="store_true", help=text)
 
 
-@pytest.hookimpl(trylast=True)  # after those that are not asked for have gone
+@pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config, items):
-    if config.getoption("--one-of-each"):
-        items[:] = {item.nodeid.partition("[")[0]: item for item in items}.values()
+    """Keep a few of each test, after -m and -k have left out what is not asked for."""
+    if not config.getoption("--few-of-each", default=False):
+        return
+    name = lambda item: item.nodeid.partition("[")[0]  # noqa: E731
+    last = {name(item): item for item in items}
+    kept = set({name(item): item for item in reversed(items)}.values()) | set(last.values())
+    config.hook.pytest_deselected(items=[item for item in items if item not in kept])
+    items[:] = [item for item in items if item in kept]
 
 
 @pytest.fixture(autouse=True)

@@ -1,6 +1,6 @@
 """Theorems about lossless orbits, proved by interval arithmetic: the method, its lemmas, and what is trusted.
 
-A name in brackets, as (`step`), is the module of this package that does what a lemma says.
+A name in brackets, as (`step`), is the module of this package that does what is said there.
 
 The claim. Let a model's parameters have exact values, decimals or intervals. A lossless orbit is a zero of a boundary
 value statement F(w) = 0, whose unknowns w are the place and the speed of the launch, half the durations, and what else

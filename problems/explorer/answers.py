@@ -78,8 +78,8 @@ class FamilyAnswer:
     """A piece of a family and what is known of its ends.
 
     of : the scene, with the parameter that the family is followed along
-    values : of it, at the points
-    starts : of its points, as those of a scene, to go there
+    values : of it, at the points in their order along the curve, without those of events: no hop is found at a fold
+    starts : of these points, as those of a scene, to go there
     text : in words, how far it is and how it ends
     """
 
@@ -92,8 +92,10 @@ class FamilyAnswer:
     def nearest(self, value: float, alpha: float) -> int:
         """The number of the point nearest to a place in the figure."""
         places = np.array([self.values, [start[1] for start in self.starts]])
-        away = (places - [[value], [alpha]]) / np.maximum(np.ptp(places, axis=1, keepdims=True), 1e-300)
-        return int(np.hypot(*away).argmin())
+        size = np.abs(places).max(axis=1, keepdims=True)
+        # What hardly varies, as a launch speed that does not depend on the parameter, varies by rounding.
+        scale = np.maximum(np.ptp(places, axis=1, keepdims=True), 1e-6 * size + 1e-300)
+        return int(np.hypot(*((places - [[value], [alpha]]) / scale)).argmin())
 
     def holds(self, scene: Scene) -> bool:
         """Whether the family is that of a scene's hop."""
@@ -158,8 +160,7 @@ def _family_answer(scene: Scene, parts: list[Family], ways: int) -> FamilyAnswer
     told = [f"{word}: {end.kind}, {end.reason}" for word, end in zip(("up", "down"), ends, strict=False)]
     count = f"{len(family)} orbits"
     text = f"{count}, still growing" if growing or len(parts) < ways else f"{count}. {'. '.join(told)}."
-    order = [point for point, _ in family.in_order()]
-    values, starts = tuple(p.value for p in order), tuple(start_of(p) for p in order)
+    values, starts = tuple(p.value for p in family.points), tuple(start_of(p) for p in family.points)
     data = family_data(family)
     if growing:  # where it has got to is no end
         data = replace(data, events={name: column[:-1] for name, column in data.events.items()})

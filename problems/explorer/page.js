@@ -112,11 +112,13 @@ window.startExplorer = (bridge, figures) => {
     show_dials(state.dials);
   }
 
-  // The hops of the family one after the other, also beyond a fold, where no parameter leads.
+  // The slider goes over the hops of the family in their order along the curve, also beyond a fold, which no parameter
+  // passes.
   function show_place(place) {
     $("place-line").hidden = !place;
     if (!place) return;
     Object.assign($("place"), {max: place.of - 1, value: place.at});
+    $("place").dataset.key = place.key;
     $("place").setAttribute("aria-valuetext", place.text);
   }
 
@@ -165,7 +167,7 @@ window.startExplorer = (bridge, figures) => {
   chosen("along", "along");
   chosen("branch", "branch");
   $("place").addEventListener("input", () => {
-    ask("place", {value: $("place").valueAsNumber, of: Number($("place").max) + 1});
+    ask("place", {value: $("place").valueAsNumber, key: $("place").dataset.key});
   });
   const number_or_none = (field) => Number.isFinite(field.valueAsNumber) ? field.valueAsNumber : null;
   chosen("noise", "noise", number_or_none);
@@ -239,8 +241,10 @@ window.startExplorer = (bridge, figures) => {
   };
   for (const place of document.querySelectorAll("[data-figure]")) seen.observe(place);
 
-  // The workers of a page that is left need not go on until its session ends.
-  window.addEventListener("pagehide", () => ask("leave"));
+  // The workers of a page that is left need not go on until its session ends; a browser that keeps the page and brings
+  // it back loads it anew.
+  window.addEventListener("pagehide", () => { bridge.asked = JSON.stringify({n, act: "leave"}); });
+  window.addEventListener("pageshow", (event) => { if (event.persisted) location.reload(); });
 
   bridge.properties.told.change.connect(told);
   bridge.properties.rows.change.connect(() => { if (bridge.rows) save_text(state.scene.rows.name, bridge.rows); });

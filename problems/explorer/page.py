@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -34,6 +35,7 @@ FOLDER = Path(__file__).parent
 LONGEST_HISTORY = 200
 GESTURE = 1.0  # seconds: changes of one field that follow sooner are undone together
 ROWS_LEFT_OUT = "The measured rows are too many for a link, which leaves them out: save the machine file and its rows."
+PIECES_KEPT = 8  # of a family that grows: a slider may have been moved before the newest one was there
 CALM = 300  # milliseconds without a change, after which the law is drawn, and the family and the map are computed
 
 
@@ -64,6 +66,7 @@ class Explorer:
         self._failed: dict[str, str] = {}  # of these, why the hop that is wanted is not shown
         self._hop: HopAnswer | None = None
         self._family: FamilyAnswer | None = None
+        self._families_told: deque[tuple[str, FamilyAnswer]] = deque(maxlen=PIECES_KEPT)
         self._dials: dict[tuple[Any, ...], list[Dial]] = {}  # by what their ends depend on
         self._texts = {"family": "", "map": ""}
         self._number = self._count = 0
@@ -204,11 +207,12 @@ class Explorer:
         self._ask_hop()
 
     def _leave(self) -> None:
-        """Compute nothing more for a page that nobody sees, whose session ends some seconds later."""
-        if self._pending is not None:
-            self._document.remove_timeout_callback(self._pending)
-            self._pending = None
+        """Compute nothing more for a page that nobody sees, whose session ends some seconds later; what is on its way
+        is not shown, and whatever is asked later begins anew."""
+        self._forget_pending()
         self.close()
+        self._awaited = None
+        self._around_it.clear()
 
     def _stop(self) -> None:
         self._workers["hop"].stop()
@@ -221,26 +225,25 @@ class Explorer:
 
     def _family_clicked(self, event: Any) -> None:
         """Go to the hop of the family that is nearest to a click."""
-        family = self._family_shown()
+        family = self._family_of(self._shown)
         if family is not None:
-            self._go_along(family, family.nearest(event.x, event.y))
+            self._go_along(family, self._shown, family.nearest(event.x, event.y))
             self._tell()
 
     def _place_moved(self, told: dict[str, Any]) -> None:
-        """Go to the hop of the family that is told by its number among so many; a family may have grown since."""
-        family, place = self._family_shown(), told.get("value")
-        if family is None or not isinstance(place, int) or told.get("of") != len(family.values):
-            return
-        if 0 <= place < len(family.values):
-            self._go_along(family, place)
+        """Go to a hop by its number in a piece of the family, which may have grown since."""
+        place, key = told.get("value"), told.get("key")
+        for known, family in self._families_told:
+            if known == key and type(place) is int and 0 <= place < len(family.values) and family.holds(self._wanted):
+                self._go_along(family, self._wanted, place)
 
-    def _family_shown(self) -> FamilyAnswer | None:
-        """The family that is drawn, if it is that of the hop; another one may be being followed."""
+    def _family_of(self, scene: Scene) -> FamilyAnswer | None:
+        """The family that is drawn, if it is that of a scene's hop; another one may be being followed."""
         family = self._family
-        return family if family is not None and family.holds(self._shown) else None
+        return family if family is not None and family.holds(scene) else None
 
-    def _go_along(self, family: FamilyAnswer, place: int) -> None:
-        scene = self._shown.with_numbers(**{family.along: family.values[place]})
+    def _go_along(self, family: FamilyAnswer, scene: Scene, place: int) -> None:
+        scene = scene.with_numbers(**{family.along: family.values[place]})
         self._go(replace(scene, start=family.starts[place]), "family point")
 
     def _map_clicked(self, event: Any) -> None:
@@ -282,7 +285,7 @@ class Explorer:
 
     def _mark(self) -> None:
         """Mark the hop in the family, where that is the family through it."""
-        family, hop = self._family_shown(), self._hop
+        family, hop = self._family_of(self._shown), self._hop
         if family is not None and hop is not None:
             self._families.mark(hop.scene.numbers[family.along], hop.alpha)
         else:
@@ -290,9 +293,13 @@ class Explorer:
 
     def _around_later(self, now: bool = False) -> None:
         """Compute the family and the map once nothing has changed for a while."""
+        self._forget_pending()
+        self._pending = self._document.add_timeout_callback(self._around, 1 if now else CALM)
+
+    def _forget_pending(self) -> None:
         if self._pending is not None:
             self._document.remove_timeout_callback(self._pending)
-        self._pending = self._document.add_timeout_callback(self._around, 1 if now else CALM)
+            self._pending = None
 
     def _around(self) -> None:
         self._pending = None
@@ -334,6 +341,7 @@ class Explorer:
         elif isinstance(answer, FamilyAnswer):
             steady = self._family is not None and self._family.along == answer.along
             self._family, self._texts["family"] = answer, answer.text
+            self._families_told.append((f"{question.number} {len(answer.values)}", answer))
             self._families.figure.visible = True
             self._families.show(answer.data, steady)
             self._mark()
@@ -356,13 +364,15 @@ class Explorer:
     # ---- what is told
 
     def _place(self) -> dict[str, Any] | None:
-        """Which hop of its family is shown, by its number among so many; None without one."""
-        family, hop = self._family_shown(), self._hop
+        """Which hop of its family is wanted, by its number among so many; None without one."""
+        scene = self._shown if self._awaited is None else self._wanted
+        family, hop = self._family_of(scene), self._hop
         if family is None or hop is None:
             return None
-        value = hop.scene.numbers[family.along]
-        text = f"{family.along} = {value:.6g}, alpha = {hop.alpha:.6g}"
-        return {"at": family.nearest(value, hop.alpha), "of": len(family.values), "text": text}
+        value, alpha = scene.numbers[family.along], hop.alpha if scene.start is None else scene.start[1]
+        at, count = family.nearest(value, alpha), len(family.values)
+        text = f"hop {at + 1} of {count}, {family.along} = {value:.6g}, alpha = {alpha:.6g}"
+        return {"at": at, "of": count, "key": self._families_told[-1][0], "text": text}
 
     def _tell(self) -> None:
         """Tell the tab everything that its fields show."""

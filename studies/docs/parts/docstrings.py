@@ -50,7 +50,7 @@ def restructured(lines: list[str]) -> list[str]:
 
 def process_docstring(app, what, name, thing, options, lines: list[str]) -> None:
     """The event of autodoc, which takes the lines in place."""
-    # What Python says of each field of a named tuple is nothing; the docstring of the class tells them.
+    # Python's own docstring of a named tuple's field says nothing; the docstring of the class describes the fields.
     lines[:] = [] if lines and lines[0].startswith("Alias for field number") else restructured(lines)
 
 

@@ -1,6 +1,7 @@
 """The page in a real browser: sliders moved, formulas typed, points clicked, links followed, rows dropped."""
 
 import time
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -12,8 +13,8 @@ from orbits import find, follow
 from orbits.plot import COLOURS
 from problems import Hopper, springs
 from problems.explorer.forms import scene_of_link
-from tests.browser import Page, chromium
-from tests.problems.explorer.served import served
+from tests.browser import Page, chromium, wait_for
+from tests.problems.explorer.served import descendants, served
 from tests.problems.explorer.test_scene import arguments
 
 pytestmark = pytest.mark.browser
@@ -22,9 +23,14 @@ ENDLESS = "r + 0.02*sin(60*r)"
 
 
 @pytest.fixture(scope="module")
-def address():
-    with served() as (where, _):
-        yield where
+def server():
+    with served() as (where, process):
+        yield where, process
+
+
+@pytest.fixture(scope="module")
+def address(server):
+    return server[0]
 
 
 @pytest.fixture(scope="module")
@@ -240,7 +246,9 @@ def test_the_hops_beyond_a_fold_are_come_to_by_keyboard(page, address):
     page.wait("return explorer.state['family-text'].includes('down: ')", seconds=120)
     slider = element(page, "place")
     assert f"alpha = {lowest:.6g}" in slider.get_attribute("aria-valuetext")
-    slider.send_keys("\ue011", "\ue014" * 3)  # Home, which is beyond the fold, and three hops towards it
+    slider.send_keys("\ue011")  # Home, which is beyond the fold
+    page.wait("return explorer.settled && explorer.state.place.at == 0")
+    slider.send_keys("\ue014" * 3)  # arrows to the right
     page.wait("return explorer.settled && explorer.state.place.at == 3")
     alpha, told = shown(page), page.run("return explorer.state.dials.find(d => d.name == 'beta').value")
     machine = Hopper("r + beta*r**3", rest_length=30.0, parameters={"beta": told})
@@ -248,6 +256,23 @@ def test_the_hops_beyond_a_fold_are_come_to_by_keyboard(page, address):
     family = follow(machine.with_values(beta=-0.008), "beta", (0.0, -0.02), at=(told,))
     assert alpha == pytest.approx(max(point.alpha for point in family if point.value == told), rel=1e-6)
     assert page.run("return explorer.state.lowest")  # a way back to the lowest hop is offered
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are counted by /proc")
+def test_nothing_is_computed_for_a_tab_that_was_closed(page, server):
+    """Its session ends some five seconds later, and its workers at once."""
+    address, process = server
+    wait_for(lambda: len(descendants(process.pid)) <= 5, what="the pages of the tests before have ended")
+    first, before = page.driver.current_window_handle, len(descendants(process.pid))
+    page.driver.switch_to.new_window("tab")
+    try:
+        page.open(address)
+        shown(page)
+        assert len(descendants(process.pid)) > before
+    finally:
+        page.driver.close()
+        page.driver.switch_to.window(first)
+    wait_for(lambda: len(descendants(process.pid)) <= before, 4, "the workers of the closed tab end")
 
 
 def test_a_link_shows_the_same_in_another_tab(page):

@@ -7,8 +7,6 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import suppress
-from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -150,36 +148,6 @@ def test_ten_tabs_do_not_disturb_each_other(port):
         assert set(told["problems"]) == ({"spring"} if k == 0 else set())
         assert alpha_of(told) == pytest.approx(cubic(beta + 0.05 * (1 <= k < 5)), rel=1e-7)
         tab.session.close()
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are counted by /proc")
-def test_nothing_is_computed_for_a_page_that_was_left():
-    with served() as (address, process):
-        tab = Tab(urlsplit(address).port)
-        tab.told()
-        assert len(descendants(process.pid)) > 2  # what forks the workers, what tracks it, and a worker
-        tab.ask("leave")
-        wait_for(lambda: len(descendants(process.pid)) <= 2, what="the workers end")
-        time.sleep(0.5)  # what follows a hop a little later, the family and the map, is not begun either
-        assert len(descendants(process.pid)) <= 2
-        tab.ask("number", name="beta", value=0.5)  # a browser may bring a page back
-        assert alpha_of(tab.told()) == pytest.approx(cubic(0.5), rel=1e-7)
-        tab.session.close()
-
-
-def descendants(pid: int) -> list[int]:
-    """The processes that a process has started, and those that these have."""
-    parents = {}
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):  # of a process that has just ended
-            state, parent = path.read_text().rpartition(")")[2].split()[:2]
-            if state != "Z":
-                parents[int(path.parent.name)] = int(parent)
-    found = [pid]
-    for one in found:
-        found += [child for child, parent in parents.items() if parent == one]
-    return found[1:]
 
 
 def test_an_interrupt_ends_it_cleanly():

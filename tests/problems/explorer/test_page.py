@@ -1,0 +1,160 @@
+"""What a page tells its tab, its workers replaced by ones that answer at once or when they are let go."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("bokeh")
+
+from bokeh.document import Document
+
+from orbits import find
+from problems import Hopper
+from problems.explorer.page import Explorer
+from problems.explorer.scene import Scene, beginning
+from problems.explorer.worker import _answers
+
+SOFTENING = replace(beginning("hopper"), numbers={"mass_ratio": 1.0, "rest_length": 30.0, "beta": -0.008}, along="beta")
+
+
+class Inline:
+    """A worker in this process; while it is `held` it keeps what it was asked, until it is let go."""
+
+    def __init__(self, came):
+        self.came, self.held, self.kept, self.asked = came, False, [], 0
+
+    def ask(self, question):
+        self.asked += 1
+        self.kept = [question]
+        if not self.held:
+            self.let_go()
+
+    def let_go(self, pieces: int | None = None):
+        """Deliver what was asked, or only so many of its answers."""
+        for question in self.kept:
+            for _, answer in zip(range(pieces or 10_000), _answers(question, None), strict=False):
+                self.came(question, answer)
+
+    def stop(self):
+        self.kept = []
+
+
+class Tab:
+    """A page and what its tab sends and sees."""
+
+    def __init__(self, scene: Scene):
+        self.page, self.n = Explorer(Document(), scene), 0
+        self.workers = self.page._workers
+
+    def ask(self, act: str, **rest) -> dict:
+        self.n += 1
+        self.page._asked(json.dumps({"n": self.n, "act": act, **rest}))
+        return self.told
+
+    def rest(self) -> dict:
+        """What it is told once nothing has changed for a while, so that the family and the map are there."""
+        self.page._around()
+        return self.told
+
+    @property
+    def told(self) -> dict:
+        return json.loads(self.page._bridge.told)
+
+    @property
+    def alpha(self) -> float:
+        return self.page._hop.alpha
+
+
+@pytest.fixture
+def tab(monkeypatch):
+    monkeypatch.setattr(Explorer, "_worker", lambda self, came, calm=False: Inline(came))
+    return Tab
+
+
+def test_the_slider_goes_through_a_fold_from_hop_to_hop(tab):
+    page = tab(SOFTENING)
+    told = page.rest()
+    first, key, lowest = told["place"]["at"], told["place"]["key"], page.alpha
+    assert 10 < first < told["place"]["of"]
+    launches = []
+    for place in range(first, -1, -1):
+        told = page.ask("place", value=place, key=key)
+        assert (told["place"]["at"], told["problems"]) == (place, {})
+        launches.append(page.alpha)
+    assert launches == sorted(launches)  # along the curve the launch speed grows, before the fold and beyond it
+    values = page.page._family.values
+    assert min(values) < values[first]
+    assert values[0] > values[first]  # the curve has turned round
+    assert lowest < find(Hopper("cubic", rest_length=30.0, parameters={"beta": min(values)})).alpha < launches[-1]
+
+
+@pytest.mark.parametrize("along", ["mass_ratio", "rest_length"])
+def test_hops_of_one_launch_speed_are_told_apart(tab, along):
+    page = tab(replace(beginning("hopper"), along=along))
+    told = page.rest()
+    for place in range(told["place"]["of"]):
+        assert page.ask("place", value=place, key=told["place"]["key"])["place"]["at"] == place
+
+
+def test_the_place_that_is_asked_for_is_told_at_once(tab):
+    page = tab(SOFTENING)
+    told = page.rest()
+    page.workers["hop"].held = True
+    asked = told["place"]["at"] + 4
+    told = page.ask("place", value=asked, key=told["place"]["key"])
+    assert (told["idle"], told["place"]["at"]) == (False, asked)
+    page.workers["hop"].let_go()
+    assert (page.told["idle"], page.told["place"]["at"]) == (True, asked)
+
+
+def test_a_place_of_a_piece_is_taken_after_the_family_has_grown(tab):
+    page = tab(SOFTENING)
+    page.workers["family"].held = True
+    page.rest()
+    page.workers["family"].let_go(pieces=1)
+    piece = page.page._family
+    early = page.told["place"]
+    page.workers["family"].let_go()
+    told = page.ask("place", value=2, key=early["key"])
+    assert told["place"]["of"] > early["of"]
+    assert page.alpha == pytest.approx(piece.starts[2][1], rel=1e-9)
+
+
+@pytest.mark.parametrize("value", [True, 1.0, -1, 10_000, "1", None, [1]])
+def test_a_place_that_is_none_changes_nothing(tab, value):
+    page = tab(SOFTENING)
+    told, alpha = page.rest(), page.alpha
+    assert page.ask("place", value=value, key=told["place"]["key"])["scene"] == told["scene"]
+    assert page.ask("place", value=1, key="0 0")["scene"] == told["scene"]
+    page.ask("along", value="mass_ratio")
+    assert page.ask("place", value=1, key=told["place"]["key"])["place"] != told["place"]
+    assert page.alpha == alpha  # the place was one of another family
+
+
+def test_what_comes_after_a_page_was_left_is_not_shown(tab):
+    page = tab(SOFTENING)
+    page.rest()
+    worker, kept = page.workers["hop"], page.alpha
+    worker.held = True
+    page.ask("number", name="beta", value=-0.004)
+    question = worker.kept[0]
+    page.page._asked(json.dumps({"n": page.n, "act": "leave"}))
+    asked = {name: each.asked for name, each in page.workers.items()}
+    for answer in _answers(question, None):  # it was on its way
+        worker.came(question, answer)
+    assert (page.alpha, page.page._pending) == (kept, None)
+    assert {name: each.asked for name, each in page.workers.items()} == asked
+
+
+def test_a_page_that_comes_back_computes_again(tab):
+    page = tab(SOFTENING)
+    page.workers["family"].held = True
+    page.rest()
+    page.workers["family"].let_go(pieces=1)
+    assert "still growing" in page.told["family-text"]
+    page.ask("leave")
+    page.workers["family"].held = False
+    told = page.ask("number", name="beta", value=-0.004)
+    assert told["idle"]
+    assert "still growing" not in page.rest()["family-text"]
