@@ -36,11 +36,12 @@ def pytest_collection_modifyitems(config, items):
     """Keep a few of each test, after -m and -k have left out what is not asked for."""
     if not config.getoption("--few-of-each", default=False):
         return
-    name = lambda item: item.nodeid.partition("[")[0]  # noqa: E731
-    last = {name(item): item for item in items}
-    kept = set({name(item): item for item in reversed(items)}.values()) | set(last.values())
-    config.hook.pytest_deselected(items=[item for item in items if item not in kept])
-    items[:] = [item for item in items if item in kept]
+    names = [item.nodeid.partition("[")[0] for item in items]
+    last = {name: k for k, name in enumerate(names)}
+    first = {name: k for k, name in reversed(list(enumerate(names)))}
+    kept = {*first.values(), *last.values()}
+    config.hook.pytest_deselected(items=[item for k, item in enumerate(items) if k not in kept])
+    items[:] = [item for k, item in enumerate(items) if k in kept]
 
 
 @pytest.fixture(autouse=True)
