@@ -23,7 +23,7 @@ from .tables import number_text
 
 # How events are marked, alike in each figure of a family.
 SHAPES = {"fold": "circle", "branch point": "square", "grazing": "inverted_triangle", "masses touch": "x"}
-SHAPES |= {"contact pulls": "triangle", "landing jerk": "diamond", "collapse": "hex", "family": "star"}
+SHAPES |= {"contact pulls": "triangle", "landing jerk": "square_x", "collapse": "diamond", "family": "star"}
 OTHER_SHAPE, SHAPE_OF_END = "plus", "square_pin"
 
 
@@ -92,8 +92,10 @@ class FamilyFigure:
         self.figure = figure = new_figure("", height)
         line = figure.line("value", "motions", source=self._curve, line_width=2.5, color=COLOURS[0])
         dashed = figure.line("value", "others", source=self._curve, line_width=2, color=COLOURS[0], line_dash=[4, 4])
-        faint = {"fill_alpha": 0.5, "nonselection_fill_alpha": 0.5, "line_color": None, "fill_color": COLOURS[0]}
-        points = figure.scatter("value", "quantity", source=self.points, size=5, **faint)
+        # The orbits themselves would fill the gaps of the dashes: they are seen where the pointer is.
+        unseen: dict[str, Any] = dict.fromkeys(("line_color", "fill_color", "nonselection_fill_color"))
+        unseen |= {"hover_fill_color": COLOURS[0], "hover_line_color": None, "size": 7}
+        points = figure.scatter("value", "quantity", source=self.points, **unseen)
         look = {"marker": "marker", "fill_color": "white", "line_color": INK, "line_width": 1.6, "size": 10}
         events = figure.scatter("value", "quantity", source=self._events, **look)
         ring = {"size": 16, "fill_color": None, "line_color": COLOURS[1], "line_width": 3}

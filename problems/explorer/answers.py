@@ -126,15 +126,18 @@ def family_answers(given: Any, scene: Scene, low: float, high: float) -> Iterato
     if here is None:
         raise InputError(f"this machine has no parameter '{along}' to follow")
     hop, bounds = _orbit_of_scene(machine, scene), (min(low, here), max(high, here))
-    ways = [stop for stop in (bounds, bounds[::-1]) if stop[1] != here]
-    parts: list[Family] = []
-    for stop in ways:
-        part = follow(machine, along, stop, family=hop.family, orbit=hop, most=FIRST_PIECE)
-        yield _family_answer(scene, [*parts, part], len(ways))
-        while part.end.kind == "stopped" and len(part) < LONGEST_FAMILY:
-            part = follow(machine, along, stop, family=hop.family, resume=part, most=PIECE)
-            yield _family_answer(scene, [*parts, part], len(ways))
-        parts.append(part)
+    ways = [(word, stop) for word, stop in (("up", bounds), ("down", bounds[::-1])) if stop[1] != here]
+    parts: dict[str, Family] = {}
+    for word, stop in ways:
+        parts[word] = follow(machine, along, stop, family=hop.family, orbit=hop, most=FIRST_PIECE)
+        yield _family_answer(scene, parts, len(ways))
+        while _is_growing(parts[word]):
+            parts[word] = follow(machine, along, stop, family=hop.family, resume=parts[word], most=PIECE)
+            yield _family_answer(scene, parts, len(ways))
+
+
+def _is_growing(part: Family) -> bool:
+    return part.end.kind == "stopped" and len(part) < LONGEST_FAMILY
 
 
 def _orbit_of_scene(machine: Any, scene: Scene) -> Orbit:
@@ -154,16 +157,19 @@ def joined_ways(parts: list[Family]) -> Family:
     return replace(up, points=(*down.points[:0:-1], *up.points), events=tuple(events))
 
 
-def _family_answer(scene: Scene, parts: list[Family], ways: int) -> FamilyAnswer:
-    family, ends = joined_ways(parts), [part.end for part in parts]
-    growing = ends[-1].kind == "stopped" and len(parts[-1]) < LONGEST_FAMILY
-    told = [f"{word}: {end.kind}, {end.reason}" for word, end in zip(("up", "down"), ends, strict=False)]
-    count = f"{len(family)} orbits"
-    text = f"{count}, still growing" if growing or len(parts) < ways else f"{count}. {'. '.join(told)}."
+def _family_answer(scene: Scene, parts: dict[str, Family], ways: int) -> FamilyAnswer:
+    family = joined_ways(list(parts.values()))
+    ended = {word: part for word, part in parts.items() if not _is_growing(part)}
+    told = ". ".join(f"{word}: {part.end.kind}, {part.end.reason}" for word, part in ended.items())
+    text = f"{len(family)} orbits" + (f". {told}." if len(ended) == ways else ", still growing")
     values, starts = tuple(p.value for p in family.points), tuple(start_of(p) for p in family.points)
     data = family_data(family)
-    if growing:  # where it has got to is no end
-        data = replace(data, events={name: column[:-1] for name, column in data.events.items()})
+    ends = [(part[-1].value, part[-1].alpha, f"end: {part.end.kind}") for part in ended.values()]
+    # The last event of a family is its end; this one may have two ends, or none yet.
+    events = {
+        name: [*list(column)[:-1], *(end[k] for end in ends)] for k, (name, column) in enumerate(data.events.items())
+    }
+    data = replace(data, events=events)
     return FamilyAnswer(scene, data, values, starts, text)
 
 

@@ -115,7 +115,7 @@ window.startExplorer = (bridge, figures) => {
   // The slider goes over the hops of the family in their order along the curve, also beyond a fold, which no parameter
   // passes.
   function show_place(place) {
-    $("place-line").hidden = !place;
+    for (const id of ["place-line", "place-hint"]) $(id).hidden = !place;
     if (!place) return;
     Object.assign($("place"), {max: place.of - 1, value: place.at});
     $("place").dataset.key = place.key;

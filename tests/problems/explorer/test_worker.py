@@ -181,7 +181,12 @@ def test_a_family_comes_in_pieces_and_is_that_of_follow():
     pieces = list(family_answers(None, scene, -0.5, 2.0))
     assert len(pieces) > 3
     assert "still growing" in pieces[0].text
-    assert "escaped" in pieces[-1].text
+    assert list(pieces[0].data.events["kind"]) == []
+    assert "up: reached" in pieces[-1].text
+    assert "down: escaped" in pieces[-1].text
+    assert list(pieces[-1].data.events["kind"])[-2:] == ["end: reached", "end: escaped"]
+    assert list(pieces[-1].data.events["value"])[-2:] == [2.0, pieces[-1].values[0]]
+    assert sum(kind.startswith("end: ") for kind in pieces[-1].data.events["kind"]) == 2
     values = pieces[-1].values
     assert values[-1] == 2.0
     down = follow(Hopper("cubic", rest_length=8.0), "beta", 2.0)
@@ -190,6 +195,12 @@ def test_a_family_comes_in_pieces_and_is_that_of_follow():
         extension, alpha, duration = pieces[-1].starts[place]
         assert (values[place], alpha) == pytest.approx((point.value, point.alpha), rel=1e-9)
         assert (extension, duration) == pytest.approx((point.liftoff_extension, point.flight_time / 2), rel=1e-9)
+
+
+def test_a_family_from_the_upper_end_of_its_slider_goes_down():
+    *_, family = family_answers(None, replace(CUBIC, along="beta"), 0.1, CUBIC.numbers["beta"])
+    assert "down: reached" in family.text
+    assert "up" not in family.text
 
 
 def test_a_point_beyond_a_fold_is_come_back_to():
