@@ -227,23 +227,23 @@ class Explorer:
         """Go to the hop of the family that is nearest to a click."""
         family = self._family_of(self._shown)
         if family is not None:
-            self._go_along(family, self._shown, family.nearest(event.x, event.y))
+            self._go_along(family, family.nearest(event.x, event.y))
             self._tell()
 
     def _place_moved(self, told: dict[str, Any]) -> None:
         """Go to a hop by its number in a piece of the family, which may have grown since."""
         place, key = told.get("value"), told.get("key")
         for known, family in self._families_told:
-            if known == key and type(place) is int and 0 <= place < len(family.values) and family.holds(self._wanted):
-                self._go_along(family, self._wanted, place)
+            if known == key and type(place) is int and 0 <= place < len(family.values) and family.holds(self._shown):
+                self._go_along(family, place)
 
     def _family_of(self, scene: Scene) -> FamilyAnswer | None:
         """The family that is drawn, if it is that of a scene's hop; another one may be being followed."""
         family = self._family
         return family if family is not None and family.holds(scene) else None
 
-    def _go_along(self, family: FamilyAnswer, scene: Scene, place: int) -> None:
-        scene = scene.with_numbers(**{family.along: family.values[place]})
+    def _go_along(self, family: FamilyAnswer, place: int) -> None:
+        scene = self._shown.with_numbers(**{family.along: family.values[place]})
         self._go(replace(scene, start=family.starts[place]), "family point")
 
     def _map_clicked(self, event: Any) -> None:
