@@ -203,13 +203,18 @@ def explore(machine: Any = None, *, height: int = 900) -> Exploration:
 
     The page is that of the command `orbits explore`, served on the loopback interface for as long as Python runs or
     until `close` is called on what is returned, whose `address` any browser on this machine can open. The kernel has to
-    run on this machine too. Raises `InputError` without the extra `explore`, and for what is no machine.
+    run on this machine too. In a script the call stands below `if __name__ == "__main__":`. Raises `InputError` without
+    the extra `explore`, and for what is no machine.
     """
     if machine is None:
         from ..hopper import Hopper
 
         machine = Hopper("r + beta*r**3", rest_length=8.0, parameters={"beta": 0.3})
+    from multiprocessing import current_process
+
     from orbits.model.machine import check_machine
 
     check_machine(machine, "with_values")
+    if getattr(current_process(), "_inheriting", False):  # a worker is importing the script that called this
+        raise InputError("in a script, call explore under  if __name__ == '__main__':")
     return Exploration(machine, height)

@@ -20,6 +20,10 @@ from orbits.errors import OrbitsError
 from .answers import ANSWERS
 from .processes import process_context
 
+ENDED = (
+    "the process that computed this has ended: there may be too little memory, or a script has called explore without"
+    "  if __name__ == '__main__':"
+)
 # A computation that has taken this long (s) is ended when something newer is asked.
 IMPATIENT = 3.0
 
@@ -115,7 +119,7 @@ class Worker:
             if lost is not None:
                 self._asked = self._process = None
         if lost is not None:
-            self._deliver(lost, Failure("the process that computed this has ended; there may be too little memory"))
+            self._deliver(lost, Failure(ENDED))
 
     def _wanted(self, process: Any, question: Task, answer: Any) -> bool:
         """Whether somebody waits for an answer; its question is settled with the last one."""

@@ -202,3 +202,17 @@ def test_a_notebook_shows_the_page_of_a_machine():
 def test_what_is_no_machine_is_said():
     with pytest.raises(InputError, match="no machine"):
         explore("hopper")
+
+
+def test_a_script_without_a_guard_is_told_so(tmp_path):
+    """Workers import the script that started them, which would serve another page each."""
+    script = tmp_path / "show.py"
+    script.write_text(
+        "from bokeh.client import pull_session\n"
+        "from problems import explore\n"
+        "page = explore()\n"
+        "pull_session(url=page.address).close()\n"
+        "import time; time.sleep(3)\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, env=ENVIRONMENT, timeout=60)
+    assert "call explore under  if __name__ == '__main__':" in done.stderr
