@@ -62,6 +62,15 @@ def test_piecewise_roots_are_found_once_at_the_joints():
     assert len(times) <= 5  # the last end is a zero too, and rounding decides on which side
 
 
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("rounding", [1e-17, -1e-17])
+def test_the_zero_that_a_motion_begins_with_is_no_root(order, rounding):
+    """t**order (1 - t), whose lower coefficients are rounding of either sign."""
+    c = np.zeros((1, 8))
+    c[0, : order + 2] = [*[rounding] * order, 1.0, -1.0]
+    assert [t for _, t in piecewise_roots(c, np.array([1.5]), start=order)] == pytest.approx([1.0], rel=1e-14)
+
+
 def test_rising_roots_only():
     c = np.array([np.poly([0.25, 0.5, 0.75])[::-1]])
     assert [t for _, t in piecewise_roots(c, np.array([1.0]), rising=True)] == pytest.approx([0.25, 0.75])
