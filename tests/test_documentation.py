@@ -308,6 +308,16 @@ def test_site_links(site):
 
 
 @pytest.mark.docs
+def test_wide_figures_scroll_on_a_narrow_screen(site):
+    """Those of several panels do; a figure of one panel is shown whole."""
+    text = (site / "gallery.html").read_text(encoding="utf-8")
+    images = re.findall(r'<img ([^>]*?)src="_images/(\w+)\.png"', text)
+    wide = {name for attributes, name in images if 'class="wide"' in attributes}
+    assert {"existence", "spring_families", "benchmark", "figure_7"} <= wide
+    assert "heights" in {name for _, name in images} - wide
+
+
+@pytest.mark.docs
 def test_site_describes_every_public_name(site):
     text = "".join(path.read_text(encoding="utf-8") for path in (site / "api").glob("*.html"))
     described = set(re.findall(r'id="(?:module-)?([\w.]+)"', text))

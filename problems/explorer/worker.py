@@ -20,7 +20,7 @@ from orbits.errors import OrbitsError
 from .answers import ANSWERS
 from .processes import process_context
 
-ENDED = (
+LOST = (
     "the process that computed this has ended: there may be too little memory, or a script has called explore without"
     "  if __name__ == '__main__':"
 )
@@ -119,7 +119,7 @@ class Worker:
             if lost is not None:
                 self._asked = self._process = None
         if lost is not None:
-            self._deliver(lost, Failure(ENDED))
+            self._deliver(lost, Failure(LOST))
 
     def _wanted(self, process: Any, question: Task, answer: Any) -> bool:
         """Whether somebody waits for an answer; its question is settled with the last one."""

@@ -21,6 +21,7 @@ from sphinx.util.docutils import SphinxDirective
 
 ROOT = Path(__file__).parents[3]
 PICTURES = (".png", ".gif", ".svg")
+WIDE = 1000  # pixels: wider figures have several panels, and scroll on a narrow screen, where they would be too small
 PLACES = re.compile(r"^```\{(drawn|study)\}([^\n]*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 
 
@@ -131,7 +132,17 @@ class Study(Drawing):
         return [said, *figures, opened, block, nodes.raw("", "</details>", format="html")]
 
 
+def mark_wide(app, document, name: str) -> None:
+    """Give the wide figures of a page the class of that name."""
+    for image in document.findall(nodes.image):
+        path = Path(app.srcdir, image["uri"].lstrip("/"))
+        # The width of a PNG stands in its first chunk.
+        if path.suffix == ".png" and int.from_bytes(path.read_bytes()[16:20], "big") > WIDE:
+            image["classes"].append("wide")
+
+
 def setup(app) -> dict:
+    app.connect("doctree-resolved", mark_wide)
     app.add_directive("drawn", Drawn)
     app.add_directive("study", Study)
     app.connect("builder-inited", draw_all)
