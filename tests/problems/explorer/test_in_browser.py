@@ -1,6 +1,5 @@
 """The page in a real browser: sliders moved, formulas typed, points clicked, links followed, rows dropped."""
 
-import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -19,6 +18,11 @@ from tests.problems.explorer.test_scene import arguments
 
 pytestmark = pytest.mark.browser
 SETTLED = "return window.explorer && explorer.settled"
+# A figure paints in the frame after it is let go, and a picture is taken of what was painted.
+TWO_FRAMES = """
+    const done = arguments[0];
+    requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 60)));
+"""
 ENDLESS = "r + 0.02*sin(60*r)"
 
 
@@ -87,7 +91,7 @@ def seen(page: Page, name: str) -> None:
     """Scroll to a figure, and wait until it is drawn: what is not seen is not."""
     page.run("Bokeh.index.get(explorer.figures[arguments[0]]).el.scrollIntoView({block: 'center'})", name)
     page.wait("return !explorer.figures[arguments[0]].hold_render", name)
-    time.sleep(0.4)
+    page.driver.execute_async_script(TWO_FRAMES)
 
 
 def curve_is_drawn(page: Page) -> bool:

@@ -208,11 +208,12 @@ def test_a_script_without_a_guard_is_told_so(tmp_path):
     """Workers import the script that started them, which would serve another page each."""
     script = tmp_path / "show.py"
     script.write_text(
-        "from bokeh.client import pull_session\n"
+        "import time\n"
+        "from urllib.request import urlopen\n"
         "from problems import explore\n"
         "page = explore()\n"
-        "pull_session(url=page.address).close()\n"
-        "import time; time.sleep(3)\n"
+        "urlopen(page.address).read()\n"
+        "time.sleep(3)\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, env=ENVIRONMENT, timeout=60)
     assert "call explore under  if __name__ == '__main__':" in done.stderr
