@@ -11,6 +11,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from decimal import Decimal
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -166,10 +167,16 @@ def _as_tuples(node: ast.expr, tokens: list[_Token]) -> tuple:
             raise AssertionError(f"{type(node).__name__} is no part of a formula")
     for parent in reversed(chain):
         right = _as_tuples(parent.right, tokens)
-        if isinstance(parent.op, ast.Pow) and right[0] == "number" and right[1].is_integer():
-            right = right[:2]  # a whole exponent is exact, and has no text that a symbol could stand for
+        if isinstance(parent.op, ast.Pow) and right[0] == "number" and _is_whole(right):
+            right = (*right, "whole")  # exact as a float, so that no symbol stands for it
         tree = (_SIGNS[type(parent.op)], tree, right)
     return tree
+
+
+def _is_whole(number: tuple) -> bool:
+    """Whether the decimal of a numeral is a whole number, and not only the float to which it is rounded."""
+    _, value, text = number
+    return value.is_integer() and Decimal(text) == int(value)
 
 
 _SIGNS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
@@ -217,7 +224,7 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, library):
     for node in _nodes(tree):
         kind = node[0]
         if kind == "number":
-            known = _numerals is None or library is np or len(node) == 2
+            known = _numerals is None or library is np or len(node) == 4
             stack.append(constant(node[1]) if known else _numeral(node[2]))
         elif kind == "name" and node[1] in CONSTANTS:
             known = _numerals is None or library is np
