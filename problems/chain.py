@@ -114,6 +114,10 @@ class Chain(Stated):
             restitution=self.restitution,
         )
 
+    def stated(self) -> Mechanism:
+        """The chain as a mechanism, with the values of its parameters."""
+        return self.mechanism
+
     @property
     def values(self) -> dict[str, float]:
         """Every parameter of the model by name: the masses, then the springs' parameters."""

@@ -93,6 +93,10 @@ class HeavyHand(TwoMassMachine):
         """The machine as JSON-ready data, without a mass ratio, which is infinite."""
         return {**super().describe(), "mass_ratio": None}
 
+    def stated(self) -> Mechanism:
+        """Raises `InputError`: the limit of an infinite mass is no mechanism."""
+        raise InputError("an infinitely heavy hand is the limit of mechanisms: state a Juggler with a large mass_ratio")
+
     @classmethod
     def build(cls, spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Model:
         """The juggler's model with the hand's energy alone."""

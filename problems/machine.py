@@ -142,6 +142,13 @@ class TwoMassMachine(TwoMasses):
         damping, and an actuator that moves the spring's end; its parameters have no values yet."""
         raise NotImplementedError
 
+    def stated(self) -> Mechanism:
+        """The machine as a mechanism, with the values of its parameters."""
+        has_length = self.rest_length is not None
+        values = {name: value for name, value in self.values.items() if name != self.model.homotopy}
+        mechanism = self.mechanism(self.spring.key, self.gravity.key, has_length, self.damped)
+        return replace(mechanism, parameters=values)
+
     @property
     def values(self) -> dict[str, float]:
         """Every parameter of the model by name."""

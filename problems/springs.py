@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from orbits.errors import InputError
 from orbits.model import laws
-from orbits.model.laws import NOISE, Expression, Law, number, positive
+from orbits.model.laws import NOISE, Expression, Law, Written, number, positive
 from orbits.symbolic.formula import suggest
 
 from .smoothing import SmoothCurve, branch_of, curve_of
@@ -99,12 +99,14 @@ def morse(*, a: float = 0.05) -> Law:
 
 def bilinear(*, ratio: float = 3.0, gap: float = 0.5) -> Law:
     """Stiffness 1 up to the extension `gap`, `ratio` beyond: a second spring picked up (Shaw and Holmes 1983)."""
-    return Law("bilinear", "r", _line_expression, positive(ratio=ratio, gap=gap), (3, _bilinear_pieces))
+    written = Written(("r", "gap + ratio*(r - gap)"), ("gap",))
+    return Law("bilinear", "r", _line_expression, positive(ratio=ratio, gap=gap), (3, _bilinear_pieces), written)
 
 
 def end_stops(*, gap: float = 3.0, stop: float = 20.0) -> Law:
     """Stiffness 1 between extensions -gap and gap, `stop` beyond: bump stop and strap (Shaw and Holmes 1983)."""
-    return Law("end_stops", "r", _line_expression, positive(gap=gap, stop=stop), (3, _end_stop_pieces))
+    written = Written(("-gap + stop*(r + gap)", "r", "gap + stop*(r - gap)"), ("-gap", "gap"))
+    return Law("end_stops", "r", _line_expression, positive(gap=gap, stop=stop), (3, _end_stop_pieces), written)
 
 
 def air(*, length: float = 5.0, exponent: float = 1.4) -> Law:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Self, TypeAlias
 
+from orbits import Mass, Mechanism
 from orbits.errors import InputError
 from orbits.model.laws import UNIT_FORCE, UNIT_LENGTH, Law, number, stated
 from orbits.model.mechanics.dimensions import coefficient_dimensions
@@ -19,6 +20,7 @@ from orbits.symbolic.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
 
 from . import gravity as gravities
+from . import springs
 from .gravity import as_gravity
 from .hopper import Hopper
 from .juggler import Juggler
@@ -197,6 +199,18 @@ class MachineInSI(TwoMasses):
     def model(self) -> Model:
         """The dimensionless machine's model with parameters in SI; machines that differ only in numbers share it."""
         return _model_in_si(self.dimensionless().model, *self._names)
+
+    def stated(self) -> Mechanism:
+        """The machine as a mechanism in SI, with the values of its parameters."""
+        hidden = (GAUGE, self.model.homotopy)
+        spring = springs.formula("stiffness*r", stiffness=self.stiffness) if self.spring is None else self.spring
+        has_length, masses = self.rest_length is not None, iter(self.masses)
+        plain = self.base.mechanism(spring.key, self.gravity.key, has_length, self.damped)
+        elements = [replace(each, mass=next(masses)) if isinstance(each, Mass) else each for each in plain.elements]
+        return replace(
+            plain, elements=elements, surface_gravity="surface_gravity", energy_unit=1.0, heights=None, in_si=True,
+            parameters={name: value for name, value in self.values.items() if name not in hidden},
+        )  # fmt: skip
 
     def dimensionless(self) -> TwoMassMachine:
         """The same machine in units of its own; the coefficients of its laws stay in SI, beside the laws' units."""

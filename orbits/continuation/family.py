@@ -212,7 +212,6 @@ class Family:
     def _claim(self, machine: Machine, point: Point) -> Claim:
         """What a point says of the machine there."""
         here = machine.with_values(**{**point.also, self.name: point.value})
-        point = point_in_units(point, here.units and here.units.inverse())
         model = here.model
         names = model.reduction.statement.unknowns if model.reduction else model.half_unknowns
         if len(names) != len(point.u):

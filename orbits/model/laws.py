@@ -19,6 +19,7 @@ from ..symbolic.exclusive import LOCK, exclusive
 from ..symbolic.formula import CONSTANTS, parse, suggest
 from ..symbolic.kept import kept
 from ..symbolic.taylor_series import has_taylor_series
+from ..symbolic.tracing import traced
 from .units import LENGTH, Message, Quantity
 
 # What expressions are made of: CasADi scalars or numbers, in sequences and by name.
@@ -62,9 +63,23 @@ class Expression:
         return self.made[0], self.made[1:]
 
 
+class Written(NamedTuple):
+    """A law as it is written, for a theorem about it.
+
+    formulas : one for each piece, of the variable and the parameters
+    breaks : formulas of where one piece follows the other
+    potential : whether the law is the derivative of the formula
+    """
+
+    formulas: tuple[str, ...]
+    breaks: tuple[str, ...] = ()
+    potential: bool = False
+
+
 class Key(NamedTuple):
     """A law without its parameters' values; laws with equal keys share everything that is built from them.
 
+    written : the law as it is written; None for a table, and for a function that formulas cannot say
     reach : how far an integration step may go along the variable, see `features.reach`
     """
 
@@ -74,6 +89,7 @@ class Key(NamedTuple):
     names: tuple[str, ...]
     pieces: tuple[int, Callable] | None
     reach: float = math.inf
+    written: Written | None = None
 
     @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the answer
     def degree(self) -> int:
@@ -97,6 +113,7 @@ class Law:
     expression : (x, p, q) -> value, on CasADi scalars; `p` maps names to parameters, `q` is the data of a smooth piece
     parameters : values of the parameters
     pieces : (size of q, parameters -> (breaks, data)) for a piecewise law, None for a smooth one
+    written : the law in formulas; None where they cannot say it
     """
 
     text: str
@@ -104,18 +121,19 @@ class Law:
     expression: Callable
     parameters: Mapping[str, float] = field(default_factory=dict)
     pieces: tuple[int, Callable] | None = None
+    written: Written | None = None
 
     def __post_init__(self) -> None:
         checked = {name: number(name, value) for name, value in self.parameters.items()}
         object.__setattr__(self, "parameters", MappingProxyType(checked))
 
     def __reduce__(self) -> tuple[type, tuple]:
-        return Law, (self.text, self.variable, self.expression, dict(self.parameters), self.pieces)
+        return Law, (self.text, self.variable, self.expression, dict(self.parameters), self.pieces, self.written)
 
     @cached_property
     def key(self) -> Key:
         """The law without its parameters' values."""
-        return Key(self.text, self.variable, self.expression, tuple(self.parameters), self.pieces)
+        return Key(self.text, self.variable, self.expression, tuple(self.parameters), self.pieces, written=self.written)
 
     def __call__(self, x: ArrayLike) -> np.ndarray:
         """Values at `x` (any shape), NaN where the law has none; a table raises `OutOfRange` outside its range."""
@@ -164,7 +182,9 @@ class Law:
         expression = _scaled(self.expression, force is not None)
         pieces = self.pieces and (self.pieces[0], _scaled_table(self.pieces[1]))
         units = {UNIT_LENGTH: length} | ({} if force is None else {UNIT_FORCE: force})
-        return replace(self, expression=expression, pieces=pieces, parameters={**self.parameters, **units})
+        return replace(
+            self, expression=expression, pieces=pieces, parameters={**self.parameters, **units}, written=None
+        )
 
     def __repr__(self) -> str:
         named = {name: self.parameters[name] for name in stated(self.parameters)}
@@ -186,7 +206,8 @@ def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
     if unused := sorted(parameters.keys() - names):
         hint = suggest(unused[0], sorted(names)) if names else ""
         raise InputError(f"'{text}' does not use {', '.join(map(repr, unused))}{hint}")
-    law = Law(text, variable, _formula_expression(text, variable), {name: parameters[name] for name in sorted(names)})
+    values = {name: parameters[name] for name in sorted(names)}
+    law = Law(text, variable, _formula_expression(text, variable), values, written=Written((text,)))
     values = {name: np.float64(value) for name, value in law.parameters.items()}
     _refuse_removable(law, lambda x: law.expression(x, values, []))
     return law
@@ -204,7 +225,8 @@ def key_of(law: Any, variable: str, given: Given = None) -> Key:
     expression = _formula_expression(text, variable)
     if text != law and isinstance(law, str):
         expression = _derivative_expression(expression, variable)
-    return Key(str(law), variable, expression, tuple(sorted(parse(text).names - {variable})), None)
+    names = tuple(sorted(parse(text).names - {variable}))
+    return Key(str(law), variable, expression, names, None, written=Written((text,), potential=text != str(law)))
 
 
 def _refuse_removable(law: Law, force: Callable) -> None:
@@ -233,7 +255,8 @@ def from_potential(text: str, variable: str, parameters: Given = None) -> Law:
     """The law whose potential energy is the formula: its derivative with respect to the variable."""
     potential = from_formula(text, variable, parameters)
     force = _derivative_expression(potential.expression, variable)
-    return replace(potential, text=f"potential:{text}", expression=force)
+    written = Written((text,), potential=True)
+    return replace(potential, text=f"potential:{text}", expression=force, written=written)
 
 
 @exclusive
@@ -250,7 +273,9 @@ def from_function(function: Callable, variable: str, parameters: Given = None, b
     breaks = [-math.inf, *sorted(number("breakpoint", b) for b in breakpoints), math.inf]
     table = (0, _break_table(tuple(breaks))) if breakpoints else None
     parameters = dict(parameters or {})
-    law = Law(name, variable, _function_expression(function, variable, tuple(parameters)), parameters, table)
+    text = None if breakpoints else traced(function, (variable,), tuple(parameters))
+    expression = _function_expression(function, variable, tuple(parameters))
+    law = Law(name, variable, expression, parameters, table, text and Written((text,)))
     _refuse_removable(law, law)
     if not np.isfinite(law(0.0)):  # float() of a symbol is NaN
         raise InputError(f"the law '{name}' has no finite value at {variable} = 0; {HOW_TO_WRITE}")
@@ -331,7 +356,8 @@ def _symbols(variable: str, names) -> tuple[ca.SX, dict[str, ca.SX]]:
 
 def from_key(key: Key, p: Mapping[str, float]) -> Law:
     """The law of a key with the values that `p` has for its parameters."""
-    return Law(key.text, key.variable, key.expression, {name: p[name] for name in key.names}, key.pieces)
+    values = {name: p[name] for name in key.names}
+    return Law(key.text, key.variable, key.expression, values, key.pieces, key.written)
 
 
 @exclusive

@@ -273,6 +273,10 @@ class Mechanism(Stated):
         """SI, for a machine whose numbers are in it."""
         return self._si if self.in_si else None
 
+    def stated(self) -> Self:
+        """The mechanism itself: what a theorem is about."""
+        return self
+
     def dimensionless(self) -> Self:
         """The same machine without units."""
         return replace(self, in_si=False)

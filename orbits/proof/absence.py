@@ -1,9 +1,13 @@
-"""What cannot be: orbits of a family of a spring whose force is bounded, and a lift-off that the force never reaches.
+"""What cannot be: orbits of a family of a spring whose force is bounded, and orbits of a spring that is too weak.
 
-The extension moves alone, r'' = -rate phi(r), from phi = 1 at lift-off, for half the flight T = alpha/rate; there
-r' = 0 (`model.relative`). So the integral of phi over half the flight is T: phi is 1 on average.
+Where one extension r of two coordinates moves alone (`mechanics.LoneExtension`), r'' = A(r), a sum w of the coordinates
+is thrown up with it, w'' = fall. With the gap g = a r + b w let kappa = (b/a) fall and phi = -A/kappa. A launch is on
+the closed gap, with g = g' = 0, and its contact force vanishes, so g'' = 0: hence phi = 1, and r' = kappa T, where T is
+half the time of flight, the time in which w comes to rest. In mid-flight r' = 0. So over half the flight
 
-Theorem. Let phi be odd and increase strictly, and |phi| <= B. Then an orbit of family n needs B > 2 n + 1.
+    integral of phi dt = T:    phi is 1 on average.
+
+Theorem 1. Let kappa > 0, phi be odd and increase strictly, and |phi| <= B. Then an orbit of family n needs B > 2 n + 1.
 Proof. Since phi increases strictly, |phi| < B. Since phi = 1 > 0 at lift-off, r > 0
 there. The motion rises to its top at a time t1, then swings between the two sides with half periods H: the potential is
 even and rises away from 0, so the motion is symmetric. In family n the half flight ends n half periods after the
@@ -12,119 +16,141 @@ of phi up to t1, and T < B t1. From r > 0 to the top takes at most a quarter of 
 T >= (2 n + 1) t1. Hence 2 n + 1 < B.
 
 For phi = tanh(b r)/b the bound is 1/b: no orbit of family n for b >= 1/(2 n + 1).
+
+Theorem 2. Let kappa > 0, and a phi' > 0 wherever phi = 1. Then there is no lossless orbit.
+Proof. After a launch g''' = a A'(r) r' = -a phi'(r) kappa^2 T. So g''' < 0 where T > 0: the gap closes at once.
+(A machine may leave the contact there all the same, thrown down with T < 0; but it does not land without loss.)
 """
 
-import operator
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TypeAlias
 
-import casadi as ca
 from flint import arb, ctx
 
 from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
-from ..model.relative import Relative
-from ..symbolic.formula import CONSTANTS, symbolic_numerals
-from .case import exact_numbers, parameter_bounds
-from .exact import Decimals, ExactExpressions, Numbers, exact_fraction
+from .case import check_mirrored, not_stated
+from .decimals import bounds_of_fractions, upper_fraction
+from .equations import Intervals
+from .expressions import Expression, depends_on, derivative, expression, in_order
+from .mechanics import LoneExtension, Mechanics, Vector
 from .programs import BallProgram
 from .refusal import Unproved
+from .stated import Bounds, Decimals, stated_machine
 from .step import between
 from .theorem import Proof
-from .wording import machine_sentence, parameter_texts
 
 BITS = 80
-# Derivatives of a law that are looked at, the extensions beyond which its tails are told, and halvings of intervals.
+# Derivatives of a law that are looked at, the extensions beyond which its tails are judged, and halvings of intervals.
 MOST_DERIVATIVES, TAILS, MOST_HALVES = 8, tuple(2.0**k for k in range(8)), 24
-# What a number lies between.
-Bounds: TypeAlias = tuple[Fraction, Fraction]
 # Functions that are odd, increase strictly on all of the real line, and are bounded; the second by pi/2.
-BOUNDED = {ca.OP_TANH: Fraction(1), ca.OP_ATAN: Fraction("1.5707963267948967")}
-_BOUNDED_ARITHMETIC: dict[int, Callable] = {
-    ca.OP_ADD: operator.add, ca.OP_SUB: operator.sub, ca.OP_MUL: operator.mul, ca.OP_DIV: operator.truediv,
-}  # fmt: skip
+BOUNDED = {"tanh": Fraction(1), "atan": Fraction("1.5707963267948967")}
+PI_BETWEEN = Fraction("3.14159265358979"), Fraction("3.14159265358980")
 
 
-def proof_of_absence(machine: Machine, family: int | None, parameters: dict[str, Decimals]) -> Proof:
-    """The proof that there is no orbit of a family, or for None that there is no lift-off; see `prove_absence`."""
-    began, model = time.perf_counter(), machine.model
-    if model.relative is None or model.homotopy:
-        raise InputError(f"the extension of a {model.name} does not move alone: nothing can be proved absent")
-    numbers, reasons = exact_numbers(machine, parameters), list[str]()
+def proof_of_absence(machine: Machine, family: int | None, parameters: Mapping[str, Decimals]) -> Proof:
+    """The proof that there is no orbit of a family, or for None that there is none at all; see `prove_absence`."""
+    began, reasons = time.perf_counter(), list[str]()
+    check_mirrored(machine.model)
+    try:
+        stated = stated_machine(machine, parameters)
+    except Unproved as error:
+        return not_stated(machine, error)
     try:
         with ctx.workprec(BITS):
-            law = _Law(model.relative, numbers)
-            told = law.no_liftoff() if family is None else law.no_family(family)
+            mechanics = Mechanics(stated)
+            lone = mechanics.lone_extension()
+            if lone is None or mechanics.pieces:
+                raise InputError(f"no smooth extension of a {stated.name} moves alone: nothing can be proved absent")
+            law = _Law(mechanics, lone)
+            found = law.no_orbit() if family is None else law.no_family(family)
     except Unproved as error:
-        told, reasons = "Nothing is proved.", [str(error)]
-    words = machine_in_words(machine)
+        found, reasons = "Nothing is proved.", [str(error)]
     return Proof(
         proved=not reasons,
-        statement=f"{machine_sentence(words, parameter_texts(numbers))} {told}",
-        machine=words,
-        parameters=parameter_bounds(numbers),
+        statement=f"{stated.words()} {found}",
+        machine=machine_in_words(machine),
+        kind="absence",
+        stated=stated.document(),
+        parameters={name: bounds_of_fractions(bounds) for name, bounds in stated.parameters.items()},
+        family=family,
         reasons=tuple(reasons),
         seconds=time.perf_counter() - began,
     )
 
 
-class _Law:
-    """The force of the extension alone, less the level of lift-off, with its derivatives, as programs of balls."""
+def _cross(a: Vector, b: Vector) -> Expression:
+    return a[0] * b[1] - a[1] * b[0]
 
-    def __init__(self, relative: Relative, numbers: Numbers):
-        if relative.law.pieces:
-            raise Unproved("the spring's law is in pieces")
-        expressions, r = ExactExpressions(numbers), ca.SX.sym("r")
-        with symbolic_numerals(expressions.numerals):
-            phi = ca.SX(relative.law.expression(r, relative.own(expressions.p), []))
-        self.load = relative.liftoff.load
-        functions = [phi + self.load - 1]
+
+class _Law:
+    """The function phi of an extension that moves alone, and the sign of -a, the share of the extension in the gap."""
+
+    def __init__(self, mechanics: Mechanics, lone: LoneExtension):
+        counts = [derivative(mechanics.counts, place) for place in mechanics.y]
+        if not _cross(counts, lone.weights).is_(0):
+            raise Unproved("the families are counted by another extension than the one that moves alone")
+        self.place, self.intervals = lone.place, Intervals(mechanics.stated.parameters)
+        gap = [expression(each) for each in mechanics.gap]
+        across = _cross(lone.weights, lone.thrown)
+        in_gap, thrown_in_gap = _cross(gap, lone.thrown) / across, _cross(lone.weights, gap) / across
+        kappa = thrown_in_gap / in_gap * lone.fall
+        inputs = [lone.place, *self.intervals.symbols.values()]
+        level, share = BallProgram(inputs, [kappa, in_gap])([arb(0), *self.intervals.balls()])
+        if not level > 0 or not (share > 0 or share < 0):
+            raise Unproved("the extension is not plainly driven back at lift-off")
+        self.sign = -1 if share > 0 else 1
+        self.phi = -lone.accelerations[0] / kappa
+        for domain in (
+            *lone.domains[0],
+            *(each for each in mechanics.domains if not depends_on([each.place], mechanics.y)),
+        ):
+            (value,) = BallProgram(inputs, [domain.place])([arb(0, "inf"), *self.intervals.balls()])
+            if not domain.holds(value):
+                raise Unproved(f"{domain.what} may have no value somewhere")
+        functions = [self.phi - 1]
         for _ in range(MOST_DERIVATIVES):
-            functions.append(ca.jacobian(functions[-1], r))
-        self.programs: list[BallProgram] = [expressions.program([r, *expressions.wide], [each]) for each in functions]
-        self.constants = [*numbers.balls(), *expressions.constants()]
-        exact: dict[ca.SX, Bounds] = {expressions.p[name]: bounds for name, bounds in numbers.values.items()}
-        exact |= {symbol: _bounds_of_numeral(text) for text, symbol in expressions.numerals.items()}
-        self.trend = _trend_of(phi, r, list(exact), list(exact.values()))
+            functions.append(derivative(functions[-1], lone.place))
+        self.programs = [BallProgram(inputs, [each]) for each in functions]
 
     def value(self, order: int, at: arb) -> arb:
-        """A derivative of the force less the level on a ball of extensions."""
-        (found,) = self.programs[order]([at, *self.constants])
-        return found
+        """A derivative of phi - 1 on a ball of extensions."""
+        return self.programs[order]([at, *self.intervals.balls()])[0]
 
     def no_family(self, family: int) -> str:
-        """The theorem of the module's docstring; raises `Unproved` where its conditions are not proved."""
-        if self.load != 0 or not (self.trend.odd and self.trend.rises):
+        """Theorem 1 of the module; raises `Unproved` where its conditions are not proved."""
+        trend = trend_of(self.phi, self.place, {self.intervals.symbols[n]: b for n, b in self.intervals.values.items()})
+        if not (trend.odd and trend.rises):
             raise Unproved("the spring's formula does not show that its force is odd and rises everywhere")
-        bound = self.trend.bound
-        if bound is None:
+        if trend.bound is None:
             raise Unproved("the spring's formula does not show that its force is bounded by anything")
-        if bound > 2 * family + 1:
-            raise Unproved(f"the force is bounded by {float(bound):.6g}, and an orbit needs more than {2 * family + 1}")
+        if trend.bound > 2 * family + 1:
+            bound = upper_fraction(trend.bound)
+            raise Unproved(f"the force is bounded by {bound}, and an orbit needs more than {2 * family + 1}")
         return (
-            f"Its spring's force is odd, rises everywhere, and is at most {float(bound):.12g} times the level of "
+            f"Its spring's force is odd, rises everywhere, and is at most {upper_fraction(trend.bound)} times that at "
             f"lift-off: an orbit of family {family} needs more than {2 * family + 1}, so that there is none."
         )
 
-    def no_liftoff(self) -> str:
-        """That the level of lift-off is nowhere reached by a force that rises; raises `Unproved` where it may be."""
+    def no_orbit(self) -> str:
+        """Theorem 2 of the module; raises `Unproved` where its conditions are not proved."""
         for tail in TAILS:
             if self._keeps_sign(tail, 1) and self._keeps_sign(tail, -1):
                 break
         else:
-            raise Unproved("the force far from rest is not told")
+            raise Unproved("the force far from rest is not enclosed")
         self._check_between(arb(-tail), arb(tail), MOST_HALVES)
         return (
-            "At no extension is the spring's force at the level of lift-off while it does not fall with the extension: "
-            "no motion can begin with a lift-off from sustained contact."
+            "Wherever the extension is at the level of lift-off, its deceleration changes with it in such a way that "
+            "the gap would close at once: there is no lossless orbit of any family."
         )
 
     def _keeps_sign(self, tail: float, side: int) -> bool:
-        """Whether the force less the level has a sign beyond an extension: one that its first derivatives away from 0
-        share there, up to one that has it everywhere."""
+        """Whether phi - 1 has a sign beyond an extension: one that its first derivatives away from 0 share there, up to
+        one that has it everywhere."""
         sign = 0
         for order in range(MOST_DERIVATIVES + 1):
             here = side**order * self.value(order, arb(side * tail))
@@ -138,13 +164,13 @@ class _Law:
         return False
 
     def _check_between(self, low: arb, high: arb, left: int) -> None:
-        """Prove on an interval that the force is off the level, or falls."""
+        """Prove on an interval that phi is not 1, or that the gap would close."""
         inside = between(low, high)
-        force, slope = self.value(0, inside), self.value(1, inside)
+        force, slope = self.value(0, inside), self.sign * self.value(1, inside)
         if force > 0 or force < 0 or slope < 0:
             return
         middle = (low + high) / 2
-        at_middle = self.value(0, middle) + slope * (inside - middle)
+        at_middle = self.value(0, middle) + self.sign * slope * (inside - middle)
         if at_middle > 0 or at_middle < 0:
             return
         if left == 0:
@@ -154,12 +180,12 @@ class _Law:
 
 
 @dataclass(frozen=True)
-class _Trend:
+class Trend:
     """What the operations of an expression show of it as a function of a variable, in exact numbers.
 
     odd, rises : whether it is an odd function, and whether it increases strictly everywhere
     bound : of its absolute value; None where none is shown
-    constant : what it lies between, where it does not depend on the variable
+    constant : what it lies between, where it does not depend on the variable and that is shown
     """
 
     odd: bool = False
@@ -168,77 +194,74 @@ class _Trend:
     constant: Bounds | None = None
 
 
-def _constant(bounds: Bounds | None) -> _Trend:
-    return _Trend(bound=bounds and max(map(abs, bounds)), constant=bounds)
+# A constant of which nothing is shown.
+_UNKNOWN = Trend()
+Trends: TypeAlias = Sequence[Trend]
 
 
-def _bounds_of_numeral(text: str) -> Bounds:
-    """What a numeral of a formula, or pi, lies between."""
-    if text in CONSTANTS:
-        digits = Fraction(CONSTANTS[text])
-        return digits - Fraction(1, 10**15), digits + Fraction(1, 10**15)
-    return exact_fraction("a numeral", text), exact_fraction("a numeral", text)
+def _constant(low: Fraction, high: Fraction) -> Trend:
+    return Trend(bound=max(abs(low), abs(high)), constant=(low, high))
 
 
-def _trend_of(expression: ca.SX, variable: ca.SX, others: Sequence[ca.SX], values: Sequence[Bounds]) -> _Trend:
-    """The trend of an expression of a variable and of others that lie between these values."""
-    function = ca.Function("law", [variable, ca.vertcat(*others)], [expression])
-    trends = dict[int, _Trend]()
-    for i in range(function.n_instructions()):
-        code, ins, outs = function.instruction_id(i), function.instruction_input(i), function.instruction_output(i)
-        if code == ca.OP_OUTPUT:
-            return trends[ins[0]]
-        if code == ca.OP_INPUT:
-            trends[outs[0]] = _Trend(odd=True, rises=True) if ins[0] == 0 else _constant(values[ins[1]])
-        elif code == ca.OP_CONST:
-            number = Fraction(function.instruction_constant(i))
-            trends[outs[0]] = _constant((number, number))
+def trend_of(of: Expression, variable: Expression, bounds: Mapping[Expression, Bounds]) -> Trend:
+    """The trend of an expression of a variable and of symbols that lie between bounds."""
+    trends = dict[Expression, Trend]()
+    for each in in_order([of]):
+        if each is variable:
+            trends[each] = Trend(odd=True, rises=True)
+        elif each.kind == "number":
+            trends[each] = _constant(each.value, each.value)
+        elif each.kind == "pi":
+            trends[each] = _constant(*PI_BETWEEN)
+        elif each.kind == "symbol":
+            trends[each] = _constant(*bounds[each])
         else:
-            trends[outs[0]] = _combined(code, [trends[place] for place in ins])
-    return _Trend()
+            trends[each] = _combined(each, [trends[part] for part in each.parts])
+    return trends[of]
 
 
-def _combined(code: int, own: list[_Trend]) -> _Trend:
-    """The trend of an operation's result from those of what it is of."""
-    first, constants = own[0], [each.constant for each in own if each.constant is not None]
-    if len(constants) == len(own):
-        return _constant(_bounds_of_value(code, constants))
-    bounds = [each.bound for each in own if each.bound is not None]
-    total = sum(bounds, Fraction(0)) if len(bounds) == len(own) else None
-    if code in BOUNDED:
-        return replace(first, bound=BOUNDED[code])
-    if code in (ca.OP_SINH, ca.OP_ASINH):
+def _combined(each: Expression, own: Trends) -> Trend:
+    """The trend of an operation's result from those of what it is made of."""
+    first = own[0]
+    if each.kind in BOUNDED and first.constant is None:
+        return replace(first, bound=BOUNDED[each.kind])
+    if each.kind in ("sinh", "asinh") and first.constant is None:
         return replace(first, bound=None)
-    if code == ca.OP_ASSIGN:
-        return first
-    if code == ca.OP_TWICE:
-        return replace(first, bound=first.bound and 2 * first.bound)
-    if code in (ca.OP_EXP, ca.OP_EXPM1):
-        return _Trend(rises=first.rises)
-    if code == ca.OP_ADD:
-        rises = all(each.rises or each.constant is not None for each in own)
-        return _Trend(all(each.odd for each in own), rises, total)
-    if code == ca.OP_SUB:
-        return _Trend(all(each.odd for each in own), first.rises and own[1].constant is not None, total)
-    if code in (ca.OP_MUL, ca.OP_DIV) and constants and constants[0][0] > 0:
-        low, high = constants[0]
-        moving = next(each for each in own if each.constant is None)
-        if code == ca.OP_MUL:
-            return replace(moving, bound=moving.bound and moving.bound * high)
-        return replace(moving, bound=moving.bound and moving.bound / low) if moving is first else _Trend()
-    if code in (ca.OP_POW, ca.OP_CONSTPOW) and constants and own[1].constant is not None:
-        low, high = constants[0]
-        whole = low == high > 0 and low.denominator == 1 and low % 2 == 1
-        return _Trend(first.odd and whole, first.rises and whole)
-    return _Trend()
+    if each.kind in ("exp", "expm1") and first.constant is None:
+        return Trend(rises=first.rises)
+    if each.kind == "+":
+        return _sum(own)
+    if each.kind in ("*", "/"):
+        return _scaled(each.kind, own)
+    if each.kind == "**" and first.constant is None and each.value > 0 and each.value % 2:
+        return Trend(first.odd, first.rises)
+    return _UNKNOWN
 
 
-def _bounds_of_value(code: int, own: list[Bounds]) -> Bounds | None:
-    """What the result of arithmetic on numbers between bounds lies between; None where that is not told."""
-    if code in (ca.OP_NEG, ca.OP_TWICE):
-        scaled = [(-1 if code == ca.OP_NEG else 2) * end for end in own[0]]
-        return min(scaled), max(scaled)
-    if code not in _BOUNDED_ARITHMETIC or (code == ca.OP_DIV and own[1][0] <= 0 <= own[1][1]):
-        return None
-    ends = [_BOUNDED_ARITHMETIC[code](x, y) for x in own[0] for y in own[1]]
-    return min(ends), max(ends)
+def _sum(own: Trends) -> Trend:
+    if all(each.constant for each in own):
+        (a, b), (c, d) = (each.constant or (Fraction(0),) * 2 for each in own)
+        return _constant(a + c, b + d)
+    rises = all(each.rises or each.constant for each in own)
+    bounds = [each.bound for each in own if each.bound is not None]
+    return Trend(all(each.odd for each in own), rises, sum(bounds, Fraction(0)) if len(bounds) == len(own) else None)
+
+
+def _scaled(kind: str, own: Trends) -> Trend:
+    """A product, or a quotient by a constant."""
+    first, second = own
+    if kind == "/":
+        if second.constant is None or second.constant[0] <= 0 <= second.constant[1]:
+            return _UNKNOWN
+        low, high = second.constant
+        second = _constant(min(1 / low, 1 / high), max(1 / low, 1 / high))
+    if first.constant and second.constant:
+        ends = [x * y for x in first.constant for y in second.constant]
+        return _constant(min(ends), max(ends))
+    moving, scale = (first, second) if second.constant else (second, first)
+    if scale.constant is None or scale.constant[0] <= 0 <= scale.constant[1]:
+        return _UNKNOWN
+    positive = scale.constant[0] > 0
+    assert scale.bound is not None
+    bound = None if moving.bound is None else moving.bound * scale.bound
+    return Trend(moving.odd, moving.rises and positive, bound)

@@ -2,28 +2,28 @@
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
-import casadi as ca
 from flint import arb, ctx
 
 from ..errors import InputError
-from ..model.machine import Machine, check_parameters, machine_in_words
-from ..model.model import Model
-from ..model.phase import Arc, Statement
-from ..periodic.formulations import CONTACT_FORCE, contact_reversor, half_orbit
-from ..symbolic.formula import symbolic_numerals
-from .claim import CONTACT_DURATION, Claim
+from ..model.machine import Machine, machine_in_words
+from .claim import Claim
 from .decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
-from .enclosure import Passage
-from .exact import BallLeg, Decimals, Equations, Numbers
-from .loss import enclosed_loss
+from .equations import Equations, Intervals
+from .expressions import Expression, substitute
+from .loss import Loss, enclosed_loss
+from .mechanics import Mechanics
 from .motion import Motion, Refuted
+from .programs import BallProgram
 from .refusal import Unproved
 from .root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
-from .theorem import Enclosure, Proof
-from .wording import machine_sentence, motion_sentence, parameter_texts, root_sentence, units_sentence
+from .stated import StatedMachine
+from .statement import CONTACT_DURATION, FLIGHT_DURATION, HalfOrbit, Statement
+from .theorem import Enclosure, Part, Proof
+from .wording import loss_sentence, motion_sentence, root_sentence
 
 BITS_PER_DIGIT = 3.33
 # Bits that are asked for where no number of digits is.
@@ -31,58 +31,13 @@ USUAL_BITS = 60
 MOST_DIGITS = 300
 # What an orbit says of alpha is right if it is within its own error, twice over, and a few units of the last place.
 CLAIMED, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
+# What it says of other numbers is right to this share of them, beside so many times its error: they are not what it
+# bounds the error of.
+OTHERS_CLAIMED, OTHER_ERRORS = 1e-6, 1e3
 NO_CONTACT = "the orbit has no contact that ends, of which anything could be proved"
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
-
-
-def scene_texts(claim: Claim, parameters: Mapping[str, Decimals]) -> dict[str, str]:
-    """What the parameters are exactly, by name, without those that only set a scene."""
-    texts = parameter_texts(exact_numbers(claim.machine, parameters))
-    for name in (claim.machine.model.homotopy, claim.machine.model.gauge):
-        texts.pop(name or "", None)
-    return texts
-
-
-def whole_proof(
-    claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool,
-    about_alpha: bool = True,
-) -> Proof:  # fmt: skip
-    """The proof for all values of the parameters at once; whether with what is said of alpha, which is not that of each
-    part of an interval."""
-    began = time.perf_counter()
-    case = Case(claim, parameters, digits)
-    with ctx.workprec(FIRST_BITS):
-        case.prove(motion, loss, about_alpha)
-    return Proof(
-        proved=not case.reasons,
-        statement=case.told(),
-        machine=machine_in_words(claim.machine),
-        family=case.family,
-        parameters=parameter_bounds(case.numbers),
-        enclosures=case.enclosures,
-        radius=case.radius,
-        uniqueness_radius=case.uniqueness_radius,
-        conditions=case.conditions,
-        reasons=tuple(case.reasons),
-        digits=digits,
-        seconds=time.perf_counter() - began,
-    )
-
-
-def parameter_bounds(numbers: Numbers) -> dict[str, Enclosure]:
-    """The exact bounds of the parameters by name."""
-    return {name: bounds_of_fractions(bounds) for name, bounds in numbers.values.items()}
-
-
-def exact_numbers(machine: Machine, parameters: Mapping[str, Decimals]) -> Numbers:
-    """The exact parameters of a machine; raises `InputError` for names that it has not or that cannot be varied, and
-    for values that it cannot have."""
-    if parameters:
-        check_parameters(machine, *parameters)
-    numbers = Numbers(machine.values, parameters)
-    for end in (0, 1):
-        machine.with_values(**{name: float(numbers.values[name][end]) for name in parameters})
-    return numbers
+MAIN_UNKNOWNS = ("alpha", "flight_time", "contact_time")
+CONDITIONS = ("clearance", "separation", "contact_force", "contact_end")
 
 
 def checked_digits(digits: int | None) -> int | None:
@@ -99,265 +54,298 @@ def bits_of_digits(digits: int | None) -> int:
     return USUAL_BITS if digits is None else int(BITS_PER_DIGIT * (digits + 2))
 
 
-def statement_to_prove(model: Model, with_contact: bool) -> Statement:
-    """The boundary value statement of an orbit: the smallest of its flight and, unless that has it already, half of the
-    contact, up to where its speed vanishes."""
-    flight = model.reduction.statement if model.reduction else half_orbit(model)
-    if not with_contact or CONTACT_DURATION in flight.unknowns:
-        return flight
-    place = contact_reversor(model.reversor, model.embed) if model.reversor else ()
-    contact = Arc(
-        model.contact,
-        start=lambda u, before, p: model.touchdown(u, p),
-        duration=lambda u, p: u[CONTACT_DURATION],
-        conditions=lambda u, x, p: [value for value, sign in zip(x, place, strict=True) if sign < 0],
-    )
-    unknowns, durations = (*flight.unknowns, CONTACT_DURATION), (*flight.durations, CONTACT_DURATION)
-    return Statement(f"{flight.name} with contact", unknowns, (*flight.arcs, contact), durations)
+def check_mirrored(model: Any) -> None:
+    """Raise `InputError` for a model whose orbits are not their own mirror images."""
+    if model.reversor is None:
+        raise InputError(f"a {model.name} is not its own mirror image in time: its orbits cannot be proved")
 
 
-class Case:
-    """One proof as it grows.
+def not_stated(machine: Machine, reason: Unproved, conditions: Mapping[str, str] | None = None) -> Proof:
+    """What is proved of a machine that no theorem can state: nothing."""
+    words = machine_in_words(machine)
+    statement = f"Nothing is proved of the {words['machine']}: no theorem can state it."
+    reasons = (f"the machine: {reason}",)
+    return Proof(proved=False, statement=statement, machine=words, conditions=conditions or {}, reasons=reasons)
 
-    numbers : the exact parameters
-    statement, root : the boundary value statement, and its proved root
-    family, enclosures, conditions, reasons : as in `Proof`
+
+@dataclass(frozen=True)
+class Existence:
+    """A proved solution of the equations of half an orbit.
+
+    unknowns : enclosures of what the theorem names: the launch, and the times of the whole phases
     """
 
-    def __init__(self, claim: Claim, parameters: Mapping[str, Decimals], digits: int | None):
-        machine, model = claim.machine, claim.machine.model
-        if model.reversor is None:
-            raise InputError(f"a {model.name} is not its own mirror image in time: its orbits cannot be proved")
-        self.numbers, self.parameters = exact_numbers(machine, parameters), parameters
-        self.claim, self.machine, self.model, self.digits = claim, machine, model, digits
-        self.family: int | None = None
-        self.root: ProvedRoot | None = None
-        self.enclosures: dict[str, Enclosure] = {}
-        self.conditions: dict[str, str] = {}
-        self.reasons: list[str] = []
-        self.radius: str | None = None
-        self.uniqueness_radius: str | None = None
-        self.stable_side: str | None = None
+    half: HalfOrbit
+    statement: Statement
+    equations: Equations
+    root: ProvedRoot
+    unknowns: dict[str, Enclosure]
 
-    def prove(self, motion: bool, loss: bool, about_alpha: bool) -> None:
-        """Prove existence and uniqueness, and the rest where it is asked for."""
-        bits = bits_of_digits(self.digits)
+    def ball(self, each: Expression) -> arb:
+        """An enclosure of a function of the unknowns."""
+        intervals = self.equations.intervals
+        inputs = [*self.statement.unknowns.values(), *intervals.symbols.values()]
+        return BallProgram(inputs, [each])([*self.root.box, *intervals.balls()])[0]
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """What is proved of the motion of a solution: its family, its conditions, further enclosures, and what is not."""
+
+    family: int | None = None
+    conditions: Mapping[str, str] = field(default_factory=dict)
+    enclosures: Mapping[str, Enclosure] = field(default_factory=dict)
+    loss: Loss | None = None
+    reasons: tuple[str, ...] = ()
+
+
+def whole_proof(
+    claim: Claim, stated: StatedMachine, digits: int | None, motion: bool, loss: bool, about_claim: bool = True
+) -> Proof:
+    """The proof for all values of the parameters at once; whether with what the orbit says of its numbers, which are
+    not those of each part of an interval."""
+    began, found, verdicts = time.perf_counter(), None, Verdicts()
+    names = [name for name in CONDITIONS if name != "separation" or stated.separation is not None]
+    undecided = dict.fromkeys(names if motion else (), UNDECIDED)
+    with ctx.workprec(FIRST_BITS):
         try:
-            self._prove_existence(motion and CONTACT_DURATION in self.claim.unknowns, bits)
+            found = _existence(claim, stated, motion and CONTACT_DURATION in claim.unknowns, digits)
         except Unproved as error:
-            self.reasons.append(f"existence: {error}")
-            self.conditions |= dict.fromkeys(self._names() if motion else (), UNDECIDED)
-            return
-        self._enclose()
-        if about_alpha:
-            self._check_alpha()
-        if not (motion or loss):
-            return
+            verdicts = Verdicts(conditions=undecided, reasons=(f"existence: {error}",))
+        if found is not None:
+            verdicts = _verdicts(found, claim, names if motion else [], loss, digits, about_claim)
+    parameters = {name: bounds_of_fractions(bounds) for name, bounds in stated.parameters.items()}
+    words = machine_in_words(claim.machine)
+    if found is None:
+        statement = f"{stated.words()} Nothing is proved of an orbit with alpha near {claim.alpha!r}."
+        return Proof(
+            proved=False, statement=statement, machine=words, stated=stated.document(), parameters=parameters,
+            conditions=verdicts.conditions, reasons=verdicts.reasons, digits=digits,
+            seconds=time.perf_counter() - began,
+        )  # fmt: skip
+    radius = lower_decimal(found.root.unique_within())
+    enclosures = {
+        name: each for name, each in found.unknowns.items() if name in ("alpha", "flight_time", "contact_time")
+    }
+    enclosures |= verdicts.enclosures
+    reasons = (*(claim.contradictions if about_claim else ()), *verdicts.reasons)
+    sentences = [
+        stated.words(),
+        root_sentence(found.unknowns, radius, bool(stated.wide)),
+        motion_sentence(verdicts.family, verdicts.conditions, verdicts.enclosures),
+    ]
+    # Only a motion attracts.
+    if verdicts.loss and motion and not reasons:
+        sentences.append(loss_sentence(enclosures["loss_coefficient"], verdicts.loss.bounce_side))
+    return Proof(
+        proved=not reasons,
+        statement=" ".join(filter(None, sentences)),
+        machine=words,
+        stated=stated.document() | {"eliminated": stated.coordinates[found.half.mechanics.eliminated]},
+        family=verdicts.family,
+        parameters=parameters,
+        enclosures=enclosures,
+        radius=upper_decimal(found.root.box[found.equations.unknowns.index("alpha")].rad()),
+        uniqueness_radius=radius,
+        parts=(Part(parameters, found.unknowns, radius),),
+        conditions=verdicts.conditions,
+        bounce_side=verdicts.loss.bounce_side if verdicts.loss else None,
+        reasons=reasons,
+        digits=digits,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _existence(claim: Claim, stated: StatedMachine, with_contact: bool, digits: int | None) -> Existence:
+    """The proved solution near what an orbit says; raises `Unproved`."""
+    half = HalfOrbit(Mechanics(stated))
+    statement = half.statement(with_contact)
+    if missing := [name for name in statement.unknowns if name not in claim.unknowns]:
+        raise Unproved(f"the orbit has no {missing[0]}")
+    equations = Equations(statement, Intervals(stated.parameters))
+    root = prove_root(equations, [claim.unknowns[name] for name in statement.unknowns], bits_of_digits(digits))
+    equations.check_domains(root.evaluated.passages)
+    found = Existence(half, statement, equations, root, {})
+    with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
+        half_flight = found.ball(half.half_flight)
+        if not half_flight > 0:
+            raise Unproved("the time of the flight is not proved to be positive")
+        balls = dict(zip(statement.unknowns, root.box, strict=True))
+        balls.pop(FLIGHT_DURATION, None)
+        half_contact = balls.pop(CONTACT_DURATION, None)
+        balls["flight_time"] = 2 * half_flight
+        if half_contact is not None:
+            balls["contact_time"] = 2 * half_contact
+        found.unknowns.update({name: enclosure_of(ball, digits) for name, ball in balls.items()})
+    return found
+
+
+def _verdicts(
+    found: Existence, claim: Claim, names: list[str], loss: bool, digits: int | None, about_claim: bool
+) -> Verdicts:
+    """What is proved of the motion, for these conditions, and of what the orbit says."""
+    reasons = [*_wrong_numbers(found, claim)] if about_claim else []
+    if not (names or loss):
+        return Verdicts(reasons=tuple(reasons))
+    try:
+        flight = _flight(found)
+    except Unproved as error:
+        return Verdicts(conditions=dict.fromkeys(names, UNDECIDED), reasons=(*reasons, f"the flight: {error}"))
+    family, conditions, enclosures, lost = None, dict[str, str](), dict[str, Enclosure](), None
+    if names:
+        family, enclosures = _family(found, flight, digits, reasons)
+        if about_claim:
+            if family is not None and family != claim.family:
+                reasons.append(f"family: the extension turns as in family {family}, and the orbit says {claim.family}")
+            reasons += [f"the orbit itself says that it is no motion: {each}" for each in claim.violations]
+            reasons += _wrong_places(found, flight, claim)
+        conditions = _conditions(found, flight, names, reasons)
+    if loss:
         try:
-            flight, leg = self._flight()
-        except Unproved as error:
-            self.reasons.append(f"the flight: {error}")
-            self.conditions |= dict.fromkeys(self._names() if motion else (), UNDECIDED)
-            return
-        if motion:
-            self._prove_motion(flight)
-        if loss and self.root is not None:
-            try:
-                named = dict(zip(self.statement.unknowns, self.root.box, strict=True))
-                ball, side = enclosed_loss(self.model, flight, leg, named, ctx.prec)
-                # Only a motion attracts.
-                self.stable_side = side if motion and not self.reasons else None
-                self.enclosures["loss_coefficient"] = enclosure_of(ball)
-            except Unproved as error:
-                self.reasons.append(f"the loss coefficient: {error}")
-
-    def told(self) -> str:
-        """The theorem, as far as it is proved, in words."""
-        machine = machine_sentence(machine_in_words(self.machine), scene_texts(self.claim, self.parameters))
-        if self.root is None:
-            return f"{machine} Nothing is proved of an orbit with alpha near {self.claim.alpha!r}."
-        names, each = ", ".join(self.statement.unknowns), bool(self.numbers.wide)
-        root = root_sentence(names, self.enclosures, self.uniqueness_radius or "0", each)
-        side = f" The hop attracts from {self.stable_side}, and not from the other side." if self.stable_side else ""
-        units = units_sentence(self.machine.units)
-        return " ".join(filter(None, (machine, root, motion_sentence(self.family, self.conditions), units))) + side
-
-    def _names(self) -> tuple[str, ...]:
-        """The conditions of a motion that apply."""
-        apart = () if self.model.separation(self.numbers.floats()) is None else ("separation",)
-        return ("clearance", *apart, "contact_force", "contact_end")
-
-    def _prove_existence(self, with_contact: bool, bits: int) -> None:
-        self.statement = statement_to_prove(self.model, with_contact)
-        self.equations = Equations(self.statement, self.numbers)
-        known = self.claim.unknowns
-        if missing := [name for name in self.statement.unknowns if name not in known]:
-            raise Unproved(f"the orbit has no {missing[0]}")
-        self.root = prove_root(self.equations, [known[name] for name in self.statement.unknowns], bits)
-
-    def ball(self, name: str) -> arb:
-        """The enclosure of an unknown."""
-        assert self.root is not None
-        return self.root.box[self.statement.unknowns.index(name)]
-
-    def _enclose(self) -> None:
-        """The decimals of what is known from the root alone."""
-        assert self.root is not None
-        with ctx.workprec(bits_of_digits(self.digits) + FIRST_BITS):
-            alpha = self.ball("alpha")
-            self.enclosures["alpha"] = enclosure_of(alpha, self.digits)
-            self.enclosures["flight_time"] = enclosure_of(2 * self._duration(), self.digits)
-            if CONTACT_DURATION in self.statement.unknowns:
-                self.enclosures["contact_time"] = enclosure_of(2 * self.ball(CONTACT_DURATION), self.digits)
-            self.radius = upper_decimal(alpha.rad())
-            self.uniqueness_radius = lower_decimal(self.root.unique_within())
-
-    def _duration(self) -> arb:
-        """The time of half the flight."""
-        assert self.root is not None
-        equations = self.equations
-        with symbolic_numerals(equations.expressions.numerals):
-            u = {name: ca.SX.sym(name) for name in self.statement.unknowns}
-            duration = ca.SX(self.statement.arcs[0].duration(u, equations.expressions.p))
-        inputs = [*u.values(), *equations.expressions.wide]
-        (value,) = equations.expressions.program(inputs, [duration])(
-            [*self.root.box, *self.numbers.balls(), *equations.expressions.constants()]
-        )
-        return value
-
-    def _check_alpha(self) -> None:
-        """Compare what the orbit says of alpha with what is proved."""
-        error = CLAIMED * self.claim.error + CLAIM_ROUNDINGS * abs(self.claim.alpha)
-        if not isfinite(error) or not (self.ball("alpha") + arb(0, error)).overlaps(arb(self.claim.alpha)):
-            told = f"the orbit says {self.claim.alpha!r} with an error of {self.claim.error:.1e}"
-            self.reasons.append(f"alpha: {told}, and lies outside the enclosure {self.enclosures['alpha']}")
-
-    def _flight(self) -> tuple[Motion, BallLeg]:
-        """The half flight in the flight states."""
-        assert self.root is not None
-        arc = self.statement.arcs[0]
-        if arc.phase is self.model.flight:
-            return self._enclosed(0, self.equations, self.root.evaluated.passages[0]), self.equations.legs[0]
-        whole = Arc(
-            self.model.flight,
-            start=lambda u, before, p: self.model.launch(u, p),
-            duration=arc.duration,
-            conditions=lambda u, x, p: [],
-        )
-        equations = Equations(Statement("flight", self.statement.unknowns, (whole,)), self.numbers)
-        box = self.root.box
-        centre, radii = [value.mid() for value in box], [value.rad() for value in box]
-        passage = evaluated_on(equations, centre, radii).passages[0]
-        return self._enclosed(0, equations, passage), equations.legs[0]
-
-    @staticmethod
-    def _enclosed(number: int, equations: Equations, passage: Passage) -> Motion:
-        expressions = equations.expressions
-        return Motion(expressions, equations.legs[number].graph, passage)
-
-    def _prove_motion(self, flight: Motion) -> None:
-        """Prove the family and the conditions of a motion."""
-        assert self.root is not None
-        model = self.model
-        self._check_mirror(flight)
-        try:
-            self.family = flight.count_turns(flight.chain(lambda x, data: model.extension.at(x), 2))
-        except Unproved as error:
-            self.reasons.append(f"family: {error}")
-        else:
-            self._enclose_extensions(flight)
-            if self.family != self.claim.family:
-                told = f"the extension turns as in family {self.family}"
-                self.reasons.append(f"family: {told}, and the orbit says {self.claim.family}")
-        for violation in self.claim.violations:
-            self.reasons.append(f"the orbit itself says that it is no motion: {violation}")
-
-        def gap(x: Any, data: Any = ()) -> Any:
-            return model.gap(flight.expressions.p).at(x)
-
-        self._condition("clearance", lambda: self._check_gap(flight, gap))
-        contact = None
-        if CONTACT_DURATION in self.statement.unknowns:
-            contact = self._enclosed(-1, self.equations, self.root.evaluated.passages[-1])
-        if "separation" in self._names():
-            self._condition("separation", lambda: self._check_separation(flight, contact))
-        self._condition("contact_force", lambda: self._check_force(contact))
-        self._condition("contact_end", lambda: self._check_end(contact))
-
-    def _check_mirror(self, flight: Motion) -> None:
-        """See that the flight comes to its own mirror image in mid-flight in all states, also those not solved for."""
-        states = zip(self.model.flight.states, flight.passage.finish, self.model.reversor or (), strict=False)
-        if wrong := [name for name, value, sign in states if sign < 0 and not value.contains(0)]:
-            self.reasons.append(f"the model contradicts itself: {wrong[0]} does not vanish in mid-flight")
-
-    def _condition(self, name: str, check: Callable[[], None]) -> None:
-        try:
-            check()
-            self.conditions[name] = PROVED
-        except Unproved as error:
-            self.conditions[name] = UNDECIDED
-            self.reasons.append(f"{name}: {error}")
-        except Refuted as error:
-            self.conditions[name] = REFUTED
-            self.reasons.append(f"{name}: {error}")
-
-    def _check_gap(self, flight: Motion, gap: Callable) -> None:
-        each = flight.chain(gap, 3)
-        if not self._begins_at_zero(flight, gap):
-            raise Unproved("the model's formulas do not show that the gap and its speed are 0 at lift-off")
-        if not flight.first(each, 2).contains(0):
-            raise Unproved("the model contradicts itself: the gap's acceleration does not vanish with its lift-off")
-        flight.check_positive(each, zero_at_start=3)
-
-    def _begins_at_zero(self, flight: Motion, gap: Callable) -> bool:
-        """Whether the gap and its speed vanish at lift-off whatever the unknowns are, by the formulas alone."""
-        expressions, leg = flight.expressions, flight.leg
-        u = {name: ca.SX.sym(name) for name in self.statement.unknowns}
-        with symbolic_numerals(expressions.numerals):
-            launch = ca.vertcat(*self.model.launch(u, expressions.p))
-            functions = ca.vertcat(
-                gap(leg.moving), ca.jtimes(gap(leg.moving), _column(leg.state), _column(leg.rates[0]))
+            unknowns = flight_statement(found).unknowns
+            lost = enclosed_loss(
+                found.half, flight, {name: found.ball(each) for name, each in unknowns.items()}, ctx.prec
             )
-        return ca.substitute(functions, _column(leg.moving), launch).is_zero()
-
-    def _check_separation(self, flight: Motion, contact: Motion | None) -> None:
-        def apart(motion: Motion, embed: Any = None) -> Callable:
-            distance = self.model.separation(motion.expressions.p)
-            return lambda x, data: distance.at(x if embed is None else _embedded(embed, x))
-
-        flight.check_positive(flight.chain(apart(flight), 1))
-        if contact is None:
-            raise Unproved(NO_CONTACT)
-        contact.check_positive(contact.chain(apart(contact, self.model.embed), 1))
-
-    def _check_force(self, contact: Motion | None) -> None:
-        if contact is None:
-            raise Unproved(NO_CONTACT)
-        force = self.model.contact.watch[CONTACT_FORCE]
-        each = contact.chain(lambda x, data: force(x, contact.expressions.p, data), 1)
-        if not contact.first(each, 0).contains(0):
-            raise Unproved("the model contradicts itself: the contact force does not vanish with its lift-off")
-        contact.check_positive(each, zero_at_start=1)
-
-    def _check_end(self, contact: Motion | None) -> None:
-        if contact is None:
-            raise Unproved(NO_CONTACT)
-        if self.model.one_speed:
-            speed = self.model.contact_speed
-            contact.check_positive(contact.chain(lambda x, data: -speed.at(x), 1), zero_at_end=True)
-        # Of several speeds the equations demand that all vanish at the end of the half contact, which is mid-contact.
-
-    def _enclose_extensions(self, flight: Motion) -> None:
-        """The extension at lift-off and in mid-flight."""
-        each = flight.chain(lambda x, data: self.model.extension.at(x), 0)
-        self.enclosures["liftoff_extension"] = enclosure_of(flight.first(each, 0), self.digits)
-        self.enclosures["mid_flight_extension"] = enclosure_of(flight.last(each, 0), self.digits)
+            enclosures["loss_coefficient"] = enclosure_of(lost.coefficient)
+        except Unproved as error:
+            reasons.append(f"the loss coefficient: {error}")
+    return Verdicts(family, conditions, enclosures, lost, tuple(reasons))
 
 
-def _column(expressions: list[ca.SX]) -> ca.SX:
-    return ca.vertcat(*expressions)
+def _wrong_numbers(found: Existence, claim: Claim) -> list[str]:
+    """What the orbit says of alpha and of the times, and is not so."""
+    reasons = list[str]()
+    error = CLAIMED * claim.error + CLAIM_ROUNDINGS * abs(claim.alpha)
+    alpha = found.root.box[found.equations.unknowns.index("alpha")]
+    if not isfinite(error) or not (alpha + arb(0, error)).overlaps(arb(claim.alpha)):
+        said = f"the orbit says {claim.alpha!r} with an error of {claim.error:.1e}"
+        reasons.append(f"alpha: {said}, and lies outside the enclosure {found.unknowns['alpha']}")
+    times = {"flight_time": (found.half.half_flight, claim.flight_time)}
+    if CONTACT_DURATION in found.statement.unknowns and claim.contact_time is not None:
+        times["contact_time"] = found.statement.unknowns[CONTACT_DURATION], claim.contact_time
+    for name, (half, said_time) in times.items():
+        if not _agrees(2 * found.ball(half), said_time, claim):
+            reasons.append(f"{name}: the orbit says {said_time!r}, outside the enclosure {found.unknowns[name]}")
+    return reasons
 
 
-def _embedded(embed: Any, x: Any) -> list[Any]:
-    """A contact state as one of the flight."""
-    return [sum(weight * part for weight, part in zip(row, x, strict=False) if weight) for row in embed.tolist()]
+def _agrees(ball: arb, said: float, claim: Claim) -> bool:
+    """Whether a number is what an orbit says, as near as that knows it."""
+    error = OTHERS_CLAIMED * max(abs(said), claim.alpha * 1e-3) + OTHER_ERRORS * claim.error
+    return isfinite(error) and isfinite(said) and bool((ball + arb(0, error)).overlaps(arb(said)))
+
+
+def _wrong_places(found: Existence, flight: Motion, claim: Claim) -> list[str]:
+    """What the orbit says of its extension at lift-off and of its coordinates in mid-flight, and is not so."""
+    mechanics = found.half.mechanics
+    ends = dict(zip(mechanics.stated.coordinates, flight.passage.finish[::2], strict=False))
+    said = {f"{name} in mid-flight": (ends[name], value) for name, value in claim.places.items() if name in ends}
+    if claim.liftoff_extension is not None:
+        counted = flight.chain([mechanics.counts] * len(flight.leg.rates), 0)
+        said["liftoff_extension"] = flight.first(counted, 0), claim.liftoff_extension
+    wrong = [(name, value) for name, (ball, value) in said.items() if not _agrees(ball, value, claim)]
+    return [f"{name}: the orbit says {value!r}, which is not so" for name, value in wrong]
+
+
+def flight_statement(found: Existence) -> Statement:
+    """The statement of the half flight in all of its states."""
+    return found.statement if found.half.lone is None else found.half.flight()
+
+
+def _flight(found: Existence) -> Motion:
+    """The half flight in all of its states, along which all formulas are proved to have values."""
+    if found.half.lone is None:
+        return Motion(found.equations.legs[0], found.root.evaluated.passages[0])
+    statement = flight_statement(found)
+    equations = Equations(statement, found.equations.intervals)
+    box = [found.root.box[found.equations.unknowns.index(name)] for name in statement.unknowns]
+    passages = evaluated_on(equations, [value.mid() for value in box], [value.rad() for value in box]).passages
+    equations.check_domains(passages)
+    flight = Motion(equations.legs[0], passages[0])
+    if wrong := [
+        i
+        for i, value in enumerate(passages[0].finish[: 2 * len(found.half.mechanics.v)])
+        if i % 2 and not value.contains(0)
+    ]:
+        raise Unproved(f"the rate of coordinate {wrong[0] // 2 + 1} is proved not to vanish in mid-flight")
+    return flight
+
+
+def _family(
+    found: Existence, flight: Motion, digits: int | None, reasons: list[str]
+) -> tuple[int | None, dict[str, Enclosure]]:
+    """The family, and the extension at lift-off and in mid-flight; reasons are added where it cannot be counted."""
+    counted = flight.chain([found.half.mechanics.counts] * len(flight.leg.rates), 2)
+    try:
+        family = flight.count_turns(counted)
+    except Unproved as error:
+        reasons.append(f"family: {error}")
+        return None, {}
+    return family, {
+        "liftoff_extension": enclosure_of(flight.first(counted, 0), digits),
+        "mid_flight_extension": enclosure_of(flight.last(counted, 0), digits),
+    }
+
+
+def _conditions(found: Existence, flight: Motion, names: list[str], reasons: list[str]) -> dict[str, str]:
+    """The verdict of each condition of a motion; reasons are added for those that are not proved."""
+    contact = None
+    if CONTACT_DURATION in found.statement.unknowns:
+        contact = Motion(found.equations.legs[-1], found.root.evaluated.passages[-1])
+    checks = {
+        "clearance": lambda: _check_gap(found, flight),
+        "separation": lambda: _check_separation(found, flight, contact),
+        "contact_force": lambda: _check_force(found, _ending(contact)),
+        "contact_end": lambda: _check_end(found, _ending(contact)),
+    }
+    return {name: _verdict(name, checks[name], reasons) for name in names}
+
+
+def _verdict(name: str, check: Callable[[], None], reasons: list[str]) -> str:
+    try:
+        check()
+    except Unproved as error:
+        reasons.append(f"{name}: {error}")
+        return UNDECIDED
+    except Refuted as error:
+        reasons.append(f"{name}: {error}")
+        return REFUTED
+    return PROVED
+
+
+def _ending(contact: Motion | None) -> Motion:
+    if contact is None:
+        raise Unproved(NO_CONTACT)
+    return contact
+
+
+def _check_gap(found: Existence, flight: Motion) -> None:
+    """The gap and its speed are 0 at lift-off, as the launch is a contact state; its acceleration is, as the contact
+    force vanishes there."""
+    gap = flight.chain([found.half.gap] * len(flight.leg.rates), 3)
+    if not flight.first(gap, 2).contains(0):
+        raise Unproved("the gap's acceleration does not vanish with the contact force")
+    flight.check_positive(gap, zero_at_start=3)
+
+
+def _check_separation(found: Existence, flight: Motion, contact: Motion | None) -> None:
+    mechanics = found.half.mechanics
+    assert mechanics.separation is not None
+    flight.check_positive(flight.chain([mechanics.separation] * len(flight.leg.rates), 1))
+    held = _ending(contact)
+    (inside,) = substitute([mechanics.separation], dict(zip(mechanics.y, mechanics.embedded(mechanics.s), strict=True)))
+    held.check_positive(held.chain([inside] * len(held.leg.rates), 1))
+
+
+def _check_force(found: Existence, contact: Motion) -> None:
+    force = contact.chain(found.half.mechanics.contact_force, 1)
+    if not contact.first(force, 0).contains(0):
+        raise Unproved("the contact force does not vanish at landing")
+    contact.check_positive(force, zero_at_start=1)
+
+
+def _check_end(found: Existence, contact: Motion) -> None:
+    """Of one coordinate the rate first vanishes in mid-contact; of several the equations demand that all rates do."""
+    mechanics = found.half.mechanics
+    if mechanics.size == 2:
+        contact.check_positive(contact.chain([-mechanics.w[0]] * len(contact.leg.rates), 1), zero_at_end=True)

@@ -32,13 +32,13 @@ class Breakpoints:
     values : enclosures of the breakpoints, ascending; law k holds between number k - 1 and number k
     """
 
-    weights: tuple[float, ...]
+    weights: tuple[arb, ...]
     values: list[arb]
 
     def coordinate(self, states: Sequence[arb]) -> arb:
         """The coordinate of states."""
         parts = zip(self.weights, states, strict=False)
-        return sum((arb(weight) * state for weight, state in parts if weight), arb(0))
+        return sum((weight * state for weight, state in parts if not weight.is_zero()), arb(0))
 
     def holds(self, law: int, states: Sequence[arb]) -> bool:
         """Whether states are strictly between the breakpoints of a law."""
@@ -74,12 +74,12 @@ class Advance:
 
 
 def advance_step(
-    systems: Sequence[System], breakpoints: Breakpoints, law: int, constants: Sequence[arb], centre: Sequence[arb],
+    systems: Sequence[System], breakpoints: Breakpoints, law: int, centre: Sequence[arb],
     spread: Sequence[arb], longest: arb, order: int, accuracy: float,
 ) -> Advance:  # fmt: skip
     """A step from the states within a spread of a centre, all of them in the piece of a law: up to a breakpoint where
     one is in the way, and across it from there. The arguments are as in `take_step`."""
-    step = take_step(systems[law], constants, centre, spread, longest, order, accuracy)
+    step = take_step(systems[law], centre, spread, longest, order, accuracy)
     if _stays(breakpoints, law, step):
         return Advance(step, (law,), law)
     meeting, room = _meeting(breakpoints, law, step), arb(0)
@@ -91,13 +91,13 @@ def advance_step(
         until = until / 2 if meeting is None else meeting - room
         if not until > 4 * room:
             break
-        short = take_step(systems[law], constants, centre, spread, _rounded_down(until), order, accuracy)
+        short = take_step(systems[law], centre, spread, _rounded_down(until), order, accuracy)
         if _stays(breakpoints, law, short):
             return Advance(short, (law,), law)
         room = WIDER_WINDOW * room + (arb(0) if meeting is None else arb(2) ** (8 - ctx.prec))
     beyond = breakpoints.beyond(law, centre)
     states = [value + arb(0, radius) for value, radius in zip(centre, spread, strict=True)]
-    return _across(systems, breakpoints, law, beyond, constants, states, longest)
+    return _across(systems, breakpoints, law, beyond, states, longest)
 
 
 def _stays(breakpoints: Breakpoints, law: int, step: Step) -> bool:
@@ -121,7 +121,7 @@ def _stays(breakpoints: Breakpoints, law: int, step: Step) -> bool:
 def _meeting(breakpoints: Breakpoints, law: int, step: Step) -> arb | None:
     """A guess of when the centre of a step comes to a breakpoint of its law."""
     parts = zip(breakpoints.weights, step.polynomials, strict=False)
-    coordinate = sum((arb(weight) * p for weight, p in parts if weight), arb_poly([]))
+    coordinate = sum((weight * p for weight, p in parts if not weight.is_zero()), arb_poly([]))
     samples = [step.h * i / 32 for i in range(33)]
     for upper, number in ((False, law - 1), (True, law)):
         if not 0 <= number < len(breakpoints.values):
@@ -149,13 +149,13 @@ def _rounded_down(time: arb) -> arb:
 
 
 def _across(
-    systems: Sequence[System], breakpoints: Breakpoints, law: int, beyond: int, constants: Sequence[arb],
+    systems: Sequence[System], breakpoints: Breakpoints, law: int, beyond: int,
     states: Sequence[arb], longest: arb,
 ) -> Advance:  # fmt: skip
     """A step across a breakpoint, for as long as all states need to be on the other side."""
     both = (law, beyond)
     goal = breakpoints.values[max(both) - 1]
-    speed = breakpoints.coordinate(systems[law].rates([*states, *constants]))
+    speed = breakpoints.coordinate(systems[law].rates([*states]))
     if not (speed > 0 or speed < 0):
         raise Unproved("a breakpoint of the spring's law is not crossed transversally")
     h = 2 * (goal - breakpoints.coordinate(states)).abs_upper() / speed.abs_lower() + arb(2) ** (16 - ctx.prec)
@@ -164,7 +164,7 @@ def _across(
         if not h < longest:
             raise Unproved("the motion ends at a breakpoint of the spring's law")
         h = _rounded_down(h)
-        rates = _rates_across([systems[k] for k in both], constants, states, h)
+        rates = _rates_across([systems[k] for k in both], states, h)
         lines = [arb_poly([x, rate]) for x, rate in zip(states, rates, strict=True)]
         step = Step(h, lines, [arb(0)] * len(states))
         pace = breakpoints.coordinate(rates)
@@ -183,11 +183,11 @@ def _wider(value: arb) -> arb:
     return value + (value - value.mid()) + arb(0, (1 + abs(value)).abs_upper() * arb(2) ** -ctx.prec)
 
 
-def _rates_across(systems: Sequence[System], constants: Sequence[arb], states: Sequence[arb], h: arb) -> list[arb]:
+def _rates_across(systems: Sequence[System], states: Sequence[arb], h: arb) -> list[arb]:
     """The hull of the rates of two laws over a tube that is proved to hold the motions from states for a time."""
     times, tube = between(arb(0), h), list(states)
     for _ in range(MOST_WINDOWS):
-        rates = [a.union(b) for a, b in zip(*(system.rates([*tube, *constants]) for system in systems), strict=True)]
+        rates = [a.union(b) for a, b in zip(*(system.rates([*tube]) for system in systems), strict=True)]
         moved = [x + times * rate for x, rate in zip(states, rates, strict=True)]
         if not all(value.is_finite() for value in moved):
             break

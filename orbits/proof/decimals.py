@@ -12,6 +12,8 @@ from .theorem import Enclosure
 DIGITS_OF_RADIUS = 2
 # A number that is known exactly is told with at most so many places.
 EXACT_PLACES = 40
+# A bound is stated with so many places.
+PLACES_OF_BOUNDS = 12
 # More than any decimal that is taken has, also after intervals were halved.
 MOST_PLACES_OF_DECIMALS = 2000
 # More than any ball has.
@@ -40,6 +42,12 @@ def decimal_text(value: Fraction) -> str:
     """The decimal that a fraction is, exactly."""
     places = next(n for n in range(MOST_PLACES_OF_DECIMALS) if 10**n % value.denominator == 0)
     return _decimal(int(value * 10**places), places)
+
+
+def upper_fraction(value: Fraction) -> str:
+    """A decimal with at most so many places as are read that is no less than a number above 0, or the number itself."""
+    scaled = value * 10**PLACES_OF_BOUNDS
+    return _decimal(math.ceil(scaled), PLACES_OF_BOUNDS).rstrip("0").rstrip(".")
 
 
 def upper_decimal(radius: arb) -> str:

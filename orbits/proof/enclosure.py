@@ -80,7 +80,7 @@ def order_for(bits: int) -> int:
 
 
 def follow_centre(
-    systems: Sequence[System], breakpoints: Breakpoints, law: int, constants: Sequence[arb], start: Sequence[arb],
+    systems: Sequence[System], breakpoints: Breakpoints, law: int, start: Sequence[arb],
     length: arb, bits: int,
 ) -> tuple[list[arb], int]:  # fmt: skip
     """Enclosures (n,) of the state a short time after a start (n,) in the piece of a law, by tubes alone, which grow
@@ -88,7 +88,7 @@ def follow_centre(
     states, left = list(start), length
     for _ in range(MOST_STEPS):
         centre, spread = [value.mid() for value in states], [value.rad() for value in states]
-        done = advance_step(systems, breakpoints, law, constants, centre, spread, left, order_for(bits), 2.0**-bits)
+        done = advance_step(systems, breakpoints, law, centre, spread, left, order_for(bits), 2.0**-bits)
         states, law = done.step.end(), done.law
         if not done.step.h < left:
             return states, law
@@ -97,7 +97,7 @@ def follow_centre(
 
 
 def follow_set(
-    variation: Variation, constants: Sequence[arb], start: Sequence[arb], by_unknowns: arb_mat, radii: arb_mat,
+    variation: Variation, start: Sequence[arb], by_unknowns: arb_mat, radii: arb_mat,
     bits: int, fineness: Fineness = COARSE, breakpoints: Breakpoints = NO_BREAKPOINTS,
 ) -> Passage:  # fmt: skip
     """The motions over the times from 0 to 1 of the starts from enclosures (n,) of a centre, by deviations of the
@@ -116,14 +116,14 @@ def follow_set(
         left = 1 - at
         with ctx.workprec(fineness[2]):
             done = advance_step(
-                variation.varied, breakpoints, law, constants, [*centre, *identity], [*spread, *[arb(0)] * (m * n)],
+                variation.varied, breakpoints, law, [*centre, *identity], [*spread, *[arb(0)] * (m * n)],
                 left, *fineness[:2],
             )  # fmt: skip
             long = done.step
             by_start = long.end()[n:]
         rows = [by_start[i * n : (i + 1) * n] for i in range(m)] + unit_matrix(n).tolist()[m:]
         transition = arb_mat(rows)
-        end, law = follow_centre(variation.systems, breakpoints, law, constants, centre, long.h, bits)
+        end, law = follow_centre(variation.systems, breakpoints, law, centre, long.h, bits)
         if law != done.law:
             raise Unproved("the centre of the set does not cross a breakpoint with the rest of it")
         pieces.append(Piece(at, Step(long.h, long.polynomials[:n], long.tube[:n]), done.laws))

@@ -2,59 +2,92 @@
 Analysis 17, 1980), which is regular only where the family turns quadratically."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 from flint import ctx
 
+from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
-from ..model.phase import Statement
-from ..periodic.fold import fold_statement
-from .case import bits_of_digits, exact_numbers, parameter_bounds
-from .decimals import enclosure_of, lower_decimal, upper_decimal
-from .exact import Decimals, Equations
+from .case import bits_of_digits, check_mirrored, not_stated
+from .decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
+from .equations import Equations, Intervals
+from .expressions import symbol
+from .mechanics import Mechanics
 from .refusal import Unproved
-from .root import FIRST_BITS, ProvedRoot, prove_root
-from .theorem import Proof
-from .wording import machine_sentence, parameter_texts
+from .root import FIRST_BITS, prove_root
+from .stated import Decimals, StatedMachine, stated_machine
+from .statement import HalfOrbit, fold_statement
+from .theorem import Part, Proof
+from .wording import enclosed_words
 
 
 def proof_of_fold(
-    machine: Machine, statement: Statement, guess: Sequence[float], along: str, parameters: dict[str, Decimals],
-    digits: int | None,
+    machine: Machine, unknowns: Mapping[str, float], directions: Mapping[str, float], along: str, value: float,
+    parameters: Mapping[str, Decimals], digits: int | None,
 ) -> Proof:  # fmt: skip
-    """The proof of a fold near a guess of the unknowns of `fold_statement`; see `prove_fold`."""
-    began, root, reasons = time.perf_counter(), None, list[str]()
-    numbers, folded = exact_numbers(machine, parameters), fold_statement(statement, along)
+    """The proof of a fold near a guess: unknowns of half an orbit and their directions by name, that of "alpha" being
+    1, and the value of the parameter; see `prove_fold`."""
+    began, reasons, found = time.perf_counter(), list[str](), None
+    check_mirrored(machine.model)
+    try:
+        stated = stated_machine(machine, parameters)
+    except Unproved as error:
+        return not_stated(machine, error)
+    others = {name: bounds for name, bounds in stated.parameters.items() if name != along}
     try:
         with ctx.workprec(FIRST_BITS):
-            root = prove_root(Equations(folded, numbers), guess, bits_of_digits(digits))
+            found = _fold(stated, unknowns, directions, along, value, digits)
     except Unproved as error:
         reasons.append(f"the fold: {error}")
-    balls = dict(zip(folded.unknowns, root.box, strict=True)) if root else {}
-    named = {name: ball for name, ball in balls.items() if name in (along, "alpha")}
-    enclosures = {name: enclosure_of(ball, digits) for name, ball in named.items()}
-    texts = parameter_texts(numbers)
-    texts.pop(along)
-    words = machine_sentence(machine_in_words(machine), texts)
-    each = "For each value of the parameters in their intervals, " if numbers.wide else ""
-    found = each + _fold_told(folded, root, along, enclosures) if root else f"Nothing is proved of a fold in {along}."
+    enclosures = {name: each for name, each in found[0].unknowns.items() if name in (along, "alpha")} if found else {}
+    bounds = {name: bounds_of_fractions(each) for name, each in others.items()}
+    each = "For each value of the parameters in their intervals, " if stated.wide else ""
+    words = each + (_fold_words(found[0], along) if found else f"Nothing is proved of a fold in {along}.")
     return Proof(
-        proved=root is not None,
-        statement=f"{words} {found}",
+        proved=found is not None,
+        statement=f"{stated.words(free=along)} {words}",
         machine=machine_in_words(machine),
-        parameters={name: each for name, each in parameter_bounds(numbers).items() if name != along},
+        kind="fold",
+        stated=stated.document() | {"parameters": stated.document()["parameters"] | {along: None}},
+        parameters=bounds,
         enclosures=enclosures,
-        radius=upper_decimal(named["alpha"].rad()) if root else None,
-        uniqueness_radius=lower_decimal(root.unique_within()) if root else None,
+        radius=found[1] if found else None,
+        uniqueness_radius=found[0].uniqueness_radius if found else None,
+        parts=(found[0],) if found else (),
         reasons=tuple(reasons),
         digits=digits,
         seconds=time.perf_counter() - began,
     )
 
 
-def _fold_told(folded: Statement, root: ProvedRoot, along: str, enclosures: dict) -> str:
-    names, radius = ", ".join(folded.unknowns), lower_decimal(root.unique_within())
-    where = f"at {along} in {enclosures[along]}, alpha in {enclosures['alpha']}"
-    place = f"The equations of its lossless orbits have a fold in {along}, {where}"
+def _fold(
+    stated: StatedMachine, unknowns: Mapping[str, float], directions: Mapping[str, float], along: str, value: float,
+    digits: int | None,
+) -> tuple[Part, str]:  # fmt: skip
+    """The enclosures of a fold, and the radius of that of alpha."""
+    mechanics = Mechanics(stated, free=along)
+    half = HalfOrbit(mechanics)
+    statement = half.statement(with_contact=False)
+    if mechanics.pieces:
+        raise InputError("a fold of a piecewise law cannot be proved: it has no second derivatives everywhere")
+    if missing := [name for name in statement.unknowns if name not in unknowns]:
+        raise Unproved(f"the fold has no {missing[0]}")
+    folded = fold_statement(statement, symbol(along))
+    guess = {**unknowns, **{f"d{name}": each for name, each in directions.items()}, along: value}
+    others = {name: bounds for name, bounds in stated.parameters.items() if name != along}
+    equations = Equations(folded, Intervals(others))
+    root = prove_root(equations, [guess[name] for name in folded.unknowns], bits_of_digits(digits))
+    equations.check_domains(root.evaluated.passages)
+    balls = dict(zip(folded.unknowns, root.box, strict=True))
+    with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
+        enclosures = {name: enclosure_of(ball, digits) for name, ball in balls.items()}
+    bounds = {name: bounds_of_fractions(each) for name, each in others.items()}
+    return Part(bounds, enclosures, lower_decimal(root.unique_within())), upper_decimal(balls["alpha"].rad())
+
+
+def _fold_words(part: Part, along: str) -> str:
+    place = f"The equations of its lossless orbits have a fold in {along}, with {enclosed_words(part.unknowns)}"
+    varied = "names that begin with d are those of the direction of the family there, in which alpha changes by 1"
     regular = "It is nondegenerate: the equations of the fold are regular there, so that the family turns quadratically"
-    return f"{place}. {regular}. No other zero of these has all unknowns ({names}) within {radius} of these enclosures."
+    alone = f"No other zero of these has all unknowns within {part.uniqueness_radius} of these enclosures"
+    return f"{place}; {varied}. {regular}. {alone}."

@@ -4,14 +4,14 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
-from typing import Any
 
-from ..model.machine import machine_in_words
-from .case import REFUTED, exact_numbers, parameter_bounds, scene_texts, whole_proof
+from .case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, whole_proof
 from .claim import Claim
-from .exact import Decimals
+from .decimals import bounds_of_fractions
+from .refusal import Unproved
+from .stated import Bounds, Decimals, StatedMachine, stated_machine
 from .theorem import Enclosure, Proof
-from .wording import machine_sentence, motion_sentence, units_sentence
+from .wording import enclosed_words, motion_sentence
 
 # Intervals are halved so often where they are too wide for one proof.
 HALVINGS_OF_INTERVALS = 4
@@ -20,60 +20,74 @@ HALVINGS_OF_INTERVALS = 4
 def proof_of(claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool) -> Proof:
     """The proof of what is said of an orbit, see `prove`."""
     began = time.perf_counter()
-    whole, numbers = whole_proof(claim, digits, parameters, motion, loss), exact_numbers(claim.machine, parameters)
-    if whole.proved or not numbers.wide or REFUTED in whole.conditions.values():
+    check_mirrored(claim.machine.model)
+    try:
+        stated = stated_machine(claim.machine, parameters)
+    except Unproved as error:
+        return not_stated(claim.machine, error, dict.fromkeys(CONDITIONS if motion else (), UNDECIDED))
+    whole = whole_proof(claim, stated, digits, motion, loss)
+    if whole.proved or not stated.wide or REFUTED in whole.conditions.values() or claim.contradictions:
         return whole
-    options = {"digits": digits, "motion": motion, "loss": loss}
-    parts = _parts(claim, dict(parameters), options, HALVINGS_OF_INTERVALS)
+    parts = _parts(claim, stated, (digits, motion, loss), HALVINGS_OF_INTERVALS)
     if parts is None or not any(claim.alpha in part.enclosures["alpha"] for part in parts):
         return whole
-    joined = _joined(parts, machine_sentence(machine_in_words(claim.machine), scene_texts(claim, parameters)))
-    statement = " ".join(filter(None, (joined.statement, units_sentence(claim.machine.units))))
     seconds = time.perf_counter() - began
-    return replace(joined, statement=statement, parameters=parameter_bounds(numbers), seconds=seconds)
+    parameters_stated = {name: bounds_of_fractions(bounds) for name, bounds in stated.parameters.items()}
+    return replace(_joined(parts, stated), parameters=parameters_stated, seconds=seconds)
 
 
-def _parts(claim: Claim, parameters: dict[str, Any], options: dict[str, Any], left: int) -> list[Proof] | None:
+def _with(stated: StatedMachine, name: str, bounds: Bounds) -> StatedMachine:
+    return replace(stated, parameters={**stated.parameters, name: bounds})
+
+
+def _parts(claim: Claim, stated: StatedMachine, asked: tuple[int | None, bool, bool], left: int) -> list[Proof] | None:
     """Proofs of halves of the widest interval, and of their halves where they are needed; None where one fails."""
-    numbers, found = exact_numbers(claim.machine, parameters), list[Proof]()
-    widest = max(numbers.wide, key=numbers.relative_width)
-    low, high = numbers.values[widest]
+    found = list[Proof]()
+    widest = max(stated.wide, key=lambda name: _relative_width(stated.parameters[name]))
+    low, high = stated.parameters[widest]
     middle = (low + high) / 2
     for ends in ((low, middle), (middle, high)):
-        half = {**parameters, widest: ends}
-        proof = whole_proof(claim, parameters=half, **options, about_alpha=False)
+        half = _with(stated, widest, ends)
+        proof = whole_proof(claim, half, *asked, about_claim=False)
         if proof.proved:
             found.append(proof)
             continue
         if left == 1 or REFUTED in proof.conditions.values():
             return None
-        deeper = _parts(claim, half, options, left - 1)
+        deeper = _parts(claim, half, asked, left - 1)
         if deeper is None:
             return None
         found += deeper
     return found
 
 
-def _joined(parts: Sequence[Proof], machine: str) -> Proof:
-    """One proof of those of parts of the intervals, each of which is proved; `machine` is the sentence about the whole.
-    No single radius of uniqueness is told: the statement has the one of the parts."""
+def _relative_width(bounds: Bounds) -> float:
+    low, high = bounds
+    return float((high - low) / max(abs(low), abs(high)))
+
+
+def _joined(parts: Sequence[Proof], stated: StatedMachine) -> Proof:
+    """One proof of those of parts of the intervals, each of which is proved. No single radius of uniqueness is stated:
+    each part has its own."""
     first = parts[0]
     enclosures = {name: _union([part.enclosures[name] for part in parts]) for name in first.enclosures}
-    told = "; ".join(f"{name.replace('_', ' ')} in {value}" for name, value in enclosures.items())
+    unknowns = {name: _union([part.parts[0].unknowns[name] for part in parts]) for name in first.parts[0].unknowns}
     radius = min((part.uniqueness_radius or "0" for part in parts), key=Decimal)
     each = "For each value of the parameters in their intervals"
-    solved = f"{each} the equations of a lossless orbit have a solution with {told}"
+    solved = f"{each} the equations of a lossless orbit have a solution with {enclosed_words(unknowns)}"
     alone = f"no other solution has all unknowns within {radius} of the enclosures that hold in that part"
     unique = f"In each of {len(parts)} parts of the intervals {alone}"
     same = {part.family for part in parts}
     family = first.family if len(same) == 1 else None
     conditions = first.conditions if family is not None else {}
-    statement = " ".join(filter(None, (machine, f"{solved}. {unique}.", motion_sentence(family, conditions))))
+    motion = motion_sentence(family, conditions, enclosures)
+    statement = " ".join(filter(None, (stated.words(), f"{solved}. {unique}.", motion)))
     half = (Decimal(enclosures["alpha"].high) - Decimal(enclosures["alpha"].low)) * Decimal("0.501")
     reasons = () if family is not None or not first.conditions else ("family: the parts are of several families",)
     return replace(
-        first, proved=not reasons, statement=statement, family=family, enclosures=enclosures, conditions=conditions,
-        radius=f"{half:.3E}", uniqueness_radius=None, reasons=reasons,
+        first, proved=not reasons, statement=statement, stated={**first.stated, **stated.document()}, family=family,
+        enclosures=enclosures, conditions=conditions, radius=f"{half:.3E}", uniqueness_radius=None,
+        parts=tuple(each for part in parts for each in part.parts), reasons=reasons,
     )  # fmt: skip
 
 

@@ -1,78 +1,96 @@
 """The loss coefficient of the hops beside a lossless one, enclosed.
 
-Beside a lossless hop the map of launch speeds is alpha + d -> alpha + d - C d**(4/3) + o(d**(4/3)) for d on the stable
-side, where the gap at the landing time is positive (see `periodic.local_law`). So where C > 0 is proved and with it the
-sign of the gap's derivative by alpha, the hop attracts from that side, and on the other side the launch speed falls.
+Beside a lossless hop the map of launch speeds is alpha + d -> alpha + d - c |d|**(4/3) + o(|d|**(4/3)), with c = C on
+the side where the gap at the landing time is positive, so that the foot lands once, and c = 10 C on the other, where it
+bounces once (see `periodic.local_law`). So where C > 0 is proved, the hop attracts from above and from nowhere else: a
+plastic landing only loses. Which side has the bounce follows from the sign of the gap's derivative by alpha.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-import casadi as ca
 from flint import arb, arb_mat, ctx
 
-from ..model.model import Model
-from ..symbolic.formula import symbolic_numerals
 from .enclosure import FINE, follow_set, unit_matrix
-from .exact import BallLeg
+from .equations import Leg
+from .expressions import Expression, derivative, expression, substitute
+from .mechanics import product, solved
 from .motion import Motion
-from .programs import UNDEFINED
+from .programs import UNDEFINED, BallProgram
 from .refusal import Unproved
+from .statement import HalfOrbit
 
 
-def enclosed_loss(
-    model: Model, flight: Motion, leg: BallLeg, unknowns: Mapping[str, arb], bits: int
-) -> tuple[arb, str]:
-    """An enclosure of C, and the side on which the hop attracts, "above" or "below".
+@dataclass(frozen=True)
+class Loss:
+    """An enclosure of C, and the side on which hops land with a bounce, "above" or "below"."""
 
-    flight : the half flight in the flight states, whose leg has all programs
-    unknowns : enclosures by name
-    """
-    if not model.one_speed:
+    coefficient: arb
+    bounce_side: str
+
+
+def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], bits: int) -> Loss:
+    """The loss beside an enclosed half flight in the flight states, with enclosures of the unknowns by name; raises
+    `Unproved` where the signs that it takes are not decided."""
+    m, leg, law = half.mechanics, flight.leg, flight.passage.pieces[0].laws[0]
+    if m.size != 2:
         raise Unproved("a launch is more than a speed: no map of launch speeds tells what is lost")
-    assert model.reversor is not None
-    expressions, m = flight.expressions, len(model.flight.states)
-    with symbolic_numerals(expressions.numerals):
-        data = flight.leg.laws[flight.passage.pieces[0].laws[0]]
-        u, p = {name: ca.SX.sym(name) for name in unknowns}, expressions.p
-        launch = [ca.SX(each) for each in model.launch(u, p)]
-        by_alpha = ca.jacobian(ca.vertcat(*launch), u["alpha"])
-        if model.liftoff_slope:
-            by_alpha = by_alpha + ca.jacobian(ca.vertcat(*launch), u["liftoff"]) * model.liftoff_slope(u, p)
-        landing = [sign * each for sign, each in zip(model.reversor, launch, strict=True)]
-        gradient = [ca.SX(each) for each in model.flight_gradient(launch, p, data)]
-        power = ca.dot(ca.vertcat(*gradient), by_alpha)
-        weights = [ca.SX(each) for each in model.gap(p).weights]
-        outputs = [ca.SX(model.impact_mass(landing, p)), power, *ca.vertsplit(ca.densify(by_alpha)), *weights]
-    program = expressions.program([*u.values(), *expressions.wide], outputs)
-    stills = flight.passage.start[m + 1 :]
-    mass, power_ball, *rest = program([*unknowns.values(), *stills, *expressions.constants()])
+    mass, power, *by_alpha = _expressions(half, law)
+    intervals = leg.state[len(leg.moving) + 1 :]
+    program = BallProgram([*half.launch_unknowns.values(), *intervals], [mass, power, *by_alpha])
+    wide = flight.passage.start[len(leg.moving) + 1 :]
+    mass_ball, power_ball, *by_alpha_balls = program([*(unknowns[name] for name in half.launch_unknowns), *wide])
     # From the narrowest enclosures of the unknowns, not from the wider set of the enclosed motion.
-    start = leg.start([*unknowns.values(), *stills, *expressions.constants()])
+    start = leg.start([*unknowns.values(), *wide])
     try:
         with ctx.workprec(2 * bits):
-            half = _transition(leg, start, expressions.constants(), m, bits)
+            transition = _transition(leg, start, bits)
     except UNDEFINED:
         raise Unproved("the motion comes to where a law has no value") from None
-    mirror = arb_mat(m, m, [sign if i == j else 0 for i, sign in enumerate(model.reversor) for j in range(m)])
+    at_landing = _by_alpha_at_landing(transition, by_alpha_balls)
+    change = BallProgram(leg.moving, [product([expression(each) for each in m.gap], leg.moving[::2])])(at_landing)[0]
+    third = flight.chain([half.gap] * len(leg.rates), 3)
+    jerk = third.programs[law][3](start)[0] / start[len(leg.moving)] ** 3
+    if not (jerk > 0 and (change > 0 or change < 0) and mass_ball > 0 and power_ball > 0):
+        raise Unproved("the signs of the jerk at landing and of the gap's change with alpha are not decided")
+    loss = mass_ball * jerk**2 / 8 * (6 * abs(change) / jerk) ** (arb(4) / 3) / power_ball
+    return Loss(loss, "below" if change > 0 else "above")
+
+
+def _expressions(half: HalfOrbit, law: int) -> list[Expression]:
+    """What the gap's speed squared is multiplied by in twice the energy that a landing loses, the derivative of the
+    energy of a launch by alpha, and those (2 n,) of the launch itself, as functions of the launch."""
+    m, own = half.mechanics, half.launch_unknowns
+    lifted, launch = half.lifted[law], half.launch
+    # The place of the launch follows its speed, since the contact force stays 0.
+    slope = -derivative(lifted, own["alpha"]) / derivative(lifted, own["liftoff"])
+    by_alpha = [derivative(each, own["alpha"]) + derivative(each, own["liftoff"]) * slope for each in launch]
+    momentum = [product(row, m.v) for row in m.inertia]
+    kinetic = product(m.v, momentum) / 2
+    by_place = [derivative(kinetic, place) - force for place, force in zip(m.y, m.conservative[law], strict=True)]
+    gap = [expression(each) for each in m.gap]
+    mass = 1 / product(gap, solved(m.inertia, gap))
+    places = dict(zip([*m.y, *m.v], [*launch[::2], *launch[1::2]], strict=True))
+    mass, *gradient = substitute([mass, *by_place, *momentum], places)
+    return [mass, product(gradient, [*by_alpha[::2], *by_alpha[1::2]]), *by_alpha]
+
+
+def _by_alpha_at_landing(half: arb_mat, by_alpha: Sequence[arb]) -> list[arb]:
+    """The derivatives (2 n,) by alpha of the state at landing, by those of the launch and over half a flight: the
+    second half is the mirror image of the first, whose speeds are turned."""
+    n = len(by_alpha)
+    mirror = arb_mat(n, n, [(-1) ** i if i == j else 0 for i in range(n) for j in range(n)])
     try:
-        at_landing = mirror * half.solve(mirror * (half * arb_mat(m, 1, rest[:m])))
+        found = mirror * half.solve(mirror * (half * arb_mat(n, 1, list(by_alpha))))
     except ZeroDivisionError:
         raise Unproved("the derivatives of the flight are not enclosed narrowly enough") from None
-    slope = sum((weight * at_landing[i, 0] for i, weight in enumerate(rest[m : 2 * m])), arb(0))
-    gap = flight.chain(lambda x, data: model.gap(expressions.p).at(x), 3)
-    law = flight.passage.pieces[0].laws[0]
-    (by_leg,) = gap.programs[law][3]([*start, *gap.constants])
-    jerk = by_leg / start[m] ** 3
-    if not (jerk > 0 and (slope > 0 or slope < 0) and mass > 0 and power_ball > 0):
-        raise Unproved("the signs of the jerk at landing and of the gap's change with alpha are not decided")
-    loss = mass * jerk**2 / 8 * (6 * abs(slope) / jerk) ** (arb(4) / 3) / power_ball
-    return loss, "above" if slope > 0 else "below"
+    return [found[i, 0] for i in range(n)]
 
 
-def _transition(leg: BallLeg, start: Sequence[arb], constants: Sequence[arb], m: int, bits: int) -> arb_mat:
+def _transition(leg: Leg, start: Sequence[arb], bits: int) -> arb_mat:
     """The derivatives (m, m) of the state in mid-flight by the state at lift-off, over fixed times."""
-    n = len(start)
+    n, m = len(start), len(leg.moving)
     radii = arb_mat(n, 1, [arb(0, value.rad()) for value in start])
     middles, breakpoints = [value.mid() for value in start], leg.breakpoints(start[m + 1 :])
-    passage = follow_set(leg.variation, constants, middles, unit_matrix(n), radii, bits, FINE, breakpoints)
+    passage = follow_set(leg.variation, middles, unit_matrix(n), radii, bits, FINE, breakpoints)
     return arb_mat([row[:m] for row in passage.slopes.tolist()[:m]])

@@ -1,15 +1,14 @@
 """Signs of functions along an enclosed motion, for all motions of the set at once."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 from flint import arb
 
 from ..errors import OrbitsError
-from ..symbolic.formula import symbolic_numerals
 from .enclosure import Passage, Piece
-from .exact import ExactExpressions, LegExpressions
+from .equations import Leg
+from .expressions import Expression, along
 from .programs import BallProgram
 from .refusal import Unproved
 from .step import between
@@ -29,36 +28,27 @@ class Derivatives:
     """A function of the states of a leg and its derivatives by the time of the leg, which lasts from 0 to 1.
 
     programs : for each law of the leg, of the function and of its derivatives, one order after the other
-    constants : of these programs
     """
 
     programs: tuple[tuple[BallProgram, ...], ...]
-    constants: list[arb]
 
 
 @dataclass(frozen=True)
 class Motion:
-    """An enclosed motion, with what functions of its states are made of.
+    """An enclosed motion, with the leg that it travels."""
 
-    expressions, leg : the expressions of its states and rates
-    """
-
-    expressions: ExactExpressions
-    leg: LegExpressions
+    leg: Leg
     passage: Passage
 
-    def chain(self, function: Callable, orders: int) -> Derivatives:
-        """A function (states of the phase, data of a piece) with so many derivatives along the motion."""
-        leg, by_law = self.leg, list[list[ca.SX]]()
-        with symbolic_numerals(self.expressions.numerals):
-            for data, rates in zip(leg.laws, leg.rates, strict=True):
-                functions = [ca.SX(function(leg.moving, data))]
-                for _ in range(orders):
-                    functions.append(ca.jtimes(functions[-1], ca.vertcat(*leg.state), ca.vertcat(*rates)))
-                by_law.append(functions)
-        program = self.expressions.program
-        programs = tuple(tuple(program(leg.state, [each]) for each in functions) for functions in by_law)
-        return Derivatives(programs, self.expressions.constants())
+    def chain(self, functions: Sequence[Expression], orders: int) -> Derivatives:
+        """A function of the states, one expression for each law, with so many derivatives along the motion."""
+        state, by_law = self.leg.state, list[tuple[BallProgram, ...]]()
+        for function, rates in zip(functions, self.leg.rates, strict=True):
+            each = [function]
+            for _ in range(orders):
+                each.append(along(each[-1], state, rates))
+            by_law.append(tuple(BallProgram(state, [one]) for one in each))
+        return Derivatives(tuple(by_law))
 
     def value(self, each: Derivatives, order: int, piece: Piece, t: arb) -> arb:
         """An enclosure of a derivative at a time, or at all times of a ball, within a piece; across a breakpoint of the
@@ -75,9 +65,9 @@ class Motion:
 
     @staticmethod
     def _on(each: Derivatives, order: int, laws: Sequence[int], states: Sequence[arb]) -> arb:
-        (found,) = each.programs[laws[0]][order]([*states, *each.constants])
+        (found,) = each.programs[laws[0]][order](states)
         for law in laws[1:]:
-            (other,) = each.programs[law][order]([*states, *each.constants])
+            (other,) = each.programs[law][order](states)
             found = found.union(other)
         return found
 

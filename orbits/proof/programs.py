@@ -1,4 +1,4 @@
-"""CasADi functions as lists of operations that run on balls, and on power series of balls.
+"""Exact expressions as lists of operations that run on balls, and on power series of balls.
 
 Arb's balls (F. Johansson, IEEE Transactions on Computers 66, 2017) round outward in every operation. So the value of a
 program on balls contains the values on all their points, and a series contains all Taylor coefficients.
@@ -8,70 +8,71 @@ import operator
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
-import casadi as ca
-from flint import arb, arb_series
+from flint import arb, arb_series, ctx, fmpq
 
+from .expressions import Expression, in_order
 from .refusal import Unproved
 
 # A ball, or a power series of balls that is cut off at the context's order.
 Value: TypeAlias = Any
-# Whole numbers below 2**21, and these over powers of 2 that small, are meant as they stand in a model. Any other
-# number there has been rounded.
-SIGNIFICANT_BITS = 21
 # What is raised where a series is divided by one that may begin with 0.
 UNDEFINED = (ZeroDivisionError, ValueError)
-# Powers up to this one are products.
-LARGEST_PRODUCT = 64
+# Whole powers up to this one are products.
+LARGEST_PRODUCT = 2**20
 
 
 class BallProgram:
-    """A CasADi function of one vector as a list of operations; called with a list of values, it gives the list of its
-    results.
+    """Expressions of some symbols as a list of operations; called with a list of values, it gives the list of its
+    results. What depends on no symbol is computed once for each precision.
 
-    Raises `Unproved` for an operation without derivatives, as abs, and for a number that has been rounded.
+    Raises `Unproved` for a power that is too large, and `ValueError` where a symbol has no value.
     """
 
-    def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]):
-        function = ca.Function("program", [ca.vertcat(*inputs)], [ca.densify(ca.vertcat(*outputs))])
-        self.outputs = len(outputs)
-        self._loads: list[tuple[int, int]] = []
-        self._constants: list[tuple[int, arb]] = []
-        self._operations: list[tuple[Callable, int, int, int | None]] = []
-        self._stores: list[tuple[int, int]] = []
-        # CasADi uses places of its work vector again. Each result gets a place of its own, so that loads and constants
-        # may go first and stores last.
-        places, count = dict[int, int](), 0
-        for i in range(function.n_instructions()):
-            code, ins, outs = function.instruction_id(i), function.instruction_input(i), function.instruction_output(i)
-            if code == ca.OP_OUTPUT:
-                self._stores.append((outs[1], places[ins[0]]))
-                continue
-            used = [places[place] for place in ins] if code not in (ca.OP_INPUT, ca.OP_CONST) else []
-            places[outs[0]] = count
-            if code == ca.OP_INPUT:
-                self._loads.append((count, ins[1]))
-            elif code == ca.OP_CONST:
-                self._constants.append((count, exact_ball(function.instruction_constant(i))))
-            else:
-                self._operations.append((operation(code), count, used[0], used[1] if len(used) > 1 else None))
-            count += 1
-        self._size = count
+    def __init__(self, inputs: Sequence[Expression], outputs: Sequence[Expression]):
+        order = in_order(outputs)
+        place = {each: i for i, each in enumerate(inputs)}
+        if missing := [each for each in order if each.kind == "symbol" and each not in place]:
+            raise ValueError(f"no value for {missing[0]!r}")
+        moving = set[Expression]()
+        for each in order:
+            if each in place or any(part in moving for part in each.parts):
+                moving.add(each)
+        # The constants that moving operations or results take stand after the inputs.
+        self._still = [each for each in order if each not in moving]
+        taken = {part for each in order if each in moving for part in each.parts} | {*outputs}
+        self._constants = [each for each in self._still if each in taken]
+        place |= {each: len(inputs) + i for i, each in enumerate(self._constants)}
+        self._operations: list[tuple[Callable, int, int | None]] = []
+        for each in order:
+            if each in moving and each not in place:
+                place[each] = len(inputs) + len(self._constants) + len(self._operations)
+                first, *second = (place[part] for part in each.parts)
+                self._operations.append((operation(each), first, second[0] if second else None))
+        self._stores = [place[each] for each in outputs]
+        self._known: tuple[int, list[arb]] = (0, [])
 
     def __call__(self, values: Sequence[Value]) -> list[Value]:
-        work: list[Value] = [None] * self._size
-        for place, value in self._constants:
-            work[place] = value
-        for place, index in self._loads:
-            work[place] = values[index]
-        for operate, place, first, second in self._operations:
-            work[place] = operate(work[first]) if second is None else operate(work[first], work[second])
-        results: list[Value] = [_NULL] * self.outputs
-        for index, place in self._stores:
-            results[index] = work[place]
-        return results
+        work = [*values, *self._balls()]
+        for operate, first, second in self._operations:
+            work.append(operate(work[first]) if second is None else operate(work[first], work[second]))
+        return [work[place] for place in self._stores]
+
+    def _balls(self) -> list[arb]:
+        """Enclosures of the constants, at the precision of the context."""
+        precision, balls = self._known
+        if precision != ctx.prec:
+            found = dict[Expression, arb]()
+            for each in self._still:
+                found[each] = _constant(each, [found[part] for part in each.parts])
+            balls = [found[each] for each in self._constants]
+            self._known = ctx.prec, balls
+        return balls
 
 
-_NULL = arb(0)
+def _constant(each: Expression, parts: Sequence[arb]) -> arb:
+    if each.kind == "number":
+        return arb(fmpq(each.value.numerator, each.value.denominator))
+    return arb.pi() if each.kind == "pi" else operation(each)(*parts)
 
 
 def coefficient(value: Value, order: int) -> arb:
@@ -82,26 +83,17 @@ def coefficient(value: Value, order: int) -> arb:
     return value if order == 0 else _NULL
 
 
-def exact_ball(value: float) -> arb:
-    """A number that stands in a model; raises `Unproved` where it has been rounded."""
-    mantissa, _ = float(value).as_integer_ratio()
-    if abs(mantissa) >= 2**SIGNIFICANT_BITS or (abs(value) < 2.0**-SIGNIFICANT_BITS and value != 0):
-        told = "state it as a parameter or in a formula, where its decimal is taken as it stands"
-        raise Unproved(f"the model has the rounded number {value!r}: {told}")
-    return arb(value)
+_NULL = arb(0)
 
 
-def operation(code: int) -> Callable:
-    """The function of balls that CasADi's operation stands for; raises `Unproved` for one that has none."""
-    known = _BINARY.get(code) or _UNARY.get(code)
-    if known is None:
-        raise Unproved(f"the laws use {_name_of(code)}, which has no Taylor series everywhere")
-    return known
-
-
-def _name_of(code: int) -> str:
-    names = {ca.OP_FABS: "abs", ca.OP_SIGN: "sign", ca.OP_FMAX: "max", ca.OP_FMIN: "min"}
-    return names.get(code, f"CasADi's operation {code}")
+def operation(each: Expression) -> Callable:
+    """The function of balls that an expression's operation stands for."""
+    if each.kind == "**":
+        exponent = each.value
+        if abs(exponent) > LARGEST_PRODUCT:
+            raise Unproved(f"the power {exponent} is too large for a proof")
+        return lambda x: _whole_power(x, exponent)
+    return _OPERATIONS[each.kind]
 
 
 def _with_bounds(function: Callable, low: int, high: int) -> Callable:
@@ -128,15 +120,8 @@ def _cosh(x: arb_series) -> arb_series:
     return (grown + shrunk) / 2
 
 
-def _ball_power(x: Value, y: Value) -> Value:
-    """x**y: a product for whole exponents, a root for halves, exp(y log x) for others, where x has to be positive."""
-    if isinstance(y, arb):
-        whole = y.unique_fmpz() if y.is_exact() else None
-        if whole is not None and abs(int(whole)) <= LARGEST_PRODUCT:
-            return _whole_power(x, int(whole))
-        halves = (2 * y).unique_fmpz() if y.is_exact() and (2 * y).is_exact() else None
-        if halves is not None and abs(int(halves)) <= LARGEST_PRODUCT:
-            return _whole_power(x.sqrt(), int(halves))
+def _power(x: Value, y: Value) -> Value:
+    """x**y for an exponent that is no whole number, where x is positive."""
     return (y * x.log()).exp()
 
 
@@ -153,35 +138,26 @@ def _whole_power(x: Value, n: int) -> Value:
     return arb(1) if result is None else result
 
 
-_BINARY: dict[int, Callable] = {
-    ca.OP_ADD: operator.add,
-    ca.OP_SUB: operator.sub,
-    ca.OP_MUL: operator.mul,
-    ca.OP_DIV: operator.truediv,
-    ca.OP_POW: _ball_power,
-    ca.OP_CONSTPOW: _ball_power,
-}
-_UNARY: dict[int, Callable] = {
-    ca.OP_ASSIGN: lambda x: x,
-    ca.OP_NEG: operator.neg,
-    ca.OP_SQ: lambda x: x * x,
-    ca.OP_TWICE: lambda x: 2 * x,
-    ca.OP_INV: lambda x: 1 / x,
-    ca.OP_SQRT: lambda x: x.sqrt(),
-    ca.OP_EXP: lambda x: x.exp(),
-    ca.OP_LOG: lambda x: x.log(),
-    ca.OP_EXPM1: _on_both(lambda x: x.expm1(), lambda x: x.exp() - 1),
-    ca.OP_LOG1P: _on_both(lambda x: x.log1p(), lambda x: (1 + x).log()),
-    ca.OP_SIN: _on_both(_with_bounds(arb.sin, -1, 1), arb_series.sin),
-    ca.OP_COS: _on_both(_with_bounds(arb.cos, -1, 1), arb_series.cos),
-    ca.OP_TAN: lambda x: x.tan(),
-    ca.OP_ASIN: lambda x: x.asin(),
-    ca.OP_ACOS: lambda x: x.acos(),
-    ca.OP_ATAN: lambda x: x.atan(),
-    ca.OP_SINH: _on_both(lambda x: x.sinh(), _sinh),
-    ca.OP_COSH: _on_both(lambda x: x.cosh(), _cosh),
-    ca.OP_TANH: _on_both(_with_bounds(arb.tanh, -1, 1), lambda x: 1 - 2 / ((2 * x).exp() + 1)),
-    ca.OP_ASINH: _on_both(lambda x: x.asinh(), lambda x: (x + (x * x + 1).sqrt()).log()),
-    ca.OP_ACOSH: _on_both(lambda x: x.acosh(), lambda x: (x + (x * x - 1).sqrt()).log()),
-    ca.OP_ATANH: _on_both(lambda x: x.atanh(), lambda x: ((1 + x) / (1 - x)).log() / 2),
+_OPERATIONS: dict[str, Callable] = {
+    "+": operator.add,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "power": _power,
+    "sqrt": lambda x: x.sqrt(),
+    "exp": lambda x: x.exp(),
+    "log": lambda x: x.log(),
+    "expm1": _on_both(lambda x: x.expm1(), lambda x: x.exp() - 1),
+    "log1p": _on_both(lambda x: x.log1p(), lambda x: (1 + x).log()),
+    "sin": _on_both(_with_bounds(arb.sin, -1, 1), arb_series.sin),
+    "cos": _on_both(_with_bounds(arb.cos, -1, 1), arb_series.cos),
+    "tan": lambda x: x.tan(),
+    "asin": lambda x: x.asin(),
+    "acos": lambda x: x.acos(),
+    "atan": lambda x: x.atan(),
+    "sinh": _on_both(lambda x: x.sinh(), _sinh),
+    "cosh": _on_both(lambda x: x.cosh(), _cosh),
+    "tanh": _on_both(_with_bounds(arb.tanh, -1, 1), lambda x: 1 - 2 / ((2 * x).exp() + 1)),
+    "asinh": _on_both(lambda x: x.asinh(), lambda x: (x + (x * x + 1).sqrt()).log()),
+    "acosh": _on_both(lambda x: x.acosh(), lambda x: (x + (x * x - 1).sqrt()).log()),
+    "atanh": _on_both(lambda x: x.atanh(), lambda x: ((1 + x) / (1 - x)).log() / 2),
 }

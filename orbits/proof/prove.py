@@ -55,7 +55,7 @@ def prove(
     (True, 1, True)
     """
     _need_flint()
-    claim = claim_of(orbit, machine)
+    claim = claim_of(orbit, machine, list(parameters or {}))
     check_machine(claim.machine)
     from .case import checked_digits
     from .intervals import proof_of
@@ -131,25 +131,26 @@ def prove_fold(
         raise InputError(f"'{along}' is what folds: it has no value of its own")
     if machine.units is not None:
         raise InputError("a fold is proved of a dimensionless machine: follow and prove machine.dimensionless()")
-    from .case import checked_digits, statement_to_prove
+    from .case import checked_digits
     from .fold import proof_of_fold
 
-    statement = statement_to_prove(machine.model, with_contact=False)
-    if len(fold.u) != len(statement.unknowns) or not fold.tangent[statement.unknowns.index("alpha")]:
+    names = machine.model.reduction.statement.unknowns if machine.model.reduction else machine.model.half_unknowns
+    if len(fold.u) != len(names) or not fold.tangent[names.index("alpha")]:
         raise InputError("this point is no fold of the machine's simplest equations")
-    alpha = fold.tangent[statement.unknowns.index("alpha")]
-    direction = [d / alpha for name, d in zip(statement.unknowns, fold.tangent[:-1], strict=True) if name != "alpha"]
-    guess = [*fold.u, *direction, fold.value]
-    return proof_of_fold(machine, statement, guess, along, dict(parameters or {}), checked_digits(digits))
+    alpha = fold.tangent[names.index("alpha")]
+    directions = {name: each / alpha for name, each in zip(names, fold.tangent[:-1], strict=True)}
+    unknowns = dict(zip(names, fold.u, strict=True))
+    given = dict(parameters or {})
+    return proof_of_fold(machine, unknowns, directions, along, fold.value, given, checked_digits(digits))
 
 
 @exclusive
 def prove_absence(machine: Machine, family: int | None = None, *, parameters: Exact = None) -> Proof:
-    """Prove that a machine has no orbit of a family, or for None that nothing can lift off at all.
+    """Prove that a machine has no lossless orbit of a family, or for None that it has none at all.
 
-    Of a family it is told for springs whose force is odd, rises everywhere and is bounded, as tanh: see
-    `orbits.proof.absence` for the theorem. The machine's extension has to move alone, as a hopper's does under constant
-    gravity. `parameters` as in `prove`; raises `InputError` as it does.
+    Of a family it is proved for springs whose force is odd, rises everywhere and is bounded, as tanh; of all families
+    for springs that are too weak: see `orbits.proof.absence` for the theorems. The machine's extension has to move
+    alone, as a hopper's does under constant gravity. `parameters` as in `prove`; raises `InputError` as it does.
 
     >>> from orbits import prove_absence
     >>> from problems import Hopper

@@ -16,9 +16,10 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from .enclosure import unit_matrix
-from .exact import Equations, Evaluated, columns_of
+from .equations import Equations, Evaluated, columns_of
 from .programs import UNDEFINED
 from .refusal import Unproved
+from .statement import CONTACT_DURATION, FLIGHT_DURATION
 
 # Bits of the first proof, and relative radii of the boxes that are tried, the largest first.
 FIRST_BITS = 80
@@ -34,6 +35,8 @@ BITS_OF_REFINEMENT = 24
 MOST_POLISHES, POLISHED = 6, 1e-6
 # The bits of a number that is known exactly.
 EXACT = 10**9
+# The unknowns that an orbit has above 0.
+POSITIVE = ("alpha", FLIGHT_DURATION, CONTACT_DURATION)
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
     Raises `Unproved` where no root can be proved.
     """
     centre = [arb(value) for value in guess]
-    if equations.numbers.wide:
+    if equations.intervals:
         centre = _polished(equations, centre)
         boxes = _wide_boxes(equations, centre)
     else:
@@ -86,7 +89,7 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
         raise Unproved(f"no box about the numerical solution is proved to hold a root{reason}")
     root = _narrowed(equations, ProvedRoot(inner, centre, radii, evaluated), bits)
     for name, value in zip(equations.unknowns, root.box, strict=True):
-        if name in equations.positive and not value > 0:
+        if name in POSITIVE and not value > 0:
             raise Unproved(f"{name} is not proved to be positive")
     return root
 
@@ -124,13 +127,10 @@ def _narrow_boxes(centre: Sequence[arb]) -> list[list[arb]]:
 def _wide_boxes(equations: Equations, centre: list[arb]) -> list[list[arb]]:
     """Boxes for interval parameters: how far the root moves with them by its derivatives at the middle, with room."""
     point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
-    n, numbers = len(centre), equations.numbers
+    n, radii = len(centre), equations.intervals.radii()
     inverse = _rounded_inverse(columns_of(point.slopes, 0, n))
-    by_parameters = inverse * columns_of(point.slopes, n, len(numbers.wide))
-    moved = [
-        sum((abs(by_parameters[i, j]) * numbers.radius(name) for j, name in enumerate(numbers.wide)), arb(0))
-        for i in range(n)
-    ]
+    by_parameters = inverse * columns_of(point.slopes, n, len(radii))
+    moved = [sum((abs(by_parameters[i, j]) * radius for j, radius in enumerate(radii)), arb(0)) for i in range(n)]
     least = arb(2) ** -40
     return [[(arb(room) * move + least).abs_upper() for move in moved] for room in ROOM]
 
@@ -153,14 +153,13 @@ def _contracted(
 
 def _image(equations: Equations, evaluated: Evaluated, centre: Sequence[arb], deviations: Sequence[arb]) -> list[arb]:
     """Krawczyk's operator about a centre, on the deviations (unknowns,) of a box from it."""
-    n, numbers = len(centre), equations.numbers
+    n, reach = len(centre), equations.intervals.radii()
     slopes = columns_of(evaluated.slopes, 0, n)
     inverse = _rounded_inverse(slopes)
     values = arb_mat(n, 1, evaluated.values)
-    if numbers.wide:
-        by_parameters = columns_of(evaluated.slopes, n, len(numbers.wide))
-        reach = arb_mat(len(numbers.wide), 1, [arb(0, numbers.radius(name)) for name in numbers.wide])
-        values = values + by_parameters * reach
+    if reach:
+        by_parameters = columns_of(evaluated.slopes, n, len(reach))
+        values = values + by_parameters * arb_mat(len(reach), 1, [arb(0, radius) for radius in reach])
     change = (unit_matrix(n) - inverse * slopes) * arb_mat(n, 1, list(deviations)) - inverse * values
     return [value + change[i, 0] for i, value in enumerate(centre)]
 
@@ -168,7 +167,7 @@ def _image(equations: Equations, evaluated: Evaluated, centre: Sequence[arb], de
 def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
     """The root enclosed more narrowly: by the derivatives on a smaller box, then by values in growing precision."""
     box, evaluated = root.box, root.evaluated
-    if equations.numbers.wide:
+    if equations.intervals:
         for _ in range(2):
             centre, radii = [value.mid() for value in box], [value.rad() for value in box]
             evaluated = evaluated_on(equations, centre, radii)

@@ -37,7 +37,7 @@ SHORTEST, STEP_BITS = 1e-6, 16
 
 @dataclass(frozen=True)
 class System:
-    """An autonomous system x' = f(x, constants).
+    """An autonomous system x' = f(x).
 
     size : n, the number of states
     rates : program of n rates
@@ -83,9 +83,7 @@ def between(low: arb, high: arb) -> arb:
     return low.union(high)
 
 
-def picard_coefficients(
-    rates: Callable, centre: Sequence[arb], constants: Sequence[arb], order: int
-) -> list[list[arb]]:
+def picard_coefficients(rates: Callable, centre: Sequence[arb], order: int) -> list[list[arb]]:
     """Taylor coefficients (n, order + 1) of the solution from a centre (n,): Picard's iteration on series, each of
     which makes one more coefficient right."""
     found = [[value] for value in centre]
@@ -94,7 +92,7 @@ def picard_coefficients(
         for k in range(order):
             ctx.cap = k + 1
             series = [arb_series(row, k + 1) for row in found]
-            for row, rate in zip(found, rates([*series, *constants]), strict=True):
+            for row, rate in zip(found, rates([*series]), strict=True):
                 row.append(coefficient(rate, k) / (k + 1))
     except UNDEFINED:
         raise Unproved("the motion comes to where a law has no value") from None
@@ -104,31 +102,29 @@ def picard_coefficients(
 
 
 def take_step(
-    system: System, constants: Sequence[arb], centre: Sequence[arb], spread: Sequence[arb], longest: arb,
+    system: System, centre: Sequence[arb], spread: Sequence[arb], longest: arb,
     order: int, accuracy: float,
 ) -> Step:  # fmt: skip
     """A step of at most the longest length from the states within a spread (n,) of a centre (n,), of a polynomial of
     this order whose last term is about the accuracy; raises `Unproved` where no step is short enough."""
-    rows = picard_coefficients(system.rates, centre, constants, order)
-    h = _suggested(system, rows, constants, longest, order, accuracy)
+    rows = picard_coefficients(system.rates, centre, order)
+    h = _suggested(system, rows, longest, order, accuracy)
     polynomials = [arb_poly(row) for row in rows]
     sizes = _sizes(rows)
     for _ in range(MOST_TRIES):
-        defect = _remainder(system, constants, polynomials, h, order)
+        defect = _remainder(system, polynomials, h, order)
         off = max((float(each) / size for each, size in zip(defect, sizes, strict=True)), default=0.0)
         if off > MOST_OFF * accuracy:  # also where it is no number
             h = _few_digits(float(h) * (max((accuracy / off) ** (1 / order), LEAST_SHARE) if off < np.inf else 0.5))
             continue
-        step = _proved(system, constants, polynomials, spread, defect, h)
+        step = _proved(system, polynomials, spread, defect, h)
         if step is not None:
             return step
         h = h / 2
     raise Unproved("no step of the motion is short enough: it comes near to where a law has no value")
 
 
-def _suggested(
-    system: System, rows: list[list[arb]], constants: Sequence[arb], longest: arb, order: int, accuracy: float
-) -> arb:
+def _suggested(system: System, rows: list[list[arb]], longest: arb, order: int, accuracy: float) -> arb:
     """A guess of the length of a step, such that a few about equal ones fill the longest. It has so few digits that the
     sums of steps are exact."""
     sizes = _sizes(rows)
@@ -138,7 +134,7 @@ def _suggested(
     reach = arb(min(length, float(longest)))
     for t in (arb(0), reach):  # laws stiffen along the step
         places = [arb_poly(row)(t).mid() for row in rows]
-        stiffness = _magnitudes(system, system.slopes([*places, *constants]))
+        stiffness = _magnitudes(system, system.slopes([*places]))
         fourth = np.linalg.matrix_power(stiffness, 4)
         if np.isfinite(fourth).all() and (radius := fourth.sum(1).max() ** 0.25) > 0:
             length = min(length, STIFFEST / radius)
@@ -169,14 +165,14 @@ def _magnitudes(system: System, values: Sequence[arb]) -> np.ndarray:
     return matrix
 
 
-def _remainder(system: System, constants: Sequence[arb], polynomials: list[arb_poly], h: arb, order: int) -> list[arb]:
+def _remainder(system: System, polynomials: list[arb_poly], h: arb, order: int) -> list[arb]:
     """|R| h**(K + 1)/(K + 1), n bounds; not finite where the rates are not."""
     cap = ctx.cap
     try:
         ctx.cap = order + 1
         shift = arb_poly([between(arb(0), h), 1])
         moved = [arb_series(p(shift).coeffs(), order + 1) for p in polynomials]
-        rests = [coefficient(rate, order) for rate in system.rates([*moved, *constants])]
+        rests = [coefficient(rate, order) for rate in system.rates([*moved])]
     except UNDEFINED:
         return [arb("inf")] * system.size
     finally:
@@ -186,7 +182,7 @@ def _remainder(system: System, constants: Sequence[arb], polynomials: list[arb_p
 
 
 def _proved(
-    system: System, constants: Sequence[arb], polynomials: list[arb_poly], spread: Sequence[arb],
+    system: System, polynomials: list[arb_poly], spread: Sequence[arb],
     defect: Sequence[arb], h: arb,
 ) -> Step | None:  # fmt: skip
     """The step, None where its tube cannot be proved."""
@@ -196,7 +192,7 @@ def _proved(
     added = [(start + each).abs_upper() for start, each in zip(spread, defect, strict=True)]
     tube = [2 * each for each in added]
     for _ in range(3):
-        slopes = _slopes_on(system, constants, hull, tube)
+        slopes = _slopes_on(system, hull, tube)
         if slopes is None:
             return None
         if all(new < old for new, old in zip(_grown(system, slopes, added, tube, h), tube, strict=True)):
@@ -208,10 +204,10 @@ def _proved(
     return None
 
 
-def _slopes_on(system: System, constants: Sequence[arb], hull: Sequence[arb], tube: Sequence[arb]) -> list[arb] | None:
+def _slopes_on(system: System, hull: Sequence[arb], tube: Sequence[arb]) -> list[arb] | None:
     """The magnitudes of the derivatives over a tube, None where one is not bounded."""
     inside = [widened(value, radius) for value, radius in zip(hull, tube, strict=True)]
-    slopes = [value.abs_upper() for value in system.slopes([*inside, *constants])]
+    slopes = [value.abs_upper() for value in system.slopes([*inside])]
     return slopes if all(value.is_finite() for value in slopes) else None
 
 

@@ -12,6 +12,7 @@ from ..pages.cells import cell
 
 # The width of the lines of a statement.
 LINE_WIDTH = 110
+PROOF_FORMAT = "persistent-orbits proof 2"
 
 
 @dataclass(frozen=True)
@@ -39,19 +40,42 @@ class Enclosure:
 
 
 @dataclass(frozen=True)
+class Part:
+    """A box of parameters with what is proved there of the unknowns of the equations.
+
+    parameters, unknowns : enclosures by name
+    uniqueness_radius : no other solution has all unknowns within it of their enclosures
+    """
+
+    parameters: Mapping[str, Enclosure]
+    unknowns: Mapping[str, Enclosure]
+    uniqueness_radius: str
+
+    def document(self) -> dict[str, Any]:
+        """The part for JSON."""
+        boxes = {"parameters": self.parameters, "unknowns": self.unknowns}
+        named = {name: {key: [each.low, each.high] for key, each in box.items()} for name, box in boxes.items()}
+        return {**named, "uniqueness_radius": self.uniqueness_radius}
+
+
+@dataclass(frozen=True)
 class Proof:
     """A theorem about a machine, or why there is none.
 
     proved : whether all that was asked is proved
-    statement : the theorem in words; where not all is proved, what is
+    statement : the theorem in words; where not all is proved, what is. Whoever has it alone can rebuild the machine.
     machine : the machine in words and numbers
+    kind : what the theorem is about: "orbit", "fold", "absence"
+    stated : the machine as the theorem states it, in formulas and decimals, see `orbits.proof.stated`
     parameters : the exact decimals between which each parameter lies, equal for a number
     family : the number of the family, counted from enclosures; None where that is not proved
-    enclosures : of alpha, flight_time, contact_time and other quantities by name, dimensionless
+    enclosures : of alpha, flight_time, contact_time and other quantities by name, in the machine's units
     radius : of the enclosure of alpha
     uniqueness_radius : no other solution of the equations has all unknowns within it of their enclosures; None where
         intervals were proved in parts
+    parts : the boxes of parameters that were proved one by one, usually one
     conditions : of a motion, by name: "proved", "refuted" or "undecided"
+    bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None where that is not proved
     reasons : what is not proved, and why, in words
     digits : that were asked for
     seconds : that it took
@@ -60,12 +84,16 @@ class Proof:
     proved: bool
     statement: str
     machine: Mapping[str, Any]
+    kind: str = "orbit"
+    stated: Mapping[str, Any] = field(default_factory=dict)
     parameters: Mapping[str, Enclosure] = field(default_factory=dict)
     family: int | None = None
     enclosures: Mapping[str, Enclosure] = field(default_factory=dict)
     radius: str | None = None
     uniqueness_radius: str | None = None
+    parts: tuple[Part, ...] = ()
     conditions: Mapping[str, str] = field(default_factory=dict)
+    bounce_side: str | None = None
     reasons: tuple[str, ...] = ()
     digits: int | None = None
     seconds: float = 0.0
@@ -89,18 +117,25 @@ class Proof:
         """The proof as a JSON document; numbers that are proved are decimals, as text."""
         missing = dict.fromkeys(("alpha", "flight_time", "contact_time"))
         return {
+            "format": PROOF_FORMAT,
+            "kind": self.kind,
             "proved": self.proved,
             "statement": self.statement,
+            "machine": dict(self.stated),
+            "motion": bool(self.conditions),
+            "parts": [part.document() for part in self.parts],
+            "enclosures": {name: [each.low, each.high] for name, each in self.enclosures.items()},
             **missing,
             **{name: each.document() for name, each in self.enclosures.items()},
             "radius": self.radius,
             "uniqueness_radius": self.uniqueness_radius,
             "family": self.family,
             "conditions": dict(self.conditions),
+            "bounce_side": self.bounce_side,
             "reasons": list(self.reasons),
             "digits": self.digits,
             "seconds": self.seconds,
-            "units": "dimensionless",
+            "units": self.stated.get("units"),
             "parameters": {name: each.document() for name, each in self.parameters.items()},
             "about": dict(self.machine),
         }

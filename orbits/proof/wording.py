@@ -1,12 +1,7 @@
 """The theorem in words."""
 
 from collections.abc import Mapping
-from fractions import Fraction
-from typing import Any
 
-from ..model.units import Units
-from .decimals import decimal_text
-from .exact import Numbers
 from .theorem import Enclosure
 
 # What each condition of a motion says, where it is proved.
@@ -18,41 +13,32 @@ CONDITIONS = {
 }
 
 
-def machine_sentence(machine: Mapping[str, Any], exact: Mapping[str, str]) -> str:
-    """The machine with its exact parameters, in words."""
-    numbers = ", ".join(f"{name} {value}" for name, value in exact.items())
-    stated = [f"spring {machine['spring']} and gravity {machine['gravity']}", *([numbers] if numbers else [])]
-    return f"Let the {machine['machine']} have {', '.join(stated)}."
+def enclosed_words(enclosures: Mapping[str, Enclosure]) -> str:
+    """What is enclosed, in words."""
+    return "; ".join(f"{name.replace('_', ' ')} in {value}" for name, value in enclosures.items())
 
 
-def root_sentence(names: str, enclosures: Mapping[str, Enclosure], uniqueness: str, each: bool) -> str:
+def root_sentence(unknowns: Mapping[str, Enclosure], uniqueness: str, wide: bool) -> str:
     """What existence and uniqueness say."""
-    told = "; ".join(f"{name.replace('_', ' ')} in {value}" for name, value in enclosures.items())
-    values = "For each value of the parameters in their intervals the" if each else "The"
-    others = f"No other solution has all unknowns ({names}) within {uniqueness} of these enclosures"
-    return f"{values} equations of a lossless orbit have a solution with {told}. {others}."
+    values = "For each value of the parameters in their intervals the" if wide else "The"
+    names = ", ".join(name.replace("_", " ") for name in unknowns)
+    others = f"No other solution has all of these ({names}) within {uniqueness} of these enclosures"
+    return f"{values} equations of a lossless orbit have a solution with {enclosed_words(unknowns)}. {others}."
 
 
-def motion_sentence(family: int | None, conditions: Mapping[str, str]) -> str:
+def motion_sentence(family: int | None, conditions: Mapping[str, str], enclosures: Mapping[str, Enclosure]) -> str:
     """What is proved of the motion."""
-    told = [CONDITIONS[name] for name, verdict in conditions.items() if verdict == "proved"]
+    proved = [CONDITIONS[name] for name, verdict in conditions.items() if verdict == "proved"]
     counted = [] if family is None else [f"it is of family {family}"]
-    if not (counted or told):
+    extensions = enclosed_words({name: each for name, each in enclosures.items() if name.endswith("_extension")})
+    if not (counted or proved):
         return ""
-    whole = "It is a motion: " if told and set(conditions.values()) == {"proved"} else "Of the motion: "
-    return f"{whole}{'; '.join([*counted, *told])}."
+    whole = "It is a motion: " if proved and set(conditions.values()) == {"proved"} else "Of the motion: "
+    return f"{whole}{'; '.join([*counted, *filter(None, [extensions]), *proved])}."
 
 
-def units_sentence(units: Units | None) -> str:
-    """What is said of the units of a theorem about a machine that is stated in SI."""
-    return "" if units is None else "Lengths, times and speeds are dimensionless."
-
-
-def parameter_texts(numbers: Numbers) -> dict[str, str]:
-    """What each parameter is, exactly, by name."""
-    return {name: _exact_text(bounds) for name, bounds in numbers.values.items()}
-
-
-def _exact_text(bounds: tuple[Fraction, Fraction]) -> str:
-    low, high = (decimal_text(bound) for bound in bounds)
-    return f"= {low}" if low == high else f"in [{low}, {high}]"
+def loss_sentence(enclosure: Enclosure, bounce_side: str) -> str:
+    """What is proved of the hops beside it."""
+    law = f"loses C |d|**(4/3) of it in one hop, to leading order, with C in {enclosure}"
+    side = f"{law}, and ten times as much on the side {bounce_side} it, where the landing has a bounce"
+    return f"A launch whose speed is off alpha by d {side}: the hop attracts from above, and from above alone."

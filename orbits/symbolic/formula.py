@@ -54,6 +54,12 @@ class Formula:
         return frozenset(node[1] for node in _nodes(self.tree) if node[0] == "name" and node[1] not in CONSTANTS)
 
     @property
+    def nodes(self) -> list[tuple]:
+        """The operations, each after those of its operands: ("number", float, text), ("name", name), ("call", function,
+        ...), ("negative", ...), or an operator with its two operands."""
+        return _nodes(self.tree)
+
+    @property
     def pieces(self) -> list[str]:
         """The functions in it that have no second derivative somewhere, whatever their argument."""
         return sorted({node[1] for node in _nodes(self.tree) if node[0] == "call" and node[1] in ("abs", "sign")})

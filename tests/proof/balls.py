@@ -1,13 +1,26 @@
-"""Shared by the tests of proofs: closed forms against balls, and small systems and statements."""
+"""Shared by the tests of proofs: closed forms against balls, functions of expressions, and small systems."""
 
-import casadi as ca
+from fractions import Fraction
+from functools import partial
+from types import SimpleNamespace
+
 import mpmath as mp
 from flint import arb
 
-from orbits import Arc, Phase, Statement
-from orbits.proof.exact import Equations, Numbers
-from orbits.proof.programs import BallProgram
-from orbits.proof.step import System
+from orbits.proof import equations
+from orbits.proof.equations import Equations, Intervals
+from orbits.proof.expressions import FUNCTIONS, call, expression, number, symbol
+from orbits.proof.expressions import power as power_of
+from orbits.proof.stated import exact_bounds
+from orbits.proof.statement import Arc, Statement
+
+# Functions of expressions by name.
+fn = SimpleNamespace(**{name: partial(call, name) for name in FUNCTIONS})
+
+
+def power(x, exponent):
+    """A power of an expression or a number, whose exponent is one too."""
+    return power_of(expression(x), expression(exponent))
 
 
 def holds(ball, value, error=1e-30):
@@ -17,33 +30,47 @@ def holds(ball, value, error=1e-30):
 
 def system_of(size, rates):
     """The system whose rates are a function of the list of states."""
-    states = [ca.SX.sym(f"x{i}") for i in range(size)]
-    values = [ca.SX(rate) for rate in rates(states)]
-    jacobian = ca.jacobian(ca.vertcat(*values), ca.vertcat(*states))
-    places = zip(jacobian.sparsity().row(), jacobian.sparsity().get_col(), strict=True)
-    slopes = [jacobian.nz[i] for i in range(jacobian.nnz())]
-    return System(size, BallProgram(states, values), BallProgram(states, slopes), tuple(places))
+    states = [symbol(f"x{i}") for i in range(size)]
+    return equations.system_of(states, [expression(rate) for rate in rates(states)])
 
 
-def equations_of(unknowns, phase, start, duration, conditions, **parameters):
-    """The equations of one arc, whose start, duration and conditions are functions as in `Arc`."""
-    arc = Arc(phase, start, duration, conditions)
-    return Equations(Statement("test", unknowns, (arc,)), Numbers({}, parameters))
+def equations_of(unknowns, states, rates, start, duration, conditions, **parameters):
+    """The equations of one arc of these states, from functions of states, unknowns and parameters by name."""
+    bounds = {name: exact_bounds(name, value) for name, value in parameters.items()}
+    p = {name: number(low) if low == high else symbol(name) for name, (low, high) in bounds.items()}
+    u, x = {name: symbol(f"unknown {name}") for name in unknowns}, [symbol(name) for name in states]
+
+    def all_of(values):
+        return [expression(each) for each in values]
+
+    arc = Arc(
+        x,
+        [all_of(rates(x, p))],
+        all_of(start(u, p)),
+        expression(duration(u, p)),
+        [[]],
+        all_of(conditions(u, x, p)),
+        [[]],
+    )
+    return Equations(Statement(u, (arc,)), Intervals(bounds))
 
 
-OSCILLATOR = Phase("oscillator", ("x", "v"), lambda x, p, q: [x[1], -x[0]])
-CLOCK = Phase("clock", ("t",), lambda x, p, q: [1])
+def clock_of(unknowns, start, duration, conditions, **parameters):
+    """The equations of a motion whose one state is the time."""
+    return equations_of(unknowns, ("t",), lambda x, p: [1], start, duration, conditions, **parameters)
 
 
 def oscillator(conditions):
     """An oscillator that begins at 0 with an unknown speed, for an unknown duration."""
     return equations_of(
-        ("speed", "duration"), OSCILLATOR, lambda u, before, p: [0, u["speed"]], lambda u, p: u["duration"], conditions
-    )
+        ("speed", "duration"), ("x", "v"), lambda x, p: [x[1], -x[0]], lambda u, p: [0, u["speed"]],
+        lambda u, p: u["duration"], conditions,
+    )  # fmt: skip
 
 
 def algebraic(condition, **parameters):
-    """One equation for one unknown w, given as a function of w and the parameters, on a motion that does not matter."""
-    return equations_of(
-        ("w",), CLOCK, lambda u, before, p: [0], lambda u, p: 1, lambda u, x, p: [condition(u["w"], p)], **parameters
-    )
+    """One equation for one unknown w, as a function of w and the parameters, on a motion that does not matter."""
+    return clock_of(("w",), lambda u, p: [0], lambda u, p: 1, lambda u, x, p: [condition(u["w"], p)], **parameters)
+
+
+THREE_HALVES = Fraction(3, 2)

@@ -4,7 +4,6 @@ import pytest
 from balls import algebraic, equations_of, oscillator
 from flint import arb, ctx
 
-from orbits import Phase
 from orbits.proof.refusal import Unproved
 from orbits.proof.root import FIRST_BITS, prove_root
 
@@ -87,10 +86,10 @@ def test_an_interval_parameter_is_enclosed_tightly():
 
 def test_an_interval_parameter_of_a_motion():
     """An oscillator of slope q from 0 to its turn at 2: the duration is pi / (2 sqrt q), the speed 2 sqrt q."""
-    phase = Phase("spring", ("x", "v"), lambda x, p, q: [x[1], -p["q"] * x[0]])
     low, high = "0.9999995", "1.0000005"
     equations = equations_of(
-        ("speed", "duration"), phase, lambda u, before, p: [0, u["speed"]], lambda u, p: u["duration"],
+        ("speed", "duration"), ("x", "v"), lambda x, p: [x[1], -p["q"] * x[0]], lambda u, p: [0, u["speed"]],
+        lambda u, p: u["duration"],
         lambda u, x, p: [x[0] - 2, x[1]], q=(low, high),
     )  # fmt: skip
     root = prove_root(equations, [2.0, 1.5707963267948966], 60)

@@ -1,0 +1,224 @@
+"""A statement on balls: each arc becomes a leg, a system that is followed for one unit of time, and the conditions at
+the ends of the legs become equations with their derivatives.
+
+The states of a leg are those of its arc, the time that it takes, and the parameters that are only known within
+intervals. The unknowns of a proof are those of the statement and, after them, these parameters.
+"""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from flint import arb, arb_mat, fmpq
+
+from .crossing import Breakpoints
+from .enclosure import Passage, Variation, follow_set
+from .expressions import ZERO, Expression, jacobian, number, substitute, symbol, total
+from .programs import BallProgram
+from .refusal import Unproved
+from .stated import Bounds
+from .statement import Arc, Statement
+from .step import System, between, widened
+
+# Halvings of a step's time after which it is left open whether a law has a value there.
+MOST_HALVINGS = 12
+
+
+class Intervals:
+    """The parameters that are only known within intervals.
+
+    symbols, values : by name
+    """
+
+    def __init__(self, parameters: Mapping[str, Bounds]):
+        self.values = {name: (low, high) for name, (low, high) in parameters.items() if low < high}
+        self.symbols = {name: symbol(name) for name in self.values}
+
+    def __bool__(self) -> bool:
+        return bool(self.values)
+
+    def middles(self) -> list[arb]:
+        """Enclosures of the middles of the intervals."""
+        return [_ball((low + high) / 2) for low, high in self.values.values()]
+
+    def radii(self) -> list[arb]:
+        """How far each parameter may be from a number that its middle's enclosure holds."""
+        bounds = zip(self.values.values(), self.middles(), strict=True)
+        return [(_ball((high - low) / 2) + 2 * middle.rad()).abs_upper() for (low, high), middle in bounds]
+
+    def balls(self) -> list[arb]:
+        """Enclosures of the parameters."""
+        return [middle + arb(0, radius) for middle, radius in zip(self.middles(), self.radii(), strict=True)]
+
+
+def _ball(value: Fraction) -> arb:
+    return arb(fmpq(value.numerator, value.denominator))
+
+
+class Leg:
+    """An arc as programs, for interval parameters with these symbols.
+
+    state : symbols of the m moving states, of the duration, and of the interval parameters: n in all
+    rates : (laws, n), for a leg that lasts from 0 to 1
+    start : (unknowns, interval parameters, states at the end of the leg before) -> the states of this leg
+    conditions : for each law at the start, (the same but for the last, states at the start, states at the end) -> what
+        vanishes; the derivatives of each come as a dense matrix, row by row
+    """
+
+    def __init__(self, arc: Arc, unknowns: Sequence[Expression], intervals: Sequence[Expression]):
+        self.arc, self.moving = arc, arc.states
+        self.duration = symbol("duration of the leg")
+        self.state = [*arc.states, self.duration, *intervals]
+        still = [ZERO] * (len(self.state) - len(arc.states))
+        self.rates = [[*(self.duration * rate for rate in law), *still] for law in arc.rates]
+        inputs = [*unknowns, *intervals, *arc.before]
+        start = [*arc.start, arc.duration, *intervals]
+        self.start, self.start_slopes = BallProgram(inputs, start), _dense(start, inputs)
+        first, last = ([symbol(f"{end} {each.value}") for each in arc.states] for end in ("first", "last"))
+        inputs = [*unknowns, *intervals, *first, *last]
+        at_end = substitute(arc.conditions, dict(zip(arc.states, last, strict=True)))
+        each_law = [[*at_end, *substitute(law, dict(zip(arc.states, first, strict=True)))] for law in arc.guards]
+        self.conditions = [BallProgram(inputs, each) for each in each_law]
+        self.condition_slopes = [_dense(each, inputs) for each in each_law]
+        self.count = len(each_law[0])
+        self.variation = self._variation()
+        self._breaks = BallProgram(intervals, arc.breaks)
+        self._domains = [BallProgram(self.state, [each.place for each in law]) for law in arc.domains]
+
+    def _variation(self) -> Variation:
+        """The system of the leg with its variational equations."""
+        m, n = len(self.moving), len(self.state)
+        varied = [[symbol(f"d {i} {j}") for j in range(n)] for i in range(m)]
+        rows = [*varied, *([number(int(i == j)) for j in range(n)] for i in range(m, n))]
+        states = [*self.state, *(each for row in varied for each in row)]
+        systems, both = list[System](), list[System]()
+        for rates in self.rates:
+            slopes = jacobian(rates[:m], self.state)
+            changes = [
+                total(slopes[i][k] * rows[k][j] for k in range(n) if slopes[i][k] is not ZERO)
+                for i in range(m)
+                for j in range(n)
+            ]
+            systems.append(system_of(self.state, rates))
+            both.append(system_of(states, [*rates, *changes]))
+        return Variation(m, tuple(systems), tuple(both))
+
+    def breakpoints(self, intervals: Sequence[arb]) -> Breakpoints:
+        """Where the law changes, for enclosures of the interval parameters."""
+        values = self._breaks(intervals)
+        if not all(low < high for low, high in itertools.pairwise(values)):
+            raise Unproved("the breakpoints of the spring's law are not proved to be apart and in order")
+        return Breakpoints(tuple(map(_ball, self.arc.weights)), values)
+
+    def check_domains(self, passage: Passage) -> None:
+        """Raise `Unproved` where a formula is not proved to have a value all along an enclosed motion."""
+        for piece in passage.pieces:
+            for law in piece.laws:
+                if self.arc.domains[law]:
+                    waiting = [(arb(0), piece.step.h, MOST_HALVINGS)]
+                    while waiting:
+                        low, high, left = waiting.pop()
+                        values = self._domains[law](piece.step.at(between(low, high)))
+                        open_ones = [
+                            each.what
+                            for each, value in zip(self.arc.domains[law], values, strict=True)
+                            if not each.holds(value)
+                        ]
+                        if not open_ones:
+                            continue
+                        if left == 0:
+                            raise Unproved(f"the motion comes to or near where {open_ones[0]} has no value")
+                        middle = (low + high) / 2
+                        waiting += [(middle, high, left - 1), (low, middle, left - 1)]
+
+
+def system_of(states: list[Expression], rates: list[Expression]) -> System:
+    """The system of these rates of states, with its derivatives."""
+    places, slopes = list[tuple[int, int]](), list[Expression]()
+    for i, row in enumerate(jacobian(rates, states)):
+        for j, slope in enumerate(row):
+            if slope is not ZERO:
+                places.append((i, j))
+                slopes.append(slope)
+    return System(len(states), BallProgram(states, rates), BallProgram(states, slopes), tuple(places))
+
+
+def _dense(outputs: Sequence[Expression], inputs: Sequence[Expression]) -> BallProgram:
+    return BallProgram(inputs, [each for row in jacobian(outputs, inputs) for each in row])
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """The equations on a box of unknowns.
+
+    values : enclosures of the equations at the middle of the box
+    slopes : enclosures (equations, unknowns) of their derivatives on all of the box
+    """
+
+    values: list[arb]
+    slopes: arb_mat
+    passages: list[Passage]
+
+
+class Equations:
+    """The equations of a boundary value statement, on balls; the columns of derivatives are the unknowns and, after
+    them, the interval parameters."""
+
+    def __init__(self, statement: Statement, intervals: Intervals):
+        self.statement, self.intervals, self.unknowns = statement, intervals, tuple(statement.unknowns)
+        symbols = [*statement.unknowns.values()], [*intervals.symbols.values()]
+        self.legs = [Leg(arc, *symbols) for arc in statement.arcs]
+
+    def evaluate(self, centre: Sequence[arb], radii: Sequence[arb], bits: int, wide: bool = True) -> Evaluated:
+        """The equations on the box of unknowns within radii of a centre, for all values of the interval parameters, or
+        for their middles alone."""
+        intervals = self.intervals
+        middle = [*centre, *(each.mid() for each in intervals.middles())]
+        reach = [*radii, *(each if wide else arb(0) for each in intervals.radii())]
+        box = [widened(value, radius) for value, radius in zip(middle, reach, strict=True)]
+        deviations = arb_mat(len(reach), 1, [arb(0, each) for each in reach])
+        values, rows, passages = list[arb](), list[list[arb]](), list[Passage]()
+        last, last_box, last_slopes = list[arb](), list[arb](), None
+        for leg in self.legs:
+            columns = len(middle)
+            start = leg.start([*middle, *last])
+            slopes = _matrix_of(leg.start_slopes([*box, *last_box]), len(start))
+            by_unknowns = columns_of(slopes, 0, columns)
+            if last_slopes is not None:
+                by_unknowns = by_unknowns + columns_of(slopes, columns, len(last)) * last_slopes
+            breakpoints = leg.breakpoints(box[len(self.unknowns) :])
+            passage = follow_set(leg.variation, start, by_unknowns, deviations, bits, breakpoints=breakpoints)
+            law = passage.pieces[0].laws[0]
+            m = leg.variation.moving
+            end, end_slopes = passage.end[:m], _first_rows(passage.slopes, m)
+            start_slopes = _first_rows(by_unknowns, m)
+            start_box, end_box = passage.start[:m], passage.finish[:m]
+            passages.append(passage)
+            last, last_box, last_slopes = end, end_box, end_slopes
+            if leg.count == 0:
+                continue
+            values += leg.conditions[law]([*middle, *start[:m], *end])
+            slopes = _matrix_of(leg.condition_slopes[law]([*box, *start_box, *end_box]), leg.count)
+            whole = columns_of(slopes, 0, columns) + columns_of(slopes, columns, m) * start_slopes
+            rows += (whole + columns_of(slopes, columns + m, m) * end_slopes).tolist()
+        return Evaluated(values, arb_mat(rows), passages)
+
+    def check_domains(self, passages: Sequence[Passage]) -> None:
+        """Raise `Unproved` where a formula is not proved to have a value all along the enclosed motions."""
+        for leg, passage in zip(self.legs, passages, strict=True):
+            leg.check_domains(passage)
+
+
+def _matrix_of(values: list[arb], rows: int) -> arb_mat:
+    return arb_mat(rows, len(values) // rows, values)
+
+
+def columns_of(matrix: arb_mat, first: int, count: int) -> arb_mat:
+    """So many columns of a matrix, from the first one on."""
+    return arb_mat([row[first : first + count] for row in matrix.tolist()])
+
+
+def _first_rows(matrix: arb_mat, count: int) -> arb_mat:
+    """The first rows of a matrix."""
+    return arb_mat(matrix.tolist()[:count])

@@ -1,0 +1,323 @@
+"""Exact expressions: operations on symbols and rational numbers, differentiated and written as programs of balls.
+
+Nothing is rounded and nothing is dropped here but what is exactly so: a sum or a product of rational numbers is one,
+and 0 + x, 1 x, x - x and 0 x are what they are. The last two may lose a place where x has no value. So whatever
+restricts the domain of a stated formula (a quotient, a root, a logarithm, a power) is collected beside it, see
+`orbits.proof.formulas.Domain`, and is looked at along the whole motion, whether or not it is left in the expression.
+
+Equal expressions are one object, so that common parts are computed once.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from math import isqrt
+from typing import Any, ClassVar, Union
+from weakref import WeakValueDictionary
+
+from flint import Ordering, fmpq, fmpq_mpoly_ctx
+
+# An expression, or an exact number that stands for one.
+Operand = Union["Expression", Fraction, int]
+# Whole powers of numbers up to this one, with results of so many bits, are numbers; others stay powers.
+LARGEST_POWER, MOST_BITS = 512, 20_000
+# Whole powers up to this one are expanded, and polynomials of so many terms, to see whether an expression is 0.
+LARGEST_EXPANDED, MOST_TERMS = 24, 3000
+
+
+class Expression:
+    """An operation on other expressions: `kind` is "number", "symbol", "pi", "+", "*", "/", "**" with a whole exponent,
+    "power" with any other, or a function's name.
+
+    parts : the expressions that it is made of
+    value : the Fraction of a number, the name of a symbol, the exponent of "**"
+    """
+
+    __slots__ = ("__weakref__", "_slopes", "kind", "parts", "value")
+
+    _known: ClassVar["WeakValueDictionary[tuple, Expression]"] = WeakValueDictionary()
+
+    kind: str
+    parts: tuple["Expression", ...]
+    value: Any
+    _slopes: dict["Expression", "Expression"]
+
+    @classmethod
+    def of(cls, kind: str, parts: tuple["Expression", ...] = (), value: Any = None) -> "Expression":
+        """The one expression of this kind and these parts."""
+        key = (kind, tuple(map(id, parts)), value)
+        found = cls._known.get(key)
+        if found is None:
+            found = object.__new__(cls)
+            found.kind, found.parts, found.value, found._slopes = kind, parts, value, {}
+            cls._known[key] = found
+        return found
+
+    @property
+    def is_number(self) -> bool:
+        """Whether it is a rational number."""
+        return self.kind == "number"
+
+    def is_(self, value: int) -> bool:
+        """Whether it is this whole number."""
+        return self.kind == "number" and self.value == value
+
+    def __add__(self, other: Operand) -> "Expression":
+        a, b = self, expression(other)
+        if a.is_number and b.is_number:
+            return number(a.value + b.value)
+        if a.is_(0):
+            return b
+        if b.is_(0):
+            return a
+        return Expression.of("+", (a, b))
+
+    def __mul__(self, other: Operand) -> "Expression":
+        a, b = self, expression(other)
+        if b.is_number:
+            a, b = b, a
+        if a.is_number:
+            if b.is_number:
+                return number(a.value * b.value)
+            if a.is_(0):
+                return ZERO
+            if a.is_(1):
+                return b
+            if b.kind == "*" and b.parts[0].is_number:
+                return number(a.value * b.parts[0].value) * b.parts[1]
+        return Expression.of("*", (a, b))
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __neg__(self) -> "Expression":
+        return number(Fraction(-1)) * self
+
+    def __sub__(self, other: Operand) -> "Expression":
+        other = expression(other)
+        return ZERO if other is self else self + -other
+
+    def __rsub__(self, other: Operand) -> "Expression":
+        return expression(other) - self
+
+    def __truediv__(self, other: Operand) -> "Expression":
+        """A quotient; of a number by 0 none is made, so that its program meets the 0."""
+        a, b = self, expression(other)
+        if b.is_number and b.value:
+            return number(1 / b.value) * a
+        if a.is_(0) and not b.is_number:
+            return ZERO
+        return Expression.of("/", (a, b))
+
+    def __rtruediv__(self, other: Operand) -> "Expression":
+        return expression(other) / self
+
+    def __pow__(self, exponent: int) -> "Expression":
+        """A whole power."""
+        if exponent == 0:
+            return ONE
+        if exponent == 1:
+            return self
+        if self.is_number and (self.value or exponent > 0) and abs(exponent) <= LARGEST_POWER:
+            numerator, denominator = abs(self.value.numerator), self.value.denominator
+            if max(numerator, denominator).bit_length() * abs(exponent) <= MOST_BITS:
+                return number(self.value**exponent)
+        return Expression.of("**", (self,), exponent)
+
+    def __repr__(self) -> str:
+        if self.kind in ("number", "symbol"):
+            return str(self.value)
+        inner = ", ".join(map(repr, self.parts))
+        return f"{self.kind}({inner}{'' if self.value is None else f', {self.value}'})"
+
+
+def number(value: Fraction | int) -> Expression:
+    """The expression of a rational number."""
+    return Expression.of("number", (), Fraction(value))
+
+
+def symbol(name: str) -> Expression:
+    """The one symbol of a name."""
+    return Expression.of("symbol", (), name)
+
+
+def symbols(prefix: str, count: int) -> list[Expression]:
+    """Numbered symbols of a prefix that no name of a formula begins with."""
+    return [symbol(f"{prefix}.{i}") for i in range(count)]
+
+
+def expression(value: Operand) -> Expression:
+    """An expression, of a number too."""
+    return value if isinstance(value, Expression) else number(Fraction(value))
+
+
+ZERO, ONE, TWO, PI = number(0), number(1), number(2), Expression.of("pi")
+
+
+def call(name: str, x: Expression) -> Expression:
+    """A function of an expression; the values that are rational are numbers."""
+    if x.is_(0) and name in _ZERO_AT_ZERO:
+        return ZERO
+    if x.is_(0) and name in ("exp", "cos", "cosh"):
+        return ONE
+    if x.is_(1) and name == "log":
+        return ZERO
+    if name == "sqrt" and x.is_number and x.value > 0:
+        roots = [isqrt(x.value.numerator), isqrt(x.value.denominator)]
+        if roots[0] ** 2 == x.value.numerator and roots[1] ** 2 == x.value.denominator:
+            return number(Fraction(*roots))
+    return Expression.of(name, (x,))
+
+
+def power(base: Expression, exponent: Expression) -> Expression:
+    """A power, by its logarithm where the exponent is no whole number."""
+    if exponent.is_number and exponent.value.denominator == 1:
+        return base ** int(exponent.value)
+    if exponent.is_number and exponent.value == Fraction(1, 2):
+        return call("sqrt", base)
+    return Expression.of("power", (base, exponent))
+
+
+_ZERO_AT_ZERO = (
+    "sin", "tan", "sinh", "tanh", "asin", "atan", "asinh", "atanh", "expm1", "log1p",
+)  # fmt: skip
+# The derivative of each function f by its argument x.
+_SLOPES = {
+    "exp": lambda f, x: f,
+    "expm1": lambda f, x: f + 1,
+    "log": lambda f, x: 1 / x,
+    "log1p": lambda f, x: 1 / (1 + x),
+    "sqrt": lambda f, x: Fraction(1, 2) / f,
+    "sin": lambda f, x: call("cos", x),
+    "cos": lambda f, x: -call("sin", x),
+    "tan": lambda f, x: 1 + f**2,
+    "sinh": lambda f, x: call("cosh", x),
+    "cosh": lambda f, x: call("sinh", x),
+    "tanh": lambda f, x: 1 - f**2,
+    "asin": lambda f, x: 1 / call("sqrt", 1 - x**2),
+    "acos": lambda f, x: -1 / call("sqrt", 1 - x**2),
+    "atan": lambda f, x: 1 / (1 + x**2),
+    "asinh": lambda f, x: 1 / call("sqrt", 1 + x**2),
+    "acosh": lambda f, x: 1 / (call("sqrt", x - 1) * call("sqrt", x + 1)),
+    "atanh": lambda f, x: 1 / (1 - x**2),
+}
+FUNCTIONS = frozenset(_SLOPES)
+
+
+def in_order(outputs: Iterable[Expression]) -> list[Expression]:
+    """All expressions that some are made of, each after its parts, and once; without recursion, as sums are deep."""
+    order, seen = list[Expression](), set[Expression]()
+    waiting = [(each, False) for each in reversed([*outputs])]
+    while waiting:
+        each, ready = waiting.pop()
+        if ready:
+            order.append(each)
+        elif each not in seen:
+            seen.add(each)
+            waiting.append((each, True))
+            waiting.extend((part, False) for part in reversed(each.parts) if part not in seen)
+    return order
+
+
+def derivative(of: Expression, by: Expression) -> Expression:
+    """The derivative by a symbol."""
+    for each in in_order([of]):
+        if by not in each._slopes:
+            each._slopes[by] = _slope(each, by)
+    return of._slopes[by]
+
+
+def _slope(of: Expression, by: Expression) -> Expression:
+    """The derivative of an expression whose parts have theirs."""
+    if not of.parts:
+        return ONE if of is by else ZERO
+    (x, dx), *rest = [(part, part._slopes[by]) for part in of.parts]
+    if of.kind in _SLOPES:
+        return dx if dx is ZERO else _SLOPES[of.kind](of, x) * dx
+    if of.kind == "**":
+        return dx if dx is ZERO else of.value * x ** (of.value - 1) * dx
+    y, dy = rest[0]
+    if of.kind == "+":
+        return dx + dy
+    if of.kind == "*":
+        return dx * y + x * dy
+    if of.kind == "/":
+        return dx / y if dy is ZERO else (dx - of * dy) / y
+    assert of.kind == "power"
+    by_base = ZERO if dx is ZERO else y * dx / x
+    return of * (by_base if dy is ZERO else by_base + dy * call("log", x))
+
+
+def jacobian(outputs: Sequence[Expression], inputs: Sequence[Expression]) -> list[list[Expression]]:
+    """The derivatives (outputs, inputs)."""
+    return [[derivative(output, each) for each in inputs] for output in outputs]
+
+
+def along(of: Expression, places: Sequence[Expression], rates: Sequence[Expression]) -> Expression:
+    """The derivative of a function of places that change at these rates."""
+    return total(derivative(of, place) * rate for place, rate in zip(places, rates, strict=True))
+
+
+def total(terms: Iterable[Operand]) -> Expression:
+    """The sum of some expressions."""
+    found = ZERO
+    for term in terms:
+        found = found + term
+    return found
+
+
+def substitute(of: Sequence[Expression], places: Mapping[Expression, Operand]) -> list[Expression]:
+    """Expressions with others in the places of symbols."""
+    new = {each: expression(value) for each, value in places.items()}
+    for each in in_order(of):
+        if each not in new:
+            new[each] = rebuilt(each, [new[part] for part in each.parts]) if each.parts else each
+    return [new[each] for each in of]
+
+
+def rebuilt(each: Expression, parts: Sequence[Expression]) -> Expression:
+    """The operation of an expression on other parts."""
+    if each.kind == "+":
+        return parts[0] + parts[1]
+    if each.kind == "*":
+        return parts[0] * parts[1]
+    if each.kind == "/":
+        return parts[0] / parts[1]
+    if each.kind == "**":
+        return parts[0] ** each.value
+    return power(*parts) if each.kind == "power" else call(each.kind, parts[0])
+
+
+def vanishes(each: Expression) -> bool:
+    """Whether an expression is 0 as a quotient of polynomials, of its symbols and of what else it is made of; one that
+    is 0 by an identity of other functions is not seen to be."""
+    order = in_order([each])
+    polynomials = ("number", "+", "*", "/", "**")
+    atoms = [node for node in order if node.kind not in polynomials]
+    context = fmpq_mpoly_ctx.get([f"x{i}" for i in range(len(atoms))], Ordering.lex)
+    known = dict(zip(atoms, context.gens(), strict=True))
+    one = context.constant(1)
+    found = dict[Expression, tuple[Any, Any]]()
+    for node in order:
+        parts = [found[part] for part in node.parts]
+        if node in known:
+            found[node] = known[node], one
+        elif node.kind == "number":
+            found[node] = context.constant(fmpq(node.value.numerator, node.value.denominator)), one
+        elif node.kind == "**":
+            (a, b), n = parts[0], abs(node.value)
+            if n > LARGEST_EXPANDED:
+                return False
+            found[node] = (a**n, b**n) if node.value > 0 else (b**n, a**n)
+        else:
+            (a, b), (c, d) = parts
+            found[node] = (a * d + c * b, b * d) if node.kind == "+" else (a * c, b * d)
+            if node.kind == "/":
+                found[node] = a * d, b * c
+        if found[node][1] == 0 or max(map(len, found[node])) > MOST_TERMS:
+            return False
+    return bool(found[each][0] == 0)
+
+
+def depends_on(of: Iterable[Expression], on: Iterable[Expression]) -> bool:
+    """Whether some expressions hold one of these symbols."""
+    these = set(on)
+    return any(each in these for each in in_order(of))

@@ -1,0 +1,134 @@
+"""Stated formulas as exact expressions, with what their operations ask of the places where they have a value.
+
+A numeral is the decimal that is written. Whatever a formula divides by, takes a root or a logarithm of, or raises to a
+power that is no whole number is collected as a `Domain`: the expression may be simplified, as r (r - 1)/(r - 1) to r,
+and still has no value at r = 1.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from functools import lru_cache
+
+from flint import arb
+
+from ..errors import InputError
+from ..symbolic.formula import BLANKS, Formula, parse
+from .expressions import FUNCTIONS, PI, Expression, call, number, power
+from .refusal import Unproved
+
+# Decimals have at most so many places, before or after the point.
+MOST_PLACES = 1500
+
+
+def exact_fraction(name: str, value: str | float | Decimal | Fraction) -> Fraction:
+    """The exact value of a decimal, stated as text, as a Decimal or whole number, or by the float that it rounds to:
+    a float stands for the shortest decimal that rounds to it. Raises `InputError` for what is no finite number."""
+    if isinstance(value, Fraction):
+        return value
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        decimal = Decimal(value if isinstance(value, str | Decimal | int) else repr(float(value)))
+        if not abs(decimal.adjusted()) <= MOST_PLACES or abs(int(decimal.as_tuple().exponent)) > MOST_PLACES:
+            raise ValueError
+        return Fraction(decimal)
+    except (ArithmeticError, ValueError, TypeError):
+        raise InputError(f"{name} = {str(value)[:40]!r} is no decimal number that can be computed with") from None
+
+
+@dataclass(frozen=True)
+class Domain:
+    """What an operation of a formula needs: its `place` is "positive" or "not zero".
+
+    what : the operation and the formula, for messages
+    """
+
+    what: str
+    place: Expression
+    positive: bool
+
+    def holds(self, value: arb) -> bool:
+        """Whether all values of a ball are allowed."""
+        return bool(value > 0) or (not self.positive and bool(value < 0))
+
+
+class Domains(list[Domain]):
+    """The domains of the operations of some formulas."""
+
+    def need(self, what: str, place: Expression, positive: bool) -> None:
+        """Add one that is not plain to hold; raises `Unproved` for a number that is outside."""
+        if place.is_number:
+            if not (place.value > 0 or (not positive and place.value)):
+                raise Unproved(f"{what} has no value")
+            return
+        domain = Domain(what, place, positive)
+        if domain not in self:
+            self.append(domain)
+
+
+@lru_cache(maxsize=1024)
+def _parsed(text: str) -> Formula:
+    return parse(text)
+
+
+def expression_of(text: str, names: Mapping[str, Expression], domains: Domains) -> Expression:
+    """The exact expression of a formula whose names stand for expressions; its domains are added to `domains`.
+
+    Raises `InputError` for a name that is not known, and `Unproved` for abs and sign, which have no Taylor series
+    everywhere, and for what has no value anywhere.
+    """
+    formula = _parsed(text)
+    if missing := sorted(formula.names - names.keys()):
+        raise InputError(f"'{text}' needs a value for {', '.join(missing)}")
+    stack, shown = list[Expression](), f"'{text.strip(BLANKS)[:60]}'"
+    for node in formula.nodes:
+        kind = node[0]
+        if kind == "number":
+            stack.append(number(exact_fraction("a numeral", node[2])))
+        elif kind == "name":
+            stack.append(PI if node[1] == "pi" else names[node[1]])
+        elif kind == "negative":
+            stack.append(-stack.pop())
+        elif kind == "call":
+            stack.append(_called(node[1], stack.pop(), shown, domains))
+        else:
+            right, left = stack.pop(), stack.pop()
+            stack.append(_combined(kind, left, right, shown, domains))
+    return stack.pop()
+
+
+def _combined(kind: str, left: Expression, right: Expression, shown: str, domains: Domains) -> Expression:
+    if kind == "+":
+        return left + right
+    if kind == "-":
+        return left - right
+    if kind == "*":
+        return left * right
+    if kind == "/":
+        domains.need(f"a quotient in {shown}", right, positive=False)
+        return left / right
+    whole = right.is_number and right.value.denominator == 1
+    if not whole or right.value < 0:
+        domains.need(f"a power in {shown}", left, positive=not whole)
+    return power(left, right)
+
+
+def _called(name: str, x: Expression, shown: str, domains: Domains) -> Expression:
+    if name not in FUNCTIONS:
+        raise Unproved(f"{shown} has {name}, which has no Taylor series everywhere")
+    for place in _PLACES.get(name, lambda x: ())(x):
+        domains.need(f"{name} in {shown}", place, positive=name != "tan")
+    return call(name, x)
+
+
+# What has to be positive for each function's argument x; of the tangent, not zero.
+_PLACES = {
+    "sqrt": lambda x: (x,),
+    "log": lambda x: (x,),
+    "log1p": lambda x: (1 + x,),
+    "tan": lambda x: (call("cos", x),),
+    **dict.fromkeys(("asin", "acos", "atanh"), lambda x: (1 + x, 1 - x)),
+    "acosh": lambda x: (x - 1,),
+}

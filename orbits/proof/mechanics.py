@@ -1,0 +1,307 @@
+"""The equations of a stated machine, derived on exact expressions.
+
+With the kinetic energy v' M(y) v/2 and the forces Q(y) of springs, weights and potentials, Lagrange's equations are
+
+    M y'' = Q - C,    C = (d(M v)/dy) v - grad(v' M v)/2,
+
+in contact with + lambda g, g the gap's gradient, and g y'' = 0: the closed gap determines one coordinate, y = E s.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from .expressions import (
+    ONE,
+    ZERO,
+    Expression,
+    depends_on,
+    derivative,
+    expression,
+    jacobian,
+    number,
+    substitute,
+    symbol,
+    total,
+    vanishes,
+)
+from .formulas import Domains, expression_of
+from .refusal import Unproved
+from .stated import StatedMachine, StatedSpring
+
+Vector = list[Expression]
+Matrix = list[Vector]
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Where laws follow one another along a sum of coordinates: its weights (n,), and the places, ascending."""
+
+    weights: tuple[Fraction, ...]
+    breaks: tuple[Expression, ...]
+
+
+@dataclass(frozen=True)
+class LoneExtension:
+    """The extension r of two coordinates whose springs all act along it under constant gravity: it moves alone, and a
+    sum w of the coordinates is thrown up with it, w'' = fall.
+
+    weights, thrown : of the coordinates in r and in w
+    accelerations : of r, for each law, as functions of the symbol `place`
+    domains : what each law needs there
+    """
+
+    place: Expression
+    weights: Vector
+    thrown: Vector
+    accelerations: list[Expression]
+    fall: Expression
+    domains: list[Domains]
+
+
+class Mechanics:
+    """The equations of motion of a stated machine.
+
+    free : the name of a parameter that is an unknown
+    y, v : symbols (n,) of the coordinates and their rates
+    parameters : what each name stands for: a number, or a symbol of an interval parameter or an unknown
+    inertia : M (n, n)
+    gap : its weights (n,), exact, the largest of which is 1
+    kept, embed : the coordinates of the contact, and the exact matrix (n, n - 1) from these to all
+    conservative, forces : (laws, n), Q and Q - C
+    accelerations : (laws, n) in flight
+    domains : what each formula that is no spring's law needs along the motion
+    law_domains : for each law of a machine in pieces, what it needs; one entry where there are no pieces
+    """
+
+    def __init__(self, stated: StatedMachine, free: str | None = None):
+        self.stated, self.size = stated, len(stated.coordinates)
+        bounds = stated.parameters.items()
+        fixed = {name: low for name, (low, high) in bounds if low == high and name != free}
+        self.parameters = {name: number(fixed[name]) if name in fixed else symbol(name) for name in stated.parameters}
+        self.y = [symbol(name) for name in stated.coordinates]
+        self.v = [symbol(f"{name}'") for name in stated.coordinates]
+        self.names = {**self.parameters, **dict(zip(stated.coordinates, self.y, strict=True))}
+        self.domains = Domains()
+        self.inertia = self._inertia()
+        self.gap = self._gap()
+        self.eliminated = max(range(self.size), key=lambda i: self.gap[i])
+        self.kept = [i for i in range(self.size) if i != self.eliminated]
+        if stated.launch not in [stated.coordinates[i] for i in self.kept]:
+            raise Unproved(f"'{stated.launch}' is no coordinate of the contact")
+        self.launched = [stated.coordinates[i] for i in self.kept].index(stated.launch)
+        rows = {i: [Fraction(int(i == j)) for j in self.kept] for i in self.kept}
+        rows[self.eliminated] = [-self.gap[j] for j in self.kept]
+        self.embed = [rows[i] for i in range(self.size)]
+        self.counts = self.formula(stated.counts)
+        self.separation = None if stated.separation is None else self.formula(stated.separation)
+        self.pieces, self.law_domains, self.conservative = self._forces()
+        centrifugal = self._centrifugal()
+        self.forces = [[q - c for q, c in zip(force, centrifugal, strict=True)] for force in self.conservative]
+        self.accelerations = [solved(self.inertia, force) for force in self.forces]
+        self._derive_contact()
+
+    def formula(self, text: str, **names: Expression) -> Expression:
+        """The expression of a formula; its domains are kept."""
+        return expression_of(text, {**self.names, **names}, self.domains)
+
+    def gradient(self, of: Expression) -> Vector:
+        """The gradient (n,) by the coordinates."""
+        return [derivative(of, place) for place in self.y]
+
+    def _of_parameters(self, text: str) -> Expression:
+        """A mass, which does not depend on the coordinates."""
+        found = self.formula(text)
+        if depends_on([found], self.y):
+            raise Unproved(f"mass '{text}' depends on coordinates")
+        return found
+
+    def _inertia(self) -> Matrix:
+        s, matrix = self.stated, [[ZERO] * self.size for _ in range(self.size)]
+        if s.inertia:
+            matrix = [[self.formula(entry) for entry in row] for row in s.inertia]
+            for i in range(self.size):
+                for j in range(i):
+                    if not vanishes(matrix[i][j] - matrix[j][i]):
+                        raise Unproved("the stated inertia is not plainly symmetric")
+        for place, size in (*s.masses, *s.inerters):
+            along, mass = self.gradient(self.formula(place)), self._of_parameters(size)
+            matrix = [[matrix[i][j] + mass * along[i] * along[j] for j in range(self.size)] for i in range(self.size)]
+        for place in pivots(matrix):
+            self.domains.need("the inverse of the inertia", place, positive=True)
+        return matrix
+
+    def _gap(self) -> list[Fraction]:
+        """The weights (n,) of the gap, the largest of which is 1."""
+        gap = self.formula(self.stated.gap)
+        weights = self.gradient(gap)
+        (at_zero,) = substitute([gap], dict.fromkeys(self.y, ZERO))
+        if not all(each.is_number for each in weights) or not at_zero.is_(0):
+            raise Unproved(f"gap '{self.stated.gap}' is no sum of coordinates with numbers before them")
+        largest = max(each.value for each in weights)
+        if largest <= 0:
+            raise Unproved(f"gap '{self.stated.gap}' is closed by no coordinate that rises")
+        return [each.value / largest for each in weights]
+
+    def _centrifugal(self) -> Vector:
+        momentum = [total(m * v for m, v in zip(row, self.v, strict=True)) for row in self.inertia]
+        energy = total(v * p for v, p in zip(self.v, momentum, strict=True)) / 2
+        turned = [total(s * v for s, v in zip(row, self.v, strict=True)) for row in jacobian(momentum, self.y)]
+        return [a - b for a, b in zip(turned, self.gradient(energy), strict=True)]
+
+    def _forces(self) -> tuple[Pieces | None, list[Domains], Matrix]:
+        """The pieces of the springs' laws, what each law needs, and the forces (laws, n) but for the speeds'."""
+        s, constant = self.stated, [ZERO] * self.size
+        for place, mass in (*s.masses, *s.weights):
+            height = self.formula(place)
+            weight = self._of_parameters(mass) * self.gravity(height)
+            constant = [f - weight * slope for f, slope in zip(constant, self.gradient(height), strict=True)]
+        for energy in s.potentials:
+            constant = [f - slope for f, slope in zip(constant, self.gradient(self.formula(energy)), strict=True)]
+        in_pieces = [each for each in s.springs if each.breaks]
+        if len(in_pieces) > 1:
+            raise Unproved("more than one spring has a law in pieces")
+        domains = [Domains() for _ in range(1 + (len(in_pieces[0].breaks) if in_pieces else 0))]
+        laws = list[Vector]()
+        for law, own in enumerate(domains):
+            force = list(constant)
+            for spring in s.springs:
+                extension = self.formula(spring.extension)
+                pull = self.pull(spring, law if spring.breaks else 0, extension, own)
+                force = [f - pull * slope for f, slope in zip(force, self.gradient(extension), strict=True)]
+            laws.append(force)
+        return (self._pieces(in_pieces[0]) if in_pieces else None), domains, laws
+
+    def gravity(self, height: Expression) -> Expression:
+        """The acceleration of gravity at a height."""
+        return self.formula(self.stated.surface_gravity) * self.formula(self.stated.gravity, z=height)
+
+    def pull(self, spring: StatedSpring, piece: int, extension: Expression, domains: Domains) -> Expression:
+        """The force of a spring at an extension, on a piece of its law; its domains are added to these."""
+        r, own = symbol("r"), Domains()
+        law = expression_of(spring.force[piece], {**self.parameters, "r": r}, own)
+        force, *places = substitute(
+            [derivative(law, r) if spring.potential else law, *(each.place for each in own)], {r: extension}
+        )
+        for each, place in zip(own, places, strict=True):
+            domains.need(each.what, place, each.positive)
+        return force
+
+    def _pieces(self, spring: StatedSpring) -> Pieces:
+        extension = self.formula(spring.extension)
+        weights = self.gradient(extension)
+        (offset,) = substitute([extension], dict.fromkeys(self.y, ZERO))
+        if not all(each.is_number for each in weights):
+            raise Unproved("a law in pieces acts along no sum of coordinates with numbers before them")
+        breaks = tuple(expression_of(each, self.parameters, self.domains) - offset for each in spring.breaks)
+        for k, place in enumerate(breaks):
+            low, high = (self.pull(spring, piece, place + offset, Domains()) for piece in (k, k + 1))
+            if not vanishes(low - high):
+                raise Unproved("the spring's force is not plainly continuous at a breakpoint")
+        return Pieces(tuple(each.value for each in weights), breaks)
+
+    def _derive_contact(self) -> None:
+        """The motion in contact: accelerations and contact force, for each law, as functions of s and its rates."""
+        self.s, self.w = [self.y[i] for i in self.kept], [self.v[i] for i in self.kept]
+        places = {**dict(zip(self.y, self.embedded(self.s), strict=True))}
+        places |= dict(zip(self.v, self.embedded(self.w), strict=True))
+        inertia = [substitute(row, places) for row in self.inertia]
+        count = range(len(self.kept))
+        held = [[total(row[i] * self.embed[i][j] for i in range(self.size)) for j in count] for row in inertia]
+        reduced = [[total(self.embed[i][k] * held[i][j] for i in range(self.size)) for j in count] for k in count]
+        self.contact_accelerations, self.contact_force = list[Vector](), list[Expression]()
+        for force in self.forces:
+            inside = substitute(force, places)
+            rates = solved(reduced, self.along(inside))
+            row = held[self.eliminated]
+            carried = total(m * rate for m, rate in zip(row, rates, strict=True))
+            self.contact_accelerations.append(rates)
+            self.contact_force.append(carried - inside[self.eliminated])
+
+    def embedded(self, s: Sequence[Expression]) -> Vector:
+        """All coordinates, or rates, of those of the contact."""
+        return [total(weight * x for weight, x in zip(row, s, strict=True)) for row in self.embed]
+
+    def along(self, forces: Sequence[Expression]) -> Vector:
+        """Forces on all coordinates as those on the coordinates of the contact."""
+        count = range(len(self.kept))
+        return [total(self.embed[i][j] * forces[i] for i in range(self.size)) for j in count]
+
+    def lone_extension(self) -> LoneExtension | None:
+        """The extension that moves alone; None where none plainly does."""
+        s, height = self.stated, symbol("z")
+        gravity = expression_of(s.gravity, {**self.names, "z": height}, Domains())
+        load = [ZERO] * self.size
+        for at, mass in (*s.masses, *s.weights):
+            weight = self._of_parameters(mass) * self.gravity(ZERO)
+            load = [f + weight * slope for f, slope in zip(load, self.gradient(self.formula(at)), strict=True)]
+        varying = [*load, *(entry for row in self.inertia for entry in row)]
+        if self.size != 2 or s.potentials or not s.springs or depends_on([gravity], [height, *self.y]):
+            return None
+        if depends_on(varying, self.y):
+            return None
+        ways = list[tuple[Fraction, Expression]]()
+        along: list[Fraction] = []
+        for spring in s.springs:
+            extension = self.formula(spring.extension)
+            slopes = self.gradient(extension)
+            if not all(each.is_number for each in slopes):
+                return None
+            weights = [each.value for each in slopes]
+            along = along or weights
+            first = next((i for i in (0, 1) if along[i]), 0)
+            factor = weights[first] / along[first] if along[first] else Fraction(0)
+            if not factor or [factor * each for each in along] != weights:
+                return None
+            (offset,) = substitute([extension], dict.fromkeys(self.y, ZERO))
+            ways.append((factor, offset))
+        place, r = symbol("lone extension"), [expression(each) for each in along]
+        mobility = solved(self.inertia, r)
+        thrown = [mobility[1], -mobility[0]]
+        falling = solved(self.inertia, load)
+        accelerations, domains = list[Expression](), [Domains() for _ in self.forces]
+        for law, own in enumerate(domains):
+            pull = total(
+                factor * self.pull(each, law if each.breaks else 0, factor * place + offset, own)
+                for each, (factor, offset) in zip(s.springs, ways, strict=True)
+            )
+            accelerations.append(-(pull * product(r, mobility) + product(r, falling)))
+        return LoneExtension(place, r, thrown, accelerations, -product(thrown, falling), domains)
+
+
+def product(a: Sequence[Expression], b: Sequence[Expression]) -> Expression:
+    """The sum of products."""
+    return total(x * y for x, y in zip(a, b, strict=True))
+
+
+def _eliminated(matrix: Matrix) -> tuple[Matrix, Matrix]:
+    """The factors of a symmetric positive definite matrix M = L D L', L with ones on its diagonal, D in the diagonal of
+    the second."""
+    n = len(matrix)
+    lower, left = [[ONE if i == j else ZERO for j in range(n)] for i in range(n)], [list(row) for row in matrix]
+    for k in range(n):
+        for i in range(k + 1, n):
+            if left[i][k].is_(0):
+                continue
+            lower[i][k] = left[i][k] / left[k][k]
+            left[i] = [a - lower[i][k] * b for a, b in zip(left[i], left[k], strict=True)]
+            left[i][k] = ZERO
+    return lower, left
+
+
+def pivots(matrix: Matrix) -> Vector:
+    """What is positive exactly where a symmetric matrix is positive definite."""
+    _, upper = _eliminated(matrix)
+    return [upper[i][i] for i in range(len(matrix))]
+
+
+def solved(matrix: Matrix, right: Sequence[Expression]) -> Vector:
+    """The solution of a linear system with a symmetric positive definite matrix."""
+    lower, upper = _eliminated(matrix)
+    n, found = len(matrix), list(right)
+    for i in range(n):
+        found[i] = found[i] - total(lower[i][k] * found[k] for k in range(i))
+    for i in reversed(range(n)):
+        known = total(upper[i][k] * found[k] for k in range(i + 1, n))
+        found[i] = (found[i] - known) / upper[i][i]
+    return found

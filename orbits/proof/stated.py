@@ -1,0 +1,232 @@
+"""What a theorem is about: a machine in words, formulas and exact numbers, from which whoever reads it can rebuild it.
+
+A proof reads these texts and nothing else of the machine: no expression that the engine built from them, and no float.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
+
+from ..errors import InputError
+from ..model.laws import Key
+from ..model.machine import Machine, free_parameters
+from ..model.mechanics.derived import derived_launch
+from ..model.mechanics.elements import Inerter, Mass, Potential, Scalar, Spring, Weight
+from ..model.mechanism import Mechanism
+from ..symbolic.tracing import traced_of_places
+from .decimals import decimal_text
+from .formulas import exact_fraction
+from .refusal import Unproved
+
+# An exact decimal, a fraction, or the bounds of an interval.
+Exact = str | float | Decimal | Fraction
+Decimals = Exact | tuple[Exact, Exact]
+# The lower and the upper bound of a parameter.
+Bounds = tuple[Fraction, Fraction]
+# Something along a function of the coordinates, with its size: the formulas of both.
+Sized = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class StatedSpring:
+    """A spring along an extension; `force` has a formula of r for each piece, and `breaks` those where they meet.
+
+    potential : whether the force is the derivative of the formula by r
+    """
+
+    extension: str
+    force: tuple[str, ...]
+    breaks: tuple[str, ...] = ()
+    potential: bool = False
+
+    def words(self) -> str:
+        """The spring in words."""
+        where = f"along r = {self.extension}"
+        if self.potential:
+            return f"a spring with the energy {self.force[0]} {where}"
+        if not self.breaks:
+            return f"a spring with the force {self.force[0]} {where}"
+        pieces = [f"{self.force[0]} below {self.breaks[0]}"]
+        pieces += [f"{force} from r = {low} on" for force, low in zip(self.force[1:], self.breaks, strict=True)]
+        return f"a spring with the force {', '.join(pieces)}, {where}"
+
+
+@dataclass(frozen=True)
+class StatedMachine:
+    """A machine as a theorem states it; every text is a formula of the coordinates and the parameters.
+
+    units : "SI" or "dimensionless"
+    parameters : the exact bounds of each, equal for a number
+    masses, weights, inerters : formulas of the height or extension, and of the mass
+    inertia : rows of the inertia matrix that is stated beside these, if any
+    potentials : energies
+    surface_gravity, gravity : the acceleration is their product, the second a formula of the height z
+    launch : the coordinate whose place and rate at lift-off are "liftoff" and "alpha"
+    counts : the extension whose stationary points count the family
+    """
+
+    name: str
+    units: str
+    coordinates: tuple[str, ...]
+    parameters: Mapping[str, Bounds]
+    masses: tuple[Sized, ...]
+    weights: tuple[Sized, ...]
+    inerters: tuple[Sized, ...]
+    inertia: tuple[tuple[str, ...], ...]
+    springs: tuple[StatedSpring, ...]
+    potentials: tuple[str, ...]
+    surface_gravity: str
+    gravity: str
+    gap: str
+    launch: str
+    counts: str
+    separation: str | None
+
+    @property
+    def wide(self) -> list[str]:
+        """The names of the parameters that are intervals."""
+        return [name for name, (low, high) in self.parameters.items() if low < high]
+
+    def document(self) -> dict[str, Any]:
+        """The machine for JSON."""
+        return {
+            "name": self.name,
+            "units": self.units,
+            "coordinates": list(self.coordinates),
+            "parameters": {name: [*map(decimal_text, bounds)] for name, bounds in self.parameters.items()},
+            **{name: [list(each) for each in getattr(self, name)] for name in ("masses", "weights", "inerters")},
+            "inertia": [list(row) for row in self.inertia],
+            "springs": [
+                {
+                    "extension": each.extension,
+                    "force": list(each.force),
+                    "breaks": list(each.breaks),
+                    "potential": each.potential,
+                }
+                for each in self.springs
+            ],
+            "potentials": list(self.potentials),
+            **{name: getattr(self, name) for name in ("surface_gravity", "gravity", "gap", "launch", "counts")},
+            "separation": self.separation,
+        }
+
+    def words(self, free: str | None = None) -> str:
+        """The machine as a sentence, without the value of a parameter that is free."""
+        parts = [f"the coordinates {', '.join(self.coordinates)}"]
+        parts += [f"a mass {mass} at the height {height}" for height, mass in self.masses]
+        parts += [f"the weight of a mass {mass} at the height {height}" for height, mass in self.weights]
+        parts += [f"an inerter {mass} along {extension}" for extension, mass in self.inerters]
+        if self.inertia:
+            rows = "; ".join(", ".join(row) for row in self.inertia)
+            parts.append(f"the inertia [{rows}]")
+        parts += [each.words() for each in self.springs]
+        parts += [f"the potential energy {each}" for each in self.potentials]
+        parts.append(f"the acceleration of gravity ({self.surface_gravity})*({self.gravity}) at the height z")
+        parts.append(f"the gap {self.gap}, which lands plastically")
+        if self.separation is not None:
+            parts.append(f"the separation {self.separation}")
+        named = ", ".join(f"{name} {_range_text(bounds)}" for name, bounds in self.parameters.items() if name != free)
+        units = "in SI" if self.units == "SI" else "dimensionless"
+        numbers = f", with {named}" if named else ""
+        launch = f"{self.launch} and its rate at lift-off are called liftoff and alpha"
+        return f"Let the {self.name} have {'; '.join(parts)}{numbers}; all is {units}. {launch}."
+
+
+def _range_text(bounds: Bounds) -> str:
+    low, high = map(decimal_text, bounds)
+    return f"= {low}" if low == high else f"in [{low}, {high}]"
+
+
+def exact_bounds(name: str, value: Decimals) -> Bounds:
+    """The exact bounds of a parameter; raises `InputError` for what is no number and no interval."""
+    bounds = value if isinstance(value, tuple | list) else (value, value)
+    if len(bounds) != 2:
+        raise InputError(f"{name} = {value!r}: an interval has two bounds, (low, high)")
+    low, high = (exact_fraction(name, bound) for bound in bounds)
+    if low > high:
+        raise InputError(f"{name} lies between {bounds[0]} and {bounds[1]}: the first bound is the lower one")
+    return low, high
+
+
+def stated_machine(machine: Machine, parameters: Mapping[str, Decimals]) -> StatedMachine:
+    """What a theorem about a machine states, with exact values of some of its parameters; each other one stands for
+    the shortest decimal that rounds to it.
+
+    Raises `InputError` for a machine that states no mechanics and for parameters that it does not have or that cannot
+    be so, and `Unproved` for what no formula says: a table, or a Python function that formulas cannot write.
+    """
+    if not callable(getattr(machine, "stated", None)):
+        raise InputError(f"a {machine.model.name} states no mechanics that a proof could read: state a Mechanism")
+    mechanism: Mechanism = machine.stated()  # type: ignore[attr-defined]
+    free = free_parameters(machine)
+    for name in parameters:
+        if name not in free:
+            raise InputError(f"the machine has no parameter '{name}' to follow; it has {', '.join(free)}")
+    known = mechanism.values
+    values = {name: exact_bounds(name, {**known, **parameters}[name]) for name in mechanism.names if name in known}
+    for end in (0, 1):
+        machine.with_values(**{name: float(values[name][end]) for name in parameters if name in values})
+    return _of_mechanism(mechanism, values)
+
+
+def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedMachine:
+    names = tuple(values)
+
+    def text(expression: Scalar) -> str:
+        return _text_of(expression, mechanism.coordinates, names)
+
+    kinds: dict[type, list[Sized]] = {Mass: [], Weight: [], Inerter: []}
+    springs, potentials = list[StatedSpring](), list[str]()
+    for element in mechanism.elements:
+        match element:
+            case Mass(place, size) | Weight(place, size) | Inerter(place, size):
+                kinds[type(element)].append((text(place), text(size)))
+            case Spring(extension, law):
+                springs.append(_spring(text(extension), law))
+            case Potential(energy):
+                potentials.append(text(energy))
+            case _:
+                raise InputError(f"{type(element).__name__} does not conserve energy: it has no lossless orbit")
+    gravity, structure = mechanism.gravity, mechanism.structure
+    if gravity.written is None or gravity.written.potential:
+        raise Unproved(f"gravity '{gravity.text}' is no formula that a theorem could state")
+    separation = mechanism.separation
+    return StatedMachine(
+        name=mechanism.name,
+        units="SI" if mechanism.in_si else "dimensionless",
+        coordinates=tuple(mechanism.coordinates),
+        parameters=values,
+        masses=tuple(kinds[Mass]),
+        weights=tuple(kinds[Weight]),
+        inerters=tuple(kinds[Inerter]),
+        inertia=tuple(tuple(map(text, row)) for row in mechanism.inertia),
+        springs=tuple(springs),
+        potentials=tuple(potentials),
+        surface_gravity=text(mechanism.surface_gravity),
+        gravity=gravity.written.formulas[0],
+        gap=text(mechanism.gap),
+        launch=derived_launch(structure),
+        counts=text(structure.counts),
+        separation=None if separation is None else text(separation),
+    )
+
+
+def _text_of(expression: Scalar, coordinates: tuple[str, ...], names: tuple[str, ...]) -> str:
+    """An expression of a mechanism as a formula."""
+    if isinstance(expression, str):
+        return expression
+    if callable(expression):
+        found = traced_of_places(expression, coordinates, names)
+        if found is None:
+            raise Unproved(f"the Python function {expression!r} cannot be written as a formula")
+        return found
+    return str(expression) if isinstance(expression, int | Decimal) else repr(float(expression))
+
+
+def _spring(extension: str, law: Any) -> StatedSpring:
+    assert isinstance(law, Key)
+    if law.written is None:
+        raise Unproved(f"the spring's law '{law.text}' is a table or a function that no formula says")
+    return StatedSpring(extension, *law.written)

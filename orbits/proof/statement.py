@@ -1,0 +1,231 @@
+"""What is proved to have a solution: arcs of motions with the conditions that make an orbit of them, on expressions.
+
+Half an orbit is enough, as the motions are their own mirror images in time. A flight from a launch to where all speeds
+vanish is half of one that lands as it was launched, with all speeds turned; a contact that starts from there and comes
+to where all its speeds vanish is half of one that ends in the launch.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from .expressions import ONE, ZERO, Expression, along, derivative, expression, substitute, symbol, symbols
+from .formulas import Domain, Domains
+from .mechanics import LoneExtension, Mechanics, Vector, product
+
+# The unknowns that are half the times of the two phases.
+FLIGHT_DURATION, CONTACT_DURATION = "duration", "contact_duration"
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A phase travelled once, in `duration` units of time.
+
+    states : symbols of the m states
+    rates : (laws, m), functions of the states
+    weights, breaks : of the states in the coordinate along which the laws follow one another, and where
+    before : symbols of the last states of the arc before
+    start : (m,), functions of the unknowns and `before`
+    duration : a function of the unknowns
+    guards : (laws, g), functions of unknowns and states that vanish at the start
+    conditions : functions of unknowns and states that vanish at the end
+    domains : for each law, what its formulas need along the motion
+    """
+
+    states: Vector
+    rates: list[Vector]
+    start: Vector
+    duration: Expression
+    guards: list[Vector]
+    conditions: Vector
+    domains: list[list[Domain]]
+    before: tuple[Expression, ...] = ()
+    weights: tuple[Fraction, ...] = ()
+    breaks: tuple[Expression, ...] = ()
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A square boundary value problem.
+
+    unknowns : their symbols by name
+    arcs : in the order in which they are travelled
+    """
+
+    unknowns: dict[str, Expression]
+    arcs: tuple[Arc, ...]
+
+
+def unknown(name: str) -> Expression:
+    """The symbol of an unknown."""
+    return symbol(f"unknown {name}")
+
+
+class HalfOrbit:
+    """The statements of half an orbit of a machine.
+
+    launch_unknowns : symbols by name of the place and the rates of the contact's coordinates at lift-off
+    """
+
+    def __init__(self, mechanics: Mechanics):
+        self.mechanics, names = mechanics, list[str]()
+        for i, coordinate in enumerate(mechanics.kept):
+            name = mechanics.stated.coordinates[coordinate]
+            names += ["liftoff", "alpha"] if i == mechanics.launched else [name, f"{name}'"]
+        self.names = names
+        first = ["liftoff", "alpha"]
+        self.launch_unknowns = {name: unknown(name) for name in (*first, *(n for n in names if n not in first))}
+        self.places = [self.launch_unknowns[name] for name in names[::2]]
+        self.rates = [self.launch_unknowns[name] for name in names[1::2]]
+        self.lone = mechanics.lone_extension()
+
+    @property
+    def gap(self) -> Expression:
+        """The gap, a function of the flight state."""
+        return product([expression(weight) for weight in self.mechanics.gap], self.mechanics.y)
+
+    @property
+    def launch(self) -> Vector:
+        """The flight state at lift-off: coordinates and rates by turns."""
+        m = self.mechanics
+        return _by_turns(m.embedded(self.places), m.embedded(self.rates))
+
+    @property
+    def lifted(self) -> list[Expression]:
+        """The contact force at lift-off, for each law."""
+        m = self.mechanics
+        at = dict(zip([*m.s, *m.w], [*self.places, *self.rates], strict=True))
+        return substitute(m.contact_force, at)
+
+    @property
+    def half_flight(self) -> Expression:
+        """Half the time of the flight: an unknown, or where an extension moves alone what is thrown up with it takes
+        to the top of its parabola."""
+        if self.lone is None:
+            return unknown(FLIGHT_DURATION)
+        return -product(self.lone.thrown, self.mechanics.embedded(self.rates)) / self.lone.fall
+
+    def statement(self, with_contact: bool) -> Statement:
+        """The smallest statement of half an orbit, with half of the contact or, for machines of two coordinates,
+        without."""
+        with_contact = with_contact or self.mechanics.size > 2
+        unknowns = dict(self.launch_unknowns)
+        if self.lone is None:
+            unknowns[FLIGHT_DURATION] = self.half_flight
+        first = self._whole_flight() if self.lone is None else self._lone_flight(self.lone)
+        if not with_contact:
+            return Statement(unknowns, (first,))
+        unknowns[CONTACT_DURATION] = unknown(CONTACT_DURATION)
+        return Statement(unknowns, (first, self._contact(len(first.states))))
+
+    def flight(self) -> Statement:
+        """The half flight in all of its states, without conditions."""
+        arc = self._whole_flight()
+        unknowns = self.launch_unknowns | ({FLIGHT_DURATION: self.half_flight} if self.lone is None else {})
+        free = Arc(
+            arc.states, arc.rates, arc.start, arc.duration, [[] for _ in arc.guards], [], arc.domains, (), arc.weights,
+            arc.breaks,
+        )  # fmt: skip
+        return Statement(unknowns, (free,))
+
+    def _whole_flight(self) -> Arc:
+        m = self.mechanics
+        states = _by_turns(m.y, m.v)
+        rates = [_by_turns(m.v, accelerations) for accelerations in m.accelerations]
+        weights, breaks = (
+            (_by_turns(m.pieces.weights, [Fraction(0)] * m.size), m.pieces.breaks) if m.pieces else ((), ())
+        )
+        domains = [[*m.domains, *own] for own in m.law_domains]
+        guards = [[each] for each in self.lifted]
+        return Arc(states, rates, self.launch, self.half_flight, guards, list(m.v), domains, (), tuple(weights), breaks)
+
+    def _lone_flight(self, lone: LoneExtension) -> Arc:
+        m, r, rate = self.mechanics, lone.place, symbol("rate of the lone extension")
+        place, speed = product(lone.weights, m.embedded(self.places)), product(lone.weights, m.embedded(self.rates))
+        weights, breaks = (), ()
+        if m.pieces:
+            first = next(i for i in (0, 1) if m.pieces.weights[i])
+            weights = (m.pieces.weights[first] / lone.weights[first].value, Fraction(0))
+            breaks = m.pieces.breaks
+        rates = [[rate, acceleration] for acceleration in lone.accelerations]
+        still = [each for each in m.domains if not _of_states(each, m)]
+        domains = [[*still, *own] for own in lone.domains]
+        guards = [[each] for each in self.lifted]
+        return Arc([r, rate], rates, [place, speed], self.half_flight, guards, [rate], domains, (), weights, breaks)
+
+    def _contact(self, before: int) -> Arc:
+        m = self.mechanics
+        states = _by_turns(m.s, m.w)
+        rates = [_by_turns(m.w, accelerations) for accelerations in m.contact_accelerations]
+        start = _by_turns(self.places, [-rate for rate in self.rates])
+        weights, breaks = (), ()
+        if m.pieces:
+            along_kept = [
+                sum((m.pieces.weights[i] * m.embed[i][j] for i in range(m.size)), Fraction(0)) for j in range(len(m.s))
+            ]
+            weights, breaks = tuple(_by_turns(along_kept, [Fraction(0)] * len(m.s))), m.pieces.breaks
+        domains = [self._in_contact([*m.domains, *own]) for own in m.law_domains]
+        return Arc(
+            states, rates, start, unknown(CONTACT_DURATION), [[] for _ in rates], list(m.w), domains,
+            tuple(symbols("before", before)), weights, breaks,
+        )  # fmt: skip
+
+    def _in_contact(self, domains: Sequence[Domain]) -> list[Domain]:
+        """What formulas need, in the contact's states."""
+        m, found = self.mechanics, Domains()
+        at = dict(zip([*m.y, *m.v], [*m.embedded(m.s), *m.embedded(m.w)], strict=True))
+        for each in domains:
+            (place,) = substitute([each.place], at)
+            found.need(each.what, place, each.positive)
+        return found
+
+
+def _of_states(domain: Domain, mechanics: Mechanics) -> bool:
+    return any(derivative(domain.place, each) is not ZERO for each in mechanics.y)
+
+
+def _by_turns(first: Sequence, second: Sequence) -> list:
+    return [each for pair in zip(first, second, strict=True) for each in pair]
+
+
+def fold_statement(statement: Statement, parameter: Expression) -> Statement:
+    """The statement of the folds of another one in a parameter, whose symbol this is: F(u, a) = 0 and F_u v = 0 for a
+    direction v (G. Moore, A. Spence, SIAM Journal on Numerical Analysis 17, 1980). Its unknowns are u, the entries of v
+    but for that of "alpha", which is 1, and the parameter a."""
+    directions = {each: ONE if each == "alpha" else unknown(f"d{each}") for each in statement.unknowns}
+    varied = [(statement.unknowns[each], directions[each]) for each in statement.unknowns]
+    folded = unknown(parameter.value)
+    unknowns = {
+        **statement.unknowns,
+        **{f"d{each}": direction for each, direction in directions.items() if each != "alpha"},
+        parameter.value: folded,
+    }
+    return Statement(unknowns, tuple(_doubled(arc, varied, parameter, folded) for arc in statement.arcs))
+
+
+def _doubled(
+    arc: Arc, varied: Sequence[tuple[Expression, Expression]], parameter: Expression, folded: Expression
+) -> Arc:
+    """An arc with its first variation: its states are x, dx, which starts as the unknowns vary, and the parameter."""
+    changes = [symbol(f"variation of {each.value}") for each in arc.states]
+    before = [symbol(f"variation of {each.value}") for each in arc.before]
+    own, directions = zip(*varied, strict=True)
+    of_unknowns, at_start = (
+        ([*own, *arc.before], [*directions, *before]),
+        ([*own, *arc.states], [*directions, *changes]),
+    )
+    start = [*arc.start, *(along(each, *of_unknowns) for each in arc.start)]
+    rates = [[*law, *(along(each, arc.states, changes) for each in law), ZERO] for law in arc.rates]
+    guards = [[*law, *(along(each, *at_start) for each in law)] for law in arc.guards]
+    # The end moves with the time that the arc takes, too.
+    longer = along(arc.duration, own, directions)
+    moved = [change + rate * longer for change, rate in zip(changes, arc.rates[0], strict=True)]
+    at_end = [*own, *arc.states], [*directions, *moved]
+    conditions = [*arc.conditions, *(along(each, *at_end) for each in arc.conditions)]
+    *start, duration = substitute([*start, arc.duration], {parameter: folded})
+    guards = [substitute(law, {parameter: folded}) for law in guards]
+    conditions = substitute(conditions, {parameter: folded})
+    return Arc(
+        [*arc.states, *changes, parameter], rates, [*start, folded], duration, guards, conditions, arc.domains,
+        (*arc.before, *before),
+    )  # fmt: skip

@@ -1,0 +1,110 @@
+"""Python functions written as formulas, by calling them with names in place of numbers."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from .formula import FUNCTIONS
+
+# How tightly the parts of a formula hold together: sums, products, signs and powers, names and calls.
+SUM, PRODUCT, SIGN, ATOM = range(4)
+# NumPy's functions by name, and what else NumPy does to numbers.
+_CALLS = {numpy: name for name, (numpy, _) in FUNCTIONS.items()}
+_ARITHMETIC = {
+    "add": lambda a, b: a + b,
+    "subtract": lambda a, b: a - b,
+    "multiply": lambda a, b: a * b,
+    "divide": lambda a, b: a / b,
+    "power": lambda a, b: a**b,
+    "negative": lambda a: -a,
+    "positive": lambda a: a,
+    "square": lambda a: a**2,
+    "reciprocal": lambda a: 1 / a,
+}
+
+
+class Text:
+    """A part of a formula; operators and NumPy's functions make longer ones of it."""
+
+    __slots__ = ("level", "text")
+
+    def __init__(self, text: str, level: int = ATOM):
+        self.text, self.level = text, level
+
+    def within(self, level: int) -> str:
+        """The text, in parentheses where it holds together less tightly than this."""
+        return self.text if self.level >= level else f"({self.text})"
+
+    def __add__(self, other: Any) -> "Text":
+        return Text(f"{self.text} + {_text(other).within(PRODUCT)}", SUM)
+
+    def __radd__(self, other: Any) -> "Text":
+        return _text(other) + self
+
+    def __sub__(self, other: Any) -> "Text":
+        return Text(f"{self.text} - {_text(other).within(PRODUCT)}", SUM)
+
+    def __rsub__(self, other: Any) -> "Text":
+        return _text(other) - self
+
+    def __mul__(self, other: Any) -> "Text":
+        return Text(f"{self.within(PRODUCT)}*{_text(other).within(SIGN)}", PRODUCT)
+
+    def __rmul__(self, other: Any) -> "Text":
+        return _text(other) * self
+
+    def __truediv__(self, other: Any) -> "Text":
+        return Text(f"{self.within(PRODUCT)}/{_text(other).within(SIGN)}", PRODUCT)
+
+    def __rtruediv__(self, other: Any) -> "Text":
+        return _text(other) / self
+
+    def __pow__(self, other: Any) -> "Text":
+        return Text(f"{self.within(ATOM)}**{_text(other).within(ATOM)}", SIGN)
+
+    def __rpow__(self, other: Any) -> "Text":
+        return _text(other) ** self
+
+    def __neg__(self) -> "Text":
+        return Text(f"-{self.within(ATOM)}", SUM)
+
+    def __pos__(self) -> "Text":
+        return self
+
+    def __abs__(self) -> "Text":
+        return Text(f"abs({self.text})")
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+        name = ufunc.__name__
+        if method != "__call__" or options or (name not in _CALLS and name not in _ARITHMETIC):
+            return NotImplemented
+        if name in _CALLS:
+            return Text(f"{_CALLS[name]}({_text(inputs[0]).text})")
+        return _ARITHMETIC[name](*map(_text, inputs))
+
+
+def _text(value: Any) -> Text:
+    """A part of a formula, of a number too."""
+    if isinstance(value, Text):
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{value!r} is no number")
+    text = str(value) if isinstance(value, int) else repr(float(value))
+    return Text(text, SUM if text.startswith("-") else ATOM)
+
+
+def traced(function: Callable, arguments: Sequence[str], names: Sequence[str] = ()) -> str | None:
+    """The formula that a Python function computes of these arguments and keyword arguments; None for a function that
+    needs more than operators, numbers and NumPy's functions."""
+    try:
+        found = function(*map(Text, arguments), **{name: Text(name) for name in names})
+        return _text(found).text
+    except Exception:  # whatever a function of the user does with what is no number
+        return None
+
+
+def traced_of_places(function: Callable, coordinates: Sequence[str], names: Sequence[str]) -> str | None:
+    """The formula that a Python function computes of mappings of coordinates and of parameters, likewise."""
+    try:
+        return _text(function({name: Text(name) for name in coordinates}, {name: Text(name) for name in names})).text
+    except Exception:
+        return None
