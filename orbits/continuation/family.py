@@ -216,7 +216,9 @@ class Family:
         names = model.reduction.statement.unknowns if model.reduction else model.half_unknowns
         if len(names) != len(point.u):
             raise InputError("this family was followed by another method than its machine's simplest one")
-        unknowns = {"duration": point.flight_time / 2, **dict(zip(names, point.u, strict=True))}
+        sizes = [1.0 if here.units is None else here.units.of(name) for name in names]
+        own = {name: each * size for name, each, size in zip(names, point.u, sizes, strict=True)}
+        unknowns = {"duration": point.flight_time / 2, **own}
         if point.contact_time is not None:
             unknowns.setdefault(CONTACT_DURATION, point.contact_time / 2)
         return Claim(here, point.alpha, point.error, point.family, tuple(point.violations), unknowns)

@@ -36,7 +36,7 @@ from .case import check_mirrored, not_stated
 from .decimals import bounds_of_fractions, upper_fraction
 from .equations import Intervals
 from .expressions import Expression, depends_on, derivative, expression, in_order
-from .mechanics import LoneExtension, Mechanics, Vector
+from .mechanics import LoneExtension, Mechanics, Scale, Vector
 from .programs import BallProgram
 from .refusal import Unproved
 from .stated import Bounds, Decimals, stated_machine
@@ -61,7 +61,7 @@ def proof_of_absence(machine: Machine, family: int | None, parameters: Mapping[s
         return not_stated(machine, error)
     try:
         with ctx.workprec(BITS):
-            mechanics = Mechanics(stated)
+            mechanics = Mechanics(stated, Scale())
             lone = mechanics.lone_extension()
             if lone is None or mechanics.pieces:
                 raise InputError(f"no smooth extension of a {stated.name} moves alone: nothing can be proved absent")
@@ -122,7 +122,8 @@ class _Law:
 
     def no_family(self, family: int) -> str:
         """Theorem 1 of the module; raises `Unproved` where its conditions are not proved."""
-        trend = trend_of(self.phi, self.place, {self.intervals.symbols[n]: b for n, b in self.intervals.values.items()})
+        places = dict.fromkeys(self.intervals.symbols.values(), (Fraction(-1), Fraction(1)))
+        trend = trend_of(self.phi, self.place, places)
         if not (trend.odd and trend.rises):
             raise Unproved("the spring's formula does not show that its force is odd and rises everywhere")
         if trend.bound is None:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 from math import isfinite
 from typing import Any
 
@@ -15,7 +16,7 @@ from .decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_de
 from .equations import Equations, Intervals
 from .expressions import Expression, substitute
 from .loss import Loss, enclosed_loss
-from .mechanics import Mechanics
+from .mechanics import Mechanics, Scale
 from .motion import Motion, Refuted
 from .programs import BallProgram
 from .refusal import Unproved
@@ -72,20 +73,32 @@ def not_stated(machine: Machine, reason: Unproved, conditions: Mapping[str, str]
 class Existence:
     """A proved solution of the equations of half an orbit.
 
-    unknowns : enclosures of what the theorem names: the launch, and the times of the whole phases
+    balls, unknowns : enclosures of what the theorem names, the launch and the times of the whole phases, in the units
+        of the machine; the second as decimals
+    uniqueness_radius : in the units of the machine
     """
 
     half: HalfOrbit
     statement: Statement
     equations: Equations
     root: ProvedRoot
+    balls: dict[str, arb]
     unknowns: dict[str, Enclosure]
+    uniqueness_radius: str
 
     def ball(self, each: Expression) -> arb:
-        """An enclosure of a function of the unknowns."""
-        intervals = self.equations.intervals
-        inputs = [*self.statement.unknowns.values(), *intervals.symbols.values()]
-        return BallProgram(inputs, [each])([*self.root.box, *intervals.balls()])[0]
+        """An enclosure of a function of the unknowns, in the units of the equations."""
+        return ball_of(each, self.statement, self.equations, self.root)
+
+
+def ball_of(each: Expression, statement: Statement, equations: Equations, root: ProvedRoot) -> arb:
+    """An enclosure of a function of the unknowns, in the units of the equations."""
+    inputs = [*statement.unknowns.values(), *equations.intervals.symbols.values()]
+    return BallProgram(inputs, [each])([*root.box, *equations.intervals.balls()])[0]
+
+
+def _ball(value: Fraction) -> arb:
+    return arb(value.numerator) / value.denominator
 
 
 @dataclass(frozen=True)
@@ -123,7 +136,7 @@ def whole_proof(
             conditions=verdicts.conditions, reasons=verdicts.reasons, digits=digits,
             seconds=time.perf_counter() - began,
         )  # fmt: skip
-    radius = lower_decimal(found.root.unique_within())
+    radius = found.uniqueness_radius
     enclosures = {
         name: each for name, each in found.unknowns.items() if name in ("alpha", "flight_time", "contact_time")
     }
@@ -145,7 +158,7 @@ def whole_proof(
         family=verdicts.family,
         parameters=parameters,
         enclosures=enclosures,
-        radius=upper_decimal(found.root.box[found.equations.unknowns.index("alpha")].rad()),
+        radius=upper_decimal(found.balls["alpha"].rad()),
         uniqueness_radius=radius,
         parts=(Part(parameters, found.unknowns, radius),),
         conditions=verdicts.conditions,
@@ -158,26 +171,28 @@ def whole_proof(
 
 def _existence(claim: Claim, stated: StatedMachine, with_contact: bool, digits: int | None) -> Existence:
     """The proved solution near what an orbit says; raises `Unproved`."""
-    half = HalfOrbit(Mechanics(stated))
+    half = HalfOrbit(Mechanics(stated, Scale.of(claim.alpha, claim.flight_time / 2, max(claim.family, 1))))
     statement = half.statement(with_contact)
     if missing := [name for name in statement.unknowns if name not in claim.unknowns]:
         raise Unproved(f"the orbit has no {missing[0]}")
     equations = Equations(statement, Intervals(stated.parameters))
-    root = prove_root(equations, [claim.unknowns[name] for name in statement.unknowns], bits_of_digits(digits))
+    guess = [claim.unknowns[name] / float(half.unit_of(name)) for name in statement.unknowns]
+    root = prove_root(equations, guess, bits_of_digits(digits))
     equations.check_domains(root.evaluated.passages)
-    found = Existence(half, statement, equations, root, {})
     with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
-        half_flight = found.ball(half.half_flight)
-        if not half_flight > 0:
-            raise Unproved("the time of the flight is not proved to be positive")
-        balls = dict(zip(statement.unknowns, root.box, strict=True))
+        units = [_ball(half.unit_of(name)) for name in statement.unknowns]
+        balls = {name: ball * unit for name, ball, unit in zip(statement.unknowns, root.box, units, strict=True)}
         balls.pop(FLIGHT_DURATION, None)
         half_contact = balls.pop(CONTACT_DURATION, None)
-        balls["flight_time"] = 2 * half_flight
+        time_unit = _ball(half.mechanics.scale.time)
+        balls["flight_time"] = 2 * ball_of(half.half_flight, statement, equations, root) * time_unit
         if half_contact is not None:
             balls["contact_time"] = 2 * half_contact
-        found.unknowns.update({name: enclosure_of(ball, digits) for name, ball in balls.items()})
-    return found
+        if not balls["flight_time"] > 0:
+            raise Unproved("the time of the flight is not proved to be positive")
+        unknowns = {name: enclosure_of(ball, digits) for name, ball in balls.items()}
+        radius = lower_decimal(root.unique_within(units))
+    return Existence(half, statement, equations, root, balls, unknowns, radius)
 
 
 def _verdicts(
@@ -216,15 +231,12 @@ def _wrong_numbers(found: Existence, claim: Claim) -> list[str]:
     """What the orbit says of alpha and of the times, and is not so."""
     reasons = list[str]()
     error = CLAIMED * claim.error + CLAIM_ROUNDINGS * abs(claim.alpha)
-    alpha = found.root.box[found.equations.unknowns.index("alpha")]
-    if not isfinite(error) or not (alpha + arb(0, error)).overlaps(arb(claim.alpha)):
+    balls = found.balls
+    if not isfinite(error) or not (balls["alpha"] + arb(0, error)).overlaps(arb(claim.alpha)):
         said = f"the orbit says {claim.alpha!r} with an error of {claim.error:.1e}"
         reasons.append(f"alpha: {said}, and lies outside the enclosure {found.unknowns['alpha']}")
-    times = {"flight_time": (found.half.half_flight, claim.flight_time)}
-    if CONTACT_DURATION in found.statement.unknowns and claim.contact_time is not None:
-        times["contact_time"] = found.statement.unknowns[CONTACT_DURATION], claim.contact_time
-    for name, (half, said_time) in times.items():
-        if not _agrees(2 * found.ball(half), said_time, claim):
+    for name, said_time in (("flight_time", claim.flight_time), ("contact_time", claim.contact_time)):
+        if name in balls and said_time is not None and not _agrees(balls[name], said_time, claim):
             reasons.append(f"{name}: the orbit says {said_time!r}, outside the enclosure {found.unknowns[name]}")
     return reasons
 
@@ -238,7 +250,8 @@ def _agrees(ball: arb, said: float, claim: Claim) -> bool:
 def _wrong_places(found: Existence, flight: Motion, claim: Claim) -> list[str]:
     """What the orbit says of its extension at lift-off and of its coordinates in mid-flight, and is not so."""
     mechanics = found.half.mechanics
-    ends = dict(zip(mechanics.stated.coordinates, flight.passage.finish[::2], strict=False))
+    places = [place * _ball(mechanics.scale.length) for place in flight.passage.finish[: 2 * mechanics.size : 2]]
+    ends = dict(zip(mechanics.stated.coordinates, places, strict=True))
     said = {f"{name} in mid-flight": (ends[name], value) for name, value in claim.places.items() if name in ends}
     if claim.liftoff_extension is not None:
         counted = flight.chain([mechanics.counts] * len(flight.leg.rates), 0)

@@ -16,7 +16,7 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from .crossing import NO_BREAKPOINTS, Breakpoints, advance_step
-from .refusal import Unproved
+from .refusal import Unproved, check_time
 from .step import Step, System
 
 # How derivatives are enclosed: the order of polynomials, their accuracy, and the bits of balls. Coarse ones stand
@@ -87,6 +87,7 @@ def follow_centre(
     with every step; and the law there."""
     states, left = list(start), length
     for _ in range(MOST_STEPS):
+        check_time()
         centre, spread = [value.mid() for value in states], [value.rad() for value in states]
         done = advance_step(systems, breakpoints, law, centre, spread, left, order_for(bits), 2.0**-bits)
         states, law = done.step.end(), done.law
@@ -111,7 +112,9 @@ def follow_set(
     while True:
         if len(pieces) == MOST_STEPS:
             raise Unproved(TOO_LONG)
-        deviations = frame * (inner * radii + error)
+        check_time()
+        within = inner * radii + error
+        deviations = frame * within
         spread = [deviations[i, 0].abs_upper() for i in range(n)]
         left = 1 - at
         with ctx.workprec(fineness[2]):
@@ -128,7 +131,7 @@ def follow_set(
             raise Unproved("the centre of the set does not cross a breakpoint with the rest of it")
         pieces.append(Piece(at, Step(long.h, long.polynomials[:n], long.tube[:n]), done.laws))
         turned = transition * frame
-        frame, inverse = _orthogonal(turned)
+        frame, inverse = _orthogonal(turned, [float(within[j, 0].abs_upper()) for j in range(n)])
         inner, centre = (inverse * turned) * inner, [value.mid() for value in end]
         fresh = arb_mat(n, 1, [arb(0, value.rad()) for value in end])
         error = (inverse * turned) * error + inverse * fresh
@@ -147,9 +150,12 @@ def unit_matrix(n: int) -> arb_mat:
     return arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
 
 
-def _orthogonal(matrix: arb_mat) -> tuple[arb_mat, arb_mat]:
-    """The orthogonal factor of a matrix (n, n), rounded, and an enclosure of its inverse."""
+def _orthogonal(matrix: arb_mat, extents: Sequence[float]) -> tuple[arb_mat, arb_mat]:
+    """The orthogonal factor of a matrix (n, n), rounded, and an enclosure of its inverse. Its columns are taken in the
+    order in which a box of these extents (n,) reaches along them, the farthest first: so the frame follows the set
+    where it is long."""
     middles = np.array([[float(value.mid()) for value in row] for row in matrix.tolist()])
-    factor, _ = np.linalg.qr(middles)
+    reaches = np.linalg.norm(middles, axis=0) * np.array(extents)
+    factor, _ = np.linalg.qr(middles[:, np.argsort(-reaches, kind="stable")])
     exact = arb_mat([[arb(value) for value in row] for row in factor.tolist()])
     return exact, exact.inv()

@@ -15,6 +15,7 @@ from flint import arb, arb_mat, fmpq
 from .crossing import Breakpoints
 from .enclosure import Passage, Variation, follow_set
 from .expressions import ZERO, Expression, jacobian, number, substitute, symbol, total
+from .mechanics import share
 from .programs import BallProgram
 from .refusal import Unproved
 from .stated import Bounds
@@ -26,30 +27,31 @@ MOST_HALVINGS = 12
 
 
 class Intervals:
-    """The parameters that are only known within intervals.
+    """The parameters that are only known within intervals, each by its place there, from -1 to 1.
 
-    symbols, values : by name
+    symbols : by name
     """
 
     def __init__(self, parameters: Mapping[str, Bounds]):
-        self.values = {name: (low, high) for name, (low, high) in parameters.items() if low < high}
-        self.symbols = {name: symbol(name) for name in self.values}
+        self.symbols = {name: share(name) for name, (low, high) in parameters.items() if low < high}
 
     def __bool__(self) -> bool:
-        return bool(self.values)
+        return bool(self.symbols)
+
+    def __len__(self) -> int:
+        return len(self.symbols)
 
     def middles(self) -> list[arb]:
-        """Enclosures of the middles of the intervals."""
-        return [_ball((low + high) / 2) for low, high in self.values.values()]
+        """The middles of the places."""
+        return [arb(0)] * len(self)
 
     def radii(self) -> list[arb]:
-        """How far each parameter may be from a number that its middle's enclosure holds."""
-        bounds = zip(self.values.values(), self.middles(), strict=True)
-        return [(_ball((high - low) / 2) + 2 * middle.rad()).abs_upper() for (low, high), middle in bounds]
+        """How far each place may be from its middle."""
+        return [arb(1)] * len(self)
 
     def balls(self) -> list[arb]:
-        """Enclosures of the parameters."""
-        return [middle + arb(0, radius) for middle, radius in zip(self.middles(), self.radii(), strict=True)]
+        """Enclosures of the places."""
+        return [arb(0, 1)] * len(self)
 
 
 def _ball(value: Fraction) -> arb:
@@ -174,7 +176,7 @@ class Equations:
         """The equations on the box of unknowns within radii of a centre, for all values of the interval parameters, or
         for their middles alone."""
         intervals = self.intervals
-        middle = [*centre, *(each.mid() for each in intervals.middles())]
+        middle = [*centre, *intervals.middles()]
         reach = [*radii, *(each if wide else arb(0) for each in intervals.radii())]
         box = [widened(value, radius) for value, radius in zip(middle, reach, strict=True)]
         deviations = arb_mat(len(reach), 1, [arb(0, each) for each in reach])

@@ -3,8 +3,9 @@ Analysis 17, 1980), which is regular only where the family turns quadratically."
 
 import time
 from collections.abc import Mapping
+from fractions import Fraction
 
-from flint import ctx
+from flint import arb, ctx
 
 from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
@@ -12,11 +13,11 @@ from .case import bits_of_digits, check_mirrored, not_stated
 from .decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
 from .equations import Equations, Intervals
 from .expressions import symbol
-from .mechanics import Mechanics
+from .mechanics import Mechanics, Scale
 from .refusal import Unproved
 from .root import FIRST_BITS, prove_root
 from .stated import Decimals, StatedMachine, stated_machine
-from .statement import HalfOrbit, fold_statement
+from .statement import FLIGHT_DURATION, HalfOrbit, fold_statement
 from .theorem import Part, Proof
 from .wording import enclosed_words
 
@@ -65,7 +66,7 @@ def _fold(
     digits: int | None,
 ) -> tuple[Part, str]:  # fmt: skip
     """The enclosures of a fold, and the radius of that of alpha."""
-    mechanics = Mechanics(stated, free=along)
+    mechanics = Mechanics(stated, Scale.of(unknowns["alpha"], unknowns.get(FLIGHT_DURATION, unknowns["alpha"])), along)
     half = HalfOrbit(mechanics)
     statement = half.statement(with_contact=False)
     if mechanics.pieces:
@@ -73,16 +74,21 @@ def _fold(
     if missing := [name for name in statement.unknowns if name not in unknowns]:
         raise Unproved(f"the fold has no {missing[0]}")
     folded = fold_statement(statement, symbol(along))
+    units = {name: half.unit_of(name) for name in statement.unknowns}
+    units |= {f"d{name}": units[name] / units["alpha"] for name in statement.unknowns if name != "alpha"}
+    units |= {along: Fraction(1)}
     guess = {**unknowns, **{f"d{name}": each for name, each in directions.items()}, along: value}
     others = {name: bounds for name, bounds in stated.parameters.items() if name != along}
     equations = Equations(folded, Intervals(others))
-    root = prove_root(equations, [guess[name] for name in folded.unknowns], bits_of_digits(digits))
+    start = [guess[name] / float(units[name]) for name in folded.unknowns]
+    root = prove_root(equations, start, bits_of_digits(digits))
     equations.check_domains(root.evaluated.passages)
-    balls = dict(zip(folded.unknowns, root.box, strict=True))
+    sizes = [arb(units[name].numerator) / units[name].denominator for name in folded.unknowns]
+    balls = {name: ball * size for name, ball, size in zip(folded.unknowns, root.box, sizes, strict=True)}
     with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
         enclosures = {name: enclosure_of(ball, digits) for name, ball in balls.items()}
     bounds = {name: bounds_of_fractions(each) for name, each in others.items()}
-    return Part(bounds, enclosures, lower_decimal(root.unique_within())), upper_decimal(balls["alpha"].rad())
+    return Part(bounds, enclosures, lower_decimal(root.unique_within(sizes))), upper_decimal(balls["alpha"].rad())
 
 
 def _fold_words(part: Part, along: str) -> str:

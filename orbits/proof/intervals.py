@@ -8,7 +8,7 @@ from decimal import Decimal
 from .case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, whole_proof
 from .claim import Claim
 from .decimals import bounds_of_fractions
-from .refusal import Unproved
+from .refusal import Unproved, time_limit
 from .stated import Bounds, Decimals, StatedMachine, stated_machine
 from .theorem import Enclosure, Proof
 from .wording import enclosed_words, motion_sentence
@@ -17,10 +17,17 @@ from .wording import enclosed_words, motion_sentence
 HALVINGS_OF_INTERVALS = 4
 
 
-def proof_of(claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool) -> Proof:
+def proof_of(
+    claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool, limit: float
+) -> Proof:
     """The proof of what is said of an orbit, see `prove`."""
-    began = time.perf_counter()
     check_mirrored(claim.machine.model)
+    with time_limit(limit):
+        return _proof_of(claim, digits, parameters, motion, loss)
+
+
+def _proof_of(claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool) -> Proof:
+    began = time.perf_counter()
     try:
         stated = stated_machine(claim.machine, parameters)
     except Unproved as error:

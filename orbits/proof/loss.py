@@ -54,7 +54,9 @@ def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], 
     if not (jerk > 0 and (change > 0 or change < 0) and mass_ball > 0 and power_ball > 0):
         raise Unproved("the signs of the jerk at landing and of the gap's change with alpha are not decided")
     loss = mass_ball * jerk**2 / 8 * (6 * abs(change) / jerk) ** (arb(4) / 3) / power_ball
-    return Loss(loss, "below" if change > 0 else "above")
+    # C takes a speed to the power 4/3 to a speed.
+    unit = (arb(m.scale.speed.numerator) / m.scale.speed.denominator) ** (arb(-1) / 3)
+    return Loss(loss * unit, "below" if change > 0 else "above")
 
 
 def _expressions(half: HalfOrbit, law: int) -> list[Expression]:

@@ -5,8 +5,12 @@ With the kinetic energy v' M(y) v/2 and the forces Q(y) of springs, weights and 
     M y'' = Q - C,    C = (d(M v)/dy) v - grad(v' M v)/2,
 
 in contact with + lambda g, g the gap's gradient, and g y'' = 0: the closed gap determines one coordinate, y = E s.
+
+All of it is in units of length and time that suit the motion, powers of 2: with y = L q and t = T u, the same equations
+hold of q and u with the forces L T^2 Q.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -31,6 +35,33 @@ from .stated import StatedMachine, StatedSpring
 
 Vector = list[Expression]
 Matrix = list[Vector]
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Units of the coordinates and of time in which the equations are of order 1."""
+
+    length: Fraction = Fraction(1)
+    time: Fraction = Fraction(1)
+
+    @property
+    def speed(self) -> Fraction:
+        """The unit of the rates."""
+        return self.length / self.time
+
+    @classmethod
+    def of(cls, speed: float, time: float, swings: int = 1) -> "Scale":
+        """The units of a motion with this launch speed and half time of flight, in which the extension swings to and
+        fro so often; rounded numbers, as any would do."""
+        unit = _power_of_two(time / (3 * swings))
+        return cls(_power_of_two(speed * float(unit) / 3), unit)
+
+
+def _power_of_two(value: float) -> Fraction:
+    """The power of 2 that is nearest to a number above 0; 1 for what is none."""
+    if not 0 < value < math.inf:
+        return Fraction(1)
+    return Fraction(2) ** round(math.log2(value))
 
 
 @dataclass(frozen=True)
@@ -63,8 +94,9 @@ class Mechanics:
     """The equations of motion of a stated machine.
 
     free : the name of a parameter that is an unknown
-    y, v : symbols (n,) of the coordinates and their rates
-    parameters : what each name stands for: a number, or a symbol of an interval parameter or an unknown
+    y, v : symbols (n,) of the coordinates and their rates, in the units of `scale`
+    parameters : what each name stands for: a number, a function of the `share` of an interval, or the symbol of an
+        unknown
     inertia : M (n, n)
     gap : its weights (n,), exact, the largest of which is 1
     kept, embed : the coordinates of the contact, and the exact matrix (n, n - 1) from these to all
@@ -74,14 +106,14 @@ class Mechanics:
     law_domains : for each law of a machine in pieces, what it needs; one entry where there are no pieces
     """
 
-    def __init__(self, stated: StatedMachine, free: str | None = None):
-        self.stated, self.size = stated, len(stated.coordinates)
+    def __init__(self, stated: StatedMachine, scale: Scale, free: str | None = None):
+        self.stated, self.size, self.scale = stated, len(stated.coordinates), scale
         bounds = stated.parameters.items()
-        fixed = {name: low for name, (low, high) in bounds if low == high and name != free}
-        self.parameters = {name: number(fixed[name]) if name in fixed else symbol(name) for name in stated.parameters}
+        self.parameters = {name: symbol(name) if name == free else within(name, *ends) for name, ends in bounds}
         self.y = [symbol(name) for name in stated.coordinates]
         self.v = [symbol(f"{name}'") for name in stated.coordinates]
-        self.names = {**self.parameters, **dict(zip(stated.coordinates, self.y, strict=True))}
+        places = [scale.length * each for each in self.y]
+        self.names = {**self.parameters, **dict(zip(stated.coordinates, places, strict=True))}
         self.domains = Domains()
         self.inertia = self._inertia()
         self.gap = self._gap()
@@ -170,7 +202,8 @@ class Mechanics:
                 pull = self.pull(spring, law if spring.breaks else 0, extension, own)
                 force = [f - pull * slope for f, slope in zip(force, self.gradient(extension), strict=True)]
             laws.append(force)
-        return (self._pieces(in_pieces[0]) if in_pieces else None), domains, laws
+        scaled = [[self.scale.time**2 * each for each in force] for force in laws]
+        return (self._pieces(in_pieces[0]) if in_pieces else None), domains, scaled
 
     def gravity(self, height: Expression) -> Expression:
         """The acceleration of gravity at a height."""
@@ -248,7 +281,7 @@ class Mechanics:
             if not all(each.is_number for each in slopes):
                 return None
             weights = [each.value for each in slopes]
-            along = along or weights
+            along = along or [each / self.scale.length for each in weights]
             first = next((i for i in (0, 1) if along[i]), 0)
             factor = weights[first] / along[first] if along[first] else Fraction(0)
             if not factor or [factor * each for each in along] != weights:
@@ -258,15 +291,25 @@ class Mechanics:
         place, r = symbol("lone extension"), [expression(each) for each in along]
         mobility = solved(self.inertia, r)
         thrown = [mobility[1], -mobility[0]]
-        falling = solved(self.inertia, load)
-        accelerations, domains = list[Expression](), [Domains() for _ in self.forces]
+        falling = [self.scale.time**2 * each for each in solved(self.inertia, load)]
+        accelerations, domains, squared = list[Expression](), [Domains() for _ in self.forces], self.scale.time**2
         for law, own in enumerate(domains):
             pull = total(
-                factor * self.pull(each, law if each.breaks else 0, factor * place + offset, own)
+                squared * factor * self.pull(each, law if each.breaks else 0, factor * place + offset, own)
                 for each, (factor, offset) in zip(s.springs, ways, strict=True)
             )
             accelerations.append(-(pull * product(r, mobility) + product(r, falling)))
         return LoneExtension(place, r, thrown, accelerations, -product(thrown, falling), domains)
+
+
+def share(name: str) -> Expression:
+    """The symbol of an interval parameter's place in its interval, from -1 to 1."""
+    return symbol(f"share of {name}")
+
+
+def within(name: str, low: Fraction, high: Fraction) -> Expression:
+    """What a parameter between bounds stands for."""
+    return number((low + high) / 2) + number((high - low) / 2) * share(name)
 
 
 def product(a: Sequence[Expression], b: Sequence[Expression]) -> Expression:

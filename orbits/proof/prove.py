@@ -3,6 +3,7 @@
 All of it needs python-flint, of the extra `proof`, which is imported when it is used.
 """
 
+import decimal
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -17,8 +18,10 @@ from ..symbolic.exclusive import exclusive
 from .claim import Claim, claim_of
 from .theorem import Proof
 
-# An exact decimal, as text or as the shortest decimal of a float; two of them are an interval.
-Decimal: TypeAlias = str | float
+# Seconds that a proof may take unless more are allowed.
+LIMIT = 30.0
+# An exact decimal, as text or a `Decimal`, or as the shortest decimal of a float; two of them are an interval.
+Decimal: TypeAlias = str | float | decimal.Decimal
 Exact: TypeAlias = Mapping[str, Decimal | tuple[Decimal, Decimal]] | None
 
 
@@ -31,6 +34,7 @@ def prove(
     parameters: Exact = None,
     motion: bool = True,
     loss: bool = False,
+    limit: float = LIMIT,
 ) -> Proof:
     """Prove what an orbit says, by interval arithmetic: that it exists and is alone nearby, that alpha lies within
     twice the bound on its error, that its family is counted rightly, and that it is a motion.
@@ -42,9 +46,10 @@ def prove(
         intervals is true for each value in them.
     motion : whether to prove the conditions of a motion too
     loss : whether to enclose the loss coefficient too
+    limit : how many seconds it may take; what is not proved by then is not
 
     What is proved, with which lemmas, and what is trusted, is said in `orbits.proof`. Where something is not proved,
-    the answer says what and why; that is no error. Lengths, times and speeds are dimensionless.
+    the result says what and why; that is no error. A machine in SI has its theorem in SI.
     Raises `InputError` without python-flint, for parameters and digits that cannot be, and for an orbit whose machine
     is not known.
 
@@ -60,29 +65,29 @@ def prove(
     from .case import checked_digits
     from .intervals import proof_of
 
-    return proof_of(claim, checked_digits(digits), dict(parameters or {}), motion, loss)
+    return proof_of(claim, checked_digits(digits), dict(parameters or {}), motion, loss, seconds(limit))
 
 
 def prove_claims(
-    claims: Sequence[Claim], digits: int | None = None, motion: bool = True, workers: int = 1
+    claims: Sequence[Claim], digits: int | None = None, motion: bool = True, workers: int = 1, limit: float = LIMIT
 ) -> tuple[Proof, ...]:
     """The proofs of what is said of several orbits, on so many processes, in their order; see `prove`."""
     _need_flint()
     if not (isinstance(workers, int) and workers >= 1):
         raise InputError(f"workers = {workers!r}; it is a whole number from 1")
     if workers == 1 or len(claims) < 2:
-        return tuple(_claim_proved(claim, digits, motion) for claim in claims)
+        return tuple(_claim_proved(claim, digits, motion, limit) for claim in claims)
     context = get_context("spawn")  # a fork of a process with threads may hang
     with ProcessPoolExecutor(min(workers, len(claims)), context) as pool:
-        return tuple(pool.map(partial(_claim_proved, digits=digits, motion=motion), claims))
+        return tuple(pool.map(partial(_claim_proved, digits=digits, motion=motion, limit=limit), claims))
 
 
 @exclusive
-def _claim_proved(claim: Claim, digits: int | None, motion: bool) -> Proof:
+def _claim_proved(claim: Claim, digits: int | None, motion: bool, limit: float) -> Proof:
     from .case import checked_digits
     from .intervals import proof_of
 
-    return proof_of(claim, checked_digits(digits), {}, motion, loss=False)
+    return proof_of(claim, checked_digits(digits), {}, motion, False, seconds(limit))
 
 
 class Turning(Protocol):
@@ -103,15 +108,16 @@ class Turning(Protocol):
 
 @exclusive
 def prove_fold(
-    machine: Machine, fold: Turning, along: str, *, digits: int | None = None, parameters: Exact = None
-) -> Proof:
+    machine: Machine, fold: Turning, along: str, *, digits: int | None = None, parameters: Exact = None,
+    limit: float = LIMIT,
+) -> Proof:  # fmt: skip
     """Prove that a family folds near a point, with an enclosure of the parameter there, and that the fold is
     nondegenerate.
 
     machine : that the family was followed with, by the simplest method
     fold : the point of a "fold" event of that family
     along : the name of the parameter that folds
-    digits, parameters : as in `prove`
+    digits, parameters, limit : as in `prove`
 
     Raises `InputError` as `prove` does, and for a machine without this parameter.
 
@@ -133,6 +139,7 @@ def prove_fold(
         raise InputError("a fold is proved of a dimensionless machine: follow and prove machine.dimensionless()")
     from .case import checked_digits
     from .fold import proof_of_fold
+    from .refusal import time_limit
 
     names = machine.model.reduction.statement.unknowns if machine.model.reduction else machine.model.half_unknowns
     if len(fold.u) != len(names) or not fold.tangent[names.index("alpha")]:
@@ -141,7 +148,8 @@ def prove_fold(
     directions = {name: each / alpha for name, each in zip(names, fold.tangent[:-1], strict=True)}
     unknowns = dict(zip(names, fold.u, strict=True))
     given = dict(parameters or {})
-    return proof_of_fold(machine, unknowns, directions, along, fold.value, given, checked_digits(digits))
+    with time_limit(seconds(limit)):
+        return proof_of_fold(machine, unknowns, directions, along, fold.value, given, checked_digits(digits))
 
 
 @exclusive
@@ -164,6 +172,13 @@ def prove_absence(machine: Machine, family: int | None = None, *, parameters: Ex
     from .absence import proof_of_absence
 
     return proof_of_absence(machine, family, dict(parameters or {}))
+
+
+def seconds(limit: float) -> float:
+    """A time limit that can be set; raises `InputError` for another."""
+    if isinstance(limit, bool) or not isinstance(limit, int | float) or not limit > 0:
+        raise InputError(f"limit = {limit!r}; it is a number of seconds above 0")
+    return float(limit)
 
 
 def _need_flint() -> None:

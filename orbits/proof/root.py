@@ -18,7 +18,7 @@ from flint import arb, arb_mat, ctx
 from .enclosure import unit_matrix
 from .equations import Equations, Evaluated, columns_of
 from .programs import UNDEFINED
-from .refusal import Unproved
+from .refusal import TooLong, Unproved
 from .statement import CONTACT_DURATION, FLIGHT_DURATION
 
 # Bits of the first proof, and relative radii of the boxes that are tried, the largest first.
@@ -53,11 +53,12 @@ class ProvedRoot:
     radii: list[arb]
     evaluated: Evaluated
 
-    def unique_within(self) -> arb:
-        """A distance from every point of the enclosures within which there is no other root, in any unknown."""
-        parts = zip(self.radii, self.box, self.centre, strict=True)
+    def unique_within(self, units: Sequence[arb]) -> arb:
+        """A distance from every point of the enclosures within which there is no other root, in any unknown, each of
+        which is solved for in a unit."""
+        parts = zip(self.radii, self.box, self.centre, units, strict=True)
         # Decimals that are rounded outward reach a little further than the balls.
-        free = [(radius - abs(value - c) - value.rad() / 10).lower() for radius, value, c in parts]
+        free = [((radius - abs(value - c) - value.rad() / 10) * unit).lower() for radius, value, c, unit in parts]
         least = free[0]
         for each in free[1:]:
             least = each if each < least else least
@@ -80,6 +81,8 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
         try:
             evaluated = evaluated_on(equations, centre, radii)
             inner = _contracted(equations, evaluated, centre, radii)
+        except TooLong:
+            raise
         except Unproved as error:
             reason = f": {error}"
             continue

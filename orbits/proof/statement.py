@@ -79,6 +79,13 @@ class HalfOrbit:
         self.rates = [self.launch_unknowns[name] for name in names[1::2]]
         self.lone = mechanics.lone_extension()
 
+    def unit_of(self, name: str) -> Fraction:
+        """The unit in which an unknown of this name is solved for."""
+        scale = self.mechanics.scale
+        if name in (FLIGHT_DURATION, CONTACT_DURATION):
+            return scale.time
+        return scale.speed if name == "alpha" or name.endswith("'") else scale.length
+
     @property
     def gap(self) -> Expression:
         """The gap, a function of the flight state."""

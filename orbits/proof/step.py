@@ -121,7 +121,9 @@ def take_step(
         if step is not None:
             return step
         h = h / 2
-    raise Unproved("no step of the motion is short enough: it comes near to where a law has no value")
+    if not all(rate.is_finite() for rate in system.rates(centre)):
+        raise Unproved("the motion comes to or near where a law has no value")
+    raise Unproved("the set of motions spreads too far to be enclosed; narrower intervals of parameters would help")
 
 
 def _suggested(system: System, rows: list[list[arb]], longest: arb, order: int, accuracy: float) -> arb:
@@ -135,7 +137,8 @@ def _suggested(system: System, rows: list[list[arb]], longest: arb, order: int, 
     for t in (arb(0), reach):  # laws stiffen along the step
         places = [arb_poly(row)(t).mid() for row in rows]
         stiffness = _magnitudes(system, system.slopes([*places]))
-        fourth = np.linalg.matrix_power(stiffness, 4)
+        with np.errstate(all="ignore"):
+            fourth = np.linalg.matrix_power(stiffness, 4)
         if np.isfinite(fourth).all() and (radius := fourth.sum(1).max() ** 0.25) > 0:
             length = min(length, STIFFEST / radius)
     whole = float(longest)
@@ -152,9 +155,11 @@ def _few_digits(length: float) -> arb:
 
 
 def _sizes(rows: list[list[arb]]) -> list[float]:
-    """By what the states (n,) are measured: their values and rates; what begins at 0, by what it is beside."""
+    """By what the states (n,) are measured: their values and rates; what begins at 0, by what moves beside it."""
     sizes = [max(abs(float(row[0].mid())), abs(float(row[1].mid()))) for row in rows]
-    return [max(size, SMALL * max(sizes), 1e-30) for size in sizes]
+    moving = [size for size, row in zip(sizes, rows, strict=True) if not row[1].is_zero()]
+    least = max(SMALL * max(moving, default=0.0), 1e-30)
+    return [max(size, least) for size in sizes]
 
 
 def _magnitudes(system: System, values: Sequence[arb]) -> np.ndarray:

@@ -9,8 +9,9 @@ from flint import arb
 
 from orbits.proof import equations
 from orbits.proof.equations import Equations, Intervals
-from orbits.proof.expressions import FUNCTIONS, call, expression, number, symbol
+from orbits.proof.expressions import FUNCTIONS, call, expression, symbol
 from orbits.proof.expressions import power as power_of
+from orbits.proof.mechanics import within
 from orbits.proof.stated import exact_bounds
 from orbits.proof.statement import Arc, Statement
 
@@ -37,7 +38,7 @@ def system_of(size, rates):
 def equations_of(unknowns, states, rates, start, duration, conditions, **parameters):
     """The equations of one arc of these states, from functions of states, unknowns and parameters by name."""
     bounds = {name: exact_bounds(name, value) for name, value in parameters.items()}
-    p = {name: number(low) if low == high else symbol(name) for name, (low, high) in bounds.items()}
+    p = {name: within(name, *ends) for name, ends in bounds.items()}
     u, x = {name: symbol(f"unknown {name}") for name in unknowns}, [symbol(name) for name in states]
 
     def all_of(values):

@@ -21,7 +21,7 @@ def test_a_quarter_turn_of_an_oscillator():
         expected = [arb(2), arb.pi() / 2]
     assert all(ball.contains(value) for ball, value in zip(root.box, expected, strict=True))
     assert all(float(ball.rad()) < 2.0**-59 for ball in root.box)
-    assert 0 < float(root.unique_within()) < 1
+    assert 0 < float(root.unique_within([arb(1)] * len(root.box))) < 1
     passage = root.evaluated.passages[0]
     assert passage.finish[0].contains(arb(2))
     assert passage.finish[1].contains(arb(0))
@@ -41,7 +41,7 @@ def test_no_other_root_is_within_the_radius_of_uniqueness(distance):
     equations = algebraic(lambda w, p: w**2 - p["half"] ** 2, half=distance / 2)
     root = prove_root(equations, [1.0001 * distance / 2], 60)
     assert root.box[0].overlaps(arb(repr(distance / 2)))
-    assert 0 < float(root.unique_within()) < distance
+    assert 0 < float(root.unique_within([arb(1)] * len(root.box))) < distance
 
 
 @pytest.mark.parametrize("shift", [-1e-7, 1e-7])
@@ -51,7 +51,7 @@ def test_the_radius_of_uniqueness_is_about_the_middle_of_the_box(shift):
     guess = 1.4142135623730951 + shift
     root = prove_root(algebraic(lambda w, p: w**2 - 2), [guess], 60)
     reach = arb(2) ** -20 * (1 + arb(guess))
-    middle, radius = root.box[0].mid(), root.unique_within()
+    middle, radius = root.box[0].mid(), root.unique_within([arb(1)] * len(root.box))
     assert float(radius) == pytest.approx(float(reach), rel=0.1)
     assert middle + radius.mid() <= guess + reach
     assert middle - radius.mid() >= guess - reach
@@ -81,7 +81,7 @@ def test_an_interval_parameter_is_enclosed_tightly():
     for end in [*ends, arb(2).sqrt(), arb("1.9999985").sqrt()]:
         assert root.box[0].contains(end.mid())
     assert 2 * root.box[0].rad() <= 10 * (ends[1] - ends[0])
-    assert root.unique_within() > 0
+    assert root.unique_within([arb(1)] * len(root.box)) > 0
 
 
 def test_an_interval_parameter_of_a_motion():
