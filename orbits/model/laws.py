@@ -275,7 +275,7 @@ def from_function(function: Callable, variable: str, parameters: Given = None, b
     parameters = dict(parameters or {})
     text = None if breakpoints else traced(function, (variable,), tuple(parameters))
     expression = _function_expression(function, variable, tuple(parameters))
-    law = Law(name, variable, expression, parameters, table, text and Written((text,)))
+    law = Law(name, variable, expression, parameters, table, Written((text,)) if text else None)
     _refuse_removable(law, law)
     if not np.isfinite(law(0.0)):  # float() of a symbol is NaN
         raise InputError(f"the law '{name}' has no finite value at {variable} = 0; {HOW_TO_WRITE}")

@@ -34,9 +34,9 @@ from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
 from .case import check_mirrored, not_stated
 from .decimals import bounds_of_fractions, upper_fraction
-from .equations import Intervals
-from .expressions import Expression, depends_on, derivative, expression, in_order
-from .mechanics import LoneExtension, Mechanics, Scale, Vector
+from .equations import IntervalParameters
+from .expressions import ExactExpression, depends_on, derivative_by, expression, in_order
+from .mechanics import Column, ExactMechanics, LoneExtension, Scale
 from .programs import BallProgram
 from .refusal import Unproved
 from .stated import Bounds, Decimals, stated_machine
@@ -61,7 +61,7 @@ def proof_of_absence(machine: Machine, family: int | None, parameters: Mapping[s
         return not_stated(machine, error)
     try:
         with ctx.workprec(BITS):
-            mechanics = Mechanics(stated, Scale())
+            mechanics = ExactMechanics(stated, Scale())
             lone = mechanics.lone_extension()
             if lone is None or mechanics.pieces:
                 raise InputError(f"no smooth extension of a {stated.name} moves alone: nothing can be proved absent")
@@ -82,18 +82,18 @@ def proof_of_absence(machine: Machine, family: int | None, parameters: Mapping[s
     )
 
 
-def _cross(a: Vector, b: Vector) -> Expression:
+def _cross(a: Column, b: Column) -> ExactExpression:
     return a[0] * b[1] - a[1] * b[0]
 
 
 class _Law:
     """The function phi of an extension that moves alone, and the sign of -a, the share of the extension in the gap."""
 
-    def __init__(self, mechanics: Mechanics, lone: LoneExtension):
-        counts = [derivative(mechanics.counts, place) for place in mechanics.y]
+    def __init__(self, mechanics: ExactMechanics, lone: LoneExtension):
+        counts = [derivative_by(mechanics.counts, place) for place in mechanics.y]
         if not _cross(counts, lone.weights).is_(0):
             raise Unproved("the families are counted by another extension than the one that moves alone")
-        self.place, self.intervals = lone.place, Intervals(mechanics.stated.parameters)
+        self.place, self.intervals = lone.place, IntervalParameters(mechanics.stated.parameters)
         gap = [expression(each) for each in mechanics.gap]
         across = _cross(lone.weights, lone.thrown)
         in_gap, thrown_in_gap = _cross(gap, lone.thrown) / across, _cross(lone.weights, gap) / across
@@ -113,7 +113,7 @@ class _Law:
                 raise Unproved(f"{domain.what} may have no value somewhere")
         functions = [self.phi - 1]
         for _ in range(MOST_DERIVATIVES):
-            functions.append(derivative(functions[-1], lone.place))
+            functions.append(derivative_by(functions[-1], lone.place))
         self.programs = [BallProgram(inputs, [each]) for each in functions]
 
     def value(self, order: int, at: arb) -> arb:
@@ -204,9 +204,9 @@ def _constant(low: Fraction, high: Fraction) -> Trend:
     return Trend(bound=max(abs(low), abs(high)), constant=(low, high))
 
 
-def trend_of(of: Expression, variable: Expression, bounds: Mapping[Expression, Bounds]) -> Trend:
+def trend_of(of: ExactExpression, variable: ExactExpression, bounds: Mapping[ExactExpression, Bounds]) -> Trend:
     """The trend of an expression of a variable and of symbols that lie between bounds."""
-    trends = dict[Expression, Trend]()
+    trends = dict[ExactExpression, Trend]()
     for each in in_order([of]):
         if each is variable:
             trends[each] = Trend(odd=True, rises=True)
@@ -221,7 +221,7 @@ def trend_of(of: Expression, variable: Expression, bounds: Mapping[Expression, B
     return trends[of]
 
 
-def _combined(each: Expression, own: Trends) -> Trend:
+def _combined(each: ExactExpression, own: Trends) -> Trend:
     """The trend of an operation's result from those of what it is made of."""
     first = own[0]
     if each.kind in BOUNDED and first.constant is None:
@@ -233,7 +233,7 @@ def _combined(each: Expression, own: Trends) -> Trend:
     if each.kind == "+":
         return _sum(own)
     if each.kind in ("*", "/"):
-        return _scaled(each.kind, own)
+        return _scaled_trend(each.kind, own)
     if each.kind == "**" and first.constant is None and each.value > 0 and each.value % 2:
         return Trend(first.odd, first.rises)
     return _UNKNOWN
@@ -248,7 +248,7 @@ def _sum(own: Trends) -> Trend:
     return Trend(all(each.odd for each in own), rises, sum(bounds, Fraction(0)) if len(bounds) == len(own) else None)
 
 
-def _scaled(kind: str, own: Trends) -> Trend:
+def _scaled_trend(kind: str, own: Trends) -> Trend:
     """A product, or a quotient by a constant."""
     first, second = own
     if kind == "/":

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
 from math import isfinite
 from typing import Any
 
@@ -11,18 +10,18 @@ from flint import arb, ctx
 
 from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
-from .claim import Claim
+from .claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
 from .decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
-from .equations import Equations, Intervals
-from .expressions import Expression, substitute
+from .equations import Equations, IntervalParameters
+from .expressions import ExactExpression, substitute
 from .loss import Loss, enclosed_loss
-from .mechanics import Mechanics, Scale
+from .mechanics import ExactMechanics, Scale
 from .motion import Motion, Refuted
-from .programs import BallProgram
+from .programs import BallProgram, ball_of_fraction
 from .refusal import Unproved
 from .root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
 from .stated import StatedMachine
-from .statement import CONTACT_DURATION, FLIGHT_DURATION, HalfOrbit, Statement
+from .statement import ExactStatement, HalfOrbit
 from .theorem import Enclosure, Part, Proof
 from .wording import loss_sentence, motion_sentence, root_sentence
 
@@ -70,7 +69,7 @@ def not_stated(machine: Machine, reason: Unproved, conditions: Mapping[str, str]
 
 
 @dataclass(frozen=True)
-class Existence:
+class ProvedExistence:
     """A proved solution of the equations of half an orbit.
 
     balls, unknowns : enclosures of what the theorem names, the launch and the times of the whole phases, in the units
@@ -79,26 +78,22 @@ class Existence:
     """
 
     half: HalfOrbit
-    statement: Statement
+    statement: ExactStatement
     equations: Equations
     root: ProvedRoot
     balls: dict[str, arb]
     unknowns: dict[str, Enclosure]
     uniqueness_radius: str
 
-    def ball(self, each: Expression) -> arb:
+    def ball(self, each: ExactExpression) -> arb:
         """An enclosure of a function of the unknowns, in the units of the equations."""
         return ball_of(each, self.statement, self.equations, self.root)
 
 
-def ball_of(each: Expression, statement: Statement, equations: Equations, root: ProvedRoot) -> arb:
+def ball_of(each: ExactExpression, statement: ExactStatement, equations: Equations, root: ProvedRoot) -> arb:
     """An enclosure of a function of the unknowns, in the units of the equations."""
     inputs = [*statement.unknowns.values(), *equations.intervals.symbols.values()]
     return BallProgram(inputs, [each])([*root.box, *equations.intervals.balls()])[0]
-
-
-def _ball(value: Fraction) -> arb:
-    return arb(value.numerator) / value.denominator
 
 
 @dataclass(frozen=True)
@@ -169,22 +164,22 @@ def whole_proof(
     )
 
 
-def _existence(claim: Claim, stated: StatedMachine, with_contact: bool, digits: int | None) -> Existence:
+def _existence(claim: Claim, stated: StatedMachine, with_contact: bool, digits: int | None) -> ProvedExistence:
     """The proved solution near what an orbit says; raises `Unproved`."""
-    half = HalfOrbit(Mechanics(stated, Scale.of(claim.alpha, claim.flight_time / 2, max(claim.family, 1))))
+    half = HalfOrbit(ExactMechanics(stated, Scale.of(claim.alpha, claim.flight_time / 2, max(claim.family, 1))))
     statement = half.statement(with_contact)
     if missing := [name for name in statement.unknowns if name not in claim.unknowns]:
         raise Unproved(f"the orbit has no {missing[0]}")
-    equations = Equations(statement, Intervals(stated.parameters))
+    equations = Equations(statement, IntervalParameters(stated.parameters))
     guess = [claim.unknowns[name] / float(half.unit_of(name)) for name in statement.unknowns]
     root = prove_root(equations, guess, bits_of_digits(digits))
     equations.check_domains(root.evaluated.passages)
     with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
-        units = [_ball(half.unit_of(name)) for name in statement.unknowns]
+        units = [ball_of_fraction(half.unit_of(name)) for name in statement.unknowns]
         balls = {name: ball * unit for name, ball, unit in zip(statement.unknowns, root.box, units, strict=True)}
         balls.pop(FLIGHT_DURATION, None)
         half_contact = balls.pop(CONTACT_DURATION, None)
-        time_unit = _ball(half.mechanics.scale.time)
+        time_unit = ball_of_fraction(half.mechanics.scale.time)
         balls["flight_time"] = 2 * ball_of(half.half_flight, statement, equations, root) * time_unit
         if half_contact is not None:
             balls["contact_time"] = 2 * half_contact
@@ -192,11 +187,11 @@ def _existence(claim: Claim, stated: StatedMachine, with_contact: bool, digits: 
             raise Unproved("the time of the flight is not proved to be positive")
         unknowns = {name: enclosure_of(ball, digits) for name, ball in balls.items()}
         radius = lower_decimal(root.unique_within(units))
-    return Existence(half, statement, equations, root, balls, unknowns, radius)
+    return ProvedExistence(half, statement, equations, root, balls, unknowns, radius)
 
 
 def _verdicts(
-    found: Existence, claim: Claim, names: list[str], loss: bool, digits: int | None, about_claim: bool
+    found: ProvedExistence, claim: Claim, names: list[str], loss: bool, digits: int | None, about_claim: bool
 ) -> Verdicts:
     """What is proved of the motion, for these conditions, and of what the orbit says."""
     reasons = [*_wrong_numbers(found, claim)] if about_claim else []
@@ -214,7 +209,7 @@ def _verdicts(
                 reasons.append(f"family: the extension turns as in family {family}, and the orbit says {claim.family}")
             reasons += [f"the orbit itself says that it is no motion: {each}" for each in claim.violations]
             reasons += _wrong_places(found, flight, claim)
-        conditions = _conditions(found, flight, names, reasons)
+        conditions = _motion_conditions(found, flight, names, reasons)
     if loss:
         try:
             unknowns = flight_statement(found).unknowns
@@ -227,7 +222,7 @@ def _verdicts(
     return Verdicts(family, conditions, enclosures, lost, tuple(reasons))
 
 
-def _wrong_numbers(found: Existence, claim: Claim) -> list[str]:
+def _wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:
     """What the orbit says of alpha and of the times, and is not so."""
     reasons = list[str]()
     error = CLAIMED * claim.error + CLAIM_ROUNDINGS * abs(claim.alpha)
@@ -247,10 +242,12 @@ def _agrees(ball: arb, said: float, claim: Claim) -> bool:
     return isfinite(error) and isfinite(said) and bool((ball + arb(0, error)).overlaps(arb(said)))
 
 
-def _wrong_places(found: Existence, flight: Motion, claim: Claim) -> list[str]:
+def _wrong_places(found: ProvedExistence, flight: Motion, claim: Claim) -> list[str]:
     """What the orbit says of its extension at lift-off and of its coordinates in mid-flight, and is not so."""
     mechanics = found.half.mechanics
-    places = [place * _ball(mechanics.scale.length) for place in flight.passage.finish[: 2 * mechanics.size : 2]]
+    places = [
+        place * ball_of_fraction(mechanics.scale.length) for place in flight.passage.finish[: 2 * mechanics.size : 2]
+    ]
     ends = dict(zip(mechanics.stated.coordinates, places, strict=True))
     said = {f"{name} in mid-flight": (ends[name], value) for name, value in claim.places.items() if name in ends}
     if claim.liftoff_extension is not None:
@@ -260,12 +257,12 @@ def _wrong_places(found: Existence, flight: Motion, claim: Claim) -> list[str]:
     return [f"{name}: the orbit says {value!r}, which is not so" for name, value in wrong]
 
 
-def flight_statement(found: Existence) -> Statement:
+def flight_statement(found: ProvedExistence) -> ExactStatement:
     """The statement of the half flight in all of its states."""
     return found.statement if found.half.lone is None else found.half.flight()
 
 
-def _flight(found: Existence) -> Motion:
+def _flight(found: ProvedExistence) -> Motion:
     """The half flight in all of its states, along which all formulas are proved to have values."""
     if found.half.lone is None:
         return Motion(found.equations.legs[0], found.root.evaluated.passages[0])
@@ -285,7 +282,7 @@ def _flight(found: Existence) -> Motion:
 
 
 def _family(
-    found: Existence, flight: Motion, digits: int | None, reasons: list[str]
+    found: ProvedExistence, flight: Motion, digits: int | None, reasons: list[str]
 ) -> tuple[int | None, dict[str, Enclosure]]:
     """The family, and the extension at lift-off and in mid-flight; reasons are added where it cannot be counted."""
     counted = flight.chain([found.half.mechanics.counts] * len(flight.leg.rates), 2)
@@ -300,7 +297,7 @@ def _family(
     }
 
 
-def _conditions(found: Existence, flight: Motion, names: list[str], reasons: list[str]) -> dict[str, str]:
+def _motion_conditions(found: ProvedExistence, flight: Motion, names: list[str], reasons: list[str]) -> dict[str, str]:
     """The verdict of each condition of a motion; reasons are added for those that are not proved."""
     contact = None
     if CONTACT_DURATION in found.statement.unknowns:
@@ -332,7 +329,7 @@ def _ending(contact: Motion | None) -> Motion:
     return contact
 
 
-def _check_gap(found: Existence, flight: Motion) -> None:
+def _check_gap(found: ProvedExistence, flight: Motion) -> None:
     """The gap and its speed are 0 at lift-off, as the launch is a contact state; its acceleration is, as the contact
     force vanishes there."""
     gap = flight.chain([found.half.gap] * len(flight.leg.rates), 3)
@@ -341,7 +338,7 @@ def _check_gap(found: Existence, flight: Motion) -> None:
     flight.check_positive(gap, zero_at_start=3)
 
 
-def _check_separation(found: Existence, flight: Motion, contact: Motion | None) -> None:
+def _check_separation(found: ProvedExistence, flight: Motion, contact: Motion | None) -> None:
     mechanics = found.half.mechanics
     assert mechanics.separation is not None
     flight.check_positive(flight.chain([mechanics.separation] * len(flight.leg.rates), 1))
@@ -350,14 +347,14 @@ def _check_separation(found: Existence, flight: Motion, contact: Motion | None) 
     held.check_positive(held.chain([inside] * len(held.leg.rates), 1))
 
 
-def _check_force(found: Existence, contact: Motion) -> None:
+def _check_force(found: ProvedExistence, contact: Motion) -> None:
     force = contact.chain(found.half.mechanics.contact_force, 1)
     if not contact.first(force, 0).contains(0):
         raise Unproved("the contact force does not vanish at landing")
     contact.check_positive(force, zero_at_start=1)
 
 
-def _check_end(found: Existence, contact: Motion) -> None:
+def _check_end(found: ProvedExistence, contact: Motion) -> None:
     """Of one coordinate the rate first vanishes in mid-contact; of several the equations demand that all rates do."""
     mechanics = found.half.mechanics
     if mechanics.size == 2:

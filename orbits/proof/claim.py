@@ -7,8 +7,9 @@ from typing import Any
 from ..errors import InputError
 from ..model.machine import Machine
 from ..periodic.orbit import MACHINE_FIELDS, Orbit
-from .statement import CONTACT_DURATION, FLIGHT_DURATION
 
+# The unknowns that are half the times of the two phases.
+FLIGHT_DURATION, CONTACT_DURATION = "duration", "contact_duration"
 # What describes a machine in words and numbers and tells apart its lossless orbits: restitution does not.
 DESCRIBED = [name for name in MACHINE_FIELDS if name not in ("restitution", "parameters")]
 

@@ -8,32 +8,31 @@ intervals. The unknowns of a proof are those of the statement and, after them, t
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
-from flint import arb, arb_mat, fmpq
+from flint import arb, arb_mat
 
 from .crossing import Breakpoints
 from .enclosure import Passage, Variation, follow_set
-from .expressions import ZERO, Expression, jacobian, number, substitute, symbol, total
-from .mechanics import share
-from .programs import BallProgram
+from .expressions import ZERO, ExactExpression, exact_number, jacobian, substitute, symbol, total
+from .mechanics import place_of
+from .programs import BallProgram, ball_of_fraction
 from .refusal import Unproved
 from .stated import Bounds
-from .statement import Arc, Statement
+from .statement import ExactArc, ExactStatement
 from .step import System, between, widened
 
 # Halvings of a step's time after which it is left open whether a law has a value there.
-MOST_HALVINGS = 12
+MOST_HALVINGS_OF_DOMAINS = 12
 
 
-class Intervals:
+class IntervalParameters:
     """The parameters that are only known within intervals, each by its place there, from -1 to 1.
 
     symbols : by name
     """
 
     def __init__(self, parameters: Mapping[str, Bounds]):
-        self.symbols = {name: share(name) for name, (low, high) in parameters.items() if low < high}
+        self.symbols = {name: place_of(name) for name, (low, high) in parameters.items() if low < high}
 
     def __bool__(self) -> bool:
         return bool(self.symbols)
@@ -54,11 +53,7 @@ class Intervals:
         return [arb(0, 1)] * len(self)
 
 
-def _ball(value: Fraction) -> arb:
-    return arb(fmpq(value.numerator, value.denominator))
-
-
-class Leg:
+class BallLeg:
     """An arc as programs, for interval parameters with these symbols.
 
     state : symbols of the m moving states, of the duration, and of the interval parameters: n in all
@@ -68,7 +63,7 @@ class Leg:
         vanishes; the derivatives of each come as a dense matrix, row by row
     """
 
-    def __init__(self, arc: Arc, unknowns: Sequence[Expression], intervals: Sequence[Expression]):
+    def __init__(self, arc: ExactArc, unknowns: Sequence[ExactExpression], intervals: Sequence[ExactExpression]):
         self.arc, self.moving = arc, arc.states
         self.duration = symbol("duration of the leg")
         self.state = [*arc.states, self.duration, *intervals]
@@ -92,7 +87,7 @@ class Leg:
         """The system of the leg with its variational equations."""
         m, n = len(self.moving), len(self.state)
         varied = [[symbol(f"d {i} {j}") for j in range(n)] for i in range(m)]
-        rows = [*varied, *([number(int(i == j)) for j in range(n)] for i in range(m, n))]
+        rows = [*varied, *([exact_number(int(i == j)) for j in range(n)] for i in range(m, n))]
         states = [*self.state, *(each for row in varied for each in row)]
         systems, both = list[System](), list[System]()
         for rates in self.rates:
@@ -111,14 +106,14 @@ class Leg:
         values = self._breaks(intervals)
         if not all(low < high for low, high in itertools.pairwise(values)):
             raise Unproved("the breakpoints of the spring's law are not proved to be apart and in order")
-        return Breakpoints(tuple(map(_ball, self.arc.weights)), values)
+        return Breakpoints(tuple(map(ball_of_fraction, self.arc.weights)), values)
 
     def check_domains(self, passage: Passage) -> None:
         """Raise `Unproved` where a formula is not proved to have a value all along an enclosed motion."""
         for piece in passage.pieces:
             for law in piece.laws:
                 if self.arc.domains[law]:
-                    waiting = [(arb(0), piece.step.h, MOST_HALVINGS)]
+                    waiting = [(arb(0), piece.step.h, MOST_HALVINGS_OF_DOMAINS)]
                     while waiting:
                         low, high, left = waiting.pop()
                         values = self._domains[law](piece.step.at(between(low, high)))
@@ -135,9 +130,9 @@ class Leg:
                         waiting += [(middle, high, left - 1), (low, middle, left - 1)]
 
 
-def system_of(states: list[Expression], rates: list[Expression]) -> System:
+def system_of(states: list[ExactExpression], rates: list[ExactExpression]) -> System:
     """The system of these rates of states, with its derivatives."""
-    places, slopes = list[tuple[int, int]](), list[Expression]()
+    places, slopes = list[tuple[int, int]](), list[ExactExpression]()
     for i, row in enumerate(jacobian(rates, states)):
         for j, slope in enumerate(row):
             if slope is not ZERO:
@@ -146,7 +141,7 @@ def system_of(states: list[Expression], rates: list[Expression]) -> System:
     return System(len(states), BallProgram(states, rates), BallProgram(states, slopes), tuple(places))
 
 
-def _dense(outputs: Sequence[Expression], inputs: Sequence[Expression]) -> BallProgram:
+def _dense(outputs: Sequence[ExactExpression], inputs: Sequence[ExactExpression]) -> BallProgram:
     return BallProgram(inputs, [each for row in jacobian(outputs, inputs) for each in row])
 
 
@@ -167,10 +162,10 @@ class Equations:
     """The equations of a boundary value statement, on balls; the columns of derivatives are the unknowns and, after
     them, the interval parameters."""
 
-    def __init__(self, statement: Statement, intervals: Intervals):
+    def __init__(self, statement: ExactStatement, intervals: IntervalParameters):
         self.statement, self.intervals, self.unknowns = statement, intervals, tuple(statement.unknowns)
         symbols = [*statement.unknowns.values()], [*intervals.symbols.values()]
-        self.legs = [Leg(arc, *symbols) for arc in statement.arcs]
+        self.legs = [BallLeg(arc, *symbols) for arc in statement.arcs]
 
     def evaluate(self, centre: Sequence[arb], radii: Sequence[arb], bits: int, wide: bool = True) -> Evaluated:
         """The equations on the box of unknowns within radii of a centre, for all values of the interval parameters, or

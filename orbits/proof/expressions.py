@@ -17,14 +17,14 @@ from weakref import WeakValueDictionary
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 # An expression, or an exact number that stands for one.
-Operand = Union["Expression", Fraction, int]
+Operand = Union["ExactExpression", Fraction, int]
 # Whole powers of numbers up to this one, with results of so many bits, are numbers; others stay powers.
 LARGEST_POWER, MOST_BITS = 512, 20_000
 # Whole powers up to this one are expanded, and polynomials of so many terms, to see whether an expression is 0.
 LARGEST_EXPANDED, MOST_TERMS = 24, 3000
 
 
-class Expression:
+class ExactExpression:
     """An operation on other expressions: `kind` is "number", "symbol", "pi", "+", "*", "/", "**" with a whole exponent,
     "power" with any other, or a function's name.
 
@@ -34,15 +34,15 @@ class Expression:
 
     __slots__ = ("__weakref__", "_slopes", "kind", "parts", "value")
 
-    _known: ClassVar["WeakValueDictionary[tuple, Expression]"] = WeakValueDictionary()
+    _known: ClassVar["WeakValueDictionary[tuple, ExactExpression]"] = WeakValueDictionary()
 
     kind: str
-    parts: tuple["Expression", ...]
+    parts: tuple["ExactExpression", ...]
     value: Any
-    _slopes: dict["Expression", "Expression"]
+    _slopes: dict["ExactExpression", "ExactExpression"]
 
     @classmethod
-    def of(cls, kind: str, parts: tuple["Expression", ...] = (), value: Any = None) -> "Expression":
+    def of(cls, kind: str, parts: tuple["ExactExpression", ...] = (), value: Any = None) -> "ExactExpression":
         """The one expression of this kind and these parts."""
         key = (kind, tuple(map(id, parts)), value)
         found = cls._known.get(key)
@@ -61,56 +61,56 @@ class Expression:
         """Whether it is this whole number."""
         return self.kind == "number" and self.value == value
 
-    def __add__(self, other: Operand) -> "Expression":
+    def __add__(self, other: Operand) -> "ExactExpression":
         a, b = self, expression(other)
         if a.is_number and b.is_number:
-            return number(a.value + b.value)
+            return exact_number(a.value + b.value)
         if a.is_(0):
             return b
         if b.is_(0):
             return a
-        return Expression.of("+", (a, b))
+        return ExactExpression.of("+", (a, b))
 
-    def __mul__(self, other: Operand) -> "Expression":
+    def __mul__(self, other: Operand) -> "ExactExpression":
         a, b = self, expression(other)
         if b.is_number:
             a, b = b, a
         if a.is_number:
             if b.is_number:
-                return number(a.value * b.value)
+                return exact_number(a.value * b.value)
             if a.is_(0):
                 return ZERO
             if a.is_(1):
                 return b
             if b.kind == "*" and b.parts[0].is_number:
-                return number(a.value * b.parts[0].value) * b.parts[1]
-        return Expression.of("*", (a, b))
+                return exact_number(a.value * b.parts[0].value) * b.parts[1]
+        return ExactExpression.of("*", (a, b))
 
     __radd__, __rmul__ = __add__, __mul__
 
-    def __neg__(self) -> "Expression":
-        return number(Fraction(-1)) * self
+    def __neg__(self) -> "ExactExpression":
+        return exact_number(Fraction(-1)) * self
 
-    def __sub__(self, other: Operand) -> "Expression":
+    def __sub__(self, other: Operand) -> "ExactExpression":
         other = expression(other)
         return ZERO if other is self else self + -other
 
-    def __rsub__(self, other: Operand) -> "Expression":
+    def __rsub__(self, other: Operand) -> "ExactExpression":
         return expression(other) - self
 
-    def __truediv__(self, other: Operand) -> "Expression":
+    def __truediv__(self, other: Operand) -> "ExactExpression":
         """A quotient; of a number by 0 none is made, so that its program meets the 0."""
         a, b = self, expression(other)
         if b.is_number and b.value:
-            return number(1 / b.value) * a
+            return exact_number(1 / b.value) * a
         if a.is_(0) and not b.is_number:
             return ZERO
-        return Expression.of("/", (a, b))
+        return ExactExpression.of("/", (a, b))
 
-    def __rtruediv__(self, other: Operand) -> "Expression":
+    def __rtruediv__(self, other: Operand) -> "ExactExpression":
         return expression(other) / self
 
-    def __pow__(self, exponent: int) -> "Expression":
+    def __pow__(self, exponent: int) -> "ExactExpression":
         """A whole power."""
         if exponent == 0:
             return ONE
@@ -119,8 +119,8 @@ class Expression:
         if self.is_number and (self.value or exponent > 0) and abs(exponent) <= LARGEST_POWER:
             numerator, denominator = abs(self.value.numerator), self.value.denominator
             if max(numerator, denominator).bit_length() * abs(exponent) <= MOST_BITS:
-                return number(self.value**exponent)
-        return Expression.of("**", (self,), exponent)
+                return exact_number(self.value**exponent)
+        return ExactExpression.of("**", (self,), exponent)
 
     def __repr__(self) -> str:
         if self.kind in ("number", "symbol"):
@@ -129,30 +129,30 @@ class Expression:
         return f"{self.kind}({inner}{'' if self.value is None else f', {self.value}'})"
 
 
-def number(value: Fraction | int) -> Expression:
+def exact_number(value: Fraction | int) -> ExactExpression:
     """The expression of a rational number."""
-    return Expression.of("number", (), Fraction(value))
+    return ExactExpression.of("number", (), Fraction(value))
 
 
-def symbol(name: str) -> Expression:
+def symbol(name: str) -> ExactExpression:
     """The one symbol of a name."""
-    return Expression.of("symbol", (), name)
+    return ExactExpression.of("symbol", (), name)
 
 
-def symbols(prefix: str, count: int) -> list[Expression]:
+def symbols(prefix: str, count: int) -> list[ExactExpression]:
     """Numbered symbols of a prefix that no name of a formula begins with."""
     return [symbol(f"{prefix}.{i}") for i in range(count)]
 
 
-def expression(value: Operand) -> Expression:
+def expression(value: Operand) -> ExactExpression:
     """An expression, of a number too."""
-    return value if isinstance(value, Expression) else number(Fraction(value))
+    return value if isinstance(value, ExactExpression) else exact_number(Fraction(value))
 
 
-ZERO, ONE, TWO, PI = number(0), number(1), number(2), Expression.of("pi")
+ZERO, ONE, TWO, PI = exact_number(0), exact_number(1), exact_number(2), ExactExpression.of("pi")
 
 
-def call(name: str, x: Expression) -> Expression:
+def call(name: str, x: ExactExpression) -> ExactExpression:
     """A function of an expression; the values that are rational are numbers."""
     if x.is_(0) and name in _ZERO_AT_ZERO:
         return ZERO
@@ -163,17 +163,17 @@ def call(name: str, x: Expression) -> Expression:
     if name == "sqrt" and x.is_number and x.value > 0:
         roots = [isqrt(x.value.numerator), isqrt(x.value.denominator)]
         if roots[0] ** 2 == x.value.numerator and roots[1] ** 2 == x.value.denominator:
-            return number(Fraction(*roots))
-    return Expression.of(name, (x,))
+            return exact_number(Fraction(*roots))
+    return ExactExpression.of(name, (x,))
 
 
-def power(base: Expression, exponent: Expression) -> Expression:
+def power(base: ExactExpression, exponent: ExactExpression) -> ExactExpression:
     """A power, by its logarithm where the exponent is no whole number."""
     if exponent.is_number and exponent.value.denominator == 1:
         return base ** int(exponent.value)
     if exponent.is_number and exponent.value == Fraction(1, 2):
         return call("sqrt", base)
-    return Expression.of("power", (base, exponent))
+    return ExactExpression.of("power", (base, exponent))
 
 
 _ZERO_AT_ZERO = (
@@ -199,12 +199,12 @@ _SLOPES = {
     "acosh": lambda f, x: 1 / (call("sqrt", x - 1) * call("sqrt", x + 1)),
     "atanh": lambda f, x: 1 / (1 - x**2),
 }
-FUNCTIONS = frozenset(_SLOPES)
+SMOOTH_FUNCTIONS = frozenset(_SLOPES)
 
 
-def in_order(outputs: Iterable[Expression]) -> list[Expression]:
+def in_order(outputs: Iterable[ExactExpression]) -> list[ExactExpression]:
     """All expressions that some are made of, each after its parts, and once; without recursion, as sums are deep."""
-    order, seen = list[Expression](), set[Expression]()
+    order, seen = list[ExactExpression](), set[ExactExpression]()
     waiting = [(each, False) for each in reversed([*outputs])]
     while waiting:
         each, ready = waiting.pop()
@@ -217,15 +217,15 @@ def in_order(outputs: Iterable[Expression]) -> list[Expression]:
     return order
 
 
-def derivative(of: Expression, by: Expression) -> Expression:
+def derivative_by(of: ExactExpression, by: ExactExpression) -> ExactExpression:
     """The derivative by a symbol."""
     for each in in_order([of]):
         if by not in each._slopes:
-            each._slopes[by] = _slope(each, by)
+            each._slopes[by] = _derivative_of(each, by)
     return of._slopes[by]
 
 
-def _slope(of: Expression, by: Expression) -> Expression:
+def _derivative_of(of: ExactExpression, by: ExactExpression) -> ExactExpression:
     """The derivative of an expression whose parts have theirs."""
     if not of.parts:
         return ONE if of is by else ZERO
@@ -246,17 +246,17 @@ def _slope(of: Expression, by: Expression) -> Expression:
     return of * (by_base if dy is ZERO else by_base + dy * call("log", x))
 
 
-def jacobian(outputs: Sequence[Expression], inputs: Sequence[Expression]) -> list[list[Expression]]:
+def jacobian(outputs: Sequence[ExactExpression], inputs: Sequence[ExactExpression]) -> list[list[ExactExpression]]:
     """The derivatives (outputs, inputs)."""
-    return [[derivative(output, each) for each in inputs] for output in outputs]
+    return [[derivative_by(output, each) for each in inputs] for output in outputs]
 
 
-def along(of: Expression, places: Sequence[Expression], rates: Sequence[Expression]) -> Expression:
+def along(of: ExactExpression, places: Sequence[ExactExpression], rates: Sequence[ExactExpression]) -> ExactExpression:
     """The derivative of a function of places that change at these rates."""
-    return total(derivative(of, place) * rate for place, rate in zip(places, rates, strict=True))
+    return total(derivative_by(of, place) * rate for place, rate in zip(places, rates, strict=True))
 
 
-def total(terms: Iterable[Operand]) -> Expression:
+def total(terms: Iterable[Operand]) -> ExactExpression:
     """The sum of some expressions."""
     found = ZERO
     for term in terms:
@@ -264,7 +264,7 @@ def total(terms: Iterable[Operand]) -> Expression:
     return found
 
 
-def substitute(of: Sequence[Expression], places: Mapping[Expression, Operand]) -> list[Expression]:
+def substitute(of: Sequence[ExactExpression], places: Mapping[ExactExpression, Operand]) -> list[ExactExpression]:
     """Expressions with others in the places of symbols."""
     new = {each: expression(value) for each, value in places.items()}
     for each in in_order(of):
@@ -273,7 +273,7 @@ def substitute(of: Sequence[Expression], places: Mapping[Expression, Operand]) -
     return [new[each] for each in of]
 
 
-def rebuilt(each: Expression, parts: Sequence[Expression]) -> Expression:
+def rebuilt(each: ExactExpression, parts: Sequence[ExactExpression]) -> ExactExpression:
     """The operation of an expression on other parts."""
     if each.kind == "+":
         return parts[0] + parts[1]
@@ -286,7 +286,7 @@ def rebuilt(each: Expression, parts: Sequence[Expression]) -> Expression:
     return power(*parts) if each.kind == "power" else call(each.kind, parts[0])
 
 
-def vanishes(each: Expression) -> bool:
+def vanishes(each: ExactExpression) -> bool:
     """Whether an expression is 0 as a quotient of polynomials, of its symbols and of what else it is made of; one that
     is 0 by an identity of other functions is not seen to be."""
     order = in_order([each])
@@ -295,7 +295,7 @@ def vanishes(each: Expression) -> bool:
     context = fmpq_mpoly_ctx.get([f"x{i}" for i in range(len(atoms))], Ordering.lex)
     known = dict(zip(atoms, context.gens(), strict=True))
     one = context.constant(1)
-    found = dict[Expression, tuple[Any, Any]]()
+    found = dict[ExactExpression, tuple[Any, Any]]()
     for node in order:
         parts = [found[part] for part in node.parts]
         if node in known:
@@ -317,7 +317,7 @@ def vanishes(each: Expression) -> bool:
     return bool(found[each][0] == 0)
 
 
-def depends_on(of: Iterable[Expression], on: Iterable[Expression]) -> bool:
+def depends_on(of: Iterable[ExactExpression], on: Iterable[ExactExpression]) -> bool:
     """Whether some expressions hold one of these symbols."""
     these = set(on)
     return any(each in these for each in in_order(of))

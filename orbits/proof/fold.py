@@ -5,19 +5,21 @@ import time
 from collections.abc import Mapping
 from fractions import Fraction
 
-from flint import arb, ctx
+from flint import ctx
 
 from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
 from .case import bits_of_digits, check_mirrored, not_stated
+from .claim import FLIGHT_DURATION
 from .decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
-from .equations import Equations, Intervals
+from .equations import Equations, IntervalParameters
 from .expressions import symbol
-from .mechanics import Mechanics, Scale
+from .mechanics import ExactMechanics, Scale
+from .programs import ball_of_fraction
 from .refusal import Unproved
 from .root import FIRST_BITS, prove_root
 from .stated import Decimals, StatedMachine, stated_machine
-from .statement import FLIGHT_DURATION, HalfOrbit, fold_statement
+from .statement import HalfOrbit, statement_of_folds
 from .theorem import Part, Proof
 from .wording import enclosed_words
 
@@ -66,24 +68,26 @@ def _fold(
     digits: int | None,
 ) -> tuple[Part, str]:  # fmt: skip
     """The enclosures of a fold, and the radius of that of alpha."""
-    mechanics = Mechanics(stated, Scale.of(unknowns["alpha"], unknowns.get(FLIGHT_DURATION, unknowns["alpha"])), along)
+    mechanics = ExactMechanics(
+        stated, Scale.of(unknowns["alpha"], unknowns.get(FLIGHT_DURATION, unknowns["alpha"])), along
+    )
     half = HalfOrbit(mechanics)
     statement = half.statement(with_contact=False)
     if mechanics.pieces:
         raise InputError("a fold of a piecewise law cannot be proved: it has no second derivatives everywhere")
     if missing := [name for name in statement.unknowns if name not in unknowns]:
         raise Unproved(f"the fold has no {missing[0]}")
-    folded = fold_statement(statement, symbol(along))
+    folded = statement_of_folds(statement, symbol(along))
     units = {name: half.unit_of(name) for name in statement.unknowns}
     units |= {f"d{name}": units[name] / units["alpha"] for name in statement.unknowns if name != "alpha"}
     units |= {along: Fraction(1)}
     guess = {**unknowns, **{f"d{name}": each for name, each in directions.items()}, along: value}
     others = {name: bounds for name, bounds in stated.parameters.items() if name != along}
-    equations = Equations(folded, Intervals(others))
+    equations = Equations(folded, IntervalParameters(others))
     start = [guess[name] / float(units[name]) for name in folded.unknowns]
     root = prove_root(equations, start, bits_of_digits(digits))
     equations.check_domains(root.evaluated.passages)
-    sizes = [arb(units[name].numerator) / units[name].denominator for name in folded.unknowns]
+    sizes = [ball_of_fraction(units[name]) for name in folded.unknowns]
     balls = {name: ball * size for name, ball, size in zip(folded.unknowns, root.box, sizes, strict=True)}
     with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
         enclosures = {name: enclosure_of(ball, digits) for name, ball in balls.items()}

@@ -15,7 +15,7 @@ from flint import arb
 
 from ..errors import InputError
 from ..symbolic.formula import BLANKS, Formula, parse
-from .expressions import FUNCTIONS, PI, Expression, call, number, power
+from .expressions import PI, SMOOTH_FUNCTIONS, ExactExpression, call, exact_number, power
 from .refusal import Unproved
 
 # Decimals have at most so many places, before or after the point.
@@ -46,7 +46,7 @@ class Domain:
     """
 
     what: str
-    place: Expression
+    place: ExactExpression
     positive: bool
 
     def holds(self, value: arb) -> bool:
@@ -57,7 +57,7 @@ class Domain:
 class Domains(list[Domain]):
     """The domains of the operations of some formulas."""
 
-    def need(self, what: str, place: Expression, positive: bool) -> None:
+    def need(self, what: str, place: ExactExpression, positive: bool) -> None:
         """Add one that is not plain to hold; raises `Unproved` for a number that is outside."""
         if place.is_number:
             if not (place.value > 0 or (not positive and place.value)):
@@ -69,24 +69,24 @@ class Domains(list[Domain]):
 
 
 @lru_cache(maxsize=1024)
-def _parsed(text: str) -> Formula:
+def _parsed_formula(text: str) -> Formula:
     return parse(text)
 
 
-def expression_of(text: str, names: Mapping[str, Expression], domains: Domains) -> Expression:
+def expression_of(text: str, names: Mapping[str, ExactExpression], domains: Domains) -> ExactExpression:
     """The exact expression of a formula whose names stand for expressions; its domains are added to `domains`.
 
     Raises `InputError` for a name that is not known, and `Unproved` for abs and sign, which have no Taylor series
     everywhere, and for what has no value anywhere.
     """
-    formula = _parsed(text)
+    formula = _parsed_formula(text)
     if missing := sorted(formula.names - names.keys()):
         raise InputError(f"'{text}' needs a value for {', '.join(missing)}")
-    stack, shown = list[Expression](), f"'{text.strip(BLANKS)[:60]}'"
+    stack, shown = list[ExactExpression](), f"'{text.strip(BLANKS)[:60]}'"
     for node in formula.nodes:
         kind = node[0]
         if kind == "number":
-            stack.append(number(exact_fraction("a numeral", node[2])))
+            stack.append(exact_number(exact_fraction("a numeral", node[2])))
         elif kind == "name":
             stack.append(PI if node[1] == "pi" else names[node[1]])
         elif kind == "negative":
@@ -95,11 +95,13 @@ def expression_of(text: str, names: Mapping[str, Expression], domains: Domains) 
             stack.append(_called(node[1], stack.pop(), shown, domains))
         else:
             right, left = stack.pop(), stack.pop()
-            stack.append(_combined(kind, left, right, shown, domains))
+            stack.append(_operated(kind, left, right, shown, domains))
     return stack.pop()
 
 
-def _combined(kind: str, left: Expression, right: Expression, shown: str, domains: Domains) -> Expression:
+def _operated(
+    kind: str, left: ExactExpression, right: ExactExpression, shown: str, domains: Domains
+) -> ExactExpression:
     if kind == "+":
         return left + right
     if kind == "-":
@@ -115,8 +117,8 @@ def _combined(kind: str, left: Expression, right: Expression, shown: str, domain
     return power(left, right)
 
 
-def _called(name: str, x: Expression, shown: str, domains: Domains) -> Expression:
-    if name not in FUNCTIONS:
+def _called(name: str, x: ExactExpression, shown: str, domains: Domains) -> ExactExpression:
+    if name not in SMOOTH_FUNCTIONS:
         raise Unproved(f"{shown} has {name}, which has no Taylor series everywhere")
     for place in _PLACES.get(name, lambda x: ())(x):
         domains.need(f"{name} in {shown}", place, positive=name != "tan")

@@ -13,7 +13,7 @@ from .stated import Bounds, Decimals, StatedMachine, stated_machine
 from .theorem import Enclosure, Proof
 from .wording import enclosed_words, motion_sentence
 
-# Intervals are halved so often where they are too wide for one proof.
+# IntervalParameters are halved so often where they are too wide for one proof.
 HALVINGS_OF_INTERVALS = 4
 
 

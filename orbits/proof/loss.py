@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from flint import arb, arb_mat, ctx
 
 from .enclosure import FINE, follow_set, unit_matrix
-from .equations import Leg
-from .expressions import Expression, derivative, expression, substitute
-from .mechanics import product, solved
+from .equations import BallLeg
+from .expressions import ExactExpression, derivative_by, expression, substitute
+from .mechanics import inner_product, solved
 from .motion import Motion
-from .programs import UNDEFINED, BallProgram
+from .programs import UNDEFINED, BallProgram, ball_of_fraction
 from .refusal import Unproved
 from .statement import HalfOrbit
 
@@ -48,33 +48,33 @@ def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], 
     except UNDEFINED:
         raise Unproved("the motion comes to where a law has no value") from None
     at_landing = _by_alpha_at_landing(transition, by_alpha_balls)
-    change = BallProgram(leg.moving, [product([expression(each) for each in m.gap], leg.moving[::2])])(at_landing)[0]
+    (change,) = BallProgram(leg.moving, [half.gap])(at_landing)
     third = flight.chain([half.gap] * len(leg.rates), 3)
     jerk = third.programs[law][3](start)[0] / start[len(leg.moving)] ** 3
     if not (jerk > 0 and (change > 0 or change < 0) and mass_ball > 0 and power_ball > 0):
         raise Unproved("the signs of the jerk at landing and of the gap's change with alpha are not decided")
     loss = mass_ball * jerk**2 / 8 * (6 * abs(change) / jerk) ** (arb(4) / 3) / power_ball
     # C takes a speed to the power 4/3 to a speed.
-    unit = (arb(m.scale.speed.numerator) / m.scale.speed.denominator) ** (arb(-1) / 3)
+    unit = ball_of_fraction(m.scale.speed) ** (arb(-1) / 3)
     return Loss(loss * unit, "below" if change > 0 else "above")
 
 
-def _expressions(half: HalfOrbit, law: int) -> list[Expression]:
+def _expressions(half: HalfOrbit, law: int) -> list[ExactExpression]:
     """What the gap's speed squared is multiplied by in twice the energy that a landing loses, the derivative of the
     energy of a launch by alpha, and those (2 n,) of the launch itself, as functions of the launch."""
     m, own = half.mechanics, half.launch_unknowns
     lifted, launch = half.lifted[law], half.launch
     # The place of the launch follows its speed, since the contact force stays 0.
-    slope = -derivative(lifted, own["alpha"]) / derivative(lifted, own["liftoff"])
-    by_alpha = [derivative(each, own["alpha"]) + derivative(each, own["liftoff"]) * slope for each in launch]
-    momentum = [product(row, m.v) for row in m.inertia]
-    kinetic = product(m.v, momentum) / 2
-    by_place = [derivative(kinetic, place) - force for place, force in zip(m.y, m.conservative[law], strict=True)]
+    slope = -derivative_by(lifted, own["alpha"]) / derivative_by(lifted, own["liftoff"])
+    by_alpha = [derivative_by(each, own["alpha"]) + derivative_by(each, own["liftoff"]) * slope for each in launch]
+    momentum = [inner_product(row, m.v) for row in m.inertia]
+    kinetic = inner_product(m.v, momentum) / 2
+    by_place = [derivative_by(kinetic, place) - force for place, force in zip(m.y, m.conservative[law], strict=True)]
     gap = [expression(each) for each in m.gap]
-    mass = 1 / product(gap, solved(m.inertia, gap))
+    mass = 1 / inner_product(gap, solved(m.inertia, gap))
     places = dict(zip([*m.y, *m.v], [*launch[::2], *launch[1::2]], strict=True))
     mass, *gradient = substitute([mass, *by_place, *momentum], places)
-    return [mass, product(gradient, [*by_alpha[::2], *by_alpha[1::2]]), *by_alpha]
+    return [mass, inner_product(gradient, [*by_alpha[::2], *by_alpha[1::2]]), *by_alpha]
 
 
 def _by_alpha_at_landing(half: arb_mat, by_alpha: Sequence[arb]) -> list[arb]:
@@ -89,7 +89,7 @@ def _by_alpha_at_landing(half: arb_mat, by_alpha: Sequence[arb]) -> list[arb]:
     return [found[i, 0] for i in range(n)]
 
 
-def _transition(leg: Leg, start: Sequence[arb], bits: int) -> arb_mat:
+def _transition(leg: BallLeg, start: Sequence[arb], bits: int) -> arb_mat:
     """The derivatives (m, m) of the state in mid-flight by the state at lift-off, over fixed times."""
     n, m = len(start), len(leg.moving)
     radii = arb_mat(n, 1, [arb(0, value.rad()) for value in start])

@@ -18,12 +18,12 @@ from fractions import Fraction
 from .expressions import (
     ONE,
     ZERO,
-    Expression,
+    ExactExpression,
     depends_on,
-    derivative,
+    derivative_by,
+    exact_number,
     expression,
     jacobian,
-    number,
     substitute,
     symbol,
     total,
@@ -33,8 +33,8 @@ from .formulas import Domains, expression_of
 from .refusal import Unproved
 from .stated import StatedMachine, StatedSpring
 
-Vector = list[Expression]
-Matrix = list[Vector]
+Column = list[ExactExpression]
+ExactRows = list[Column]
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,11 @@ def _power_of_two(value: float) -> Fraction:
 
 
 @dataclass(frozen=True)
-class Pieces:
+class ExactPieces:
     """Where laws follow one another along a sum of coordinates: its weights (n,), and the places, ascending."""
 
     weights: tuple[Fraction, ...]
-    breaks: tuple[Expression, ...]
+    breaks: tuple[ExactExpression, ...]
 
 
 @dataclass(frozen=True)
@@ -82,15 +82,15 @@ class LoneExtension:
     domains : what each law needs there
     """
 
-    place: Expression
-    weights: Vector
-    thrown: Vector
-    accelerations: list[Expression]
-    fall: Expression
+    place: ExactExpression
+    weights: Column
+    thrown: Column
+    accelerations: list[ExactExpression]
+    fall: ExactExpression
     domains: list[Domains]
 
 
-class Mechanics:
+class ExactMechanics:
     """The equations of motion of a stated machine.
 
     free : the name of a parameter that is an unknown
@@ -109,7 +109,7 @@ class Mechanics:
     def __init__(self, stated: StatedMachine, scale: Scale, free: str | None = None):
         self.stated, self.size, self.scale = stated, len(stated.coordinates), scale
         bounds = stated.parameters.items()
-        self.parameters = {name: symbol(name) if name == free else within(name, *ends) for name, ends in bounds}
+        self.parameters = {name: symbol(name) if name == free else parameter_of(name, *ends) for name, ends in bounds}
         self.y = [symbol(name) for name in stated.coordinates]
         self.v = [symbol(f"{name}'") for name in stated.coordinates]
         places = [scale.length * each for each in self.y]
@@ -133,22 +133,22 @@ class Mechanics:
         self.accelerations = [solved(self.inertia, force) for force in self.forces]
         self._derive_contact()
 
-    def formula(self, text: str, **names: Expression) -> Expression:
+    def formula(self, text: str, **names: ExactExpression) -> ExactExpression:
         """The expression of a formula; its domains are kept."""
         return expression_of(text, {**self.names, **names}, self.domains)
 
-    def gradient(self, of: Expression) -> Vector:
+    def gradient(self, of: ExactExpression) -> Column:
         """The gradient (n,) by the coordinates."""
-        return [derivative(of, place) for place in self.y]
+        return [derivative_by(of, place) for place in self.y]
 
-    def _of_parameters(self, text: str) -> Expression:
+    def _of_parameters(self, text: str) -> ExactExpression:
         """A mass, which does not depend on the coordinates."""
         found = self.formula(text)
         if depends_on([found], self.y):
             raise Unproved(f"mass '{text}' depends on coordinates")
         return found
 
-    def _inertia(self) -> Matrix:
+    def _inertia(self) -> ExactRows:
         s, matrix = self.stated, [[ZERO] * self.size for _ in range(self.size)]
         if s.inertia:
             matrix = [[self.formula(entry) for entry in row] for row in s.inertia]
@@ -159,8 +159,8 @@ class Mechanics:
         for place, size in (*s.masses, *s.inerters):
             along, mass = self.gradient(self.formula(place)), self._of_parameters(size)
             matrix = [[matrix[i][j] + mass * along[i] * along[j] for j in range(self.size)] for i in range(self.size)]
-        for place in pivots(matrix):
-            self.domains.need("the inverse of the inertia", place, positive=True)
+        for pivot in pivots(matrix):
+            self.domains.need("the inverse of the inertia", pivot, positive=True)
         return matrix
 
     def _gap(self) -> list[Fraction]:
@@ -175,13 +175,13 @@ class Mechanics:
             raise Unproved(f"gap '{self.stated.gap}' is closed by no coordinate that rises")
         return [each.value / largest for each in weights]
 
-    def _centrifugal(self) -> Vector:
+    def _centrifugal(self) -> Column:
         momentum = [total(m * v for m, v in zip(row, self.v, strict=True)) for row in self.inertia]
         energy = total(v * p for v, p in zip(self.v, momentum, strict=True)) / 2
         turned = [total(s * v for s, v in zip(row, self.v, strict=True)) for row in jacobian(momentum, self.y)]
         return [a - b for a, b in zip(turned, self.gradient(energy), strict=True)]
 
-    def _forces(self) -> tuple[Pieces | None, list[Domains], Matrix]:
+    def _forces(self) -> tuple[ExactPieces | None, list[Domains], ExactRows]:
         """The pieces of the springs' laws, what each law needs, and the forces (laws, n) but for the speeds'."""
         s, constant = self.stated, [ZERO] * self.size
         for place, mass in (*s.masses, *s.weights):
@@ -194,7 +194,7 @@ class Mechanics:
         if len(in_pieces) > 1:
             raise Unproved("more than one spring has a law in pieces")
         domains = [Domains() for _ in range(1 + (len(in_pieces[0].breaks) if in_pieces else 0))]
-        laws = list[Vector]()
+        laws = list[Column]()
         for law, own in enumerate(domains):
             force = list(constant)
             for spring in s.springs:
@@ -205,22 +205,22 @@ class Mechanics:
         scaled = [[self.scale.time**2 * each for each in force] for force in laws]
         return (self._pieces(in_pieces[0]) if in_pieces else None), domains, scaled
 
-    def gravity(self, height: Expression) -> Expression:
+    def gravity(self, height: ExactExpression) -> ExactExpression:
         """The acceleration of gravity at a height."""
         return self.formula(self.stated.surface_gravity) * self.formula(self.stated.gravity, z=height)
 
-    def pull(self, spring: StatedSpring, piece: int, extension: Expression, domains: Domains) -> Expression:
+    def pull(self, spring: StatedSpring, piece: int, extension: ExactExpression, domains: Domains) -> ExactExpression:
         """The force of a spring at an extension, on a piece of its law; its domains are added to these."""
         r, own = symbol("r"), Domains()
         law = expression_of(spring.force[piece], {**self.parameters, "r": r}, own)
         force, *places = substitute(
-            [derivative(law, r) if spring.potential else law, *(each.place for each in own)], {r: extension}
+            [derivative_by(law, r) if spring.potential else law, *(each.place for each in own)], {r: extension}
         )
         for each, place in zip(own, places, strict=True):
             domains.need(each.what, place, each.positive)
         return force
 
-    def _pieces(self, spring: StatedSpring) -> Pieces:
+    def _pieces(self, spring: StatedSpring) -> ExactPieces:
         extension = self.formula(spring.extension)
         weights = self.gradient(extension)
         (offset,) = substitute([extension], dict.fromkeys(self.y, ZERO))
@@ -231,7 +231,7 @@ class Mechanics:
             low, high = (self.pull(spring, piece, place + offset, Domains()) for piece in (k, k + 1))
             if not vanishes(low - high):
                 raise Unproved("the spring's force is not plainly continuous at a breakpoint")
-        return Pieces(tuple(each.value for each in weights), breaks)
+        return ExactPieces(tuple(each.value for each in weights), breaks)
 
     def _derive_contact(self) -> None:
         """The motion in contact: accelerations and contact force, for each law, as functions of s and its rates."""
@@ -242,7 +242,7 @@ class Mechanics:
         count = range(len(self.kept))
         held = [[total(row[i] * self.embed[i][j] for i in range(self.size)) for j in count] for row in inertia]
         reduced = [[total(self.embed[i][k] * held[i][j] for i in range(self.size)) for j in count] for k in count]
-        self.contact_accelerations, self.contact_force = list[Vector](), list[Expression]()
+        self.contact_accelerations, self.contact_force = list[Column](), list[ExactExpression]()
         for force in self.forces:
             inside = substitute(force, places)
             rates = solved(reduced, self.along(inside))
@@ -251,11 +251,11 @@ class Mechanics:
             self.contact_accelerations.append(rates)
             self.contact_force.append(carried - inside[self.eliminated])
 
-    def embedded(self, s: Sequence[Expression]) -> Vector:
+    def embedded(self, s: Sequence[ExactExpression]) -> Column:
         """All coordinates, or rates, of those of the contact."""
         return [total(weight * x for weight, x in zip(row, s, strict=True)) for row in self.embed]
 
-    def along(self, forces: Sequence[Expression]) -> Vector:
+    def along(self, forces: Sequence[ExactExpression]) -> Column:
         """Forces on all coordinates as those on the coordinates of the contact."""
         count = range(len(self.kept))
         return [total(self.embed[i][j] * forces[i] for i in range(self.size)) for j in count]
@@ -273,7 +273,7 @@ class Mechanics:
             return None
         if depends_on(varying, self.y):
             return None
-        ways = list[tuple[Fraction, Expression]]()
+        ways = list[tuple[Fraction, ExactExpression]]()
         along: list[Fraction] = []
         for spring in s.springs:
             extension = self.formula(spring.extension)
@@ -292,32 +292,32 @@ class Mechanics:
         mobility = solved(self.inertia, r)
         thrown = [mobility[1], -mobility[0]]
         falling = [self.scale.time**2 * each for each in solved(self.inertia, load)]
-        accelerations, domains, squared = list[Expression](), [Domains() for _ in self.forces], self.scale.time**2
+        accelerations, domains, squared = list[ExactExpression](), [Domains() for _ in self.forces], self.scale.time**2
         for law, own in enumerate(domains):
             pull = total(
                 squared * factor * self.pull(each, law if each.breaks else 0, factor * place + offset, own)
                 for each, (factor, offset) in zip(s.springs, ways, strict=True)
             )
-            accelerations.append(-(pull * product(r, mobility) + product(r, falling)))
-        return LoneExtension(place, r, thrown, accelerations, -product(thrown, falling), domains)
+            accelerations.append(-(pull * inner_product(r, mobility) + inner_product(r, falling)))
+        return LoneExtension(place, r, thrown, accelerations, -inner_product(thrown, falling), domains)
 
 
-def share(name: str) -> Expression:
+def place_of(name: str) -> ExactExpression:
     """The symbol of an interval parameter's place in its interval, from -1 to 1."""
     return symbol(f"share of {name}")
 
 
-def within(name: str, low: Fraction, high: Fraction) -> Expression:
+def parameter_of(name: str, low: Fraction, high: Fraction) -> ExactExpression:
     """What a parameter between bounds stands for."""
-    return number((low + high) / 2) + number((high - low) / 2) * share(name)
+    return exact_number((low + high) / 2) + exact_number((high - low) / 2) * place_of(name)
 
 
-def product(a: Sequence[Expression], b: Sequence[Expression]) -> Expression:
+def inner_product(a: Sequence[ExactExpression], b: Sequence[ExactExpression]) -> ExactExpression:
     """The sum of products."""
     return total(x * y for x, y in zip(a, b, strict=True))
 
 
-def _eliminated(matrix: Matrix) -> tuple[Matrix, Matrix]:
+def _eliminated(matrix: ExactRows) -> tuple[ExactRows, ExactRows]:
     """The factors of a symmetric positive definite matrix M = L D L', L with ones on its diagonal, D in the diagonal of
     the second."""
     n = len(matrix)
@@ -332,13 +332,13 @@ def _eliminated(matrix: Matrix) -> tuple[Matrix, Matrix]:
     return lower, left
 
 
-def pivots(matrix: Matrix) -> Vector:
+def pivots(matrix: ExactRows) -> Column:
     """What is positive exactly where a symmetric matrix is positive definite."""
     _, upper = _eliminated(matrix)
     return [upper[i][i] for i in range(len(matrix))]
 
 
-def solved(matrix: Matrix, right: Sequence[Expression]) -> Vector:
+def solved(matrix: ExactRows, right: Sequence[ExactExpression]) -> Column:
     """The solution of a linear system with a symmetric positive definite matrix."""
     lower, upper = _eliminated(matrix)
     n, found = len(matrix), list(right)

@@ -7,8 +7,8 @@ from flint import arb
 
 from ..errors import OrbitsError
 from .enclosure import Passage, Piece
-from .equations import Leg
-from .expressions import Expression, along
+from .equations import BallLeg
+from .expressions import ExactExpression, along
 from .programs import BallProgram
 from .refusal import Unproved
 from .step import between
@@ -37,10 +37,10 @@ class Derivatives:
 class Motion:
     """An enclosed motion, with the leg that it travels."""
 
-    leg: Leg
+    leg: BallLeg
     passage: Passage
 
-    def chain(self, functions: Sequence[Expression], orders: int) -> Derivatives:
+    def chain(self, functions: Sequence[ExactExpression], orders: int) -> Derivatives:
         """A function of the states, one expression for each law, with so many derivatives along the motion."""
         state, by_law = self.leg.state, list[tuple[BallProgram, ...]]()
         for function, rates in zip(functions, self.leg.rates, strict=True):

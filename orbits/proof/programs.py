@@ -6,11 +6,12 @@ program on balls contains the values on all their points, and a series contains 
 
 import operator
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from typing import Any, TypeAlias
 
 from flint import arb, arb_series, ctx, fmpq
 
-from .expressions import Expression, in_order
+from .expressions import ExactExpression, in_order
 from .refusal import Unproved
 
 # A ball, or a power series of balls that is cut off at the context's order.
@@ -28,12 +29,12 @@ class BallProgram:
     Raises `Unproved` for a power that is too large, and `ValueError` where a symbol has no value.
     """
 
-    def __init__(self, inputs: Sequence[Expression], outputs: Sequence[Expression]):
+    def __init__(self, inputs: Sequence[ExactExpression], outputs: Sequence[ExactExpression]):
         order = in_order(outputs)
         place = {each: i for i, each in enumerate(inputs)}
         if missing := [each for each in order if each.kind == "symbol" and each not in place]:
             raise ValueError(f"no value for {missing[0]!r}")
-        moving = set[Expression]()
+        moving = set[ExactExpression]()
         for each in order:
             if each in place or any(part in moving for part in each.parts):
                 moving.add(each)
@@ -61,17 +62,22 @@ class BallProgram:
         """Enclosures of the constants, at the precision of the context."""
         precision, balls = self._known
         if precision != ctx.prec:
-            found = dict[Expression, arb]()
+            found = dict[ExactExpression, arb]()
             for each in self._still:
-                found[each] = _constant(each, [found[part] for part in each.parts])
+                found[each] = _constant_ball(each, [found[part] for part in each.parts])
             balls = [found[each] for each in self._constants]
             self._known = ctx.prec, balls
         return balls
 
 
-def _constant(each: Expression, parts: Sequence[arb]) -> arb:
+def ball_of_fraction(value: Fraction) -> arb:
+    """An enclosure of a fraction."""
+    return arb(fmpq(value.numerator, value.denominator))
+
+
+def _constant_ball(each: ExactExpression, parts: Sequence[arb]) -> arb:
     if each.kind == "number":
-        return arb(fmpq(each.value.numerator, each.value.denominator))
+        return ball_of_fraction(each.value)
     return arb.pi() if each.kind == "pi" else operation(each)(*parts)
 
 
@@ -86,7 +92,7 @@ def coefficient(value: Value, order: int) -> arb:
 _NULL = arb(0)
 
 
-def operation(each: Expression) -> Callable:
+def operation(each: ExactExpression) -> Callable:
     """The function of balls that an expression's operation stands for."""
     if each.kind == "**":
         exponent = each.value
@@ -120,7 +126,7 @@ def _cosh(x: arb_series) -> arb_series:
     return (grown + shrunk) / 2
 
 
-def _power(x: Value, y: Value) -> Value:
+def _ball_power(x: Value, y: Value) -> Value:
     """x**y for an exponent that is no whole number, where x is positive."""
     return (y * x.log()).exp()
 
@@ -142,7 +148,7 @@ _OPERATIONS: dict[str, Callable] = {
     "+": operator.add,
     "*": operator.mul,
     "/": operator.truediv,
-    "power": _power,
+    "power": _ball_power,
     "sqrt": lambda x: x.sqrt(),
     "exp": lambda x: x.exp(),
     "log": lambda x: x.log(),

@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import arb, arb_mat, ctx
 
+from .claim import CONTACT_DURATION, FLIGHT_DURATION
 from .enclosure import unit_matrix
 from .equations import Equations, Evaluated, columns_of
 from .programs import UNDEFINED
 from .refusal import TooLong, Unproved
-from .statement import CONTACT_DURATION, FLIGHT_DURATION
 
 # Bits of the first proof, and relative radii of the boxes that are tried, the largest first.
 FIRST_BITS = 80
@@ -36,7 +36,7 @@ MOST_POLISHES, POLISHED = 6, 1e-6
 # The bits of a number that is known exactly.
 EXACT = 10**9
 # The unknowns that an orbit has above 0.
-POSITIVE = ("alpha", FLIGHT_DURATION, CONTACT_DURATION)
+POSITIVE_UNKNOWNS = ("alpha", FLIGHT_DURATION, CONTACT_DURATION)
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
         raise Unproved(f"no box about the numerical solution is proved to hold a root{reason}")
     root = _narrowed(equations, ProvedRoot(inner, centre, radii, evaluated), bits)
     for name, value in zip(equations.unknowns, root.box, strict=True):
-        if name in POSITIVE and not value > 0:
+        if name in POSITIVE_UNKNOWNS and not value > 0:
             raise Unproved(f"{name} is not proved to be positive")
     return root
 

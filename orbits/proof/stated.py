@@ -21,8 +21,8 @@ from .formulas import exact_fraction
 from .refusal import Unproved
 
 # An exact decimal, a fraction, or the bounds of an interval.
-Exact = str | float | Decimal | Fraction
-Decimals = Exact | tuple[Exact, Exact]
+ExactNumber = str | float | Decimal | Fraction
+Decimals = ExactNumber | tuple[ExactNumber, ExactNumber]
 # The lower and the upper bound of a parameter.
 Bounds = tuple[Fraction, Fraction]
 # Something along a function of the coordinates, with its size: the formulas of both.
@@ -175,7 +175,7 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
     names = tuple(values)
 
     def text(expression: Scalar) -> str:
-        return _text_of(expression, mechanism.coordinates, names)
+        return _text_of(expression, tuple(mechanism.coordinates), names)
 
     kinds: dict[type, list[Sized]] = {Mass: [], Weight: [], Inerter: []}
     springs, potentials = list[StatedSpring](), list[str]()
@@ -184,7 +184,7 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
             case Mass(place, size) | Weight(place, size) | Inerter(place, size):
                 kinds[type(element)].append((text(place), text(size)))
             case Spring(extension, law):
-                springs.append(_spring(text(extension), law))
+                springs.append(_stated_spring(text(extension), law))
             case Potential(energy):
                 potentials.append(text(energy))
             case _:
@@ -225,7 +225,7 @@ def _text_of(expression: Scalar, coordinates: tuple[str, ...], names: tuple[str,
     return str(expression) if isinstance(expression, int | Decimal) else repr(float(expression))
 
 
-def _spring(extension: str, law: Any) -> StatedSpring:
+def _stated_spring(extension: str, law: Any) -> StatedSpring:
     assert isinstance(law, Key)
     if law.written is None:
         raise Unproved(f"the spring's law '{law.text}' is a table or a function that no formula says")

@@ -9,16 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from .expressions import ONE, ZERO, Expression, along, derivative, expression, substitute, symbol, symbols
+from .claim import CONTACT_DURATION, FLIGHT_DURATION
+from .expressions import ONE, ZERO, ExactExpression, along, derivative_by, expression, substitute, symbol, symbols
 from .formulas import Domain, Domains
-from .mechanics import LoneExtension, Mechanics, Vector, product
-
-# The unknowns that are half the times of the two phases.
-FLIGHT_DURATION, CONTACT_DURATION = "duration", "contact_duration"
+from .mechanics import Column, ExactMechanics, LoneExtension, inner_product
 
 
 @dataclass(frozen=True)
-class Arc:
+class ExactArc:
     """A phase travelled once, in `duration` units of time.
 
     states : symbols of the m states
@@ -32,31 +30,31 @@ class Arc:
     domains : for each law, what its formulas need along the motion
     """
 
-    states: Vector
-    rates: list[Vector]
-    start: Vector
-    duration: Expression
-    guards: list[Vector]
-    conditions: Vector
+    states: Column
+    rates: list[Column]
+    start: Column
+    duration: ExactExpression
+    guards: list[Column]
+    conditions: Column
     domains: list[list[Domain]]
-    before: tuple[Expression, ...] = ()
+    before: tuple[ExactExpression, ...] = ()
     weights: tuple[Fraction, ...] = ()
-    breaks: tuple[Expression, ...] = ()
+    breaks: tuple[ExactExpression, ...] = ()
 
 
 @dataclass(frozen=True)
-class Statement:
+class ExactStatement:
     """A square boundary value problem.
 
     unknowns : their symbols by name
     arcs : in the order in which they are travelled
     """
 
-    unknowns: dict[str, Expression]
-    arcs: tuple[Arc, ...]
+    unknowns: dict[str, ExactExpression]
+    arcs: tuple[ExactArc, ...]
 
 
-def unknown(name: str) -> Expression:
+def unknown(name: str) -> ExactExpression:
     """The symbol of an unknown."""
     return symbol(f"unknown {name}")
 
@@ -67,7 +65,7 @@ class HalfOrbit:
     launch_unknowns : symbols by name of the place and the rates of the contact's coordinates at lift-off
     """
 
-    def __init__(self, mechanics: Mechanics):
+    def __init__(self, mechanics: ExactMechanics):
         self.mechanics, names = mechanics, list[str]()
         for i, coordinate in enumerate(mechanics.kept):
             name = mechanics.stated.coordinates[coordinate]
@@ -87,32 +85,32 @@ class HalfOrbit:
         return scale.speed if name == "alpha" or name.endswith("'") else scale.length
 
     @property
-    def gap(self) -> Expression:
+    def gap(self) -> ExactExpression:
         """The gap, a function of the flight state."""
-        return product([expression(weight) for weight in self.mechanics.gap], self.mechanics.y)
+        return inner_product([expression(weight) for weight in self.mechanics.gap], self.mechanics.y)
 
     @property
-    def launch(self) -> Vector:
+    def launch(self) -> Column:
         """The flight state at lift-off: coordinates and rates by turns."""
         m = self.mechanics
         return _by_turns(m.embedded(self.places), m.embedded(self.rates))
 
     @property
-    def lifted(self) -> list[Expression]:
+    def lifted(self) -> list[ExactExpression]:
         """The contact force at lift-off, for each law."""
         m = self.mechanics
         at = dict(zip([*m.s, *m.w], [*self.places, *self.rates], strict=True))
         return substitute(m.contact_force, at)
 
     @property
-    def half_flight(self) -> Expression:
+    def half_flight(self) -> ExactExpression:
         """Half the time of the flight: an unknown, or where an extension moves alone what is thrown up with it takes
         to the top of its parabola."""
         if self.lone is None:
             return unknown(FLIGHT_DURATION)
-        return -product(self.lone.thrown, self.mechanics.embedded(self.rates)) / self.lone.fall
+        return -inner_product(self.lone.thrown, self.mechanics.embedded(self.rates)) / self.lone.fall
 
-    def statement(self, with_contact: bool) -> Statement:
+    def statement(self, with_contact: bool) -> ExactStatement:
         """The smallest statement of half an orbit, with half of the contact or, for machines of two coordinates,
         without."""
         with_contact = with_contact or self.mechanics.size > 2
@@ -121,21 +119,21 @@ class HalfOrbit:
             unknowns[FLIGHT_DURATION] = self.half_flight
         first = self._whole_flight() if self.lone is None else self._lone_flight(self.lone)
         if not with_contact:
-            return Statement(unknowns, (first,))
+            return ExactStatement(unknowns, (first,))
         unknowns[CONTACT_DURATION] = unknown(CONTACT_DURATION)
-        return Statement(unknowns, (first, self._contact(len(first.states))))
+        return ExactStatement(unknowns, (first, self._contact(len(first.states))))
 
-    def flight(self) -> Statement:
+    def flight(self) -> ExactStatement:
         """The half flight in all of its states, without conditions."""
         arc = self._whole_flight()
         unknowns = self.launch_unknowns | ({FLIGHT_DURATION: self.half_flight} if self.lone is None else {})
-        free = Arc(
+        free = ExactArc(
             arc.states, arc.rates, arc.start, arc.duration, [[] for _ in arc.guards], [], arc.domains, (), arc.weights,
             arc.breaks,
         )  # fmt: skip
-        return Statement(unknowns, (free,))
+        return ExactStatement(unknowns, (free,))
 
-    def _whole_flight(self) -> Arc:
+    def _whole_flight(self) -> ExactArc:
         m = self.mechanics
         states = _by_turns(m.y, m.v)
         rates = [_by_turns(m.v, accelerations) for accelerations in m.accelerations]
@@ -144,12 +142,18 @@ class HalfOrbit:
         )
         domains = [[*m.domains, *own] for own in m.law_domains]
         guards = [[each] for each in self.lifted]
-        return Arc(states, rates, self.launch, self.half_flight, guards, list(m.v), domains, (), tuple(weights), breaks)
+        return ExactArc(
+            states, rates, self.launch, self.half_flight, guards, list(m.v), domains, (), tuple(weights), breaks
+        )
 
-    def _lone_flight(self, lone: LoneExtension) -> Arc:
+    def _lone_flight(self, lone: LoneExtension) -> ExactArc:
         m, r, rate = self.mechanics, lone.place, symbol("rate of the lone extension")
-        place, speed = product(lone.weights, m.embedded(self.places)), product(lone.weights, m.embedded(self.rates))
-        weights, breaks = (), ()
+        place, speed = (
+            inner_product(lone.weights, m.embedded(self.places)),
+            inner_product(lone.weights, m.embedded(self.rates)),
+        )
+        weights: tuple[Fraction, ...] = ()
+        breaks: tuple[ExactExpression, ...] = ()
         if m.pieces:
             first = next(i for i in (0, 1) if m.pieces.weights[i])
             weights = (m.pieces.weights[first] / lone.weights[first].value, Fraction(0))
@@ -158,21 +162,24 @@ class HalfOrbit:
         still = [each for each in m.domains if not _of_states(each, m)]
         domains = [[*still, *own] for own in lone.domains]
         guards = [[each] for each in self.lifted]
-        return Arc([r, rate], rates, [place, speed], self.half_flight, guards, [rate], domains, (), weights, breaks)
+        return ExactArc(
+            [r, rate], rates, [place, speed], self.half_flight, guards, [rate], domains, (), weights, breaks
+        )
 
-    def _contact(self, before: int) -> Arc:
+    def _contact(self, before: int) -> ExactArc:
         m = self.mechanics
         states = _by_turns(m.s, m.w)
         rates = [_by_turns(m.w, accelerations) for accelerations in m.contact_accelerations]
         start = _by_turns(self.places, [-rate for rate in self.rates])
-        weights, breaks = (), ()
+        weights: tuple[Fraction, ...] = ()
+        breaks: tuple[ExactExpression, ...] = ()
         if m.pieces:
             along_kept = [
                 sum((m.pieces.weights[i] * m.embed[i][j] for i in range(m.size)), Fraction(0)) for j in range(len(m.s))
             ]
             weights, breaks = tuple(_by_turns(along_kept, [Fraction(0)] * len(m.s))), m.pieces.breaks
         domains = [self._in_contact([*m.domains, *own]) for own in m.law_domains]
-        return Arc(
+        return ExactArc(
             states, rates, start, unknown(CONTACT_DURATION), [[] for _ in rates], list(m.w), domains,
             tuple(symbols("before", before)), weights, breaks,
         )  # fmt: skip
@@ -187,15 +194,15 @@ class HalfOrbit:
         return found
 
 
-def _of_states(domain: Domain, mechanics: Mechanics) -> bool:
-    return any(derivative(domain.place, each) is not ZERO for each in mechanics.y)
+def _of_states(domain: Domain, mechanics: ExactMechanics) -> bool:
+    return any(derivative_by(domain.place, each) is not ZERO for each in mechanics.y)
 
 
 def _by_turns(first: Sequence, second: Sequence) -> list:
     return [each for pair in zip(first, second, strict=True) for each in pair]
 
 
-def fold_statement(statement: Statement, parameter: Expression) -> Statement:
+def statement_of_folds(statement: ExactStatement, parameter: ExactExpression) -> ExactStatement:
     """The statement of the folds of another one in a parameter, whose symbol this is: F(u, a) = 0 and F_u v = 0 for a
     direction v (G. Moore, A. Spence, SIAM Journal on Numerical Analysis 17, 1980). Its unknowns are u, the entries of v
     but for that of "alpha", which is 1, and the parameter a."""
@@ -207,12 +214,15 @@ def fold_statement(statement: Statement, parameter: Expression) -> Statement:
         **{f"d{each}": direction for each, direction in directions.items() if each != "alpha"},
         parameter.value: folded,
     }
-    return Statement(unknowns, tuple(_doubled(arc, varied, parameter, folded) for arc in statement.arcs))
+    return ExactStatement(unknowns, tuple(_varied_arc(arc, varied, parameter, folded) for arc in statement.arcs))
 
 
-def _doubled(
-    arc: Arc, varied: Sequence[tuple[Expression, Expression]], parameter: Expression, folded: Expression
-) -> Arc:
+def _varied_arc(
+    arc: ExactArc,
+    varied: Sequence[tuple[ExactExpression, ExactExpression]],
+    parameter: ExactExpression,
+    folded: ExactExpression,
+) -> ExactArc:
     """An arc with its first variation: its states are x, dx, which starts as the unknowns vary, and the parameter."""
     changes = [symbol(f"variation of {each.value}") for each in arc.states]
     before = [symbol(f"variation of {each.value}") for each in arc.before]
@@ -232,7 +242,7 @@ def _doubled(
     *start, duration = substitute([*start, arc.duration], {parameter: folded})
     guards = [substitute(law, {parameter: folded}) for law in guards]
     conditions = substitute(conditions, {parameter: folded})
-    return Arc(
+    return ExactArc(
         [*arc.states, *changes, parameter], rates, [*start, folded], duration, guards, conditions, arc.domains,
         (*arc.before, *before),
     )  # fmt: skip

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from .theorem import Enclosure
 
 # What each condition of a motion says, where it is proved.
-CONDITIONS = {
+CONDITIONS_IN_WORDS = {
     "clearance": "the contact point is above what it lands on throughout the open flight",
     "separation": "the separation stays positive over the whole cycle",
     "contact_force": "the contact pushes throughout the open contact",
@@ -28,7 +28,7 @@ def root_sentence(unknowns: Mapping[str, Enclosure], uniqueness: str, wide: bool
 
 def motion_sentence(family: int | None, conditions: Mapping[str, str], enclosures: Mapping[str, Enclosure]) -> str:
     """What is proved of the motion."""
-    proved = [CONDITIONS[name] for name, verdict in conditions.items() if verdict == "proved"]
+    proved = [CONDITIONS_IN_WORDS[name] for name, verdict in conditions.items() if verdict == "proved"]
     counted = [] if family is None else [f"it is of family {family}"]
     extensions = enclosed_words({name: each for name, each in enclosures.items() if name.endswith("_extension")})
     if not (counted or proved):

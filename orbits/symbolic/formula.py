@@ -8,10 +8,8 @@ import ast
 import difflib
 import operator
 import re
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from decimal import Decimal
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -173,16 +171,8 @@ def _as_tuples(node: ast.expr, tokens: list[_Token]) -> tuple:
             raise AssertionError(f"{type(node).__name__} is no part of a formula")
     for parent in reversed(chain):
         right = _as_tuples(parent.right, tokens)
-        if isinstance(parent.op, ast.Pow) and right[0] == "number" and _is_whole(right):
-            right = (*right, "whole")  # exact as a float, so that no symbol stands for it
         tree = (_SIGNS[type(parent.op)], tree, right)
     return tree
-
-
-def _is_whole(number: tuple) -> bool:
-    """Whether the decimal of a numeral is a whole number, and not only the float to which it is rounded."""
-    _, value, text = number
-    return value.is_integer() and Decimal(text) == int(value)
 
 
 _SIGNS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
@@ -230,11 +220,9 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, library):
     for node in _nodes(tree):
         kind = node[0]
         if kind == "number":
-            known = _numerals is None or library is np or len(node) == 4
-            stack.append(constant(node[1]) if known else _numeral(node[2]))
+            stack.append(constant(node[1]))
         elif kind == "name" and node[1] in CONSTANTS:
-            known = _numerals is None or library is np
-            stack.append(constant(CONSTANTS[node[1]]) if known else _numeral(node[1]))
+            stack.append(constant(CONSTANTS[node[1]]))
         elif kind == "name":
             stack.append(values[node[1]])
         elif kind == "call":
@@ -245,30 +233,6 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, library):
             right = stack.pop()
             stack.append(_OPERATORS[kind](stack.pop(), right))
     return stack.pop()
-
-
-# The symbols of the numerals, by their texts, while `symbolic_numerals` is open.
-_numerals: dict[str, casadi.SX] | None = None
-
-
-@contextmanager
-def symbolic_numerals(symbols: dict[str, casadi.SX]) -> Iterator[None]:
-    """Formulas evaluated with CasADi expressions in this block take a symbol for each numeral, and for pi, in place of
-    a rounded number. The mapping from the texts of the numerals to their symbols grows as formulas are evaluated.
-
-    Nothing that is kept for later may be built in the block: it would keep the symbols.
-    """
-    global _numerals
-    before, _numerals = _numerals, symbols
-    try:
-        yield
-    finally:
-        _numerals = before
-
-
-def _numeral(text: str) -> casadi.SX:
-    assert _numerals is not None
-    return _numerals.setdefault(text, casadi.SX.sym(text))
 
 
 _OPERATORS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "**": operator.pow}

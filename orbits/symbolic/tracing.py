@@ -9,7 +9,7 @@ from .formula import FUNCTIONS
 SUM, PRODUCT, SIGN, ATOM = range(4)
 # NumPy's functions by name, and what else NumPy does to numbers.
 _CALLS = {numpy: name for name, (numpy, _) in FUNCTIONS.items()}
-_ARITHMETIC = {
+_OPERATORS_OF_NUMPY: dict[str, Callable] = {
     "add": lambda a, b: a + b,
     "subtract": lambda a, b: a - b,
     "multiply": lambda a, b: a * b,
@@ -75,11 +75,11 @@ class Text:
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
         name = ufunc.__name__
-        if method != "__call__" or options or (name not in _CALLS and name not in _ARITHMETIC):
+        if method != "__call__" or options or (name not in _CALLS and name not in _OPERATORS_OF_NUMPY):
             return NotImplemented
         if name in _CALLS:
             return Text(f"{_CALLS[name]}({_text(inputs[0]).text})")
-        return _ARITHMETIC[name](*map(_text, inputs))
+        return _OPERATORS_OF_NUMPY[name](*map(_text, inputs))
 
 
 def _text(value: Any) -> Text:

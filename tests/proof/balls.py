@@ -8,15 +8,15 @@ import mpmath as mp
 from flint import arb
 
 from orbits.proof import equations
-from orbits.proof.equations import Equations, Intervals
-from orbits.proof.expressions import FUNCTIONS, call, expression, symbol
+from orbits.proof.equations import Equations, IntervalParameters
+from orbits.proof.expressions import SMOOTH_FUNCTIONS, call, expression, symbol
 from orbits.proof.expressions import power as power_of
-from orbits.proof.mechanics import within
+from orbits.proof.mechanics import parameter_of
 from orbits.proof.stated import exact_bounds
-from orbits.proof.statement import Arc, Statement
+from orbits.proof.statement import ExactArc, ExactStatement
 
 # Functions of expressions by name.
-fn = SimpleNamespace(**{name: partial(call, name) for name in FUNCTIONS})
+fn = SimpleNamespace(**{name: partial(call, name) for name in SMOOTH_FUNCTIONS})
 
 
 def power(x, exponent):
@@ -38,13 +38,13 @@ def system_of(size, rates):
 def equations_of(unknowns, states, rates, start, duration, conditions, **parameters):
     """The equations of one arc of these states, from functions of states, unknowns and parameters by name."""
     bounds = {name: exact_bounds(name, value) for name, value in parameters.items()}
-    p = {name: within(name, *ends) for name, ends in bounds.items()}
+    p = {name: parameter_of(name, *ends) for name, ends in bounds.items()}
     u, x = {name: symbol(f"unknown {name}") for name in unknowns}, [symbol(name) for name in states]
 
     def all_of(values):
         return [expression(each) for each in values]
 
-    arc = Arc(
+    arc = ExactArc(
         x,
         [all_of(rates(x, p))],
         all_of(start(u, p)),
@@ -53,7 +53,7 @@ def equations_of(unknowns, states, rates, start, duration, conditions, **paramet
         all_of(conditions(u, x, p)),
         [[]],
     )
-    return Equations(Statement(u, (arc,)), Intervals(bounds))
+    return Equations(ExactStatement(u, (arc,)), IntervalParameters(bounds))
 
 
 def clock_of(unknowns, start, duration, conditions, **parameters):

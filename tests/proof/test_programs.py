@@ -7,13 +7,13 @@ import pytest
 from balls import fn, holds, power
 from flint import arb, arb_series, ctx
 
-from orbits.proof.expressions import PI, ZERO, derivative, number, symbol
+from orbits.proof.expressions import PI, ZERO, derivative_by, exact_number, symbol
 from orbits.proof.programs import BallProgram, coefficient
 from orbits.proof.refusal import Unproved
 
 ORDER = 10
 # In CasADi, in mpmath, and a place.
-FUNCTIONS = {
+SMOOTH_FUNCTIONS = {
     **{name: (getattr(fn, name), getattr(mp, name), 0.625) for name in ("sin", "cos", "tan", "asin", "acos", "atan")},
     **{name: (getattr(fn, name), getattr(mp, name), -0.375) for name in ("sinh", "cosh", "tanh", "asinh", "atanh")},
     **{name: (getattr(fn, name), getattr(mp, name), 1.75) for name in ("acosh", "exp", "log", "sqrt")},
@@ -47,9 +47,9 @@ def program_of(function):
     return BallProgram([x], [function(x)])
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("name", SMOOTH_FUNCTIONS)
 def test_a_ball_holds_the_values_at_its_points(name):
-    function, exactly, place = FUNCTIONS[name]
+    function, exactly, place = SMOOTH_FUNCTIONS[name]
     program = program_of(function)
     (narrow,), (wide,) = program([arb(place)]), program([arb(place, 2.0**-6)])
     with mp.workdps(60):
@@ -59,9 +59,9 @@ def test_a_ball_holds_the_values_at_its_points(name):
             assert holds(wide, exactly(mp.mpf(place) + mp.mpf(share) / 256))
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("name", SMOOTH_FUNCTIONS)
 def test_a_series_holds_the_taylor_coefficients(name):
-    function, exactly, place = FUNCTIONS[name]
+    function, exactly, place = SMOOTH_FUNCTIONS[name]
     cap = ctx.cap
     try:
         ctx.cap = ORDER + 1
@@ -79,7 +79,7 @@ def test_a_series_holds_the_taylor_coefficients(name):
 @pytest.mark.parametrize("exponent", [1, 2, 3, 5])
 def test_derivatives_of_powers_are_balls_at_0(exponent):
     x = symbol("x")
-    (slope,) = BallProgram([x], [derivative(x**exponent, x)])([arb(0, 0.25)])
+    (slope,) = BallProgram([x], [derivative_by(x**exponent, x)])([arb(0, 0.25)])
     assert slope.is_finite()
     for place in (-0.25, -0.125, 0, 0.125, 0.25):
         assert slope.contains(exponent * arb(place) ** (exponent - 1))
@@ -87,12 +87,12 @@ def test_derivatives_of_powers_are_balls_at_0(exponent):
 
 def test_several_results_of_several_inputs():
     x, y = symbol("x"), symbol("y")
-    results = BallProgram([x, y], [x * y, x, number(3), ZERO, x * y])([arb(2), arb(5)])
+    results = BallProgram([x, y], [x * y, x, exact_number(3), ZERO, x * y])([arb(2), arb(5)])
     assert [int(value.unique_fmpz()) for value in results] == [10, 2, 3, 0, 10]
 
 
 def test_constants_are_enclosed_at_the_precision_of_the_context():
-    program = program_of(lambda x: x + PI * fn.exp(number(Fraction(1, 3))))
+    program = program_of(lambda x: x + PI * fn.exp(exact_number(Fraction(1, 3))))
     for bits in (60, 200, 80):
         with ctx.workprec(bits), mp.workdps(80):
             (value,) = program([arb(0)])
