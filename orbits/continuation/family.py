@@ -30,7 +30,7 @@ from ..proof.claim import CONTACT_DURATION, Claim
 from ..proof.prove import prove_claims
 from ..proof.theorem import Proof
 from .hops import orbit_from
-from .point import COLUMNS, KNOWN, NUMBERS, End, Event, Point, check_points, json_line, point_in_units
+from .point import COLUMNS, KNOWN, NUMBERS, SIDES, End, Event, Point, check_points, json_line, point_in_units
 from .table import names_of_motions, numbers_of_motions
 
 FAMILY_FORMAT = "persistent-orbits family 1"
@@ -178,7 +178,8 @@ class Family:
         motions = self._of_motions(machine or self.source, points)
         data |= {name: values for name, values in motions.items() if name not in data}
         data |= {"admissible": data["admissible"] == 1, "family": data["family"].astype(int)}
-        data |= {"stable_side": [point.stable_side for point in points], "event": [kind for _, kind in rows]}
+        data |= {name: [getattr(point, name) for point in points] for name in SIDES}
+        data["event"] = [kind for _, kind in rows]
         frame = pandas.DataFrame(data | {"violations": ["; ".join(point.violations) for point in points]})
         frame.attrs["units"] = {name: self.unit_of(name) for name in data if self.unit_of(name)}
         return frame

@@ -13,8 +13,9 @@ from ..periodic.orbit import certificate_in_units
 MOTION_COLUMNS = ("alpha", "liftoff_extension", "flight_time", "contact_time", "admissible")
 CHECK_COLUMNS = ("error", "residual", "energy_drift", "family", "clearance", "smallest_separation")
 CONTACT_COLUMNS = ("smallest_contact_force", "largest_contact_force", "landing_jerk", "loss_coefficient")
-COLUMNS = (*MOTION_COLUMNS, *CHECK_COLUMNS, *CONTACT_COLUMNS, "stable_side")
-NUMBERS = COLUMNS[:-1]
+NUMBERS = (*MOTION_COLUMNS, *CHECK_COLUMNS, *CONTACT_COLUMNS)
+SIDES = ("stable_side", "bounce_side")
+COLUMNS = (*NUMBERS, *SIDES)
 KNOWN = (*NUMBERS, "period")  # at every point; what its motion tells besides is in `table`
 # Names that no parameter can have, since it stands beside these in a table or a document.
 RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point", "event")

@@ -45,7 +45,8 @@ def orbit_rows(orbit: Any, digits: int = DIGITS) -> list[tuple[str, str]]:
         return name, number_text(value, unit, digits) + after
 
     within = f"   +- {c.loss_error:.1e}" if c.loss_error else ""
-    attracts = f"   (attracts from {c.stable_side})" if c.stable_side else ""
+    sides = {"below": "   (attracts from above; 10 C below)", "above": "   (attracts from above, with 10 C; C below)"}
+    attracts = sides.get(c.bounce_side or "", "")
     rows = [row("alpha", orbit.alpha, "alpha", f"   +- {c.error:.1e}")]
     if c.alpha_noise is not None:
         rows.append(row("  by the table's noise", f"+- {c.alpha_noise:.1e} {units.get('alpha', '')}".rstrip()))

@@ -54,12 +54,14 @@ class Certificate:
         force is 0, and normally it rises to one peak in between)
     largest_contact_force : its peak, None where the contact does not end
     landing_jerk : third derivative of the contact point's height at landing; negative on a motion
-    loss_coefficient : C of the one-step map alpha + d -> alpha + d - C d**(4/3) on the stable side, 10 C on the other
-    stable_side : "above" or "below" alpha
+    loss_coefficient : C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) on the side of alpha where hops land
+        once; on the other, where they bounce once, it is 10 C
+    stable_side : "above", the side from which it attracts; None where the loss is not known to differ from 0
     violations : what makes it no motion, in words; empty for an admissible orbit
     loss_error : estimate of the error of `loss_coefficient`, None where there is none
     unfolding : multiple of the energy gradient that the equations needed, None where they had no such unknown
     alpha_noise : standard deviation of alpha from the noise of measured laws; None without, and along a family
+    bounce_side : "above" or "below" alpha, where hops land with a bounce; None where `stable_side` is
     """
 
     family: int
@@ -77,6 +79,13 @@ class Certificate:
     unfolding: float | None = None
     loss_error: float | None = None
     alpha_noise: float | None = None
+    bounce_side: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.stable_side and self.bounce_side is None:
+            # Files of earlier versions name one side alone, the one without a bounce.
+            object.__setattr__(self, "bounce_side", "below" if self.stable_side == "above" else "above")
+            object.__setattr__(self, "stable_side", "above")
 
     def __repr__(self) -> str:
         return fields_in_line(self, "family", "error", "clearance", "loss_coefficient", "violations")
@@ -106,17 +115,19 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
         overflow = "its numbers overflow; state the machine in units nearer to 1"
         reason = f"its energy drifts by {drift[i]:.1e}{NARROW}" if finite[i] else overflow
         raise NoOrbit(f"the orbit cannot be certified: {reason}").about(i)
-    sides = np.where(cycles.gap_slope > 0, "above", "below").astype(object)
-    sides[(loss == NONE) | (loss == 0)] = None
     families = _families(curves["extension"], cycles.halves_per_flight)
     figures = (cycles.residual, cycles.error, drift, clearance, separation, smallest_force, largest_force, -jerk, loss)
     unfolding = cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles)
     with np.errstate(all="ignore"):
         share = 4 / 3 * cycles.slope_error / np.abs(cycles.gap_slope) + LOSS_ROUNDING * EPS
         losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, loss * share)
-    others = sides.tolist(), violations, unfolding, or_none(losses_off)
+    # Of a loss that may be 0 no side is known.
+    known = (loss != NONE) & (losses_off != NONE) & (losses_off < loss)
+    stable = np.where(known, "above", None)
+    bounce = np.where(known, np.where(cycles.gap_slope > 0, "below", "above"), None)
+    others = stable.tolist(), violations, unfolding, or_none(losses_off)
     rows = zip(families, *map(or_none, figures), *others, strict=True)
-    return [Certificate(*row) for row in rows]
+    return [Certificate(*row, bounce_side=side) for row, side in zip(rows, bounce.tolist(), strict=True)]
 
 
 def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -> np.ndarray:

@@ -1,4 +1,10 @@
-"""How hops beside a lossless one come back: with a loss of C d**(4/3) on the stable side, and 10 C on the other."""
+"""How hops beside a lossless one come back: with a loss of C |d|**(4/3), or of 10 C where they land with a bounce.
+
+A plastic landing only loses, so that the next launch speed is never above the last: a lossless hop attracts from above
+and repels from below. Which side has the bounce depends on the sign of the gap's derivative by alpha at landing: where
+it is positive a launch with more speed still flies at the nominal time and lands once; with less it strikes earlier,
+and bounces. Past a fold of a family it is negative, and the bounce is above.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -11,7 +17,8 @@ COMPLEX_STEP = 1e-30
 
 
 def loss_coefficient(impact_mass: Any, jerk: Any, gap_slope: Any, power: Any) -> Any:
-    """C of the one-step map alpha + d -> alpha + d - C d**(4/3), of numbers, arrays or CasADi expressions.
+    """C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) on the side without a bounce, of numbers, arrays or
+    CasADi expressions.
 
     Beside a lossless landing the gap goes like gap_slope d - jerk t**3/6. The speed that it has left where it vanishes
     is lost, and the launch energy changes by `power` with alpha.

@@ -34,7 +34,7 @@ DOCUMENT_FIELDS = (
     *("family", "known_in_family", "alpha", "flight_time", "contact_time", "admissible", "violations"),
     *("residual", "error", "energy_drift", "clearance", "smallest_separation", "smallest_contact_force"),
     *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "loss_error"),
-    *("stable_side", "unfolding", "alpha_noise"),
+    *("stable_side", "bounce_side", "unfolding", "alpha_noise"),
     *("liftoff_extension", "state_mid_flight", "method", "skipped", "seconds"),
 )
 # What is in the file of an orbit beside the machine.

@@ -294,6 +294,6 @@ def test_the_law_beside_a_tangential_landing_is_told(machine):
     with pytest.raises(NoOrbit, match="tangential") as error:
         multiplier(machine, orbit.alpha)
     c = orbit.certificate.loss_coefficient
-    sign = "+" if orbit.certificate.stable_side == "above" else "-"
+    sign = "+" if orbit.certificate.bounce_side == "below" else "-"
     assert f"alpha {sign} d loses {c:.4g} d**(4/3)" in str(error.value)
     assert f"{10 * c:.4g} d**(4/3)" in str(error.value)

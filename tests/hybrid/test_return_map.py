@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import DATA
 
-from orbits import InputError, NoOrbit, ReturnMap, find, multiplier, simulate
+from orbits import InputError, NoOrbit, ReturnMap, find, find_all, multiplier, simulate
 from orbits.hybrid.impacts import Impacts
 from problems import HeavyHand, Hopper, Juggler
 from studies.oracle import landed
@@ -53,7 +53,7 @@ def test_the_loss_beside_a_lossless_orbit(mass_ratio):
 def test_the_local_law(machine):
     """alpha* + d goes to alpha* + d - C d**(4/3), ten times as much is lost on the other side, with one bounce more."""
     orbit = find(machine)
-    c, side = orbit.certificate.loss_coefficient, 1 if orbit.certificate.stable_side == "above" else -1
+    c, side = orbit.certificate.loss_coefficient, 1 if orbit.certificate.bounce_side == "below" else -1
     d = np.array([1e-5, 1e-6])
     for sign, factor, impacts in ((side, 1.0, 1), (-side, 10.0, 2)):
         hops = ReturnMap(machine)(orbit.alpha + sign * d)
@@ -64,6 +64,33 @@ def test_the_local_law(machine):
         measured = 2 * lost / (factor * c * d ** (4 / 3))  # extrapolated in the next power, d**(1/3)
         limit = (10 ** (1 / 3) * measured[1] - measured[0]) / (10 ** (1 / 3) - 1) / 2
         assert limit == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("machine", "number", "bounce"),
+    [
+        (Hopper("cubic", mass_ratio=20.0, parameters={"beta": -0.0105}), 0, "below"),
+        (Hopper("cubic", mass_ratio=20.0, parameters={"beta": -0.0105}), 1, "above"),
+        (Hopper("r - 0.0102*r**3", mass_ratio=12.0), 1, "above"),
+        (Juggler("r + 0.1*r**3"), 0, "below"),
+    ],
+)
+def test_it_attracts_from_above_on_both_sides_of_a_fold(machine, number, bounce):
+    """A plastic landing only loses, and the energy rises with the launch speed: the next speed is never above the last.
+    Past the fold the landing bounces above the orbit and not below it, where it loses ten times less all the same."""
+    orbit = find_all(machine, family=1)[number]
+    certificate, step = orbit.certificate, ReturnMap(machine)
+    assert (certificate.stable_side, certificate.bounce_side) == ("above", bounce)
+    d = np.array([1e-7, -1e-7])
+    hops = step(orbit.alpha + d)
+    assert hops.impacts.tolist() == ([2, 1] if bounce == "above" else [1, 2])
+    lost = hops.loss / (orbit.alpha + hops.next)
+    assert lost[int(bounce == "above")] * 5 < lost[int(bounce == "below")]
+    above, below = orbit.alpha + 1e-5, orbit.alpha - 1e-5
+    for _ in range(20):
+        above, below = (float(step(each).next) for each in (above, below))
+        assert orbit.alpha < above < orbit.alpha + 1e-5
+        assert below < orbit.alpha - 1e-5
 
 
 def test_it_comes_to_a_lossless_orbit_like_the_third_power():

@@ -158,7 +158,7 @@ class TestLossCoefficient:
         a = orbit.alpha
         expected = M * a**2 * (6 * 2 * a**2 / (1 + a**2)) ** (4 / 3) / (8 * a * (1 + M) ** 2)
         assert orbit.certificate.loss_coefficient == pytest.approx(expected, rel=1e-11)
-        assert orbit.certificate.stable_side == "above"
+        assert (orbit.certificate.stable_side, orbit.certificate.bounce_side) == ("above", "below")
 
     @pytest.mark.parametrize(
         "machine",
@@ -282,7 +282,7 @@ def test_whole_flights_certified_together():
         assert at.point.flight_time == pytest.approx(orbit.flight_time, rel=1e-12)
         assert at.point.contact_time == pytest.approx(orbit.contact_time, rel=1e-12)
         mine, theirs = asdict(at.point.certificate), asdict(orbit.certificate)
-        for name in ("family", "stable_side", "violations"):
+        for name in ("family", "stable_side", "bounce_side", "violations"):
             assert mine[name] == theirs[name], name
         for name in ("clearance", "smallest_separation", "largest_contact_force", "landing_jerk", "loss_coefficient"):
             assert mine[name] == pytest.approx(theirs[name], rel=1e-7, abs=1e-10), name
@@ -291,7 +291,7 @@ def test_whole_flights_certified_together():
 def test_an_infinitely_heavy_hand_loses_nothing_on_either_side():
     certificate = find(HeavyHand("cubic")).certificate
     assert certificate.loss_coefficient == 0
-    assert certificate.stable_side is None
+    assert certificate.stable_side is certificate.bounce_side is None
 
 
 def test_a_loss_beyond_all_numbers_is_refused():
