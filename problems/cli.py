@@ -2,6 +2,8 @@
 
 import json
 import sys
+import time
+from pathlib import Path
 from typing import Any
 
 import click
@@ -19,6 +21,7 @@ Examples:
   orbits find --machine rover.toml --animate hop.gif   a machine in SI units
   orbits prove --spring cubic --set beta=0.3 --rest-length 8
   orbits prove --spring cubic --between beta=0.299:0.301 --rest-length 8
+  orbits check-proof proof.json                        a saved proof, verified by a second program
   orbits follow --spring cubic --along beta --from 0 --to 5 --at 0.5,1,2
   orbits follow --spring cubic --along beta --from 0 --to -0.02 --plot fold.png
   orbits follow --spring tanh --along b --from 0.1 --to 1 --family 2 --output tanh.jsonl
@@ -113,6 +116,30 @@ def prove_command(
     proof = prove(orbit, digits, parameters=exact, loss=loss)
     options.write(proof, as_json, save=save)
     if not proof.proved:
+        raise click.exceptions.Exit(1)
+
+
+@orbits.command("check-proof", epilog="\b\nExit code: 0 verified, 1 not, 2 bad input.")
+@click.argument("file", type=click.Path(exists=True, dir_okay=False))
+@options.json_option
+def check_proof_command(file: str, as_json: bool) -> None:
+    """Verify a proof of an orbit that was saved with prove --save, by a second program and from the file alone."""
+    from orbits.errors import InputError
+    from orbits.proof.prove import need_flint
+
+    need_flint()
+    from orbits.check_proof import check
+
+    try:
+        document = json.loads(Path(file).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"'{file}' is no saved proof: {error}") from None
+    began = time.perf_counter()
+    reasons = check(document) if isinstance(document, dict) else ["the file holds no proof"]
+    verdict = {"verified": not reasons, "reasons": reasons, "seconds": time.perf_counter() - began}
+    words = ["NOT VERIFIED" if reasons else "verified", *(f"  not verified: {reason}" for reason in reasons)]
+    click.echo(json.dumps(verdict) if as_json else "\n".join(words))
+    if reasons:
         raise click.exceptions.Exit(1)
 
 

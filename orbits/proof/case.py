@@ -185,9 +185,14 @@ def _existence(claim: Claim, stated: StatedMachine, with_contact: bool, digits: 
             balls["contact_time"] = 2 * half_contact
         if not balls["flight_time"] > 0:
             raise Unproved("the time of the flight is not proved to be positive")
-        unknowns = {name: enclosure_of(ball, digits) for name, ball in balls.items()}
+        unknowns = {name: _stated(ball, digits) for name, ball in balls.items()}
         radius = lower_decimal(root.unique_within(units))
     return ProvedExistence(half, statement, equations, root, balls, unknowns, radius)
+
+
+def _stated(ball: arb, digits: int | None) -> Enclosure:
+    """An enclosure of some width: one without would say more than whoever verifies it by another method can find."""
+    return enclosure_of(ball if ball.rad() > 0 else ball + arb(0, arb(2) ** -bits_of_digits(digits)), digits)
 
 
 def _verdicts(
@@ -292,8 +297,8 @@ def _family(
         reasons.append(f"family: {error}")
         return None, {}
     return family, {
-        "liftoff_extension": enclosure_of(flight.first(counted, 0), digits),
-        "mid_flight_extension": enclosure_of(flight.last(counted, 0), digits),
+        "liftoff_extension": _stated(flight.first(counted, 0), digits),
+        "mid_flight_extension": _stated(flight.last(counted, 0), digits),
     }
 
 

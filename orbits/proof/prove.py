@@ -59,7 +59,7 @@ def prove(
     >>> proof.proved, proof.family, "2.9364591884941964779777" in proof.alpha
     (True, 1, True)
     """
-    _need_flint()
+    need_flint()
     claim = claim_of(orbit, machine, list(parameters or {}))
     check_machine(claim.machine)
     from .case import checked_digits
@@ -72,7 +72,7 @@ def prove_claims(
     claims: Sequence[Claim], digits: int | None = None, motion: bool = True, workers: int = 1, limit: float = LIMIT
 ) -> tuple[Proof, ...]:
     """The proofs of what is said of several orbits, on so many processes, in their order; see `prove`."""
-    _need_flint()
+    need_flint()
     if not (isinstance(workers, int) and workers >= 1):
         raise InputError(f"workers = {workers!r}; it is a whole number from 1")
     if workers == 1 or len(claims) < 2:
@@ -129,7 +129,7 @@ def prove_fold(
     >>> prove_fold(machine, fold, "beta").proved
     True
     """
-    _need_flint()
+    need_flint()
     check_parameters(machine, along)
     if not all(hasattr(fold, name) for name in ("u", "tangent", "value")):
         raise InputError('the fold is the `point` of a "fold" event of a family')
@@ -165,7 +165,7 @@ def prove_absence(machine: Machine, family: int | None = None, *, parameters: Ex
     >>> prove_absence(Hopper("tanh", parameters={"b": 0.4}), 1).proved
     True
     """
-    _need_flint()
+    need_flint()
     check_machine(machine)
     if family is not None and (isinstance(family, bool) or not (isinstance(family, int) and family >= 1)):
         raise InputError(f"family = {family!r}; families are numbered from 1")
@@ -181,7 +181,7 @@ def seconds(limit: float) -> float:
     return float(limit)
 
 
-def _need_flint() -> None:
+def need_flint() -> None:
     """Raise `InputError` where python-flint is missing."""
     if find_spec("flint") is None:
         raise InputError("proofs need python-flint: pip install 'persistent-orbits[proof]'")

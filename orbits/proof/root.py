@@ -159,11 +159,11 @@ def _image(equations: Equations, evaluated: Evaluated, centre: Sequence[arb], de
     n, reach = len(centre), equations.intervals.radii()
     slopes = columns_of(evaluated.slopes, 0, n)
     inverse = _rounded_inverse(slopes)
-    values = arb_mat(n, 1, evaluated.values)
-    if reach:
-        by_parameters = columns_of(evaluated.slopes, n, len(reach))
-        values = values + by_parameters * arb_mat(len(reach), 1, [arb(0, radius) for radius in reach])
-    change = (unit_matrix(n) - inverse * slopes) * arb_mat(n, 1, list(deviations)) - inverse * values
+    change = (unit_matrix(n) - inverse * slopes) * arb_mat(n, 1, list(deviations))
+    change -= inverse * arb_mat(n, 1, evaluated.values)
+    if reach:  # the inverse first: its rows cancel much of what a parameter does to the equations
+        by_parameters = inverse * columns_of(evaluated.slopes, n, len(reach))
+        change -= by_parameters * arb_mat(len(reach), 1, [arb(0, radius) for radius in reach])
     return [value + change[i, 0] for i, value in enumerate(centre)]
 
 

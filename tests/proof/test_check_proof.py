@@ -1,0 +1,157 @@
+"""Saved proofs verified by a second program, which sees false ones."""
+
+import copy
+import json
+from decimal import Decimal
+
+import pytest
+
+from orbits import find, find_all, prove
+from orbits.check_proof import Unverified, Values, check, constant, parse, slope
+from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper
+
+SLOW = pytest.mark.slow
+
+
+def saved(proof):
+    return json.loads(json.dumps(proof.document()))
+
+
+@pytest.fixture(scope="module")
+def inerter():
+    """The quickest to verify."""
+    return saved(prove(find(inerter_hopper())))
+
+
+def chain():
+    machine = Chain([1, 1, 1])
+    return find_all(machine, machine.starts(5, 5))[0]
+
+
+PROOFS = {
+    "linear": lambda: prove(find(Hopper("r", rest_length=20.0))),
+    "cubic": lambda: prove(find(Hopper("r + 0.3*r**3", rest_length=8.0))),
+    "juggler": lambda: prove(find(Juggler("r + 0.1*r**3"))),
+    "tanh": lambda: prove(find(Hopper("tanh(0.1*r)/0.1"))),
+    "gravity": lambda: prove(find(Hopper("sinh(r)", "1/(1 + z/R)**2", rest_length=8.0, parameters={"R": 50.0}))),
+    "SI": lambda: prove(find(hopper_in_si(60.0, 3.0, force="8000*r + 2e6*r**3", rest_length=0.8))),
+    "family 2": lambda: prove(find(Hopper("r", rest_length=30.0), 2)),
+    "interval": lambda: prove(
+        find(Hopper("r + b*r**3", parameters={"b": 0.3})), parameters={"b": ("0.2999", "0.3001")}
+    ),
+    "many digits": lambda: prove(find(inerter_hopper()), 50),
+    "three masses": lambda: prove(chain()),
+}
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name == "juggler" else SLOW) for name in PROOFS])
+def test_true_theorems_are_verified(name):
+    proof = PROOFS[name]()
+    assert proof.proved, proof.reasons
+    assert check(saved(proof)) == []
+
+
+def test_a_theorem_of_existence_alone_is_verified():
+    assert check(saved(prove(find(inerter_hopper()), motion=False))) == []
+
+
+def moved(pair, by):
+    return [str(Decimal(each) + Decimal(by)) for each in pair]
+
+
+def change(document, path, value):
+    *before, last = path
+    for key in before:
+        document = document[key]
+    document[last] = value(document[last]) if callable(value) else value
+
+
+UNKNOWNS = ("parts", 0, "unknowns")
+FALSE = {
+    "alpha": (*UNKNOWNS, "alpha", lambda pair: moved(pair, "1e-17")),
+    "liftoff": (*UNKNOWNS, "liftoff", lambda pair: moved(pair, "-1e-17")),
+    "flight time": (*UNKNOWNS, "flight_time", lambda pair: moved(pair, "1e-16")),
+    "contact time": (*UNKNOWNS, "contact_time", lambda pair: moved(pair, "1e-16")),
+    "no unknown": ("parts", 0, "unknowns", lambda unknowns: {"alpha": unknowns["alpha"]}),
+    "all alphas": ("enclosures", "alpha", lambda pair: moved(pair, "1e-17")),
+    "uniqueness": ("parts", 0, "uniqueness_radius", "3"),
+    "no uniqueness": ("parts", 0, "uniqueness_radius", "-1e-9"),
+    "family": ("family", 2),
+    "extension": ("enclosures", "mid_flight_extension", lambda pair: moved(pair, "1e-15")),
+    "extension at lift-off": ("enclosures", "liftoff_extension", lambda pair: moved(pair, "1e-17")),
+    "a condition is missing": ("conditions", lambda c: {"clearance": "proved"}),
+    "mass": ("machine", "masses", 0, 1, "body_mass + 1e-18"),
+    "a cancelled mass": ("machine", "masses", 1, 1, "foot_mass + 1e16 - 1e16 + 1e-17"),
+    "parameter": ("machine", "parameters", "inertance", ["0.2000000000000000001", "0.2000000000000000001"]),
+    "parameter and part": ("parts", 0, "parameters", "inertance", ["0.2000000000000000001"] * 2),
+    "spring": ("machine", "springs", 0, "force", ["r + 1e-18*r**3"]),
+    "domain": ("machine", "springs", 0, "force", ["r*((r - 0.5)/(r - 0.5))"]),
+    "root": ("machine", "springs", 0, "force", ["sqrt(r)**2"]),
+    "logarithm": ("machine", "springs", 0, "force", ["r*log(r + 2)**0"]),
+    "corner": ("machine", "springs", 0, "force", ["r + 0*abs(r)"]),
+    "exponent": ("machine", "springs", 0, "force", ["r**1.0000000000000000000001"]),
+    "gravity": ("machine", "gravity", "1 + 1e-18*z"),
+    "counts": ("machine", "counts", "body"),
+    "gap": ("machine", "gap", "foot + 1e-20*body"),
+    "eliminated": ("machine", "eliminated", "body"),
+    "unread": ("machine", "springs", 0, "force", ["r +"]),
+    "unknown name": ("machine", "gravity", "1 + q"),
+    "not proved": ("proved", False),
+    "no format": ("format", "persistent-orbits proof 1"),
+    "loss": ("enclosures", "loss_coefficient", ["1", "2"]),
+}
+
+
+@pytest.mark.parametrize("name", FALSE)
+def test_false_theorems_are_not_verified(inerter, name):
+    document, (*path, value) = copy.deepcopy(inerter), FALSE[name]
+    change(document, path, value)
+    assert check(document)
+
+
+def test_what_cannot_be_read_is_not_verified(inerter):
+    for key in ("machine", "parts", "enclosures", "conditions"):
+        assert check({name: value for name, value in inerter.items() if name != key})
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("-2**2", -4), ("2**-1", "1/2"), ("2**3**2", 512), ("1 - 2 - 3", -4), ("8/2/2", 2), ("-(1 + .5e1)*2", -12),
+     ("1e16 + 3 - 1e16", 3), ("+1 - -1", 2)],
+)  # fmt: skip
+def test_formulas_have_the_precedence_of_arithmetic(text, value):
+    from fractions import Fraction
+
+    assert constant(parse(text)) == Fraction(value)
+
+
+@pytest.mark.parametrize("text", ["", "1 2", "r;r", "r.x", "f(r, 2)", "(r", "r)", "[r]", "r**"])
+def test_what_is_no_formula_is_refused(text):
+    with pytest.raises(Unverified):
+        Values({}, []).of(slope(("+", parse(text), ("name", "unknown")), "unknown"))
+
+
+def test_the_command(orbits, tmp_path):
+    path = tmp_path / "proof.json"
+    assert orbits(f"prove --spring r --set x=1 --save {path}").code == 2
+    path.write_text(json.dumps(saved(prove(find(inerter_hopper()), motion=False))), encoding="utf-8")
+    assert orbits(f"check-proof {path}").out.startswith("verified")
+    assert orbits(f"check-proof {path} --json").document["verified"] is True
+    path.write_text(path.read_text(encoding="utf-8").replace('"proved": true', '"proved": false'), encoding="utf-8")
+    done = orbits(f"check-proof {path} --json")
+    assert done.code == 1
+    assert done.document["reasons"]
+    path.write_text("{", encoding="utf-8")
+    assert orbits(f"check-proof {path}").code == 2
+
+
+def test_it_needs_nothing_of_what_proves(tmp_path):
+    import ast
+    from pathlib import Path
+
+    import orbits.check_proof
+
+    tree = ast.parse(Path(orbits.check_proof.__file__).read_text(encoding="utf-8"))
+    imported = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
+    imported |= {alias.name for n in ast.walk(tree) if isinstance(n, ast.Import) for alias in n.names}
+    assert imported <= {"ast", "re", "collections.abc", "fractions", "functools", "itertools", "typing", "flint"}
