@@ -19,6 +19,7 @@ import casadi
 import numpy as np
 
 from ..errors import InputError
+from .folding import folded
 
 # Each level of nesting costs a handful of Python frames, so that the depth stays far from the interpreter's limit.
 MAX_LENGTH, MAX_NODES, MAX_DEPTH = 2000, 1000, 60
@@ -42,7 +43,8 @@ class Formula:
     """A parsed formula; call it with a value for every name it uses.
 
     The values may be floats, NumPy arrays (of any common shape) or CasADi SX or MX expressions; the result is of the
-    same kind. Arithmetic without a value gives NaN or inf and no warning: the caller checks.
+    same kind. Arithmetic without a value gives NaN or inf and no warning: the caller checks. What numerals alone come
+    to is exact before it is rounded, see `folding`; `tree` is the formula as it is written.
     """
 
     text: str
@@ -52,6 +54,11 @@ class Formula:
     def names(self) -> frozenset[str]:
         """The names that need a value: all but functions and constants."""
         return frozenset(node[1] for node in _nodes(self.tree) if node[0] == "name" and node[1] not in CONSTANTS)
+
+    @cached_property
+    def folded(self) -> tuple:
+        """The tree with its numerals worked out in rational numbers."""
+        return folded(_nodes(self.tree))
 
     @property
     def pieces(self) -> list[str]:
@@ -75,10 +82,11 @@ class Formula:
             raise InputError(f"'{self.text}' needs a value for {', '.join(missing)}")
         kinds = {type(value) for value in values.values() if isinstance(value, casadi.SX | casadi.MX)}
         if kinds:
-            return _evaluate(self.tree, values, kinds.pop(), casadi)
+            as_written = _numerals is not None and not _numerals_folded
+            return _evaluate(self.tree if as_written else self.folded, values, kinds.pop(), casadi)
         arrays = {name: np.asarray(value, dtype=float) for name, value in values.items()}
         with np.errstate(all="ignore"):
-            return _evaluate(self.tree, arrays, np.float64, np)
+            return _evaluate(self.folded, arrays, np.float64, np)
 
 
 def parse(text: str) -> Formula:
@@ -241,23 +249,26 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, library):
     return stack.pop()
 
 
-# The symbols of the numerals, by their texts, while `symbolic_numerals` is open.
+# The symbols of the numerals, by their texts, while `symbolic_numerals` is open, and whether they are worked out before.
 _numerals: dict[str, casadi.SX] | None = None
+_numerals_folded = False
 
 
 @contextmanager
-def symbolic_numerals(symbols: dict[str, casadi.SX]) -> Iterator[None]:
+def symbolic_numerals(symbols: dict[str, casadi.SX], folded: bool = False) -> Iterator[None]:
     """Formulas evaluated with CasADi expressions in this block take a symbol for each numeral, and for pi, in place of
     a rounded number. The mapping from the texts of the numerals to their symbols grows as formulas are evaluated.
 
+    folded : whether the numerals are worked out before; a text may then be a quotient, as "1/3"
+
     Nothing that is kept for later may be built in the block: it would keep the symbols.
     """
-    global _numerals
-    before, _numerals = _numerals, symbols
+    global _numerals, _numerals_folded
+    before, _numerals, _numerals_folded = (_numerals, _numerals_folded), symbols, folded
     try:
         yield
     finally:
-        _numerals = before
+        _numerals, _numerals_folded = before
 
 
 def _numeral(text: str) -> casadi.SX:
