@@ -14,7 +14,7 @@ than `MOST_TERMS` terms is a generator too: what depends on it is never found to
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from math import isfinite
+from math import isfinite, prod
 from typing import TypeAlias
 
 import casadi as ca
@@ -119,6 +119,9 @@ class NormalForms:
         """1 / a; raises `ZeroDivisionError` for 0."""
         if not a.numerator:
             raise ZeroDivisionError
+        if len(a.numerator) == 1 and not a.factors:
+            ((monomial, coefficient),) = a.numerator.items()
+            return Ratio({_power(monomial, -1): _divided(1, coefficient)})
         coefficient, monomial, rest = _primitive(a.numerator)
         numerator = self._product(self.expanded(a.factors), {_power(monomial, -1): _divided(1, coefficient)})
         return self._cancelled(numerator, {} if rest == ONE else {frozenset(rest.items()): 1})
@@ -222,9 +225,10 @@ class NormalForms:
         for left, c in a.items():
             for right, d in b.items():
                 monomial = _merged(left, right) if left and right else left or right
-                result[monomial] = result.get(monomial, 0) + c * d
+                result[monomial] = result.get(monomial, 0) + (d if c == 1 else c if d == 1 else c * d)
         result = {monomial: value for monomial, value in result.items() if value}
-        for generator in self.squares if result else ():
+        squared = {i for monomial in result for i, e in monomial if e > 1 and i in self.squares} if self.squares else ()
+        for generator in squared:
             result = self._squared(result, generator)
         if len(result) > MOST_TERMS:
             raise TooLargeError
@@ -232,17 +236,16 @@ class NormalForms:
 
     def _squared(self, a: Polynomial, generator: int) -> Polynomial:
         """A polynomial with the square of a generator replaced by what it is."""
-        result, changed = dict[Monomial, Number](), False
+        result: Polynomial = {}
         for monomial, value in a.items():
             exponent = next((e for i, e in monomial if i == generator), 0)
             terms: Polynomial = {monomial: value}
             if exponent >= 2:
-                changed = True
                 rest = _merged(monomial, ((generator, -2 * (exponent // 2)),))
                 squares = self.power(Ratio(self.squares[generator]), exponent // 2).numerator
                 terms = self._product({rest: value}, squares)
             result = _sum(result, terms)
-        return result if changed else a
+        return result
 
     def _cancelled(self, numerator: Polynomial, factors: Mapping[Factor, int]) -> Ratio:
         """A quotient without the factors that divide its numerator."""
@@ -271,14 +274,22 @@ class NormalForms:
         return value
 
     def _polynomial(self, a: Polynomial) -> ca.SX:
-        total = ca.SX(0)
+        total: ca.SX | None = None
         for monomial, coefficient in a.items():
-            term, below = ca.SX(rounded(coefficient)), ca.SX(1)
+            value, powers = rounded(coefficient), ([], [])
             for generator, exponent in monomial:
-                power = self.generators[generator].expression() ** abs(exponent)
-                term, below = (term * power, below) if exponent > 0 else (term, below * power)
-            total = total + term / below
-        return total
+                power = self.generators[generator].expression()
+                powers[exponent < 0].append(power if abs(exponent) == 1 else power ** abs(exponent))
+            above, below = (prod(each[1:], start=each[0]) if each else None for each in powers)
+            term = ca.SX(value) if above is None else above if abs(value) == 1 else abs(value) * above
+            term = term if below is None else term / below
+            if total is None:
+                total = -term if value < 0 and above is not None else term
+            elif value < 0:
+                total = total + term if above is None else total - term
+            else:
+                total = total + term
+        return ca.SX(0) if total is None else total
 
 
 def rounded(number: Number) -> float:
@@ -325,6 +336,8 @@ def _dense(term: Monomial, names: Iterable[int]) -> tuple[int, ...]:
 
 
 def _divided(a: Number, b: Number) -> Number:
+    if isinstance(a, int) and isinstance(b, int) and not a % b:
+        return a // b
     return number_of(Fraction(a) / b)
 
 

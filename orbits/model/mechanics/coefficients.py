@@ -91,10 +91,9 @@ class Coefficients:
         self.places = [i for i, constant in enumerate(self.constants) if constant != constant]
         written = [found.written(place) for place in self.places]
         self.by_coordinates = any(depends for _, depends in written)
-        left = numerals.rounded(ca.vertcat(*(expression for expression, _ in written)))
-        self.names = [name for name, symbol in p.items() if ca.depends_on(left, symbol)] if written else []
-        used = ca.vertcat(*(p[name] for name in self.names))
-        self.function = ca.Function("coefficients", [y, used], [ca.cse(ca.SX(left))])
+        self._left, self._y = ca.SX(ca.vertcat(*(expression for expression, _ in written))), y
+        used = {name: symbol for name, symbol in p.items() if ca.depends_on(self._left, symbol)} if written else {}
+        self.names, self._used = list(used), ca.vertcat(*used.values())
 
     def __call__(self, p: Mapping[str, Any], y: Sequence[Any] = ()) -> list[list[Any]]:
         """The rows of the matrix at parameters and coordinates that are expressions, numbers, or arrays (m,)."""
@@ -104,6 +103,12 @@ class Coefficients:
         for place, value in zip(self.places, self._values([p[name] for name in self.names], y), strict=True):
             values[place] = value
         return self._matrix(values)
+
+    @cached_property
+    def function(self) -> ca.Function:
+        """The entries at `places`, of the coordinates and of the parameters `names`."""
+        with LOCK:
+            return ca.Function("coefficients", [self._y, self._used], [ca.cse(self._left)])
 
     def _matrix(self, values: list[Any]) -> list[list[Any]]:
         """The rows of the matrix with these values, which go down its columns."""
@@ -201,15 +206,15 @@ class Structure:
     """
 
     def __init__(self, flat: ca.SX, y: ca.SX, p: Mapping[str, ca.SX], numerals: Numerals):
-        self.flat, self.y, self.coordinates = flat, y, range(y.numel())
+        self.flat, self.y, self.coordinates, self.numerals = flat, y, range(y.numel()), numerals
         inputs = [y, ca.vertcat(*p.values()), ca.vertcat(*numerals.symbols.values())]
         symbols = [*ca.vertsplit(y), *p.values(), *numerals.symbols.values()]
-        first = len(symbols) - len(numerals.symbols)
+        first, self.count = len(symbols) - len(numerals.symbols), len(symbols)
         function = ca.Function("entries", inputs, [flat])
         self.found: Normalised = normalised(function, symbols, dict(enumerate(numerals.values, first)))
         self.forms: NormalForms = self.found.forms
         self.exact = [self.forms.constant(each) for each in self.found.results]
-        self.constants = [self._rounded(place, numerals) for place in range(flat.numel())]
+        self.constants = [self._rounded(place) for place in range(flat.numel())]
 
     @property
     def vanishes(self) -> bool:
@@ -221,11 +226,11 @@ class Structure:
         """Whether an entry depends on coordinates."""
         return any(self.forms.without(form, self.coordinates) is None for form in self.found.results)
 
-    def _rounded(self, place: int, numerals: Numerals) -> float:
+    def _rounded(self, place: int) -> float:
         """The double of a number, NaN for what is none, or lies outside the range of doubles."""
         value, form = self.exact[place], self.found.results[place]
         if value is None and not self.forms.variables(form):  # a function of numbers, as sqrt(2)
-            return float(ca.evalf(numerals.rounded(self.forms.expression(form))))
+            return float(ca.evalf(self.numerals.rounded(self.forms.expression(form))))
         try:
             return nan if value is None else rounded(value)
         except OverflowError:
@@ -243,5 +248,7 @@ class Structure:
         varies = ca.depends_on(derived, self.y) if self.y.numel() else False
         if self.forms.operations(simplest) <= self.found.sizes[place] or (varies and free is not None):
             with suppress(OverflowError):
-                return self.forms.expression(simplest), free is None
-        return derived, varies
+                expression = self.forms.expression(simplest)
+                plain = max(simplest.generators, default=0) < self.count  # of symbols alone, so without numerals
+                return expression if plain else self.numerals.rounded(expression), free is None
+        return self.numerals.rounded(derived), varies

@@ -59,6 +59,7 @@ class Mechanics:
         self.y = ca.SX.sym("y", len(self.moved))
         self.v = ca.SX.sym("v", len(self.moved))
         self.p, self.numerals = {name: ca.SX.sym(name) for name in names}, Numerals()
+        self._weights = dict[Scalar, list[Fraction] | None]()  # found before
         self.gravity, self.varying = gravity, gravity.degree() > 0
         with symbolic_numerals(self.numerals.symbols, folded=True):
             at_ground = gravity.expression(ca.SX(0), self.p, [])
@@ -176,9 +177,11 @@ class Mechanics:
     def weights(self, expression: Scalar) -> list[Fraction] | None:
         """The weights (n + k,) of the coordinates and displacements in an expression that is a sum of these, with
         rational numbers before them, and of parameters; None for another."""
-        found = self.affine(expression)
-        weights = [] if found is None else [weight for weight in found.exact[:-1] if weight is not None]
-        return weights if len(weights) == len(self.moved) else None
+        if expression not in self._weights:
+            weights = self._structure(self.gradient(expression), self.y).exact
+            numbers = [weight for weight in weights if weight is not None]
+            self._weights[expression] = numbers if len(numbers) == len(weights) else None
+        return self._weights[expression]
 
     def weights_in_contact(self, weights: Sequence[Fraction]) -> list[Fraction]:
         """The weights of the coordinates of the contact and of the displacements in a sum of all of these."""
