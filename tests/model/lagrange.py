@@ -1,4 +1,4 @@
-"""Lagrange's equations of a mechanism in 60 digits, from the texts of its formulas: nothing of the toolkit is used.
+"""Lagrange's equations of a mechanism in 120 digits, from the texts of its formulas: nothing of the toolkit is used.
 
 A formula is evaluated with its gradient and its second derivatives by the coordinates. With the heights h_k of the masses
 m_k the kinetic energy is sum m_k (dh_k . v)^2 / 2, beside v^T S(y) v / 2 of a stated inertia, so that
@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import mpmath
 
-DIGITS = 60
+DIGITS = 120
 
 
 class Jet:

@@ -1,4 +1,4 @@
-"""Random mechanisms against Lagrange's equations in 60 digits, and coefficients whose structure decides."""
+"""Random mechanisms against Lagrange's equations in 120 digits, and coefficients whose structure decides."""
 
 import re
 
@@ -8,7 +8,7 @@ import pytest
 
 from orbits import Damper, Inerter, Mass, Mechanism, Potential, Spring, Weight
 
-from .lagrange import DIGITS, Machine, equations
+from lagrange import DIGITS, Machine, equations
 
 # A result may err by this much of the sum of the magnitudes of its terms, and by the change of the result under
 # relative changes of this size of all numbers that it is made of.
@@ -137,10 +137,11 @@ class Draw:
         inertia = []
         if random.random() < 0.25:
             inertia = [["0"] * self.n for _ in range(self.n)]
-            for i in range(self.n):
+            for i in random.permutation(self.n)[:2]:
                 inertia[i][i] = f"4*({self.positive(self.scale)})"
             if random.random() < 0.5:
                 entry = f"{self.new(0.1, 0.2)}*{self.scale:g}*cos({self.names[1]})" if self.bent else "0"
+                inertia[0][0], inertia[1][1] = (f"4*({self.number(self.scale)})" for _ in range(2))
                 inertia[0][1] = inertia[1][0] = entry
         springs = [
             (self.sum() + self.pick("", "", " - 0.3", f" + {self.new()}"), self.law())

@@ -29,6 +29,7 @@ from ...symbolic.formula import symbolic_numerals
 from ..laws import Key, Parameters, Scalars
 from .coefficients import Coefficients, Numerals, Structure
 from .elements import Damper, Element, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, value_of
+from .inertia import Inertia, squares_of
 from .terms import Term, is_used, one_weight, weighted_sum
 
 # Share of the variation of gravity, led from 0 to 1 to come from constant gravity to the one that is stated.
@@ -185,7 +186,8 @@ class Mechanics:
 
     def weights_in_contact(self, weights: Sequence[Fraction]) -> list[Fraction]:
         """The weights of the coordinates of the contact and of the displacements in a sum of all of these."""
-        return [weights[i] - (weights[self.eliminated] * self.gap_weights[i] if i < self.size else 0) for i in self.kept]
+        lost, gap = weights[self.eliminated], [*self.gap_weights, *(0 for _ in self.actuators)]
+        return [weights[i] - lost * gap[i] for i in self.kept]
 
     def _gap(self, expression: Scalar) -> list[Fraction]:
         """The weights (n,) of the gap, the largest of which is 1: the contact force is that on its coordinate."""
@@ -270,39 +272,41 @@ class Mechanics:
         """The coefficients of the forces in both phases."""
         n, gap = self.size, self.exact_gap
         self.gradients = ca.horzcat(*(term.gradient for term in self.terms))
-        self.inverse = inverse = _inverse(self.inertia)
-        self.accelerations = -self._accelerated(self.gradients[:n, :])
-        self.flight_coefficients = self.coefficients(self.accelerations)
-        compliance = gap.T @ inverse @ gap
-        self.impact = self.coefficients((inverse @ gap).T / compliance)
-        self.impact_mass = 1 / compliance
-        self._derive_contact()
-
-    def _accelerated(self, forces: ca.SX) -> ca.SX:
-        """The inverse of the inertia times forces (n, k). Where as many masses as coordinates are all that moves, each
-        is accelerated alone, and what its own gradient is in the forces cancels."""
-        moving = self._moving_masses()
-        if len(moving) != self.size or not self.stated_inertia.is_zero():
-            return self.inverse @ forces
-        places, masses = zip(*moving, strict=True)
-        columns = ca.horzcat(*(ca.sparsify(self.gradient(place)[: self.size]) for place in places))
-        alone = ca.solve(columns, ca.sparsify(forces)) / ca.repmat(
-            ca.vertcat(*map(self.scalar, masses)), 1, forces.shape[1]
-        )
-        return ca.sparsify(ca.solve(columns.T, alone))
-
-    def _derive_contact(self) -> None:
-        n, m = self.size, self.size - 1
         self.s = ca.SX.sym("s", len(self.kept))
+        parts = self._parts()
+        inertia = Inertia(n, parts, self._exactly)
+        self.accelerations, kick = -inertia.solve(self.gradients[:n, :]), inertia.solve(gap)
+        compliance = gap.T @ kick
+        self.flight_coefficients = self.coefficients(self.accelerations)
+        self.impact = self.coefficients(kick.T / compliance)
+        self.impact_mass = 1 / compliance
+        self._derive_contact(parts, kick)
+
+    def _parts(self) -> list[tuple[ca.SX, ca.SX]]:
+        """The masses, with the gradients (n,) along which they move, that make the kinetic energy."""
+        n = self.size
+        moving = [(self.scalar(mass), self.gradient(place)[:n]) for place, mass in self._moving_masses()]
+        return [*moving, *(squares_of(self.stated_inertia, self.vanishes) if self.stated_inertia.nnz() else [])]
+
+    def _exactly(self, expression: ca.SX) -> ca.SX:
+        """The same expression, a number where it is one."""
+        (value,) = self._structure(expression, ca.vertcat(self.y, self.s)).exact
+        return expression if value is None else self.numerals.number(value)
+
+    def _derive_contact(self, parts: Sequence[tuple[ca.SX, ca.SX]], kick: ca.SX) -> None:
+        n, m = self.size, self.size - 1
         embed = ca.sparsify(self.exact_embed[:n, :m])
-        inertia, (self.contact_terms, columns) = self._inside(self.inertia), self._merged()
-        merged = self._inside(self.gradients) @ ca.SX(ca.sparsify(ca.DM(columns)))
+        self.contact_terms, merging = self._merged()
+        columns = ca.SX(ca.sparsify(ca.DM(merging)))
+        merged = self._inside(self.gradients) @ columns
         along = embed.T @ merged[:n, :]
         self.contact_gradients = ca.vertcat(along, merged[n:, :])
-        self.contact_inertia = ca.sparsify(embed.T @ inertia @ embed)
-        accelerations = -_inverse(self.contact_inertia) @ along
-        self.contact_row = (inertia @ embed)[self.eliminated, :] @ accelerations + merged[self.eliminated, :]
-        self.contact_coefficients = self.coefficients(accelerations, self.s)
+        self.contact_inertia = ca.sparsify(embed.T @ self._inside(self.inertia) @ embed)
+        held = Inertia(m, [(self._inside(mass), embed.T @ self._inside(along)) for mass, along in parts], self._exactly)
+        # The contact force takes away the acceleration of the gap that the other forces would make.
+        opening = self.exact_gap.T @ self._inside(self.accelerations) @ columns
+        self.contact_row = -opening / self._inside(self.exact_gap.T @ kick)
+        self.contact_coefficients = self.coefficients(-held.solve(along), self.s)
         self.contact_force_coefficients = self.coefficients(self.contact_row, self.s)
 
     def _inside(self, expression: ca.SX) -> ca.SX:
@@ -403,12 +407,6 @@ class Mechanics:
         changes = [weighted_sum(row, forces) for row in rows]
         pairs = [part for pair in zip(rates, changes, strict=False) for part in pair]
         return [*pairs, *(p[rate] for _, rate in self.actuators)]
-
-
-def _inverse(matrix: ca.SX) -> ca.SX:
-    """The inverse of a symmetric positive definite matrix, sparse where it decouples."""
-    factors = ca.ldl(matrix, False)
-    return ca.sparsify(ca.ldl_solve(ca.SX.eye(matrix.shape[0]), *factors))
 
 
 def at_zero(expression: ca.SX, y: ca.SX) -> ca.SX:

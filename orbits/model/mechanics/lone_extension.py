@@ -81,7 +81,7 @@ class Alone:
         self.load = self._numbers(sum((pulls[i] for i in weights), ca.SX(0)))
         self.offsets = [self._numbers(offset) for *_, offset in springs]
         # The contact force is this multiple of phi + load - 1, and each damper adds to it.
-        multiple = by_extension * rate / (gap.T @ m.inverse @ gap)
+        multiple = by_extension * rate / (1 / m.impact_mass)
         dampers = [i for i, term in enumerate(m.contact_terms) if term.what == "damper"]
         rates = [m.gradient(m.contact_terms[i].place).T @ embed[:, 0] for i in dampers]
         self.damping = self._numbers(
