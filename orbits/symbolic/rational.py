@@ -391,11 +391,13 @@ class Normalised:
     forms : of all symbols of the function in the order of its inputs
     results : one for each element of the one output
     sizes : how many operations each of them has in the function, shared ones counted as often as they are used
+    uses : the places of the symbols that each of them has in the function
     """
 
     forms: NormalForms
     results: list[Ratio]
     sizes: list[int]
+    uses: list[set[int]]
 
 
 def normalised(function: ca.Function, symbols: Collection[ca.SX], exact: Mapping[int, Fraction]) -> Normalised:
@@ -407,27 +409,29 @@ def normalised(function: ca.Function, symbols: Collection[ca.SX], exact: Mapping
     forms, starts = NormalForms(symbols), [0]
     for i in range(function.n_in()):
         starts.append(starts[-1] + function.numel_in(i))
-    values, expressions, sizes = list[Ratio](), list[Callable[[], ca.SX]](), list[int]()
-    results, counts = [Ratio({})] * function.numel_out(0), [0] * function.numel_out(0)
+    values, expressions, sizes, uses = list[Ratio](), list[Callable[[], ca.SX]](), list[int](), list[set[int]]()
+    source = [0] * function.numel_out(0)
     for operation, places, constant in single_assignment(function):
-        size = 0
+        size, used = 0, set[int]()
         if operation == ca.OP_INPUT:
             place = starts[places[0]] + places[1]
             value = Ratio(_number(exact[place])) if place in exact else forms.symbol(place)
-            expression = forms.generators[place].expression
+            expression, used = forms.generators[place].expression, {place} - exact.keys()
         elif constant is not None:
             value, expression = _of_constant(forms, constant)
         elif operation == ca.OP_OUTPUT:
-            value, expression = values[places[0]], expressions[places[0]]
-            results[places[2]], counts[places[2]] = value, sizes[places[0]]
+            source[places[2]] = before = places[0]
+            value, expression, size, used = values[before], expressions[before], sizes[before], uses[before]
         else:
             arguments = [(values[place], expressions[place]) for place in places]
             expression = _lazily(operation, [inner for _, inner in arguments])
             value, size = _applied(forms, operation, arguments, expression), 1 + sum(sizes[place] for place in places)
+            used = set[int]().union(*(uses[place] for place in places))
         values.append(value)
         expressions.append(expression)
         sizes.append(min(size, 10**6))
-    return Normalised(forms, results, counts)
+        uses.append(used)
+    return Normalised(forms, *([each[i] for i in source] for each in (values, sizes, uses)))
 
 
 def _number(value: float | Fraction) -> Polynomial:

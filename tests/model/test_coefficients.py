@@ -189,7 +189,8 @@ def flat(machine: Machine, place, rates, held, parameters=None) -> tuple[list, l
         contact, contact_sizes, force, force_size = inside.contact()
         impact, mass = free.impact()
         values = [*flight, *(contact[i] for i in kept), force, *impact, mass]
-        sizes = [*flight_sizes, *(contact_sizes[i] for i in kept), force_size, *map(abs, impact), mass]
+        impact_sizes = [abs(each) + max(map(abs, impact)) * mpmath.mpf(10) ** -60 for each in impact]
+        sizes = [*flight_sizes, *(contact_sizes[i] for i in kept), force_size, *impact_sizes, mass]
     return values, sizes
 
 

@@ -51,6 +51,7 @@ class Numerals:
 
     def __init__(self) -> None:
         self.symbols: dict[str, ca.SX] = {}
+        self._known: tuple[ca.SX, list[ca.SX], list[Fraction]] = (ca.SX(0, 1), [], [])
 
     def number(self, value: float | Fraction) -> ca.SX:
         """The symbol of a number; 0, 1 and -1 stand for themselves, with which CasADi's arithmetic is exact."""
@@ -61,18 +62,34 @@ class Numerals:
             return -self.number(-value)
         return self.symbols.setdefault(text, ca.SX.sym(text))
 
-    @property
-    def values(self) -> list[Fraction]:
-        """The numbers, in the order of their symbols."""
-        return [Fraction(CONSTANTS[text]) if text in CONSTANTS else exact_numeral(text) for text in self.symbols]
+    def known(self) -> tuple[ca.SX, list[ca.SX], list[Fraction]]:
+        """The symbols, as a vector and one by one, and the numbers for which they stand."""
+        if len(self.symbols) != len(self._known[1]):
+            scalars = list(self.symbols.values())
+            self._known = ca.vertcat(*scalars), scalars, [self._value(text) for text in self.symbols]
+        return self._known
+
+    @staticmethod
+    def _value(text: str) -> Fraction:
+        return Fraction(CONSTANTS[text]) if text in CONSTANTS else exact_numeral(text)
 
     def rounded(self, expression: ca.SX) -> ca.SX:
         """An expression with doubles in place of the symbols."""
-        if not self.symbols:
-            return expression
-        return ca.substitute(
-            expression, ca.vertcat(*self.symbols.values()), ca.SX(ca.DM([float(each) for each in self.values]))
-        )
+        vector, scalars, values = self.known()
+        return ca.substitute(expression, vector, ca.SX(ca.DM([float(each) for each in values]))) if scalars else expression
+
+
+class Symbols:
+    """The symbols of which a machine's expressions are made.
+
+    place : the coordinates, or those of the contact
+    p : the parameters by name
+    """
+
+    def __init__(self, place: ca.SX, p: Mapping[str, ca.SX], numerals: Numerals):
+        self.place, self.p, self.numerals = place, p, numerals
+        self.vectors, self.scalars = [place, ca.vertcat(*p.values())], [*ca.vertsplit(place), *p.values()]
+        self.size, self.names = place.numel(), list(p)
 
 
 class Coefficients:
@@ -84,16 +101,16 @@ class Coefficients:
     by_coordinates : whether an entry depends on coordinates
     """
 
-    def __init__(self, matrix: ca.SX, y: ca.SX, p: Mapping[str, ca.SX], numerals: Numerals):
-        self.shape, flat = matrix.shape, ca.densify(ca.vec(matrix))
-        found = Structure(flat, y, p, numerals)
+    def __init__(self, matrix: ca.SX, symbols: Symbols):
+        self.shape = matrix.shape
+        found = Structure(matrix, symbols)
         self.exact, self.constants, self.vanish = found.exact, found.constants, found.vanishes
         self.places = [i for i, constant in enumerate(self.constants) if constant != constant]
-        written = [found.written(place) for place in self.places]
-        self.by_coordinates = any(depends for _, depends in written)
-        self._left, self._y = ca.SX(ca.vertcat(*(expression for expression, _ in written))), y
-        used = {name: symbol for name, symbol in p.items() if ca.depends_on(self._left, symbol)} if written else {}
-        self.names, self._used = list(used), ca.vertcat(*used.values())
+        written, used = [found.written(place) for place in self.places], set[int]()
+        used.update(*(variables for _, variables in written))
+        self.by_coordinates = any(variable < symbols.size for variable in used)
+        self.names = [name for i, name in enumerate(symbols.names, symbols.size) if i in used]
+        self._written, self._symbols = [expression for expression, _ in written], symbols
 
     def __call__(self, p: Mapping[str, Any], y: Sequence[Any] = ()) -> list[list[Any]]:
         """The rows of the matrix at parameters and coordinates that are expressions, numbers, or arrays (m,)."""
@@ -108,7 +125,9 @@ class Coefficients:
     def function(self) -> ca.Function:
         """The entries at `places`, of the coordinates and of the parameters `names`."""
         with LOCK:
-            return ca.Function("coefficients", [self._y, self._used], [ca.cse(self._left)])
+            used = ca.vertcat(*(self._symbols.p[name] for name in self.names))
+            entries = ca.cse(ca.SX(ca.vertcat(*self._written)))
+            return ca.Function("coefficients", [self._symbols.place, used], [entries])
 
     def _matrix(self, values: list[Any]) -> list[list[Any]]:
         """The rows of the matrix with these values, which go down its columns."""
@@ -200,21 +219,20 @@ def program_of(function: ca.Function) -> Program | None:
 
 
 class Structure:
-    """What the entries of a vector of expressions are and depend on, decided exactly.
+    """What the entries of a matrix of expressions are and depend on, decided exactly.
 
     exact, constants : as in `Coefficients`
     """
 
-    def __init__(self, flat: ca.SX, y: ca.SX, p: Mapping[str, ca.SX], numerals: Numerals):
-        self.flat, self.y, self.coordinates, self.numerals = flat, y, range(y.numel()), numerals
-        inputs = [y, ca.vertcat(*p.values()), ca.vertcat(*numerals.symbols.values())]
-        symbols = [*ca.vertsplit(y), *p.values(), *numerals.symbols.values()]
-        first, self.count = len(symbols) - len(numerals.symbols), len(symbols)
-        function = ca.Function("entries", inputs, [flat])
-        self.found: Normalised = normalised(function, symbols, dict(enumerate(numerals.values, first)))
+    def __init__(self, matrix: ca.SX, symbols: Symbols):
+        self.symbols, self.entries = symbols, ca.densify(ca.vec(matrix))
+        vector, scalars, values = symbols.numerals.known()
+        self.count, function = len(symbols.scalars), ca.Function("entries", [*symbols.vectors, vector], [self.entries])
+        exact = dict(enumerate(values, self.count))
+        self.found: Normalised = normalised(function, [*symbols.scalars, *scalars], exact)
         self.forms: NormalForms = self.found.forms
         self.exact = [self.forms.constant(each) for each in self.found.results]
-        self.constants = [self._rounded(place) for place in range(flat.numel())]
+        self.constants = [self._rounded(place) for place in range(len(self.exact))]
 
     @property
     def vanishes(self) -> bool:
@@ -224,31 +242,32 @@ class Structure:
     @property
     def varies(self) -> bool:
         """Whether an entry depends on coordinates."""
-        return any(self.forms.without(form, self.coordinates) is None for form in self.found.results)
+        coordinates = range(self.symbols.size)
+        return any(self.forms.without(form, coordinates) is None for form in self.found.results)
 
     def _rounded(self, place: int) -> float:
         """The double of a number, NaN for what is none, or lies outside the range of doubles."""
         value, form = self.exact[place], self.found.results[place]
         if value is None and not self.forms.variables(form):  # a function of numbers, as sqrt(2)
-            return float(ca.evalf(self.numerals.rounded(self.forms.expression(form))))
+            return float(ca.evalf(self.symbols.numerals.rounded(self.forms.expression(form))))
         try:
             return nan if value is None else rounded(value)
         except OverflowError:
             return nan
 
-    def written(self, place: int) -> tuple[ca.SX, bool]:
-        """The expression of an entry, and whether it depends on coordinates.
+    def written(self, place: int) -> tuple[ca.SX, set[int]]:
+        """The expression of an entry, and the places of the symbols on which it depends.
 
         That of the normal form is taken where it is no longer than the one that was derived, and where it alone is free
         of coordinates.
         """
-        derived, form = self.flat[place], self.found.results[place]
-        free = self.forms.without(form, self.coordinates)
+        form, used, rounded = self.found.results[place], self.found.uses[place], self.symbols.numerals.rounded
+        free = self.forms.without(form, range(self.symbols.size))
         simplest = form if free is None else free
-        varies = ca.depends_on(derived, self.y) if self.y.numel() else False
+        varies = any(variable < self.symbols.size for variable in used)
         if self.forms.operations(simplest) <= self.found.sizes[place] or (varies and free is not None):
             with suppress(OverflowError):
-                expression = self.forms.expression(simplest)
-                plain = max(simplest.generators, default=0) < self.count  # of symbols alone, so without numerals
-                return expression if plain else self.numerals.rounded(expression), free is None
-        return self.numerals.rounded(derived), varies
+                expression, generators = self.forms.expression(simplest), simplest.generators
+                plain = max(generators, default=0) < self.count  # of symbols alone, so without numerals
+                return expression if plain else rounded(expression), self.forms.variables(simplest)
+        return rounded(self.entries[place]), used

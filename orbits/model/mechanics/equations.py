@@ -27,7 +27,7 @@ import numpy as np
 from ...errors import InputError
 from ...symbolic.formula import symbolic_numerals
 from ..laws import Key, Parameters, Scalars
-from .coefficients import Coefficients, Numerals, Structure
+from .coefficients import Coefficients, Numerals, Structure, Symbols
 from .elements import Damper, Element, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, value_of
 from .inertia import Inertia, squares_of
 from .terms import Term, is_used, one_weight, weighted_sum
@@ -60,6 +60,7 @@ class Mechanics:
         self.y = ca.SX.sym("y", len(self.moved))
         self.v = ca.SX.sym("v", len(self.moved))
         self.p, self.numerals = {name: ca.SX.sym(name) for name in names}, Numerals()
+        self.in_flight = self.symbols(self.y)
         self._weights = dict[Scalar, list[Fraction] | None]()  # found before
         self.gravity, self.varying = gravity, gravity.degree() > 0
         with symbolic_numerals(self.numerals.symbols, folded=True):
@@ -85,6 +86,8 @@ class Mechanics:
         self.embed, self.exact_embed = np.eye(len(self.moved))[:, self.kept], ca.SX.eye(len(self.moved))[:, self.kept]
         self.embed[self.eliminated, : len(kept)] = -self.gap[kept]
         self.exact_embed[self.eliminated, : len(kept)] = -self.exact_gap[kept].T
+        self.s = ca.SX.sym("s", len(self.kept))
+        self.in_contact = self.symbols(self.s)
         self._derive()
 
     def with_laws(self, laws: Sequence[Key]) -> "Mechanics":
@@ -92,6 +95,7 @@ class Mechanics:
         found = copy(self)
         found.laws = tuple(laws)
         found.p = self.p | {name: ca.SX.sym(name) for law in laws for name in law.names if name not in self.p}
+        found.in_flight, found.in_contact = found.symbols(self.y), found.symbols(self.s)
         found.terms, found.contact_terms = (
             [found._pulled(each) for each in terms] for terms in (self.terms, self.contact_terms)
         )
@@ -121,21 +125,22 @@ class Mechanics:
         with symbolic_numerals(self.numerals.symbols, folded=True):
             return ca.SX(value_of(expression, y, self.p))
 
-    def coefficients(self, matrix: ca.SX, place: ca.SX | None = None) -> Coefficients:
-        """A matrix of expressions of the coordinates, or of the symbols `place`, and of the parameters."""
-        return Coefficients(matrix, self.y if place is None else place, self.p, self.numerals)
+    def symbols(self, *place: ca.SX) -> Symbols:
+        """The symbols of expressions of these and of the parameters."""
+        return Symbols(ca.vertcat(*place), self.p, self.numerals)
 
-    def vanishes(self, matrix: ca.SX) -> bool:
-        """Whether all entries of a matrix of expressions of the coordinates, their rates and the parameters are 0."""
-        return matrix.is_zero() or self._structure(matrix, ca.vertcat(self.y, self.v)).vanishes
+    def coefficients(self, matrix: ca.SX, symbols: Symbols | None = None) -> Coefficients:
+        """A matrix of expressions of the coordinates, or of other symbols, and of the parameters."""
+        return Coefficients(matrix, symbols or self.in_flight)
 
-    def varies(self, matrix: ca.SX, place: ca.SX | None = None) -> bool:
-        """Whether a matrix depends on the coordinates, or on the symbols `place`."""
-        place = self.y if place is None else place
-        return ca.depends_on(matrix, place) and self._structure(matrix, place).varies
+    def vanishes(self, matrix: ca.SX, symbols: Symbols | None = None) -> bool:
+        """Whether all entries of a matrix are 0."""
+        return matrix.is_zero() or Structure(matrix, symbols or self.in_flight).vanishes
 
-    def _structure(self, matrix: ca.SX, place: ca.SX) -> Structure:
-        return Structure(ca.densify(ca.vec(matrix)), place, self.p, self.numerals)
+    def varies(self, matrix: ca.SX, symbols: Symbols | None = None) -> bool:
+        """Whether a matrix depends on the coordinates, or on the other symbols' place."""
+        symbols = symbols or self.in_flight
+        return ca.depends_on(matrix, symbols.place) and Structure(matrix, symbols).varies
 
     def gradient(self, expression: Scalar) -> ca.SX:
         """The gradient (n + k,) of an expression by the coordinates and displacements."""
@@ -179,7 +184,7 @@ class Mechanics:
         """The weights (n + k,) of the coordinates and displacements in an expression that is a sum of these, with
         rational numbers before them, and of parameters; None for another."""
         if expression not in self._weights:
-            weights = self._structure(self.gradient(expression), self.y).exact
+            weights = Structure(self.gradient(expression), self.in_flight).exact
             numbers = [weight for weight in weights if weight is not None]
             self._weights[expression] = numbers if len(numbers) == len(weights) else None
         return self._weights[expression]
@@ -243,7 +248,7 @@ class Mechanics:
         terms = []
         for place, mass in self._moving_masses():
             bend = ca.bilin(ca.jacobian(self.gradient(place), self.y), self.v, self.v)
-            if not self.vanishes(bend):
+            if not self.vanishes(bend, self.symbols(self.y, self.v)):
                 along = self.scalar(mass) * self.gradient(place)
                 terms.append(Term(None, self._of_state(bend), along, False, by_rates=bend))
         n, v, inertia = self.size, self.v[: self.size], self.stated_inertia
@@ -272,7 +277,6 @@ class Mechanics:
         """The coefficients of the forces in both phases."""
         n, gap = self.size, self.exact_gap
         self.gradients = ca.horzcat(*(term.gradient for term in self.terms))
-        self.s = ca.SX.sym("s", len(self.kept))
         parts = self._parts()
         inertia = Inertia(n, parts, self._exactly)
         self.accelerations, kick = -inertia.solve(self.gradients[:n, :]), inertia.solve(gap)
@@ -290,7 +294,7 @@ class Mechanics:
 
     def _exactly(self, expression: ca.SX) -> ca.SX:
         """The same expression, a number where it is one."""
-        (value,) = self._structure(expression, ca.vertcat(self.y, self.s)).exact
+        (value,) = Structure(expression, self.symbols(self.y, self.s)).exact
         return expression if value is None else self.numerals.number(value)
 
     def _derive_contact(self, parts: Sequence[tuple[ca.SX, ca.SX]], kick: ca.SX) -> None:
@@ -306,17 +310,17 @@ class Mechanics:
         # The contact force takes away the acceleration of the gap that the other forces would make.
         opening = self.exact_gap.T @ self._inside(self.accelerations) @ columns
         self.contact_row = -opening / self._inside(self.exact_gap.T @ kick)
-        self.contact_coefficients = self.coefficients(-held.solve(along), self.s)
-        self.contact_force_coefficients = self.coefficients(self.contact_row, self.s)
+        self.contact_coefficients = self.coefficients(-held.solve(along), self.in_contact)
+        self.contact_force_coefficients = self.coefficients(self.contact_row, self.in_contact)
 
     def _inside(self, expression: ca.SX) -> ca.SX:
         """An expression of the coordinates as one of those of the contact."""
         place = ca.densify(ca.sparsify(self.exact_embed) @ self.s)
         return ca.substitute(expression, self.y, place)
 
-    def in_contact(self, expression: Scalar) -> Coefficients:
-        """An expression of the coordinates in contact."""
-        return self.coefficients(self._inside(self.scalar(expression)), self.s)
+    def vanishes_in_contact(self, expression: Scalar) -> bool:
+        """Whether an expression of the coordinates is 0 in contact."""
+        return self.vanishes(self._inside(self.scalar(expression)), self.in_contact)
 
     def force_has_rates(self) -> bool:
         """Whether the contact force depends on the rates of the coordinates, however the actuators rest."""
@@ -327,7 +331,7 @@ class Mechanics:
             if term.by_rates is not None:
                 force, still = (ca.substitute(term.by_rates, self.v, v) for v in (moving, ca.SX.zeros(moving.shape)))
                 total += self.contact_row[j] * self._inside(force - still)
-        return not self._structure(total, ca.vertcat(self.s, rates[: self.size - 1])).vanishes
+        return not self.vanishes(total, self.symbols(self.s, rates[: self.size - 1]))
 
     def _merged(self) -> tuple[list[Term], np.ndarray]:
         """The terms that differ in contact, and the matrix (terms, different terms) of which belong to which."""
@@ -347,13 +351,13 @@ class Mechanics:
     def _same(self, a: Term, b: Term) -> bool:
         """Whether two terms are the same function of the contact's coordinates."""
         apart = self._inside(self.scalar(a.place) - self.scalar(b.place))
-        return apart.is_zero() or self._structure(apart, self.s).vanishes
+        return self.vanishes(apart, self.in_contact)
 
-    def turning(self, inertia: ca.SX, place: ca.SX) -> Callable:
+    def turning(self, inertia: ca.SX, symbols: Symbols) -> Callable:
         """(coordinates, rates, p) -> the slopes of the kinetic energy by the coordinates (and displacements), which
         vanish where an inertia does not depend on them."""
-        count, rates = place.numel(), ca.SX.sym("v", inertia.shape[0])
-        if not self.varies(inertia, place):
+        place, count, rates = symbols.place, symbols.size, ca.SX.sym("v", inertia.shape[0])
+        if not self.varies(inertia, symbols):
             return lambda y, v, p: [0.0] * count
         slopes = self.numerals.rounded(ca.gradient(ca.bilin(inertia, rates, rates) / 2, place))
         function = ca.Function("turning", [place, rates, ca.vertcat(*self.p.values())], [slopes])

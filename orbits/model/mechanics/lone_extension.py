@@ -214,7 +214,7 @@ def _is_level(mechanics: Mechanics) -> bool:
     """Whether the contact force has no part of a gravity that varies, but that on the ground."""
     coefficients = mechanics.contact_force_coefficients.exact
     for term, coefficient in zip(mechanics.contact_terms, coefficients, strict=True):
-        if term.what == "gravity" and coefficient != 0 and not mechanics.in_contact(term.place).vanish:
+        if term.what == "gravity" and coefficient != 0 and not mechanics.vanishes_in_contact(term.place):
             return False
     return True
 
@@ -267,5 +267,5 @@ def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
     symbols = ca.SX.sym("r"), ca.SX.sym("speed")
     force = ca.SX(expression(symbols[0], {**m.p, SPEED_OF_LAUNCH: symbols[1]}, []))
     by_extension, by_rate = (ca.jacobian(force, symbol) for symbol in symbols)
-    slope = m.coefficients(-by_rate / by_extension, ca.vertcat(*symbols))
+    slope = m.coefficients(-by_rate / by_extension, m.symbols(*symbols))
     return Launch(relative, None, lambda u, p: slope(p, [u["liftoff"] - offset(p), u["alpha"]])[0][0])

@@ -15,7 +15,7 @@ from ..model import Knee
 from ..phase import Affine, Phase
 from ..relative import pieces_along, reach_along
 from ..state_formula import StateFormula
-from .coefficients import Coefficients
+from .coefficients import Coefficients, Symbols
 from .elements import Scalar, Spring, names_in, value_of
 from .equations import Mechanics
 from .lone_extension import Alone
@@ -68,9 +68,9 @@ class Parts:
         self._distance = None if structure.separation is None else self._function(structure.separation)
         unit = mechanics.scalar(structure.energy_unit)
         self._impact_mass = mechanics.coefficients(mechanics.impact_mass / unit)
-        self._in_flight = self._slopes(mechanics.terms, mechanics.gradients, mechanics.inertia, mechanics.y, unit)
+        self._in_flight = self._slopes(mechanics.terms, mechanics.gradients, mechanics.inertia, mechanics.in_flight, unit)
         self._in_contact = self._slopes(
-            mechanics.contact_terms, mechanics.contact_gradients, mechanics.contact_inertia, mechanics.s, unit
+            mechanics.contact_terms, mechanics.contact_gradients, mechanics.contact_inertia, mechanics.in_contact, unit
         )
         self.drawn, self.alone = self._drawn(), Alone.of(mechanics)
 
@@ -237,12 +237,12 @@ class Parts:
         ]
         return weighted_sum([ratio(p)[0][0] for _, ratio in self.counted], forces)
 
-    def _slopes(self, terms: Sequence[Term], gradients: ca.SX, inertia: ca.SX, place: ca.SX, unit: ca.SX) -> _Slopes:
+    def _slopes(self, terms: Sequence[Term], gradients: ca.SX, inertia: ca.SX, symbols: Symbols, unit: ca.SX) -> _Slopes:
         """What the gradient of the energy in a phase is made of, in a unit of energy."""
         mechanics = self.mechanics
         of_forces = gradients @ ca.SX(np.diag([float(term.conservative) for term in terms])) / unit
-        forces, rates = (mechanics.coefficients(matrix, place) for matrix in (of_forces, inertia / unit))
-        return _Slopes(forces, rates, mechanics.turning(inertia / unit, place))
+        forces, rates = (mechanics.coefficients(matrix, symbols) for matrix in (of_forces, inertia / unit))
+        return _Slopes(forces, rates, mechanics.turning(inertia / unit, symbols))
 
     def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         """The gradient of the energy in flight."""
