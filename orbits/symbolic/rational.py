@@ -62,7 +62,7 @@ class Generator:
     """A symbol, or a function of normal forms.
 
     variables : the symbols on which it depends
-    expression : () -> the CasADi expression
+    expression : () -> the CasADi expression, in which symbols may stand that cancel
     square : what its square is, where that is a rule; None for the others
     """
 

@@ -268,6 +268,9 @@ class Structure:
         if self.forms.operations(simplest) <= self.found.sizes[place] or (varies and free is not None):
             with suppress(OverflowError):
                 expression, generators = self.forms.expression(simplest), simplest.generators
-                plain = max(generators, default=0) < self.count  # of symbols alone, so without numerals
-                return expression if plain else rounded(expression), self.forms.variables(simplest)
+                if max(generators, default=0) < self.count:  # of symbols alone
+                    return expression, generators
+                # The arguments of functions stand as they were derived, with numerals and with all that cancels.
+                expression, symbols = rounded(expression), enumerate(self.symbols.scalars)
+                return expression, {i for i, symbol in symbols if ca.depends_on(expression, symbol)}
         return rounded(self.entries[place]), used
