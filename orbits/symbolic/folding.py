@@ -14,9 +14,9 @@ from typing import TypeAlias
 # A sum of terms: the tree of each, without its number, with that number. The tree of the number itself is ().
 Sum: TypeAlias = dict[tuple, Fraction]
 
-UNIT: tuple = ()
+BARE: tuple = ()
 # Powers beyond these, the exponent and the binary digits of the result, are left to the arithmetic of doubles.
-LARGEST_POWER, MOST_BITS = 64, 8192
+LARGEST_POWER, LONGEST_NUMBER = 64, 8192
 
 
 @lru_cache(maxsize=1024)
@@ -44,7 +44,7 @@ def folded(nodes: list[tuple]) -> tuple:
     stack: list[tuple[tuple, Sum]] = []  # of each branch its tree, and the sum that it is
     for node in nodes:
         if node[0] == "number":
-            stack.append((node, {UNIT: exact_numeral(node[2])}))
+            stack.append((node, {BARE: exact_numeral(node[2])}))
         elif node[0] == "name":
             stack.append((node, {node: Fraction(1)}))
         elif node[0] == "call":
@@ -55,7 +55,7 @@ def folded(nodes: list[tuple]) -> tuple:
             stack.append((("negative", inner), {tree: -value for tree, value in terms.items()}))
         else:
             right, left = stack.pop(), stack.pop()
-            stack.append(_OPERATIONS[node[0]](left, right))
+            stack.append(_FOLDS[node[0]](left, right))
     return stack.pop()[0]
 
 
@@ -64,16 +64,16 @@ def _alone(tree: tuple) -> tuple[tuple, Sum]:
     return tree, {("alone", object(), tree): Fraction(1)}
 
 
-def _number(terms: Sum) -> Fraction | None:
+def _only_number(terms: Sum) -> Fraction | None:
     """The number that a sum is, None for another."""
     if not terms:
         return Fraction(0)
-    return terms[UNIT] if terms.keys() == {UNIT} else None
+    return terms[BARE] if terms.keys() == {BARE} else None
 
 
-def _settled(tree: tuple, terms: Sum) -> tuple[tuple, Sum]:
+def _as_numeral(tree: tuple, terms: Sum) -> tuple[tuple, Sum]:
     """A branch with its tree replaced by a numeral where it is a number."""
-    value = _number(terms)
+    value = _only_number(terms)
     simpler = None if value is None else numeral(value)
     return simpler or tree, terms
 
@@ -87,9 +87,9 @@ def _added(left: tuple, right: tuple, sign: int) -> tuple[tuple, Sum]:
         if not total:
             del terms[tree]
     tree = ("+" if sign > 0 else "-", left[0], right[0])
-    if _number(terms) is None and cancels:
+    if _only_number(terms) is None and cancels:
         tree = _written(terms) or tree
-    return _settled(tree, terms)
+    return _as_numeral(tree, terms)
 
 
 def _written(terms: Sum) -> tuple | None:
@@ -100,20 +100,18 @@ def _written(terms: Sum) -> tuple | None:
         if (number := numeral(abs(value))) is None:
             return None
         term = body if body and abs(value) == 1 else ("*", number, body) if body else number
-        if tree is None:
-            tree = term if value > 0 else ("negative", term)
-        else:
-            tree = ("+" if value > 0 else "-", tree, term)
+        first = term if value > 0 else ("negative", term)
+        tree = first if tree is None else ("+" if value > 0 else "-", tree, term)
     return tree
 
 
 def _multiplied(left: tuple, right: tuple) -> tuple[tuple, Sum]:
     tree = ("*", left[0], right[0])
-    for number, terms in ((_number(left[1]), right[1]), (_number(right[1]), left[1])):
-        if number == 0 and _number(terms) is None:
+    for number, terms in ((_only_number(left[1]), right[1]), (_only_number(right[1]), left[1])):
+        if number == 0 and _only_number(terms) is None:
             return _alone(tree)  # the other may have no value
         if number is not None:
-            return _settled(tree, {atom: number * value for atom, value in terms.items() if number})
+            return _as_numeral(tree, {atom: number * value for atom, value in terms.items() if number})
     if len(left[1]) == len(right[1]) == 1:
         ((a, x),), ((b, y),) = left[1].items(), right[1].items()
         if "alone" not in (a[0], b[0]):
@@ -122,26 +120,26 @@ def _multiplied(left: tuple, right: tuple) -> tuple[tuple, Sum]:
 
 
 def _quotient(left: tuple, right: tuple) -> tuple[tuple, Sum]:
-    tree, number = ("/", left[0], right[0]), _number(right[1])
+    tree, number = ("/", left[0], right[0]), _only_number(right[1])
     if not number:
         return _alone(tree)
-    return _settled(tree, {atom: value / number for atom, value in left[1].items()})
+    return _as_numeral(tree, {atom: value / number for atom, value in left[1].items()})
 
 
 def _raised(left: tuple, right: tuple) -> tuple[tuple, Sum]:
-    base, exponent, stated = _number(left[1]), _number(right[1]), right[0]
+    base, exponent, stated = _only_number(left[1]), _only_number(right[1]), right[0]
     if stated[0] == "number" and len(stated) == 3:
         stated = (*stated, "exponent")  # a constant, so that a power of a number stays one
     tree = ("**", left[0], stated)
     if base is None or exponent is None or exponent.denominator != 1 or not (base or exponent > 0):
         return _alone(tree)
     bits = base.numerator.bit_length() + base.denominator.bit_length()
-    if abs(exponent) > LARGEST_POWER or bits * abs(exponent) > MOST_BITS:
+    if abs(exponent) > LARGEST_POWER or bits * abs(exponent) > LONGEST_NUMBER:
         return _alone(tree)
-    return _settled(tree, {UNIT: base ** int(exponent)} if base else {})
+    return _as_numeral(tree, {BARE: base ** int(exponent)} if base else {})
 
 
-_OPERATIONS: dict[str, Callable[[tuple, tuple], tuple[tuple, Sum]]] = {
+_FOLDS: dict[str, Callable[[tuple, tuple], tuple[tuple, Sum]]] = {
     "+": lambda left, right: _added(left, right, 1),
     "-": lambda left, right: _added(left, right, -1),
     "*": _multiplied,

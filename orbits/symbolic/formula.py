@@ -249,7 +249,7 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, library):
     return stack.pop()
 
 
-# The symbols of the numerals, by their texts, while `symbolic_numerals` is open, and whether they are worked out before.
+# The symbols of the numerals by their texts while `symbolic_numerals` is open, and whether they are worked out before.
 _numerals: dict[str, casadi.SX] | None = None
 _numerals_folded = False
 

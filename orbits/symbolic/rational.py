@@ -20,16 +20,26 @@ from typing import TypeAlias
 import casadi as ca
 
 from .calls import single_assignment
+from .polynomials import (
+    MOST_TERMS,
+    ONE,
+    Monomial,
+    Number,
+    Polynomial,
+    divided,
+    number_of,
+    parts_in,
+    primitive,
+    share_of,
+    times,
+    to_power,
+    total_of,
+)
 
-Number: TypeAlias = int | Fraction
-# Pairs (generator, exponent) in the order of the generators, without exponents of 0.
-Monomial: TypeAlias = tuple[tuple[int, int], ...]
-Polynomial: TypeAlias = dict[Monomial, Number]
 Factor: TypeAlias = frozenset[tuple[Monomial, Number]]
 
-ONE: Polynomial = {(): 1}
 # A machine's coefficients have a few terms, at most some twenty; sums and products of more than these are left alone.
-MOST_TERMS, MOST_PRODUCTS, LARGEST_POWER, MOST_BITS = 120, 2400, 16, 8192
+LONGEST_PRODUCT, HIGHEST_POWER, LONGEST_FRACTION = 2400, 16, 8192
 
 
 class TooLargeError(Exception):
@@ -98,10 +108,10 @@ class NormalForms:
     def add(self, a: Ratio, b: Ratio) -> Ratio:
         """a + b."""
         if a.factors == b.factors:
-            return self._cancelled(_sum(a.numerator, b.numerator), a.factors)
+            return self._cancelled(total_of(a.numerator, b.numerator), a.factors)
         common = {f: max(a.factors.get(f, 0), b.factors.get(f, 0)) for f in {**a.factors, **b.factors}}
         raised = (self._raised(each, common) for each in (a, b))
-        return self._cancelled(_sum(*raised), common)
+        return self._cancelled(total_of(*raised), common)
 
     def _raised(self, a: Ratio, common: Mapping[Factor, int]) -> Polynomial:
         """The numerator of a quotient with a common denominator."""
@@ -121,14 +131,14 @@ class NormalForms:
             raise ZeroDivisionError
         if len(a.numerator) == 1 and not a.factors:
             ((monomial, coefficient),) = a.numerator.items()
-            return Ratio({_power(monomial, -1): _divided(1, coefficient)})
-        coefficient, monomial, rest = _primitive(a.numerator)
-        numerator = self._product(self.expanded(a.factors), {_power(monomial, -1): _divided(1, coefficient)})
+            return Ratio({to_power(monomial, -1): share_of(1, coefficient)})
+        coefficient, monomial, rest = primitive(a.numerator)
+        numerator = self._product(self.expanded(a.factors), {to_power(monomial, -1): share_of(1, coefficient)})
         return self._cancelled(numerator, {} if rest == ONE else {frozenset(rest.items()): 1})
 
     def power(self, a: Ratio, exponent: int) -> Ratio:
         """a to a whole power."""
-        if abs(exponent) > LARGEST_POWER:
+        if abs(exponent) > HIGHEST_POWER:
             raise TooLargeError
         result = Ratio(ONE)
         for _ in range(abs(exponent)):
@@ -191,7 +201,7 @@ class NormalForms:
             # The quotient is free of them where all its numerator's and its denominator's parts are in one ratio.
             denominator = self.expanded(a.factors)
             clearing = self._clearing(a.numerator, denominator)
-            above, below = (_parts(self._product(each, clearing), out) for each in (a.numerator, denominator))
+            above, below = (parts_in(self._product(each, clearing), out) for each in (a.numerator, denominator))
             part = next(iter(below))
             if part not in above:
                 return None
@@ -219,12 +229,12 @@ class NormalForms:
 
     def _product(self, a: Polynomial, b: Polynomial) -> Polynomial:
         """The product of polynomials, with the rules for squares."""
-        if len(a) * len(b) > MOST_PRODUCTS:
+        if len(a) * len(b) > LONGEST_PRODUCT:
             raise TooLargeError
         result: Polynomial = {}
         for left, c in a.items():
             for right, d in b.items():
-                monomial = _merged(left, right) if left and right else left or right
+                monomial = times(left, right) if left and right else left or right
                 result[monomial] = result.get(monomial, 0) + (d if c == 1 else c if d == 1 else c * d)
         result = {monomial: value for monomial, value in result.items() if value}
         squared = {i for monomial in result for i, e in monomial if e > 1 and i in self.squares} if self.squares else ()
@@ -241,15 +251,15 @@ class NormalForms:
             exponent = next((e for i, e in monomial if i == generator), 0)
             terms: Polynomial = {monomial: value}
             if exponent >= 2:
-                rest = _merged(monomial, ((generator, -2 * (exponent // 2)),))
+                rest = times(monomial, ((generator, -2 * (exponent // 2)),))
                 squares = self.power(Ratio(self.squares[generator]), exponent // 2).numerator
                 terms = self._product({rest: value}, squares)
-            result = _sum(result, terms)
+            result = total_of(result, terms)
         return result
 
     def _cancelled(self, numerator: Polynomial, factors: Mapping[Factor, int]) -> Ratio:
         """A quotient without the factors that divide its numerator."""
-        if len(numerator) > MOST_TERMS or any(_bits(value) > MOST_BITS for value in numerator.values()):
+        if len(numerator) > MOST_TERMS or any(_bits(value) > LONGEST_FRACTION for value in numerator.values()):
             raise TooLargeError
         left = dict[Factor, int]()
         for factor, power in factors.items() if numerator else ():
@@ -276,7 +286,7 @@ class NormalForms:
     def _polynomial(self, a: Polynomial) -> ca.SX:
         total: ca.SX | None = None
         for monomial, coefficient in a.items():
-            value, powers = rounded(coefficient), ([], [])
+            value, powers = rounded(coefficient), (list[ca.SX](), list[ca.SX]())
             for generator, exponent in monomial:
                 power = self.generators[generator].expression()
                 powers[exponent < 0].append(power if abs(exponent) == 1 else power ** abs(exponent))
@@ -300,88 +310,8 @@ def rounded(number: Number) -> float:
     return value
 
 
-def number_of(value: float | Fraction) -> Number:
-    """A number as it is worked with, whole ones as integers."""
-    exact = Fraction(value)
-    return exact.numerator if exact.denominator == 1 else exact
-
-
-def divided(a: Polynomial, b: Polynomial) -> Polynomial | None:
-    """The quotient of polynomials, b without a common monomial; None where a remainder is left."""
-    names = sorted({i for term in (*a, *b) for i, _ in term})
-    if not {i for term in b for i, _ in term} <= {i for term in a for i, _ in term}:
-        return None
-    low = [min(dict(term).get(i, 0) for term in a) for i in names]
-    rest = {tuple(e - o for e, o in zip(_dense(term, names), low, strict=True)): value for term, value in a.items()}
-    divisor = {_dense(term, names): value for term, value in b.items()}
-    lead, quotient = max(divisor), dict[tuple, Number]()
-    while rest:
-        first = max(rest)
-        step = tuple(e - o for e, o in zip(first, lead, strict=True))
-        if min(step) < 0 or len(quotient) >= MOST_TERMS:
-            return None
-        quotient[step] = share = _divided(rest[first], divisor[lead])
-        for term, value in divisor.items():
-            place = tuple(e + o for e, o in zip(term, step, strict=True))
-            if not (left := rest.pop(place, 0) - share * value):
-                continue
-            rest[place] = left
-    back = lambda term: tuple((i, e + o) for i, e, o in zip(names, term, low, strict=True) if e + o)  # noqa: E731
-    return {back(term): value for term, value in quotient.items()}
-
-
-def _dense(term: Monomial, names: Iterable[int]) -> tuple[int, ...]:
-    known = dict(term)
-    return tuple(known.get(i, 0) for i in names)
-
-
-def _divided(a: Number, b: Number) -> Number:
-    if isinstance(a, int) and isinstance(b, int) and not a % b:
-        return a // b
-    return number_of(Fraction(a) / b)
-
-
 def _bits(value: Number) -> int:
     return value.numerator.bit_length() + value.denominator.bit_length()
-
-
-def _sum(a: Polynomial, b: Polynomial) -> Polynomial:
-    result = dict(a)
-    for monomial, value in b.items():
-        if total := result.get(monomial, 0) + value:
-            result[monomial] = total
-        else:
-            del result[monomial]
-    return result
-
-
-def _merged(a: Monomial, b: Monomial) -> Monomial:
-    powers = dict(a)
-    for generator, exponent in b:
-        powers[generator] = powers.get(generator, 0) + exponent
-    return tuple(sorted((i, e) for i, e in powers.items() if e))
-
-
-def _power(a: Monomial, exponent: int) -> Monomial:
-    return tuple((i, e * exponent) for i, e in a)
-
-
-def _primitive(a: Polynomial) -> tuple[Number, Monomial, Polynomial]:
-    """A polynomial as coefficient, monomial and rest, equal for those that differ in the first two alone."""
-    names = sorted({i for term in a for i, _ in term})
-    low = tuple((i, e) for i in names if (e := min(dict(term).get(i, 0) for term in a)))
-    rest = {_merged(term, _power(low, -1)): value for term, value in a.items()}
-    lead = rest[max(rest)]
-    return lead, low, {term: _divided(value, lead) for term, value in rest.items()}
-
-
-def _parts(a: Polynomial, generators: Collection[int]) -> dict[Monomial, Polynomial]:
-    """A polynomial in these generators, with coefficients that are polynomials in the others."""
-    parts: dict[Monomial, Polynomial] = {}
-    for term, value in a.items():
-        own = tuple(pair for pair in term if pair[0] in generators)
-        parts.setdefault(own, {})[tuple(pair for pair in term if pair[0] not in generators)] = value
-    return parts
 
 
 @dataclass(frozen=True)
@@ -415,7 +345,7 @@ def normalised(function: ca.Function, symbols: Collection[ca.SX], exact: Mapping
         size, used = 0, set[int]()
         if operation == ca.OP_INPUT:
             place = starts[places[0]] + places[1]
-            value = Ratio(_number(exact[place])) if place in exact else forms.symbol(place)
+            value = Ratio(_polynomial_of(exact[place])) if place in exact else forms.symbol(place)
             expression, used = forms.generators[place].expression, {place} - exact.keys()
         elif constant is not None:
             value, expression = _of_constant(forms, constant)
@@ -425,23 +355,26 @@ def normalised(function: ca.Function, symbols: Collection[ca.SX], exact: Mapping
         else:
             arguments = [(values[place], expressions[place]) for place in places]
             expression = _lazily(operation, [inner for _, inner in arguments])
-            value, size = _applied(forms, operation, arguments, expression), 1 + sum(sizes[place] for place in places)
+            value, size = (
+                _form_of_operation(forms, operation, arguments, expression),
+                1 + sum(sizes[place] for place in places),
+            )
             used = set[int]().union(*(uses[place] for place in places))
         values.append(value)
         expressions.append(expression)
         sizes.append(min(size, 10**6))
         uses.append(used)
-    return Normalised(forms, *([each[i] for i in source] for each in (values, sizes, uses)))
+    return Normalised(forms, [values[i] for i in source], [sizes[i] for i in source], [uses[i] for i in source])
 
 
-def _number(value: float | Fraction) -> Polynomial:
+def _polynomial_of(value: float | Fraction) -> Polynomial:
     return {(): number_of(value)} if value else {}
 
 
 def _of_constant(forms: NormalForms, constant: float) -> tuple[Ratio, Callable[[], ca.SX]]:
     expression = lambda: ca.SX(constant)  # noqa: E731
     if isfinite(constant):
-        return Ratio(_number(constant)), expression
+        return Ratio(_polynomial_of(constant)), expression
     return forms.function(("constant", str(constant)), [], expression), expression
 
 
@@ -458,7 +391,7 @@ def _lazily(operation: int, arguments: list[Callable[[], ca.SX]]) -> Callable[[]
     return expression
 
 
-def _applied(
+def _form_of_operation(
     forms: NormalForms, operation: int, arguments: list[tuple[Ratio, Callable[[], ca.SX]]],
     expression: Callable[[], ca.SX],
 ) -> Ratio:  # fmt: skip

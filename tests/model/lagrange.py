@@ -1,6 +1,6 @@
 """Lagrange's equations of a mechanism in 120 digits, from the texts of its formulas: nothing of the toolkit is used.
 
-A formula is evaluated with its gradient and its second derivatives by the coordinates. With the heights h_k of the masses
+A formula is evaluated with its gradient and its second derivatives by the coordinates. With the heights h_k of masses
 m_k the kinetic energy is sum m_k (dh_k . v)^2 / 2, beside v^T S(y) v / 2 of a stated inertia, so that
 
     (sum m dh dh^T + S) a + sum m dh (v^T ddh v) + S' v - (v^T dS v) / 2 = F,
@@ -166,54 +166,61 @@ class Equations:
         return [mass * each for each in kick], mass
 
 
-def equations(machine, place, rates, parameters=None):
+class Sum:
+    """The inertia and the forces at one state, as they are added."""
+
+    def __init__(self, machine, place, rates):
+        self.n, self.v = len(place), [mpmath.mpf(rate) for rate in rates]
+        self.y = dict(zip(machine.coordinates, map(mpmath.mpf, place), strict=True))
+        self.p = {name: mpmath.mpf(value) for name, value in machine.parameters.items()}
+        self.inertia, self.force, self.sizes = (mpmath.zeros(self.n, k) for k in (self.n, 1, 1))
+
+    def push(self, force, gradient):
+        for i in range(self.n):
+            self.force[i] += force * gradient[i]
+            self.sizes[i] += abs(force * gradient[i])
+
+    def at(self, text):
+        return jet(text, self.y, self.p)
+
+    def number(self, text, **variable):
+        return jet(text, {name: mpmath.mpf(value) for name, value in variable.items()}, self.p).value
+
+    def mass(self, height, mass, moves, pull):
+        """A mass with its inertia, where it moves, and its weight under a pull."""
+        h, m, n, v = self.at(height), self.number(mass), range(self.n), self.v
+        if pull is not None:
+            self.push(-m * self.number(pull[0], z=h.value) * self.number(pull[1]), h.gradient)
+        if moves:
+            self.push(-m * sum(v[i] * h.second[i][j] * v[j] for i in n for j in n), h.gradient)
+            for i in n:
+                for j in n:
+                    self.inertia[i, j] += m * h.gradient[i] * h.gradient[j]
+
+    def entry(self, i, j, text):
+        """An entry of a stated inertia."""
+        entry, v, unit = self.at(text), self.v, mpmath.eye(self.n)
+        self.inertia[i, j] += entry.value
+        for k in range(self.n):
+            self.push(-entry.gradient[k] * v[k] * v[j], unit[:, i])
+            self.push(entry.gradient[k] * v[i] * v[j] / 2, unit[:, k])
+
+
+def equations(machine, place, rates):
     """The equations at coordinates and their rates."""
-    values = machine.parameters if parameters is None else parameters
-    with mpmath.workdps(DIGITS):
-        y = dict(zip(machine.coordinates, map(mpmath.mpf, place), strict=True))
-        p = {name: mpmath.mpf(value) for name, value in values.items()}
-        v, n = [mpmath.mpf(rate) for rate in rates], len(place)
-        inertia, force, sizes = mpmath.zeros(n), mpmath.zeros(n, 1), mpmath.zeros(n, 1)
-
-        def push(i, value):
-            force[i] += value
-            sizes[i] += abs(value)
-
-        def law(text, name, value):
-            return jet(text, {name: value}, p).value
-
-        surface = jet(machine.surface, {}, p).value
-        for height, mass, moves, weighs in machine.masses:
-            h, m = jet(height, y, p), jet(mass, {}, p).value
-            bend = sum(v[i] * h.second[i][j] * v[j] for i in range(n) for j in range(n))
-            pull = surface * law(machine.gravity, "z", h.value) if weighs else 0
-            for i in range(n):
-                if weighs:
-                    push(i, -m * pull * h.gradient[i])
-                if moves:
-                    push(i, -m * h.gradient[i] * bend)
-                    for j in range(n):
-                        inertia[i, j] += m * h.gradient[i] * h.gradient[j]
-        rows = [[jet(entry, y, p) for entry in row] for row in machine.inertia]
-        for i, row in enumerate(rows):
-            for j, entry in enumerate(row):
-                inertia[i, j] += entry.value
-                for k in range(n):
-                    push(i, -entry.gradient[k] * v[k] * v[j])
-                    push(k, entry.gradient[k] * v[i] * v[j] / 2)
-        for extension, text in machine.springs:
-            e = jet(extension, y, p)
-            pull = law(text, "r", e.value)
-            for i in range(n):
-                push(i, -pull * e.gradient[i])
-        for extension, coefficient in machine.dampers:
-            e = jet(extension, y, p)
-            rate = sum(e.gradient[i] * v[i] for i in range(n))
-            for i in range(n):
-                push(i, -jet(coefficient, {}, p).value * rate * e.gradient[i])
-        for energy in machine.potentials:
-            slopes = jet(energy, y, p).gradient
-            for i in range(n):
-                push(i, -slopes[i])
-        gap = mpmath.matrix(jet(machine.gap, y, p).gradient)
-        return Equations(inertia, force, sizes, gap / max(gap))
+    total = Sum(machine, place, rates)
+    for height, mass, moves, weighs in machine.masses:
+        total.mass(height, mass, moves, (machine.gravity, machine.surface) if weighs else None)
+    for i, row in enumerate(machine.inertia):
+        for j, text in enumerate(row):
+            total.entry(i, j, text)
+    for extension, force in machine.springs:
+        e = total.at(extension)
+        total.push(-total.number(force, r=e.value), e.gradient)
+    for extension, coefficient in machine.dampers:
+        e = total.at(extension)
+        total.push(-total.number(coefficient) * mpmath.fdot(e.gradient, total.v), e.gradient)
+    for energy in machine.potentials:
+        total.push(-1, total.at(energy).gradient)
+    gap = mpmath.matrix(total.at(machine.gap).gradient)
+    return Equations(total.inertia, total.force, total.sizes, gap / max(gap))

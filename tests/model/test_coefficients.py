@@ -5,8 +5,8 @@ import re
 import mpmath
 import numpy as np
 import pytest
-
 from lagrange import DIGITS, Machine, equations
+
 from orbits import Damper, Inerter, Mass, Mechanism, Potential, Spring, Weight, find
 from orbits.model.mechanics.derived import _parts_of
 
@@ -88,7 +88,9 @@ class Draw:
 
     def lever(self) -> str:
         """A factor before a coordinate."""
-        return self.pick("", "", "", "2*", "0.1*", "1.0000000000000001*", "1/3*", f"{self.new()}*", "(1e16 + 3 - 1e16)*")
+        return self.pick(
+            "", "", "", "2*", "0.1*", "1.0000000000000001*", "1/3*", f"{self.new()}*", "(1e16 + 3 - 1e16)*"
+        )
 
     def sum(self) -> str:
         """A sum of some coordinates."""
@@ -160,8 +162,8 @@ class Draw:
             "1", "9.81", self.new(), f"8 + {self.new(scale=1e-11)}*{self.new(scale=5e22)}/147763360000000000"
         )
         gravity = self.pick("1", "1", f"1/(1 + z/{self.new(20, 60)})**2")
-        gap = self.pick(self.names[-1], self.names[-1], f"{self.names[0]} - {self.names[-1]}",
-                        f"0.3*{self.names[-1]} - 0.1*{self.names[0]}", f"{self.names[0]}/49*49 + {self.names[-1]}")  # fmt: skip
+        first, last = self.names[0], self.names[-1]
+        gap = self.pick(last, last, f"{first} - {last}", f"0.3*{last} - 0.1*{first}", f"{first}/49*49 + {last}")
         used = " ".join(map(str, [masses, inertia, springs, dampers, potentials, surface, gravity, gap]))
         parameters = {name: value for name, value in self.parameters.items() if _named(name, used)}
         return Machine(
@@ -177,13 +179,13 @@ def _named(name: str, text: str) -> bool:
     return re.search(rf"\b{name}\b", text) is not None
 
 
-def flat(machine: Machine, place, rates, held, parameters=None) -> tuple[list, list]:
+def flat(machine: Machine, place, rates, held) -> tuple[list, list]:
     """What follows from Lagrange's equations, each number with the sum of the magnitudes of its terms: accelerations in
     flight, those of the contact's coordinates in contact, the contact force, the impact, and its mass."""
     closed, closed_rates, kept = held
     with mpmath.workdps(DIGITS):
-        free = equations(machine, place, rates, parameters)
-        inside = equations(machine, closed, closed_rates, parameters)
+        free = equations(machine, place, rates)
+        inside = equations(machine, closed, closed_rates)
         flight, flight_sizes = free.flight()
         contact, contact_sizes, force, force_size = inside.contact()
         impact, mass = free.impact()

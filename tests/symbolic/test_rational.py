@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from orbits.symbolic import rational
+from orbits.symbolic.polynomials import number_of
 from orbits.symbolic.rational import NormalForms, Ratio, normalised, rounded
 
 A, B, C = (ca.SX.sym(name) for name in "abc")
@@ -95,7 +96,7 @@ def drawn(random, forms, point, depth):
         place = int(random.integers(4))
         if place == 3:
             number = Fraction(int(random.integers(-3, 4)), int(random.integers(1, 4)))
-            return Ratio({(): rational.number_of(number)} if number else {}), number
+            return Ratio({(): number_of(number)} if number else {}), number
         return forms.symbol(place), point[place]
     (left, x), (right, y) = (drawn(random, forms, point, depth - 1) for _ in range(2))
     kind = int(random.integers(4))

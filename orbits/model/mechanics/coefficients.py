@@ -76,7 +76,9 @@ class Numerals:
     def rounded(self, expression: ca.SX) -> ca.SX:
         """An expression with doubles in place of the symbols."""
         vector, scalars, values = self.known()
-        return ca.substitute(expression, vector, ca.SX(ca.DM([float(each) for each in values]))) if scalars else expression
+        if not scalars:
+            return expression
+        return ca.substitute(expression, vector, ca.SX(ca.DM([float(each) for each in values])))
 
 
 class Symbols:
@@ -103,7 +105,7 @@ class Coefficients:
 
     def __init__(self, matrix: ca.SX, symbols: Symbols):
         self.shape = matrix.shape
-        found = Structure(matrix, symbols)
+        found = Entries(matrix, symbols)
         self.exact, self.constants, self.vanish = found.exact, found.constants, found.vanishes
         self.places = [i for i, constant in enumerate(self.constants) if constant != constant]
         written, used = [found.written(place) for place in self.places], set[int]()
@@ -218,7 +220,7 @@ def program_of(function: ca.Function) -> Program | None:
     return Program(tuple(constants), tuple(steps), tuple(results[i] for i in range(len(results))))
 
 
-class Structure:
+class Entries:
     """What the entries of a matrix of expressions are and depend on, decided exactly.
 
     exact, constants : as in `Coefficients`

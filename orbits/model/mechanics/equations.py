@@ -27,7 +27,7 @@ import numpy as np
 from ...errors import InputError
 from ...symbolic.formula import symbolic_numerals
 from ..laws import Key, Parameters, Scalars
-from .coefficients import Coefficients, Numerals, Structure, Symbols
+from .coefficients import Coefficients, Entries, Numerals, Symbols
 from .elements import Damper, Element, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, value_of
 from .inertia import Inertia, squares_of
 from .terms import Term, is_used, one_weight, weighted_sum
@@ -135,12 +135,12 @@ class Mechanics:
 
     def vanishes(self, matrix: ca.SX, symbols: Symbols | None = None) -> bool:
         """Whether all entries of a matrix are 0."""
-        return matrix.is_zero() or Structure(matrix, symbols or self.in_flight).vanishes
+        return matrix.is_zero() or Entries(matrix, symbols or self.in_flight).vanishes
 
     def varies(self, matrix: ca.SX, symbols: Symbols | None = None) -> bool:
         """Whether a matrix depends on the coordinates, or on the other symbols' place."""
         symbols = symbols or self.in_flight
-        return ca.depends_on(matrix, symbols.place) and Structure(matrix, symbols).varies
+        return ca.depends_on(matrix, symbols.place) and Entries(matrix, symbols).varies
 
     def gradient(self, expression: Scalar) -> ca.SX:
         """The gradient (n + k,) of an expression by the coordinates and displacements."""
@@ -184,7 +184,7 @@ class Mechanics:
         """The weights (n + k,) of the coordinates and displacements in an expression that is a sum of these, with
         rational numbers before them, and of parameters; None for another."""
         if expression not in self._weights:
-            weights = Structure(self.gradient(expression), self.in_flight).exact
+            weights = Entries(self.gradient(expression), self.in_flight).exact
             numbers = [weight for weight in weights if weight is not None]
             self._weights[expression] = numbers if len(numbers) == len(weights) else None
         return self._weights[expression]
@@ -224,7 +224,7 @@ class Mechanics:
         if isinstance(element, Force):
             given = element.force
             against = lambda y, v, p, q: -given(self._named(y), self._named(v), p)  # noqa: E731
-            by_rates = ca.SX(against(*map(ca.vertsplit, (self.y, self.v)), self.p, []))
+            by_rates = ca.SX(against(ca.vertsplit(self.y), ca.vertsplit(self.v), self.p, []))
             return [Term(element, against, self.gradient(element.along), False, by_rates=by_rates)]
         return []
 
@@ -294,7 +294,7 @@ class Mechanics:
 
     def _exactly(self, expression: ca.SX) -> ca.SX:
         """The same expression, a number where it is one."""
-        (value,) = Structure(expression, self.symbols(self.y, self.s)).exact
+        (value,) = Entries(expression, self.symbols(self.y, self.s)).exact
         return expression if value is None else self.numerals.number(value)
 
     def _derive_contact(self, parts: Sequence[tuple[ca.SX, ca.SX]], kick: ca.SX) -> None:
@@ -302,36 +302,25 @@ class Mechanics:
         embed = ca.sparsify(self.exact_embed[:n, :m])
         self.contact_terms, merging = self._merged()
         columns = ca.SX(ca.sparsify(ca.DM(merging)))
-        merged = self._inside(self.gradients) @ columns
+        merged = self.inside(self.gradients) @ columns
         along = embed.T @ merged[:n, :]
         self.contact_gradients = ca.vertcat(along, merged[n:, :])
-        self.contact_inertia = ca.sparsify(embed.T @ self._inside(self.inertia) @ embed)
-        held = Inertia(m, [(self._inside(mass), embed.T @ self._inside(along)) for mass, along in parts], self._exactly)
+        self.contact_inertia = ca.sparsify(embed.T @ self.inside(self.inertia) @ embed)
+        held = Inertia(m, [(self.inside(mass), embed.T @ self.inside(along)) for mass, along in parts], self._exactly)
         # The contact force takes away the acceleration of the gap that the other forces would make.
-        opening = self.exact_gap.T @ self._inside(self.accelerations) @ columns
-        self.contact_row = -opening / self._inside(self.exact_gap.T @ kick)
+        opening = self.exact_gap.T @ self.inside(self.accelerations) @ columns
+        self.contact_row = -opening / self.inside(self.exact_gap.T @ kick)
         self.contact_coefficients = self.coefficients(-held.solve(along), self.in_contact)
         self.contact_force_coefficients = self.coefficients(self.contact_row, self.in_contact)
 
-    def _inside(self, expression: ca.SX) -> ca.SX:
+    def inside(self, expression: ca.SX) -> ca.SX:
         """An expression of the coordinates as one of those of the contact."""
         place = ca.densify(ca.sparsify(self.exact_embed) @ self.s)
         return ca.substitute(expression, self.y, place)
 
     def vanishes_in_contact(self, expression: Scalar) -> bool:
         """Whether an expression of the coordinates is 0 in contact."""
-        return self.vanishes(self._inside(self.scalar(expression)), self.in_contact)
-
-    def force_has_rates(self) -> bool:
-        """Whether the contact force depends on the rates of the coordinates, however the actuators rest."""
-        rates = ca.vertcat(ca.SX.sym("v", self.size - 1), ca.SX(len(self.actuators), 1))
-        moving = ca.densify(ca.sparsify(self.exact_embed) @ rates)
-        total = ca.SX(0)
-        for j, term in enumerate(self.contact_terms):
-            if term.by_rates is not None:
-                force, still = (ca.substitute(term.by_rates, self.v, v) for v in (moving, ca.SX.zeros(moving.shape)))
-                total += self.contact_row[j] * self._inside(force - still)
-        return not self.vanishes(total, self.symbols(self.s, rates[: self.size - 1]))
+        return self.vanishes(self.inside(self.scalar(expression)), self.in_contact)
 
     def _merged(self) -> tuple[list[Term], np.ndarray]:
         """The terms that differ in contact, and the matrix (terms, different terms) of which belong to which."""
@@ -350,7 +339,7 @@ class Mechanics:
 
     def _same(self, a: Term, b: Term) -> bool:
         """Whether two terms are the same function of the contact's coordinates."""
-        apart = self._inside(self.scalar(a.place) - self.scalar(b.place))
+        apart = self.inside(self.scalar(a.place) - self.scalar(b.place))
         return self.vanishes(apart, self.in_contact)
 
     def turning(self, inertia: ca.SX, symbols: Symbols) -> Callable:

@@ -242,6 +242,17 @@ def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
     return ca.if_else(regular, slope * rate / stiffness, 1.0), ca.if_else(regular, rate, 1.0)
 
 
+def _has_rates(mechanics: Mechanics) -> bool:
+    """Whether the contact force depends on the rate of the coordinate that is launched, the actuators at rest."""
+    m, rate, total = mechanics, ca.SX.sym("v"), ca.SX(0)
+    moving = ca.densify(ca.sparsify(m.exact_embed[:, 0]) * rate)
+    for j, term in enumerate(m.contact_terms):
+        if term.by_rates is not None:
+            force, still = (ca.substitute(term.by_rates, m.v, v) for v in (moving, ca.SX.zeros(moving.shape)))
+            total += m.contact_row[j] * m.inside(force - still)
+    return not m.vanishes(total, m.symbols(m.s, rate))
+
+
 def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
     """The launch of a machine whose contact force is a function of the coordinate that is launched and of its rate."""
     m, start = mechanics, mechanics.scalar(rest)
@@ -255,7 +266,7 @@ def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
         return 1 - m.contact_force(state, {**p, **{rate: 0.0 for _, rate in m.actuators}}, q) / unit
 
     law = Key("the contact force", "r", expression, (*m.p, SPEED_OF_LAUNCH), None)
-    still = not m.force_has_rates()
+    still = not _has_rates(m)
     if still:  # A speed that makes no difference is no parameter.
         law = law._replace(expression=lambda r, p, q: expression(r, {**p, SPEED_OF_LAUNCH: 0.0}, q), names=tuple(m.p))
     gravity, by_speed = m.gravity if m.varying else None, None if still else SPEED_OF_LAUNCH

@@ -68,7 +68,9 @@ class Parts:
         self._distance = None if structure.separation is None else self._function(structure.separation)
         unit = mechanics.scalar(structure.energy_unit)
         self._impact_mass = mechanics.coefficients(mechanics.impact_mass / unit)
-        self._in_flight = self._slopes(mechanics.terms, mechanics.gradients, mechanics.inertia, mechanics.in_flight, unit)
+        self._in_flight = self._slopes(
+            mechanics.terms, mechanics.gradients, mechanics.inertia, mechanics.in_flight, unit
+        )
         self._in_contact = self._slopes(
             mechanics.contact_terms, mechanics.contact_gradients, mechanics.contact_inertia, mechanics.in_contact, unit
         )
@@ -237,7 +239,9 @@ class Parts:
         ]
         return weighted_sum([ratio(p)[0][0] for _, ratio in self.counted], forces)
 
-    def _slopes(self, terms: Sequence[Term], gradients: ca.SX, inertia: ca.SX, symbols: Symbols, unit: ca.SX) -> _Slopes:
+    def _slopes(
+        self, terms: Sequence[Term], gradients: ca.SX, inertia: ca.SX, symbols: Symbols, unit: ca.SX
+    ) -> _Slopes:
         """What the gradient of the energy in a phase is made of, in a unit of energy."""
         mechanics = self.mechanics
         of_forces = gradients @ ca.SX(np.diag([float(term.conservative) for term in terms])) / unit
