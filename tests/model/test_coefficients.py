@@ -234,9 +234,9 @@ def largest_error(seed: int) -> float:
     return max(float(abs(a - b) / size) if size else abs(a) for a, b, size in zip(found, truth, sizes, strict=True))
 
 
-@pytest.mark.parametrize("first", range(0, 60, 2))
-def test_random_mechanisms(first):
-    assert max(map(largest_error, range(first, first + 2))) < TOLERANCE
+@pytest.mark.parametrize("seed", range(60))
+def test_random_mechanisms(seed):
+    assert largest_error(seed) < TOLERANCE
 
 
 @pytest.mark.slow

@@ -13,7 +13,9 @@ lambda of the contact,
     lambda dg/dy = M y'' + sum of J f.
 
 An impact changes the speeds by M^-1 dg / (dg M^-1 dg) per change of the gap's speed. The coefficients of the forces are
-functions of the parameters, and numbers where these make no difference.
+functions of the parameters, and numbers where these make no difference. Nothing is rounded while they are derived: all
+numbers are symbols (`Numerals`), and whatever the structure depends on, as whether a coefficient is 0, whether an
+extension is a sum of coordinates, and whether two forces are one, is decided exactly (`Entries`).
 """
 
 from collections.abc import Callable, Sequence
