@@ -8,8 +8,10 @@ import ast
 import difflib
 import operator
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from decimal import Decimal
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -17,6 +19,7 @@ import casadi
 import numpy as np
 
 from ..errors import InputError
+from .folding import folded
 
 # Each level of nesting costs a handful of Python frames, so that the depth stays far from the interpreter's limit.
 MAX_LENGTH, MAX_NODES, MAX_DEPTH = 2000, 1000, 60
@@ -40,7 +43,8 @@ class Formula:
     """A parsed formula; call it with a value for every name it uses.
 
     The values may be floats, NumPy arrays (of any common shape) or CasADi SX or MX expressions; the result is of the
-    same kind. Arithmetic without a value gives NaN or inf and no warning: the caller checks.
+    same kind. Arithmetic without a value gives NaN or inf and no warning: the caller checks. What numerals alone come
+    to is exact before it is rounded, see `folding`; `tree` is the formula as it is written.
     """
 
     text: str
@@ -51,10 +55,15 @@ class Formula:
         """The names that need a value: all but functions and constants."""
         return frozenset(node[1] for node in _nodes(self.tree) if node[0] == "name" and node[1] not in CONSTANTS)
 
+    @cached_property
+    def folded(self) -> tuple:
+        """The tree with its numerals worked out in rational numbers."""
+        return folded(_nodes(self.tree))
+
     @property
     def nodes(self) -> list[tuple]:
-        """The operations, each after those of its operands: ("number", float, text), ("name", name), ("call", function,
-        ...), ("negative", ...), or an operator with its two operands."""
+        """The operations as they are written, each after those of its operands: ("number", float, text), ("name", name),
+        ("call", function, ...), ("negative", ...), or an operator with its two operands."""
         return _nodes(self.tree)
 
     @property
@@ -79,10 +88,11 @@ class Formula:
             raise InputError(f"'{self.text}' needs a value for {', '.join(missing)}")
         kinds = {type(value) for value in values.values() if isinstance(value, casadi.SX | casadi.MX)}
         if kinds:
-            return _evaluate(self.tree, values, kinds.pop(), casadi)
+            as_written = _numerals is not None and not _numerals_folded
+            return _evaluate(self.tree if as_written else self.folded, values, kinds.pop(), casadi)
         arrays = {name: np.asarray(value, dtype=float) for name, value in values.items()}
         with np.errstate(all="ignore"):
-            return _evaluate(self.tree, arrays, np.float64, np)
+            return _evaluate(self.folded, arrays, np.float64, np)
 
 
 def parse(text: str) -> Formula:
@@ -171,8 +181,16 @@ def _as_tuples(node: ast.expr, tokens: list[_Token]) -> tuple:
             raise AssertionError(f"{type(node).__name__} is no part of a formula")
     for parent in reversed(chain):
         right = _as_tuples(parent.right, tokens)
+        if isinstance(parent.op, ast.Pow) and right[0] == "number" and _is_whole(right):
+            right = (*right, "whole")  # exact as a float, so that no symbol stands for it
         tree = (_SIGNS[type(parent.op)], tree, right)
     return tree
+
+
+def _is_whole(number: tuple) -> bool:
+    """Whether the decimal of a numeral is a whole number, and not only the float to which it is rounded."""
+    _, value, text = number
+    return value.is_integer() and Decimal(text) == int(value)
 
 
 _SIGNS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
@@ -220,9 +238,11 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, library):
     for node in _nodes(tree):
         kind = node[0]
         if kind == "number":
-            stack.append(constant(node[1]))
+            known = _numerals is None or library is np or len(node) == 4
+            stack.append(constant(node[1]) if known else _numeral(node[2]))
         elif kind == "name" and node[1] in CONSTANTS:
-            stack.append(constant(CONSTANTS[node[1]]))
+            known = _numerals is None or library is np
+            stack.append(constant(CONSTANTS[node[1]]) if known else _numeral(node[1]))
         elif kind == "name":
             stack.append(values[node[1]])
         elif kind == "call":
@@ -233,6 +253,33 @@ def _evaluate(tree: tuple, values: Mapping, constant: type, library):
             right = stack.pop()
             stack.append(_OPERATORS[kind](stack.pop(), right))
     return stack.pop()
+
+
+# The symbols of the numerals by their texts while `symbolic_numerals` is open, and whether they are worked out before.
+_numerals: dict[str, casadi.SX] | None = None
+_numerals_folded = False
+
+
+@contextmanager
+def symbolic_numerals(symbols: dict[str, casadi.SX], folded: bool = False) -> Iterator[None]:
+    """Formulas evaluated with CasADi expressions in this block take a symbol for each numeral, and for pi, in place of
+    a rounded number. The mapping from the texts of the numerals to their symbols grows as formulas are evaluated.
+
+    folded : whether the numerals are worked out before; a text may then be a quotient, as "1/3"
+
+    Nothing that is kept for later may be built in the block: it would keep the symbols.
+    """
+    global _numerals, _numerals_folded
+    before, _numerals, _numerals_folded = (_numerals, _numerals_folded), symbols, folded
+    try:
+        yield
+    finally:
+        _numerals, _numerals_folded = before
+
+
+def _numeral(text: str) -> casadi.SX:
+    assert _numerals is not None
+    return _numerals.setdefault(text, casadi.SX.sym(text))
 
 
 _OPERATORS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "**": operator.pow}

@@ -1,24 +1,32 @@
-"""Numbers that follow from a machine's parameters, and from its configuration where its inertia depends on that."""
+"""Numbers that follow from a machine's parameters, and from its configuration where its inertia depends on that.
+
+What they are made of is decided exactly, never by values. Their expressions are quotients of polynomials of symbols,
+roots, sines and other functions over the rational numbers (`symbolic.rational`): the numerals of formulas are the
+decimals that are written, numbers of Python the doubles that they are. So a coefficient is a number, or 0, or does not
+depend on the coordinates, where that is an identity. Rounding comes last, once for each number, so that nothing is
+dropped because it is small. An expression that is too long to be worked out counts as one that depends on all that
+occurs in it; this costs time and changes no result.
+"""
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from decimal import Decimal
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, NamedTuple
+from math import nan
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ...symbolic.calls import ElementwiseFunction, single_assignment
 from ...symbolic.exclusive import LOCK
+from ...symbolic.folding import exact_numeral
+from ...symbolic.formula import CONSTANTS
+from ...symbolic.rational import NormalForms, Normalised, normalised, rounded
 
-# Whether a coefficient is the same for all parameters is asked at so many random ones: a rational function that is
-# constant at random places is constant (Schwartz 1980, Zippel 1979). Values that differ by less than this many times
-# what their roundings explain are the same; a fraction with so small a denominator is then taken for exact.
-SAMPLES, ROUNDING_SAFETY, LARGEST_EXACT = 5, 8.0, 1000
-PARAMETERS_BETWEEN, COORDINATES_BETWEEN = (0.6, 1.7), (-0.4, 0.5)
-UNIT_ROUNDING = float(np.finfo(float).eps)
 # Short expressions of these operations, of two arguments or of one given twice, are evaluated one by one on Python's
 # numbers and NumPy's arrays, since a call of a compiled function takes as long as fifty of them.
 ARITHMETIC: dict[int, Callable] = {
@@ -35,21 +43,76 @@ MOST_OPERATIONS = 60
 EXPRESSIONS = (ca.SX, ca.MX)
 
 
+class Numerals:
+    """The numbers of a machine as symbols, so that CasADi does not round while it derives.
+
+    symbols : by the texts of the numbers, see `symbolic.formula.symbolic_numerals`
+    """
+
+    def __init__(self) -> None:
+        self.symbols: dict[str, ca.SX] = {}
+        self._known: tuple[ca.SX, list[ca.SX], list[Fraction]] = (ca.SX(0, 1), [], [])
+
+    def number(self, value: float | Fraction) -> ca.SX:
+        """The symbol of a number; 0, 1 and -1 stand for themselves, with which CasADi's arithmetic is exact."""
+        if value in (0, 1, -1):
+            return ca.SX(float(value))
+        text = str(value) if isinstance(value, Fraction) else str(Decimal(value))
+        if text.startswith("-"):
+            return -self.number(-value)
+        return self.symbols.setdefault(text, ca.SX.sym(text))
+
+    def known(self) -> tuple[ca.SX, list[ca.SX], list[Fraction]]:
+        """The symbols, as a vector and one by one, and the numbers for which they stand."""
+        if len(self.symbols) != len(self._known[1]):
+            scalars = list(self.symbols.values())
+            self._known = ca.vertcat(*scalars), scalars, [self._value(text) for text in self.symbols]
+        return self._known
+
+    @staticmethod
+    def _value(text: str) -> Fraction:
+        return Fraction(CONSTANTS[text]) if text in CONSTANTS else exact_numeral(text)
+
+    def rounded(self, expression: ca.SX) -> ca.SX:
+        """An expression with doubles in place of the symbols."""
+        vector, scalars, values = self.known()
+        if not scalars:
+            return expression
+        return ca.substitute(expression, vector, ca.SX(ca.DM([float(each) for each in values])))
+
+
+class Symbols:
+    """The symbols of which a machine's expressions are made.
+
+    place : the coordinates, or those of the contact
+    p : the parameters by name
+    """
+
+    def __init__(self, place: ca.SX, p: Mapping[str, ca.SX], numerals: Numerals):
+        self.place, self.p, self.numerals = place, p, numerals
+        self.vectors, self.scalars = [place, ca.vertcat(*p.values())], [*ca.vertsplit(place), *p.values()]
+        self.size, self.names = place.numel(), list(p)
+
+
 class Coefficients:
     """A matrix of expressions of coordinates and parameters; those that are the same everywhere become numbers.
 
-    analytic : whether also functions made with roots and sines are judged to be the same by random samples
+    exact : the rational numbers of the entries, which go down the columns; None for one that depends on something
+    constants : the same as doubles, with NaN for those that depend on something
+    vanish : whether all entries are 0
+    by_coordinates : whether an entry depends on coordinates
     """
 
-    def __init__(self, matrix: ca.SX, y: ca.SX, p: Mapping[str, ca.SX], analytic: bool = False):
-        self.shape, flat = matrix.shape, ca.densify(ca.vec(matrix))
-        self.by_coordinates = bool(ca.depends_on(flat, y)) if y.numel() else False
-        constants = _constants(ca.Function("all", [y, ca.vertcat(*p.values())], [flat]), analytic)
-        self.constants = constants.tolist()
-        self.places = np.flatnonzero(np.isnan(constants)).tolist()
-        self.names = [name for name, symbol in p.items() if ca.depends_on(flat, symbol)]
-        used = ca.vertcat(*(p[name] for name in self.names))
-        self.function = ca.Function("coefficients", [y, used], [ca.cse(flat[self.places])])
+    def __init__(self, matrix: ca.SX, symbols: Symbols):
+        self.shape = matrix.shape
+        found = Entries(matrix, symbols)
+        self.exact, self.constants, self.vanish = found.exact, found.constants, found.vanishes
+        self.places = [i for i, constant in enumerate(self.constants) if constant != constant]
+        written, used = [found.written(place) for place in self.places], set[int]()
+        used.update(*(variables for _, variables in written))
+        self.by_coordinates = any(variable < symbols.size for variable in used)
+        self.names = [name for i, name in enumerate(symbols.names, symbols.size) if i in used]
+        self._written, self._symbols = [expression for expression, _ in written], symbols
 
     def __call__(self, p: Mapping[str, Any], y: Sequence[Any] = ()) -> list[list[Any]]:
         """The rows of the matrix at parameters and coordinates that are expressions, numbers, or arrays (m,)."""
@@ -59,6 +122,14 @@ class Coefficients:
         for place, value in zip(self.places, self._values([p[name] for name in self.names], y), strict=True):
             values[place] = value
         return self._matrix(values)
+
+    @cached_property
+    def function(self) -> ca.Function:
+        """The entries at `places`, of the coordinates and of the parameters `names`."""
+        with LOCK:
+            used = ca.vertcat(*(self._symbols.p[name] for name in self.names))
+            entries = ca.cse(ca.SX(ca.vertcat(*self._written)))
+            return ca.Function("coefficients", [self._symbols.place, used], [entries])
 
     def _matrix(self, values: list[Any]) -> list[list[Any]]:
         """The rows of the matrix with these values, which go down its columns."""
@@ -149,99 +220,59 @@ def program_of(function: ca.Function) -> Program | None:
     return Program(tuple(constants), tuple(steps), tuple(results[i] for i in range(len(results))))
 
 
-def _constants(function: ca.Function, analytic: bool) -> np.ndarray:
-    """The values (k,) of a function (y, p) that are the same everywhere, NaN for the others.
+class Entries:
+    """What the entries of a matrix of expressions are and depend on, decided exactly.
 
-    Each value is computed at random places with a bound of its rounding errors. Only rational functions are taken for
-    constant by that, or where `analytic` allows it also those made with roots and trigonometric functions: others, as
-    exp(-50 s) or abs(s), may look constant where they are not.
+    exact, constants : as in `Coefficients`
     """
-    random, sizes = np.random.default_rng(0), [function.numel_in(i) for i in range(function.n_in())]
-    between = COORDINATES_BETWEEN, PARAMETERS_BETWEEN
-    inputs = [random.uniform(*ends, (size, SAMPLES)) for ends, size in zip(between, sizes, strict=True)]
-    known = {*_ERRORS, *(_SMOOTH if analytic else ())}
-    rounded, results = list[_Rounded](), np.full(function.numel_out(0), np.nan)
-    with np.errstate(all="ignore"):  # where there is no number there is no constant
-        for operation, places, constant in single_assignment(function):
-            if operation == ca.OP_OUTPUT:
-                results[places[2]] = rounded[places[0]].constant()
-                rounded.append(rounded[places[0]])
-            elif operation == ca.OP_INPUT:
-                rounded.append(_Rounded(inputs[places[0]][places[1]], np.zeros(SAMPLES), True, True))
-            elif operation == ca.OP_CONST:
-                rounded.append(_Rounded(np.full(SAMPLES, constant), np.zeros(SAMPLES), False, True))
-            else:
-                rounded.append(_rounded(operation, [rounded[place] for place in places], operation in known))
-    return results
 
+    def __init__(self, matrix: ca.SX, symbols: Symbols):
+        self.symbols, self.entries = symbols, ca.densify(ca.vec(matrix))
+        vector, scalars, values = symbols.numerals.known()
+        self.count, function = len(symbols.scalars), ca.Function("entries", [*symbols.vectors, vector], [self.entries])
+        exact = dict(enumerate(values, self.count))
+        self.found: Normalised = normalised(function, [*symbols.scalars, *scalars], exact)
+        self.forms: NormalForms = self.found.forms
+        self.exact = [self.forms.constant(each) for each in self.found.results]
+        self.constants = [self._rounded(place) for place in range(len(self.exact))]
 
-class _Rounded(NamedTuple):
-    """Values (SAMPLES,) with bounds of their rounding errors; whether they depend on anything, and whether by functions
-    that are judged by samples."""
+    @property
+    def vanishes(self) -> bool:
+        """Whether all entries are 0."""
+        return all(each == 0 for each in self.exact)
 
-    values: np.ndarray
-    errors: np.ndarray
-    depends: bool
-    judged: bool
+    @property
+    def varies(self) -> bool:
+        """Whether an entry depends on coordinates."""
+        coordinates = range(self.symbols.size)
+        return any(self.forms.without(form, coordinates) is None for form in self.found.results)
 
-    def constant(self) -> float:
-        """The number that it is everywhere, NaN where it is none."""
-        if not self.depends:
-            return float(self.values[0])
-        allowed = ROUNDING_SAFETY * self.errors.max()
-        if not (self.judged and np.ptp(self.values) <= allowed):
-            return np.nan
-        middle = float(np.sort(self.values)[SAMPLES // 2])
-        exact = float(Fraction(middle).limit_denominator(LARGEST_EXACT))
-        return exact if abs(exact - middle) <= allowed else middle
+    def _rounded(self, place: int) -> float:
+        """The double of a number, NaN for what is none, or lies outside the range of doubles."""
+        value, form = self.exact[place], self.found.results[place]
+        if value is None and not self.forms.variables(form):  # a function of numbers, as sqrt(2)
+            return float(ca.evalf(self.symbols.numerals.rounded(self.forms.expression(form))))
+        try:
+            return nan if value is None else rounded(value)
+        except OverflowError:
+            return nan
 
+    def written(self, place: int) -> tuple[ca.SX, set[int]]:
+        """The expression of an entry, and the places of the symbols on which it depends.
 
-def _rounded(operation: int, parts: list[_Rounded], judged: bool) -> _Rounded:
-    """The result of an operation, its error by those of its arguments and its own rounding (Higham 2002, section 3)."""
-    a, b = parts[0], parts[-1]
-    depends, judged = any(part.depends for part in parts), judged and all(part.judged for part in parts)
-    if operation in _ERRORS:
-        compute, spread = _ERRORS[operation]
-        values = compute(a.values, b.values)
-        return _Rounded(values, spread(a, b, values) + UNIT_ROUNDING * np.abs(values), depends, judged)
-    if operation in _SMOOTH:
-        compute, slope = _SMOOTH[operation]
-        values = compute(a.values)
-        errors = np.abs(slope(a.values)) * a.errors + 2 * UNIT_ROUNDING * np.abs(values)
-        return _Rounded(values, errors, depends, judged)
-    symbols = [ca.SX.sym("x") for _ in parts]
-    expression = ca.SX.unary(operation, *symbols) if len(parts) == 1 else ca.SX.binary(operation, *symbols)
-    evaluated = ca.Function("operation", symbols, [expression])(*(part.values[None] for part in parts))
-    return _Rounded(evaluated.full().ravel(), np.full(SAMPLES, np.nan), depends, judged=False)
-
-
-def _of_sum(a: _Rounded, b: _Rounded, values: np.ndarray) -> np.ndarray:
-    return a.errors + b.errors
-
-
-def _of_product(a: _Rounded, b: _Rounded, values: np.ndarray) -> np.ndarray:
-    return np.abs(a.values) * b.errors + np.abs(b.values) * a.errors
-
-
-def _of_quotient(a: _Rounded, b: _Rounded, values: np.ndarray) -> np.ndarray:
-    return (a.errors + np.abs(values) * b.errors) / np.abs(b.values)
-
-
-def _of_inverse(a: _Rounded, b: _Rounded, values: np.ndarray) -> np.ndarray:
-    return values**2 * a.errors
-
-
-# What each operation of a rational function computes, and the error that those of its arguments make.
-_ERRORS: dict[int, tuple[Callable, Callable]] = {
-    **{operation: (ARITHMETIC[operation], _of_sum) for operation in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE)},
-    **{operation: (ARITHMETIC[operation], _of_product) for operation in (ca.OP_MUL, ca.OP_SQ)},
-    ca.OP_DIV: (ARITHMETIC[ca.OP_DIV], _of_quotient),
-    ca.OP_INV: (ARITHMETIC[ca.OP_INV], _of_inverse),
-}
-# Other functions, with their slopes.
-_SMOOTH: dict[int, tuple[Callable, Callable]] = {
-    ca.OP_SIN: (np.sin, np.cos),
-    ca.OP_COS: (np.cos, np.sin),
-    ca.OP_TAN: (np.tan, lambda x: 1 / np.cos(x) ** 2),
-    ca.OP_SQRT: (np.sqrt, lambda x: 0.5 / np.sqrt(x)),
-}
+        That of the normal form is taken where it is no longer than the one that was derived, and where it alone is free
+        of coordinates.
+        """
+        form, used, rounded = self.found.results[place], self.found.uses[place], self.symbols.numerals.rounded
+        free = self.forms.without(form, range(self.symbols.size))
+        simplest = form if free is None else free
+        varies = any(variable < self.symbols.size for variable in used)
+        if self.forms.operations(simplest) <= self.found.sizes[place] or (varies and free is not None):
+            with suppress(OverflowError):
+                expression, generators = self.forms.expression(simplest), simplest.generators
+                if max(generators, default=0) < self.count:  # of symbols alone
+                    return expression, generators
+                # The arguments of functions stand as they were derived, with numerals and with all that cancels.
+                expression, symbols = rounded(expression), enumerate(self.symbols.scalars)
+                return expression, {i for i, symbol in symbols if ca.depends_on(expression, symbol)}
+        return rounded(self.entries[place]), used

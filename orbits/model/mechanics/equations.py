@@ -13,20 +13,25 @@ lambda of the contact,
     lambda dg/dy = M y'' + sum of J f.
 
 An impact changes the speeds by M^-1 dg / (dg M^-1 dg) per change of the gap's speed. The coefficients of the forces are
-functions of the parameters, and numbers where these make no difference.
+functions of the parameters, and numbers where these make no difference. Nothing is rounded while they are derived: all
+numbers are symbols (`Numerals`), and whatever the structure depends on, as whether a coefficient is 0, whether an
+extension is a sum of coordinates, and whether two forces are one, is decided exactly (`Entries`).
 """
 
 from collections.abc import Callable, Sequence
 from copy import copy
+from fractions import Fraction
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ...errors import InputError
+from ...symbolic.formula import symbolic_numerals
 from ..laws import Key, Parameters, Scalars
-from .coefficients import Coefficients
+from .coefficients import Coefficients, Entries, Numerals, Symbols
 from .elements import Damper, Element, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, value_of
+from .inertia import Inertia, squares_of
 from .terms import Term, is_used, one_weight, weighted_sum
 
 # Share of the variation of gravity, led from 0 to 1 to come from constant gravity to the one that is stated.
@@ -56,27 +61,35 @@ class Mechanics:
         self.moved = (*self.coordinates, *(name for name, _ in self.actuators))
         self.y = ca.SX.sym("y", len(self.moved))
         self.v = ca.SX.sym("v", len(self.moved))
-        self.p = {name: ca.SX.sym(name) for name in names}
+        self.p, self.numerals = {name: ca.SX.sym(name) for name in names}, Numerals()
+        self.in_flight = self.symbols(self.y)
+        self._weights = dict[Scalar, list[Fraction] | None]()  # found before
         self.gravity, self.varying = gravity, gravity.degree() > 0
-        self.ground_gravity = self.scalar(surface) * gravity.expression(ca.SX(0), self.p, [])
+        with symbolic_numerals(self.numerals.symbols, folded=True):
+            at_ground = gravity.expression(ca.SX(0), self.p, [])
+        self.ground_gravity = self.scalar(surface) * at_ground
         self.elements = tuple(elements)
         self.inertia = self._inertia(inertia)
-        if still := [name for i, name in enumerate(self.coordinates) if self.inertia[i, i].is_zero()]:
+        if still := [name for i, name in enumerate(self.coordinates) if self.vanishes(self.inertia[i, i])]:
             raise InputError(f"coordinate '{still[0]}' has no inertia: give it a Mass, or state its inertia")
         self.laws: tuple[Key, ...] = ()
         self.conservative = not any(isinstance(element, Damper | Force) for element in elements)
         terms = [term for element in elements for term in self._terms_of(element)]
         self.terms = [*one_weight(terms), *self._inertial_terms()]
         dampers = [term.gradient[self.size :] for term in self.terms if term.what == "damper"]
-        self.damped_ends = any(not gradient.is_zero() for gradient in dampers) or any(
+        self.damped_ends = any(not self.vanishes(gradient) for gradient in dampers) or any(
             isinstance(element, Force) for element in elements
         )
-        self.gap = self._gap(gap)
-        self.eliminated = int(np.argmax(self.gap))
+        self.gap_weights = self._gap(gap)
+        self.exact_gap = ca.vertcat(*map(self.numerals.number, self.gap_weights))
+        self.gap, self.eliminated = np.array(self.gap_weights, dtype=float), self.gap_weights.index(Fraction(1))
         kept = [i for i in range(self.size) if i != self.eliminated]
         self.kept = [*kept, *range(self.size, len(self.moved))]
-        self.embed = np.eye(len(self.moved))[:, self.kept]
+        self.embed, self.exact_embed = np.eye(len(self.moved))[:, self.kept], ca.SX.eye(len(self.moved))[:, self.kept]
         self.embed[self.eliminated, : len(kept)] = -self.gap[kept]
+        self.exact_embed[self.eliminated, : len(kept)] = -self.exact_gap[kept].T
+        self.s = ca.SX.sym("s", len(self.kept))
+        self.in_contact = self.symbols(self.s)
         self._derive()
 
     def with_laws(self, laws: Sequence[Key]) -> "Mechanics":
@@ -84,6 +97,7 @@ class Mechanics:
         found = copy(self)
         found.laws = tuple(laws)
         found.p = self.p | {name: ca.SX.sym(name) for law in laws for name in law.names if name not in self.p}
+        found.in_flight, found.in_contact = found.symbols(self.y), found.symbols(self.s)
         found.terms, found.contact_terms = (
             [found._pulled(each) for each in terms] for terms in (self.terms, self.contact_terms)
         )
@@ -106,9 +120,29 @@ class Mechanics:
         raise AssertionError("the springs have no laws yet")
 
     def scalar(self, expression: Scalar) -> ca.SX:
-        """An expression of the coordinates and parameters."""
+        """An expression of the coordinates and parameters, with symbols for its numerals."""
+        if not (isinstance(expression, str) or callable(expression)):
+            return self.numerals.number(float(expression))
         y = dict(zip(self.moved, ca.vertsplit(self.y), strict=True))
-        return ca.SX(value_of(expression, y, self.p))
+        with symbolic_numerals(self.numerals.symbols, folded=True):
+            return ca.SX(value_of(expression, y, self.p))
+
+    def symbols(self, *place: ca.SX) -> Symbols:
+        """The symbols of expressions of these and of the parameters."""
+        return Symbols(ca.vertcat(*place), self.p, self.numerals)
+
+    def coefficients(self, matrix: ca.SX, symbols: Symbols | None = None) -> Coefficients:
+        """A matrix of expressions of the coordinates, or of other symbols, and of the parameters."""
+        return Coefficients(matrix, symbols or self.in_flight)
+
+    def vanishes(self, matrix: ca.SX, symbols: Symbols | None = None) -> bool:
+        """Whether all entries of a matrix are 0."""
+        return matrix.is_zero() or Entries(matrix, symbols or self.in_flight).vanishes
+
+    def varies(self, matrix: ca.SX, symbols: Symbols | None = None) -> bool:
+        """Whether a matrix depends on the coordinates, or on the other symbols' place."""
+        symbols = symbols or self.in_flight
+        return ca.depends_on(matrix, symbols.place) and Entries(matrix, symbols).varies
 
     def gradient(self, expression: Scalar) -> ca.SX:
         """The gradient (n + k,) of an expression by the coordinates and displacements."""
@@ -118,7 +152,7 @@ class Mechanics:
         """The weights of the coordinates and displacements and the offset of an expression, functions of the
         parameters; None where it is not affine."""
         gradient = self.gradient(expression)
-        found = Coefficients(ca.horzcat(gradient.T, at_zero(self.scalar(expression), self.y)), self.y, self.p)
+        found = self.coefficients(ca.horzcat(gradient.T, at_zero(self.scalar(expression), self.y)))
         return None if found.by_coordinates else found
 
     def _inertia(self, stated: Sequence[Sequence[Scalar]]) -> ca.SX:
@@ -131,7 +165,7 @@ class Mechanics:
         self.stated_inertia = matrix
         for place, mass in self._moving_masses():
             gradient = ca.sparsify(self.gradient(place))
-            if not gradient[self.size :].is_zero():
+            if not self.vanishes(gradient[self.size :]):
                 raise InputError(f"'{place}' moves with an actuator: what has mass moves with coordinates alone")
             matrix = matrix + self._mass(mass) * (gradient[: self.size] @ gradient[: self.size].T)
         return ca.sparsify(matrix)
@@ -148,22 +182,29 @@ class Mechanics:
         masses = [(element.height, element.mass) for element in self.elements if isinstance(element, Mass)]
         return masses + [(each.extension, each.inertance) for each in self.elements if isinstance(each, Inerter)]
 
-    def weights(self, expression: Scalar) -> np.ndarray | None:
+    def weights(self, expression: Scalar) -> list[Fraction] | None:
         """The weights (n + k,) of the coordinates and displacements in an expression that is a sum of these, with
-        numbers before them, and of parameters; None for another."""
-        found = self.affine(expression)
-        numbers = None if found is None else np.array(found.constants[:-1])
-        return None if numbers is None or np.isnan(numbers).any() else numbers
+        rational numbers before them, and of parameters; None for another."""
+        if expression not in self._weights:
+            weights = Entries(self.gradient(expression), self.in_flight).exact
+            numbers = [weight for weight in weights if weight is not None]
+            self._weights[expression] = numbers if len(numbers) == len(weights) else None
+        return self._weights[expression]
 
-    def _gap(self, expression: Scalar) -> np.ndarray:
+    def weights_in_contact(self, weights: Sequence[Fraction]) -> list[Fraction]:
+        """The weights of the coordinates of the contact and of the displacements in a sum of all of these."""
+        lost, gap = weights[self.eliminated], [*self.gap_weights, *(0 for _ in self.actuators)]
+        return [weights[i] - lost * gap[i] for i in self.kept]
+
+    def _gap(self, expression: Scalar) -> list[Fraction]:
         """The weights (n,) of the gap, the largest of which is 1: the contact force is that on its coordinate."""
         weights, at_closed = self.weights(expression), at_zero(self.scalar(expression), self.y)
-        sums = weights is not None and at_closed.is_zero() and not weights[self.size :].any()
-        if weights is None or not sums or weights.max() <= 0:
+        sums = weights is not None and self.vanishes(at_closed) and not any(weights[self.size :])
+        if weights is None or not sums or max(weights) <= 0:
             raise InputError(
                 f"gap '{expression}' is no sum of coordinates with numbers before them, as \"foot - plate\""
             )
-        return weights[: self.size] / weights.max()
+        return [weight / max(weights) for weight in weights[: self.size]]
 
     def _terms_of(self, element: Element) -> list[Term]:
         """The forces of an element."""
@@ -173,7 +214,8 @@ class Mechanics:
             return [self._weight(element)]
         if isinstance(element, Damper):
             gradient, coefficient = self.gradient(element.extension), self.scalar(element.coefficient)
-            return [Term(element, self._along(gradient), gradient * coefficient, False, "damper", element.extension)]
+            rate, force = ca.dot(gradient, self.v), self._along(gradient)
+            return [Term(element, force, gradient * coefficient, False, "damper", element.extension, rate)]
         if isinstance(element, Potential):
             slopes = self.gradient(element.energy)
             return [
@@ -184,7 +226,8 @@ class Mechanics:
         if isinstance(element, Force):
             given = element.force
             against = lambda y, v, p, q: -given(self._named(y), self._named(v), p)  # noqa: E731
-            return [Term(element, against, self.gradient(element.along), False)]
+            by_rates = ca.SX(against(ca.vertsplit(self.y), ca.vertsplit(self.v), self.p, []))
+            return [Term(element, against, self.gradient(element.along), False, by_rates=by_rates)]
         return []
 
     def _weight(self, element: Mass | Weight) -> Term:
@@ -207,14 +250,15 @@ class Mechanics:
         terms = []
         for place, mass in self._moving_masses():
             bend = ca.bilin(ca.jacobian(self.gradient(place), self.y), self.v, self.v)
-            if not bend.is_zero():
-                terms.append(Term(None, self._of_state(bend), self.scalar(mass) * self.gradient(place), False))
+            if not self.vanishes(bend, self.symbols(self.y, self.v)):
+                along = self.scalar(mass) * self.gradient(place)
+                terms.append(Term(None, self._of_state(bend), along, False, by_rates=bend))
         n, v, inertia = self.size, self.v[: self.size], self.stated_inertia
-        if ca.depends_on(inertia, self.y):
+        if self.varies(inertia):
             energy = ca.bilin(inertia, v, v) / 2
             force = ca.jtimes(inertia @ v, self.y, self.v) - ca.gradient(energy, self.y)[:n]
             each = enumerate(np.eye(len(self.moved))[:n])
-            terms += [Term(None, self._of_state(force[i]), ca.SX(row), False) for i, row in each]
+            terms += [Term(None, self._of_state(force[i]), ca.SX(row), False, by_rates=force[i]) for i, row in each]
         return terms
 
     def _named(self, values: Sequence[Any]) -> dict[str, Any]:
@@ -222,62 +266,63 @@ class Mechanics:
 
     def _along(self, gradient: ca.SX) -> Callable:
         """(y, v, p, q) -> the rate of a function with this gradient."""
-        weights = Coefficients(gradient.T, self.y, self.p)
+        weights = self.coefficients(gradient.T)
         return lambda y, v, p, q: weighted_sum(weights(p, y)[0], v)
 
     def _of_state(self, expression: ca.SX) -> Callable:
         """(y, v, p, q) -> an expression of the symbols."""
-        function = ca.Function("force", [self.y, self.v, ca.vertcat(*self.p.values())], [expression])
+        inputs = [self.y, self.v, ca.vertcat(*self.p.values())]
+        function = ca.Function("force", inputs, [self.numerals.rounded(expression)])
         return lambda y, v, p, q: function(ca.vertcat(*y), ca.vertcat(*v), ca.vertcat(*(p[name] for name in self.p)))
 
     def _derive(self) -> None:
         """The coefficients of the forces in both phases."""
-        n, y, p = self.size, self.y, self.p
+        n, gap = self.size, self.exact_gap
         self.gradients = ca.horzcat(*(term.gradient for term in self.terms))
-        self.inverse = inverse = _inverse(self.inertia)
-        self.accelerations = -self._accelerated(self.gradients[:n, :])
-        self.flight_coefficients = Coefficients(self.accelerations, y, p)
-        gap = ca.SX(self.gap)
-        compliance = gap.T @ inverse @ gap
-        self.impact = Coefficients((inverse @ gap).T / compliance, y, p)
+        parts = self._parts()
+        inertia = Inertia(n, parts, self._exactly)
+        self.accelerations, kick = -inertia.solve(self.gradients[:n, :]), inertia.solve(gap)
+        compliance = gap.T @ kick
+        self.flight_coefficients = self.coefficients(self.accelerations)
+        self.impact = self.coefficients(kick.T / compliance)
         self.impact_mass = 1 / compliance
-        self._derive_contact()
+        self._derive_contact(parts, kick)
 
-    def _accelerated(self, forces: ca.SX) -> ca.SX:
-        """The inverse of the inertia times forces (n, k). Where as many masses as coordinates are all that moves, each
-        is accelerated alone, and what its own gradient is in the forces cancels."""
-        moving = self._moving_masses()
-        if len(moving) != self.size or not self.stated_inertia.is_zero():
-            return self.inverse @ forces
-        places, masses = zip(*moving, strict=True)
-        columns = ca.horzcat(*(ca.sparsify(self.gradient(place)[: self.size]) for place in places))
-        alone = ca.solve(columns, ca.sparsify(forces)) / ca.repmat(
-            ca.vertcat(*map(self.scalar, masses)), 1, forces.shape[1]
-        )
-        return ca.sparsify(ca.solve(columns.T, alone))
+    def _parts(self) -> list[tuple[ca.SX, ca.SX]]:
+        """The masses, with the gradients (n,) along which they move, that make the kinetic energy."""
+        n = self.size
+        moving = [(self.scalar(mass), self.gradient(place)[:n]) for place, mass in self._moving_masses()]
+        return [*moving, *(squares_of(self.stated_inertia, self.vanishes) if self.stated_inertia.nnz() else [])]
 
-    def _derive_contact(self) -> None:
+    def _exactly(self, expression: ca.SX) -> ca.SX:
+        """The same expression, a number where it is one."""
+        (value,) = Entries(expression, self.symbols(self.y, self.s)).exact
+        return expression if value is None else self.numerals.number(value)
+
+    def _derive_contact(self, parts: Sequence[tuple[ca.SX, ca.SX]], kick: ca.SX) -> None:
         n, m = self.size, self.size - 1
-        self.s = ca.SX.sym("s", len(self.kept))
-        embed = ca.SX(ca.sparsify(ca.DM(self.embed[:n, :m])))
-        inertia, (self.contact_terms, columns) = self._inside(self.inertia), self._merged()
-        merged = self._inside(self.gradients) @ ca.SX(ca.sparsify(ca.DM(columns)))
+        embed = ca.sparsify(self.exact_embed[:n, :m])
+        self.contact_terms, merging = self._merged()
+        columns = ca.SX(ca.sparsify(ca.DM(merging)))
+        merged = self.inside(self.gradients) @ columns
         along = embed.T @ merged[:n, :]
         self.contact_gradients = ca.vertcat(along, merged[n:, :])
-        self.contact_inertia = ca.sparsify(embed.T @ inertia @ embed)
-        accelerations = -_inverse(self.contact_inertia) @ along
-        self.contact_row = (inertia @ embed)[self.eliminated, :] @ accelerations + merged[self.eliminated, :]
-        self.contact_coefficients = Coefficients(accelerations, self.s, self.p)
-        self.contact_force_coefficients = Coefficients(self.contact_row, self.s, self.p)
+        self.contact_inertia = ca.sparsify(embed.T @ self.inside(self.inertia) @ embed)
+        held = Inertia(m, [(self.inside(mass), embed.T @ self.inside(along)) for mass, along in parts], self._exactly)
+        # The contact force takes away the acceleration of the gap that the other forces would make.
+        opening = self.exact_gap.T @ self.inside(self.accelerations) @ columns
+        self.contact_row = -opening / self.inside(self.exact_gap.T @ kick)
+        self.contact_coefficients = self.coefficients(-held.solve(along), self.in_contact)
+        self.contact_force_coefficients = self.coefficients(self.contact_row, self.in_contact)
 
-    def _inside(self, expression: ca.SX) -> ca.SX:
+    def inside(self, expression: ca.SX) -> ca.SX:
         """An expression of the coordinates as one of those of the contact."""
-        place = ca.densify(ca.SX(ca.sparsify(ca.DM(self.embed))) @ self.s)
+        place = ca.densify(ca.sparsify(self.exact_embed) @ self.s)
         return ca.substitute(expression, self.y, place)
 
-    def in_contact(self, expression: Scalar) -> Coefficients:
-        """An expression of the coordinates in contact."""
-        return Coefficients(self._inside(self.scalar(expression)), self.s, self.p)
+    def vanishes_in_contact(self, expression: Scalar) -> bool:
+        """Whether an expression of the coordinates is 0 in contact."""
+        return self.vanishes(self.inside(self.scalar(expression)), self.in_contact)
 
     def _merged(self) -> tuple[list[Term], np.ndarray]:
         """The terms that differ in contact, and the matrix (terms, different terms) of which belong to which."""
@@ -296,16 +341,16 @@ class Mechanics:
 
     def _same(self, a: Term, b: Term) -> bool:
         """Whether two terms are the same function of the contact's coordinates."""
-        apart = Coefficients(self._inside(self.scalar(a.place) - self.scalar(b.place)), self.s, self.p)
-        return apart.constants == [0.0]
+        apart = self.inside(self.scalar(a.place) - self.scalar(b.place))
+        return self.vanishes(apart, self.in_contact)
 
-    def turning(self, inertia: ca.SX, place: ca.SX) -> Callable:
+    def turning(self, inertia: ca.SX, symbols: Symbols) -> Callable:
         """(coordinates, rates, p) -> the slopes of the kinetic energy by the coordinates (and displacements), which
         vanish where an inertia does not depend on them."""
-        count, rates = place.numel(), ca.SX.sym("v", inertia.shape[0])
-        if not ca.depends_on(inertia, place):
+        place, count, rates = symbols.place, symbols.size, ca.SX.sym("v", inertia.shape[0])
+        if not self.varies(inertia, symbols):
             return lambda y, v, p: [0.0] * count
-        slopes = ca.gradient(ca.bilin(inertia, rates, rates) / 2, place)
+        slopes = self.numerals.rounded(ca.gradient(ca.bilin(inertia, rates, rates) / 2, place))
         function = ca.Function("turning", [place, rates, ca.vertcat(*self.p.values())], [slopes])
         return lambda y, v, p: ca.vertsplit(
             function(ca.vertcat(*y), ca.vertcat(*v[: rates.numel()]), ca.vertcat(*(p[name] for name in self.p)))
@@ -357,12 +402,6 @@ class Mechanics:
         changes = [weighted_sum(row, forces) for row in rows]
         pairs = [part for pair in zip(rates, changes, strict=False) for part in pair]
         return [*pairs, *(p[rate] for _, rate in self.actuators)]
-
-
-def _inverse(matrix: ca.SX) -> ca.SX:
-    """The inverse of a symmetric positive definite matrix, sparse where it decouples."""
-    factors = ca.ldl(matrix, False)
-    return ca.sparsify(ca.ldl_solve(ca.SX.eye(matrix.shape[0]), *factors))
 
 
 def at_zero(expression: ca.SX, y: ca.SX) -> ca.SX:

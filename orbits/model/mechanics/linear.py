@@ -9,7 +9,6 @@ import numpy as np
 from ..laws import Parameters
 from ..modes import Modes, linear_modes
 from ..relative import straight_line
-from .coefficients import Coefficients
 from .elements import Spring
 from .equations import Mechanics, at_zero
 from .terms import Term
@@ -33,17 +32,16 @@ class Linear:
         self.mechanics, m = mechanics, mechanics
         self.springs = [(i, term) for i, term in enumerate(m.terms) if isinstance(term.element, Spring)]
         weight = sum((term.gradient for term in m.terms if term.is_weight), ca.SX(m.size, 1))
-        self._weight = Coefficients(ca.densify(weight), m.y, m.p)
-        self._inertia = Coefficients(m.inertia, m.y, m.p)
-        self._along = Coefficients(ca.horzcat(*(term.gradient for _, term in self.springs)), m.y, m.p)
-        self._offsets = Coefficients(ca.horzcat(*(self._offset(term) for _, term in self.springs)), m.y, m.p)
+        self._weight, self._inertia = m.coefficients(ca.densify(weight)), m.coefficients(m.inertia)
+        self._along = m.coefficients(ca.horzcat(*(term.gradient for _, term in self.springs)))
+        self._offsets = m.coefficients(ca.horzcat(*(self._offset(term) for _, term in self.springs)))
         self.embed = m.embed[:, : m.size - 1]
 
     @classmethod
     def of(cls, mechanics: Mechanics) -> "Linear | None":
         """Those of a mechanism; None for one that is not linear."""
         linear = mechanics.conservative and not mechanics.varying and not mechanics.actuators
-        linear = linear and not ca.depends_on(mechanics.inertia, mechanics.y)
+        linear = linear and not mechanics.varies(mechanics.inertia)
         return cls(mechanics) if linear and all(map(_is_straight(mechanics), mechanics.terms)) else None
 
     def _offset(self, term: Term) -> ca.SX:
@@ -90,6 +88,6 @@ def _is_straight(mechanics: Mechanics) -> Callable[[Term], bool]:
     def is_straight(term: Term) -> bool:
         if isinstance(term.element, Spring):
             return mechanics.law_of(term.element).degree() == 1 and mechanics.affine(term.place) is not None
-        return term.is_weight and not ca.depends_on(term.gradient, mechanics.y)
+        return term.is_weight and not mechanics.varies(term.gradient)
 
     return is_straight

@@ -7,6 +7,7 @@ lift-off, where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import casadi as ca
@@ -59,37 +60,37 @@ class Alone:
     springs : the springs, each with how its own extension follows from that one: a factor, and an offset
     """
 
-    def __init__(self, mechanics: Mechanics, springs: Sequence[tuple[Spring, float, ca.SX]], along: np.ndarray):
+    def __init__(self, mechanics: Mechanics, springs: Sequence[tuple[Spring, Fraction, ca.SX]], along: ca.SX):
         self.mechanics, self.springs = mechanics, springs
-        m, gap = mechanics, ca.SX(mechanics.gap)
-        across = ca.SX([-along[1], along[0]]).T
+        m, gap, embed = mechanics, mechanics.exact_gap, mechanics.exact_embed
+        across = across_line(along)
         weight = ca.SX(sum(term.gradient[:2] for term in m.terms if term.is_weight))
         # The rows are scaled so that the thrown coordinate falls with acceleration 1.
-        apart = ca.vertcat(ca.SX(along).T, across @ m.inertia / (across @ weight))
+        apart = ca.vertcat(along.T, across @ m.inertia / (across @ weight))
         determinant = apart[0, 0] * apart[1, 1] - apart[0, 1] * apart[1, 0]
         mix = ca.vertcat(ca.horzcat(apart[1, 1], -apart[0, 1]), ca.horzcat(-apart[1, 0], apart[0, 0])) / determinant
         by_extension, by_throw = ca.vertsplit((gap.T @ mix).T)
         rate = -by_throw / by_extension
         self.rate, self.gap_slope_of = self._numbers(rate), self._numbers(by_extension)
-        self.lifted = self._numbers(apart[1, :] @ ca.SX(m.embed[:2, 0]))
-        self.mix, self.apart = Coefficients(mix, m.y, m.p), Coefficients(apart, m.y, m.p)
-        pulls = -(ca.SX(along).T @ m.accelerations) / rate
+        self.lifted = self._numbers(apart[1, :] @ embed[:2, 0])
+        self.mix, self.apart = m.coefficients(mix), m.coefficients(apart)
+        pulls = -(along.T @ m.accelerations) / rate
         columns = [[i for i, term in enumerate(m.terms) if term.element is spring] for spring, *_ in springs]
         self.shares = [self._numbers(pulls[column[0]]) for column in columns]
         weights = [i for i, term in enumerate(m.terms) if term.is_weight]
         self.load = self._numbers(sum((pulls[i] for i in weights), ca.SX(0)))
         self.offsets = [self._numbers(offset) for *_, offset in springs]
         # The contact force is this multiple of phi + load - 1, and each damper adds to it.
-        multiple = by_extension * rate / (gap.T @ m.inverse @ gap)
+        multiple = by_extension * rate / (1 / m.impact_mass)
         dampers = [i for i, term in enumerate(m.contact_terms) if term.what == "damper"]
-        rates = [m.gradient(m.contact_terms[i].place).T @ ca.SX(m.embed[:, 0]) for i in dampers]
+        rates = [m.gradient(m.contact_terms[i].place).T @ embed[:, 0] for i in dampers]
         self.damping = self._numbers(
             sum((m.contact_row[i] * r for i, r in zip(dampers, rates, strict=True)), ca.SX(0)) / multiple
         )
         # In contact the same phi pulls at the one coordinate s that is left: s'' = fall - pull (phi + load).
-        pull = springs[0][1] / (pulls[columns[0][0]] * m.contact_inertia[0, 0])
-        fall = pull * sum(pulls[i] for i in weights) - weight.T @ ca.SX(m.embed[:2, 0]) / m.contact_inertia[0, 0]
-        self.held = Coefficients(ca.horzcat(pull, fall, multiple), m.y, m.p)
+        pull = m.numerals.number(springs[0][1]) / (pulls[columns[0][0]] * m.contact_inertia[0, 0])
+        fall = pull * sum(pulls[i] for i in weights) - weight.T @ embed[:2, 0] / m.contact_inertia[0, 0]
+        self.held = m.coefficients(ca.horzcat(pull, fall, multiple))
 
     @classmethod
     def of(cls, mechanics: Mechanics) -> "Alone | None":
@@ -104,24 +105,24 @@ class Alone:
             or not _is_level(mechanics)
         ):
             return None
-        found, along = list[tuple[Spring, float, ca.SX]](), np.zeros(2)
+        found, along = list[tuple[Spring, Fraction, ca.SX]](), list[Fraction]()
         for spring in springs:
             weights = mechanics.weights(spring.extension)
-            if weights is None:
+            if weights is None or not (factor := mechanics.weights_in_contact(weights)[0]):
                 return None
-            weights = weights[:2]
-            factor = float(weights @ mechanics.embed[:2, 0])
-            along = along if along.any() or not factor else weights / factor
-            if not factor or not np.allclose(weights, factor * along, rtol=1e-14, atol=0):
+            direction = [weight / factor for weight in weights[:2]]
+            along = along or direction
+            if direction != along:
                 return None
             found.append((spring, factor, at_zero(mechanics.scalar(spring.extension), mechanics.y)))
-        across, weight = np.array([-along[1], along[0]]), sum(t.gradient[:2] for t in mechanics.terms if t.is_weight)
-        falls = Coefficients(ca.SX(across).T @ weight, mechanics.y, mechanics.p) if ca.SX(weight).numel() == 2 else None
-        return cls(mechanics, found, along) if falls and falls.constants != [0.0] else None
+        line, weight = ca.vertcat(*map(mechanics.numerals.number, along)), ca.SX(2, 1)
+        for term in mechanics.terms:
+            weight += term.gradient[:2] if term.is_weight else 0
+        return None if mechanics.vanishes(across_line(line) @ weight) else cls(mechanics, found, line)
 
     def _numbers(self, expression: ca.SX) -> "_Number":
         """p -> the value of an expression."""
-        return _Number(Coefficients(ca.SX(expression), self.mechanics.y, self.mechanics.p))
+        return _Number(self.mechanics.coefficients(ca.SX(expression)))
 
     def launch(self, mechanics: Mechanics, level: str) -> Launch:
         """What follows with the laws of the mechanics."""
@@ -153,20 +154,20 @@ class Alone:
         """The law phi and the load of the extension's motion r'' = -rate (phi + load)."""
         laws, load = [mechanics.law_of(spring) for spring, *_ in self.springs], self.load.constant
         (_, factor, _), law = self.springs[0], laws[0]
-        plain = len(self.springs) == 1 and factor == 1.0 and self.offsets[0].constant == 0.0
+        plain = len(self.springs) == 1 and factor == 1 and self.offsets[0].constant == 0.0
         if plain and self.shares[0].constant == 1.0 and load == load:
             return law, load
         if any(law.pieces for law in laws) and not plain:
             raise InputError(f"spring '{law.text}' is in pieces: state it alone, along what is launched")
         each = zip(laws, self.springs, self.shares, self.offsets, strict=True)
-        parts = [(law.expression, factor, share, offset) for law, (_, factor, _), share, offset in each]
+        parts = [(law.expression, float(factor), share, offset) for law, (_, factor, _), share, offset in each]
 
         def expression(r: Any, p: Parameters, q: Scalars) -> Any:
             forces = [share(p) * law(factor * r + offset(p), p, q) for law, factor, share, offset in parts]
             return sum(forces, self.load(p))
 
         texts, names = [law.text for law in laws], tuple(mechanics.p)
-        reach = min(law.reach / abs(factor) for law, (_, factor, _) in zip(laws, self.springs, strict=True))
+        reach = min(law.reach / abs(float(factor)) for law, (_, factor, _) in zip(laws, self.springs, strict=True))
         return Key(" + ".join(texts), "r", expression, names, law.pieces, reach), 0.0
 
     def complete(self, times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
@@ -189,6 +190,11 @@ class Alone:
         return self.gap_slope_of(p) * (dz[0] - times)
 
 
+def across_line(along: ca.SX) -> ca.SX:
+    """A row (1, 2) across a direction (2,)."""
+    return ca.horzcat(-along[1], along[0])
+
+
 class _Number:
     """p -> a number; `constant` is the number where it is the same for all p, else NaN."""
 
@@ -206,9 +212,9 @@ def _for_steps(value: Any) -> Any:
 
 def _is_level(mechanics: Mechanics) -> bool:
     """Whether the contact force has no part of a gravity that varies, but that on the ground."""
-    coefficients = mechanics.contact_force_coefficients.constants
+    coefficients = mechanics.contact_force_coefficients.exact
     for term, coefficient in zip(mechanics.contact_terms, coefficients, strict=True):
-        if term.what == "gravity" and coefficient != 0.0 and mechanics.in_contact(term.place).constants != [0.0]:
+        if term.what == "gravity" and coefficient != 0 and not mechanics.vanishes_in_contact(term.place):
             return False
     return True
 
@@ -236,10 +242,21 @@ def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
     return ca.if_else(regular, slope * rate / stiffness, 1.0), ca.if_else(regular, rate, 1.0)
 
 
+def _has_rates(mechanics: Mechanics) -> bool:
+    """Whether the contact force depends on the rate of the coordinate that is launched, the actuators at rest."""
+    m, rate, total = mechanics, ca.SX.sym("v"), ca.SX(0)
+    moving = ca.densify(ca.sparsify(m.exact_embed[:, 0]) * rate)
+    for j, term in enumerate(m.contact_terms):
+        if term.by_rates is not None:
+            force, still = (ca.substitute(term.by_rates, m.v, v) for v in (moving, ca.SX.zeros(moving.shape)))
+            total += m.contact_row[j] * m.inside(force - still)
+    return not m.vanishes(total, m.symbols(m.s, rate))
+
+
 def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
     """The launch of a machine whose contact force is a function of the coordinate that is launched and of its rate."""
     m, start = mechanics, mechanics.scalar(rest)
-    numbers = Coefficients(ca.horzcat(*_scales_at(mechanics, start), start), m.y, m.p)
+    numbers = m.coefficients(ca.horzcat(*_scales_at(mechanics, start), start))
     if any(law.pieces for law in m.laws):
         raise InputError("a law in pieces can be taken where all springs act along one sum of two coordinates")
 
@@ -249,9 +266,7 @@ def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
         return 1 - m.contact_force(state, {**p, **{rate: 0.0 for _, rate in m.actuators}}, q) / unit
 
     law = Key("the contact force", "r", expression, (*m.p, SPEED_OF_LAUNCH), None)
-    symbols = ca.SX.sym("r"), ca.SX.sym("speed")
-    speeds = [ca.SX(expression(symbols[0], {**m.p, SPEED_OF_LAUNCH: speed}, [])) for speed in (symbols[1], ca.SX(0))]
-    still = Coefficients(speeds[0] - speeds[1], ca.vertcat(*symbols), m.p, analytic=True).constants == [0.0]
+    still = not _has_rates(m)
     if still:  # A speed that makes no difference is no parameter.
         law = law._replace(expression=lambda r, p, q: expression(r, {**p, SPEED_OF_LAUNCH: 0.0}, q), names=tuple(m.p))
     gravity, by_speed = m.gravity if m.varying else None, None if still else SPEED_OF_LAUNCH
@@ -260,6 +275,8 @@ def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
     relative = Relative(law, gravity, liftoff, rate, by_speed=by_speed, rest=offset)
     if still:
         return Launch(relative)
-    by_extension, by_rate = (ca.jacobian(speeds[0], symbol) for symbol in symbols)
-    slope = Coefficients(-by_rate / by_extension, ca.vertcat(*symbols), m.p)
+    symbols = ca.SX.sym("r"), ca.SX.sym("speed")
+    force = ca.SX(expression(symbols[0], {**m.p, SPEED_OF_LAUNCH: symbols[1]}, []))
+    by_extension, by_rate = (ca.jacobian(force, symbol) for symbol in symbols)
+    slope = m.coefficients(-by_rate / by_extension, m.symbols(*symbols))
     return Launch(relative, None, lambda u, p: slope(p, [u["liftoff"] - offset(p), u["alpha"]])[0][0])

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from copy import copy
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -14,7 +15,7 @@ from ..model import Knee
 from ..phase import Affine, Phase
 from ..relative import pieces_along, reach_along
 from ..state_formula import StateFormula
-from .coefficients import Coefficients
+from .coefficients import Coefficients, Symbols
 from .elements import Scalar, Spring, names_in, value_of
 from .equations import Mechanics
 from .lone_extension import Alone
@@ -66,10 +67,12 @@ class Parts:
         self._heights = [(name, self._function(height)) for name, height in structure.heights]
         self._distance = None if structure.separation is None else self._function(structure.separation)
         unit = mechanics.scalar(structure.energy_unit)
-        self._impact_mass = Coefficients(mechanics.impact_mass / unit, mechanics.y, mechanics.p)
-        self._in_flight = self._slopes(mechanics.terms, mechanics.gradients, mechanics.inertia, mechanics.y, unit)
+        self._impact_mass = mechanics.coefficients(mechanics.impact_mass / unit)
+        self._in_flight = self._slopes(
+            mechanics.terms, mechanics.gradients, mechanics.inertia, mechanics.in_flight, unit
+        )
         self._in_contact = self._slopes(
-            mechanics.contact_terms, mechanics.contact_gradients, mechanics.contact_inertia, mechanics.s, unit
+            mechanics.contact_terms, mechanics.contact_gradients, mechanics.contact_inertia, mechanics.in_contact, unit
         )
         self.drawn, self.alone = self._drawn(), Alone.of(mechanics)
 
@@ -108,27 +111,27 @@ class Parts:
     def _numbers(self, expression: Scalar, what: str) -> Affine:
         """A sum of coordinates with numbers before them as a function of the flight state."""
         weights = self.mechanics.weights(expression)
-        if weights is None or not weights[: self.size].any():
+        if weights is None or not any(weights[: self.size]):
             raise InputError(
                 f'{what} = {expression!r} is no sum of coordinates with numbers before them, as "body - foot"'
             )
-        return Affine(_interleaved(weights.tolist(), len(self.structure.actuators)))
+        return Affine(_interleaved(list(map(float, weights)), len(self.structure.actuators)))
 
     def flight(self, closed_form: Callable | None) -> Phase:
         """The flight."""
-        pieces, reaches = self._along(np.eye(len(self.mechanics.moved)))
+        pieces, reaches = self._along(contact=False)
         return Phase("flight", self.states, self.mechanics.flight, {}, pieces, closed_form, reaches)
 
     def contact(self, closed_form: Callable | None) -> Phase:
         """The contact."""
-        watch, (pieces, reaches) = {"contact force": self.mechanics.contact_force}, self._along(self.mechanics.embed)
+        watch, (pieces, reaches) = {"contact force": self.mechanics.contact_force}, self._along(contact=True)
         return Phase("contact", self.contact_states, self.mechanics.contact, watch, pieces, closed_form, reaches)
 
-    def _along(self, embed: np.ndarray) -> tuple[Any, tuple]:
-        """The `pieces` and the `reaches` of a phase whose coordinates `embed` turns into all."""
-        pieces, reaches, ends = None, list[tuple](), len(self.structure.actuators)
+    def _along(self, contact: bool) -> tuple[Any, tuple]:
+        """The `pieces` and the `reaches` of the contact, or of the flight."""
+        pieces, reaches = None, list[tuple]()
         for spring in self.springs:
-            weights = self._weights(spring.extension, embed, ends)
+            weights = self._weights(spring.extension, contact)
             law = self.mechanics.law_of(spring)
             if law.pieces and (pieces or weights is None):
                 raise InputError(f"spring '{law.text}': one law in pieces can be taken, along a sum of coordinates")
@@ -136,28 +139,32 @@ class Parts:
                 pieces = pieces or pieces_along(law, weights)
                 reaches += reach_along(law, weights)
         for term in self.mechanics.terms if self.mechanics.varying else ():
-            if term.what == "gravity" and (weights := self._weights(term.place, embed, ends)) and any(weights):
+            if term.what == "gravity" and (weights := self._weights(term.place, contact)) and any(weights):
                 reaches += reach_along(self.mechanics.gravity, weights)
         return pieces, tuple(dict.fromkeys(reaches))
 
-    def _weights(self, expression: Scalar, embed: np.ndarray, ends: int) -> tuple[float, ...] | None:
-        weights = self.mechanics.weights(expression)
-        return None if weights is None else _interleaved((weights @ embed).tolist(), ends)
+    def _weights(self, expression: Scalar, contact: bool) -> tuple[float, ...] | None:
+        """The weights of the states of a phase in an expression that is a sum of coordinates; None for another."""
+        if (weights := self.mechanics.weights(expression)) is None:
+            return None
+        own = self.mechanics.weights_in_contact(weights) if contact else weights
+        return _interleaved(list(map(float, own)), len(self.structure.actuators))
 
     def _counted(self) -> list[tuple[Spring, Coefficients]]:
         """The springs along the extension that is counted, however long at rest, each with the change of its own
         extension per change of that one; none where such a ratio depends on the configuration."""
-        mechanics, along = self.mechanics, ca.SX(self.extension.weights[: 2 * self.size : 2])
+        mechanics, weights = self.mechanics, self.mechanics.weights(self.structure.counts) or []
+        along = ca.vertcat(*map(mechanics.numerals.number, weights[: self.size]))
         found = list[tuple[Spring, Coefficients]]()
         for spring in self.springs:
             gradient = mechanics.gradient(spring.extension)[: self.size]
             ratio = ca.dot(gradient, along) / ca.dot(along, along)
-            numbers = Coefficients(ca.vertcat(ratio, gradient - ratio * along), mechanics.y, mechanics.p)
-            if numbers.constants[1:] != [0.0] * self.size or numbers.constants[0] == 0.0:
+            numbers = mechanics.coefficients(ca.vertcat(ratio, gradient - ratio * along))
+            if any(each != 0 for each in numbers.exact[1:]) or numbers.exact[0] == 0:
                 continue
             if numbers.by_coordinates:
                 return []
-            found.append((spring, Coefficients(ratio, mechanics.y, mechanics.p)))
+            found.append((spring, mechanics.coefficients(ratio)))
         return found
 
     def launch(self, u: Parameters, p: Parameters) -> list[Any]:
@@ -232,12 +239,14 @@ class Parts:
         ]
         return weighted_sum([ratio(p)[0][0] for _, ratio in self.counted], forces)
 
-    def _slopes(self, terms: Sequence[Term], gradients: ca.SX, inertia: ca.SX, place: ca.SX, unit: ca.SX) -> _Slopes:
+    def _slopes(
+        self, terms: Sequence[Term], gradients: ca.SX, inertia: ca.SX, symbols: Symbols, unit: ca.SX
+    ) -> _Slopes:
         """What the gradient of the energy in a phase is made of, in a unit of energy."""
         mechanics = self.mechanics
         of_forces = gradients @ ca.SX(np.diag([float(term.conservative) for term in terms])) / unit
-        forces, rates = (Coefficients(matrix, place, mechanics.p) for matrix in (of_forces, inertia / unit))
-        return _Slopes(forces, rates, mechanics.turning(inertia / unit, place))
+        forces, rates = (mechanics.coefficients(matrix, symbols) for matrix in (of_forces, inertia / unit))
+        return _Slopes(forces, rates, mechanics.turning(inertia / unit, symbols))
 
     def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
         """The gradient of the energy in flight."""
@@ -259,22 +268,21 @@ class Parts:
 
     def _drawn(self) -> tuple[tuple[str | None, str], ...]:
         """The pairs of heights, lower and upper, that a spring joins; None is the ground."""
-        mechanics, known = self.mechanics, dict[tuple, str]()
+        mechanics, known = self.mechanics, dict[tuple[Fraction, ...], str]()
         for name, height in self.structure.heights:
-            if (weights := self._weights(height, np.eye(len(mechanics.moved)), 0)) is not None:
-                known.setdefault(weights, name)
+            if (weights := mechanics.weights(height)) is not None:
+                known.setdefault(tuple(weights), name)
         pairs = list[tuple[str | None, str]]()
         for spring in self.springs:
-            weights = self._weights(spring.extension, np.eye(len(mechanics.moved)), 0)
-            if weights is None:
+            if (weights := mechanics.weights(spring.extension)) is None:
                 continue
-            if weights in known:
-                pairs.append((None, known[weights]))
+            if tuple(weights) in known:
+                pairs.append((None, known[tuple(weights)]))
             pairs += [
                 (low, high)
                 for a, high in known.items()
                 for b, low in known.items()
-                if np.array_equal(np.subtract(a, b)[: 2 * self.size], weights[: 2 * self.size])
+                if [upper - lower for upper, lower in zip(a, b, strict=True)][: self.size] == weights[: self.size]
             ]
         return tuple(dict.fromkeys(pairs))
 

@@ -18,6 +18,7 @@ class Term(NamedTuple):
     conservative : whether it is one of the energy's
     what : equal for terms that are the same function of the place, None where that is not known
     place : of which the force is a function
+    by_rates : the force as an expression, of one that depends on the rates
     """
 
     element: Element | None
@@ -26,6 +27,7 @@ class Term(NamedTuple):
     conservative: bool = True
     what: Any = None
     place: Any = None
+    by_rates: ca.SX | None = None
 
     @property
     def is_weight(self) -> bool:
