@@ -53,7 +53,7 @@ def parse(text: str) -> Tree:
 
     def tree_of(node: ast.AST) -> Tree:
         match node:
-            case ast.Call(func=ast.Name(id="number_"), args=[ast.Constant(value=i)]):
+            case ast.Call(func=ast.Name(id="number_"), args=[ast.Constant(value=int(i))]):
                 return ("number", numbers[i])
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
                 return (name[:-1], tree_of(argument))
@@ -122,7 +122,7 @@ def constant(tree: Tree) -> Fraction | None:
     if a is None or b is None or (tree[0] == "/" and not b):
         return None
     if tree[0] == "**":
-        return a**b if b.denominator == 1 and abs(b) <= 64 and (a or b >= 0) else None
+        return a ** int(b) if b.denominator == 1 and abs(b) <= 64 and (a or b >= 0) else None
     return {"+": a + b, "-": a - b, "*": a * b, "/": a / (b or 1)}[tree[0]]
 
 
@@ -616,8 +616,8 @@ class Passage:
         for part in self.parts:
             self._mark(function, part, arb(0), part.h, marks, MOST_HALVINGS)
         if not marks[0][0]:
-            rate = self.phase.lie(self.start, function, 1)
-            marks.insert(0, (int(rate > 0) - int(rate < 0), 0))
+            at_start = self.phase.lie(self.start, function, 1)
+            marks.insert(0, (int(at_start > 0) - int(at_start < 0), 0))
         if not marks[0][0] or marks[-1][0]:
             raise Unverified("the extension hangs where the motion begins or ends")
         count, sign, slopes = 0, marks[0][0], set[int]()

@@ -123,11 +123,12 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
         losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, loss * share)
     # Of a loss that may be 0 no side is known.
     known = (loss != NONE) & (losses_off != NONE) & (losses_off < loss)
-    stable = np.where(known, "above", None)
-    bounce = np.where(known, np.where(cycles.gap_slope > 0, "below", "above"), None)
-    others = stable.tolist(), violations, unfolding, or_none(losses_off)
+    sides = zip(known.tolist(), (cycles.gap_slope > 0).tolist(), strict=True)
+    bounce = [("below" if rises else "above") if one else None for one, rises in sides]
+    stable, noise = ["above" if side else None for side in bounce], [None] * len(cycles)
+    others = stable, violations, unfolding, or_none(losses_off), noise, bounce
     rows = zip(families, *map(or_none, figures), *others, strict=True)
-    return [Certificate(*row, bounce_side=side) for row, side in zip(rows, bounce.tolist(), strict=True)]
+    return [Certificate(*row) for row in rows]
 
 
 def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -> np.ndarray:

@@ -71,13 +71,13 @@ class BallLeg:
         self.rates = [[*(self.duration * rate for rate in law), *still] for law in arc.rates]
         inputs = [*unknowns, *intervals, *arc.before]
         start = [*arc.start, arc.duration, *intervals]
-        self.start, self.start_slopes = BallProgram(inputs, start), _dense(start, inputs)
+        self.start, self.start_slopes = BallProgram(inputs, start), _dense_program(start, inputs)
         first, last = ([symbol(f"{end} {each.value}") for each in arc.states] for end in ("first", "last"))
         inputs = [*unknowns, *intervals, *first, *last]
         at_end = substitute(arc.conditions, dict(zip(arc.states, last, strict=True)))
         each_law = [[*at_end, *substitute(law, dict(zip(arc.states, first, strict=True)))] for law in arc.guards]
         self.conditions = [BallProgram(inputs, each) for each in each_law]
-        self.condition_slopes = [_dense(each, inputs) for each in each_law]
+        self.condition_slopes = [_dense_program(each, inputs) for each in each_law]
         self.count = len(each_law[0])
         self.variation = self._variation()
         self._breaks = BallProgram(intervals, arc.breaks)
@@ -141,7 +141,7 @@ def system_of(states: list[ExactExpression], rates: list[ExactExpression]) -> Sy
     return System(len(states), BallProgram(states, rates), BallProgram(states, slopes), tuple(places))
 
 
-def _dense(outputs: Sequence[ExactExpression], inputs: Sequence[ExactExpression]) -> BallProgram:
+def _dense_program(outputs: Sequence[ExactExpression], inputs: Sequence[ExactExpression]) -> BallProgram:
     return BallProgram(inputs, [each for row in jacobian(outputs, inputs) for each in row])
 
 

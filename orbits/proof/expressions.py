@@ -19,9 +19,9 @@ from flint import Ordering, fmpq, fmpq_mpoly_ctx
 # An expression, or an exact number that stands for one.
 Operand = Union["ExactExpression", Fraction, int]
 # Whole powers of numbers up to this one, with results of so many bits, are numbers; others stay powers.
-LARGEST_POWER, MOST_BITS = 512, 20_000
+LARGEST_EXPONENT, MOST_BITS = 512, 20_000
 # Whole powers up to this one are expanded, and polynomials of so many terms, to see whether an expression is 0.
-LARGEST_EXPANDED, MOST_TERMS = 24, 3000
+LARGEST_EXPANDED, MOST_EXPANDED_TERMS = 24, 3000
 
 
 class ExactExpression:
@@ -116,7 +116,7 @@ class ExactExpression:
             return ONE
         if exponent == 1:
             return self
-        if self.is_number and (self.value or exponent > 0) and abs(exponent) <= LARGEST_POWER:
+        if self.is_number and (self.value or exponent > 0) and abs(exponent) <= LARGEST_EXPONENT:
             numerator, denominator = abs(self.value.numerator), self.value.denominator
             if max(numerator, denominator).bit_length() * abs(exponent) <= MOST_BITS:
                 return exact_number(self.value**exponent)
@@ -312,7 +312,7 @@ def vanishes(each: ExactExpression) -> bool:
             found[node] = (a * d + c * b, b * d) if node.kind == "+" else (a * c, b * d)
             if node.kind == "/":
                 found[node] = a * d, b * c
-        if found[node][1] == 0 or max(map(len, found[node])) > MOST_TERMS:
+        if found[node][1] == 0 or max(map(len, found[node])) > MOST_EXPANDED_TERMS:
             return False
     return bool(found[each][0] == 0)
 

@@ -62,8 +62,8 @@ class Formula:
 
     @property
     def nodes(self) -> list[tuple]:
-        """The operations as they are written, each after those of its operands: ("number", float, text), ("name", name),
-        ("call", function, ...), ("negative", ...), or an operator with its two operands."""
+        """The operations as they are written, each after those of its operands: ("number", float, text),
+        ("name", name), ("call", function, ...), ("negative", ...), or an operator with its two operands."""
         return _nodes(self.tree)
 
     @property

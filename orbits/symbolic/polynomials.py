@@ -12,7 +12,7 @@ Number: TypeAlias = int | Fraction
 Monomial: TypeAlias = tuple[tuple[int, int], ...]
 Polynomial: TypeAlias = dict[Monomial, Number]
 
-ONE: Polynomial = {(): 1}
+UNIT_POLYNOMIAL: Polynomial = {(): 1}
 # Quotients of polynomials are worked out up to so many terms.
 MOST_TERMS = 120
 

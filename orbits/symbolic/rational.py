@@ -22,7 +22,7 @@ import casadi as ca
 from .calls import single_assignment
 from .polynomials import (
     MOST_TERMS,
-    ONE,
+    UNIT_POLYNOMIAL,
     Monomial,
     Number,
     Polynomial,
@@ -134,13 +134,13 @@ class NormalForms:
             return Ratio({to_power(monomial, -1): share_of(1, coefficient)})
         coefficient, monomial, rest = primitive(a.numerator)
         numerator = self._product(self.expanded(a.factors), {to_power(monomial, -1): share_of(1, coefficient)})
-        return self._cancelled(numerator, {} if rest == ONE else {frozenset(rest.items()): 1})
+        return self._cancelled(numerator, {} if rest == UNIT_POLYNOMIAL else {frozenset(rest.items()): 1})
 
     def power(self, a: Ratio, exponent: int) -> Ratio:
         """a to a whole power."""
         if abs(exponent) > HIGHEST_POWER:
             raise TooLargeError
-        result = Ratio(ONE)
+        result = Ratio(UNIT_POLYNOMIAL)
         for _ in range(abs(exponent)):
             result = self.multiply(result, a)
         return self.inverse(result) if exponent < 0 else result
@@ -221,7 +221,7 @@ class NormalForms:
 
     def expanded(self, factors: Mapping[Factor, int]) -> Polynomial:
         """The product of factors."""
-        result = ONE
+        result = UNIT_POLYNOMIAL
         for factor, power in factors.items():
             for _ in range(power):
                 result = self._product(result, dict(factor))
