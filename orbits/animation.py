@@ -3,13 +3,12 @@
 from collections.abc import Callable, Iterable, Mapping
 from itertools import cycle
 from pathlib import Path
-from subprocess import CalledProcessError
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from .errors import InputError
-from .io import check_path
+from .io import check_path, writing
 from .model.units import Units
 from .plot import COLOURS, SHADE, Axes, new_axes, off_screen, unit_labels
 
@@ -153,9 +152,7 @@ def _animate(
 
     writer = (FFMpegWriter if path.suffix.lower() == ".mp4" else PillowWriter)(fps=30)
     report = (lambda i, count: progress((i + 1) / count)) if progress else None
-    try:
+    with writing("animation", path) as target:
         animation = FuncAnimation(axes.figure, draw, frames=len(words), blit=False)
-        animation.save(path, writer, dpi=80, progress_callback=report)
-    except (OSError, CalledProcessError) as error:
-        raise InputError(f"the animation cannot be written to {path}: {error}") from None
+        animation.save(target, writer, dpi=80, progress_callback=report)
     return path

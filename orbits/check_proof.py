@@ -740,7 +740,9 @@ class Solution:
         count = len(box) + len(places)
         duals = [Dual(v, [arb(int(i == j)) for j in range(count)]) for i, v in enumerate([*box, *places])]
         phase = Phase(
-            self.machine, {**self.phases[0].wide, **{n: (v, 0) for n, v in self.phases[0].fixed.items()}}, True
+            self.machine,
+            {**self.phases[0].wide, **{n: (v, Fraction(0)) for n, v in self.phases[0].fixed.items()}},
+            True,
         )
         blank = Dual(arb(1), [arb(0)] * count)
         force = phase.rates([*(duals[j] for j in (*self.s, *self.v)), blank, *duals[len(box) :]])[1]

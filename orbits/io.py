@@ -2,15 +2,19 @@
 the one line in which a result tells what it is."""
 
 import csv
+import hashlib
 import json
 import math
 import os
+import stat
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from subprocess import CalledProcessError
 from types import NoneType, UnionType
 from typing import Any, BinaryIO, TypeVar, get_args, get_origin, get_type_hints, is_typeddict
 
@@ -22,6 +26,7 @@ Read = TypeVar("Read")
 MEGABYTE = 1 << 20
 # Characters of a value in the one line that tells a result, and of that line.
 LONGEST_TOLD, LONGEST_TOLD_LINE = 100, 195
+DIGEST = "digest"  # the key of a document that has its own
 DOCUMENTS = (".json",)  # endings of JSON documents
 # What a document says where one of these is expected, and how a message calls it.
 WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
@@ -91,16 +96,55 @@ def _plain(value: Any) -> Any:
 def write_json(document: Mapping, path: str | Path, what: str, endings: tuple[str, ...] = DOCUMENTS) -> Path:
     """Write a document to a JSON file and return its path; `what` it is and the `endings` that its files may have go
     into the `InputError` when that fails."""
-    path, text = check_ending(path, endings), to_json(document) + "\n"
-    with writing(what, path):
-        path.write_text(text, encoding="utf-8")
+    path, text = check_ending(path, endings), to_json(sealed(document)) + "\n"
+    with writing(what, path) as target:
+        target.write_text(text, encoding="utf-8")
     return path
+
+
+def canonical(value: Any) -> str:
+    """The content of a JSON document, however it is laid out: keys in order, all numbers as floats."""
+    if isinstance(value, Mapping):
+        pairs = (f"{json.dumps(key)}:{canonical(value[key])}" for key in sorted(value))
+        return f"{{{','.join(pairs)}}}"
+    if isinstance(value, list | tuple):
+        return f"[{','.join(map(canonical, value))}]"
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return repr(float(value)) if is_number and abs(value) < 2**1000 else json.dumps(value)
+
+
+def digest(content: Any, before: str = "") -> str:
+    """What tells a content from any other, and where it follows another one with a digest, from all that follow
+    others."""
+    return hashlib.sha256((before + canonical(content)).encode()).hexdigest()
+
+
+def sealed(document: Mapping, before: str = "") -> dict[str, Any]:
+    """A document with its digest, as it is read again from a file."""
+    content = json.loads(to_json(document))
+    return {**content, DIGEST: digest(content, before)}
+
+
+def unsealed(document: Any, before: str = "") -> Any:
+    """A document without its digest; raises `ValueError` where its content is not the one that was written. Files of
+    earlier versions have none."""
+    if not isinstance(document, Mapping) or DIGEST not in document:
+        return document
+    content = {name: value for name, value in document.items() if name != DIGEST}
+    if document[DIGEST] != digest(content, before):
+        raise ValueError("it was changed or cut after it was written: take a copy from before, or compute it again")
+    return content
+
+
+def read_sealed(file: BinaryIO) -> Any:
+    """The JSON document of a file, held against its digest."""
+    return unsealed(json.load(file))
 
 
 def write_table(names: Sequence[str], rows: Iterable[Sequence], path: str | Path, what: str) -> Path:
     """Write a CSV file of named columns, floats with all their digits; the others as in `write_json`."""
     path = Path(path)
-    with writing(what, path), open(path, "w", newline="", encoding="utf-8") as file:
+    with writing(what, path) as target, open(target, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(names)
         writer.writerows([f"{each:.17g}" if isinstance(each, float) else each for each in row] for row in rows)
@@ -108,14 +152,38 @@ def write_table(names: Sequence[str], rows: Iterable[Sequence], path: str | Path
 
 
 @contextmanager
-def writing(what: str, path: str | Path) -> Iterator[None]:
+def refusing(what: str, path: str | Path) -> Iterator[None]:
     """Where a file is written: a failure, or a name that no file can have, is an `InputError` about `what` it is."""
     try:
         yield
     except InputError:
         raise
-    except (OSError, ValueError) as error:
-        raise InputError(f"the {what} cannot be written to {path}: {error}") from None
+    except (OSError, ValueError, RuntimeError, CalledProcessError) as error:  # NetCDF's errors are RuntimeErrors
+        raise InputError(f"the {what} cannot be written to {path}: {error}; make room, or name another file") from None
+
+
+@contextmanager
+def writing(what: str, path: str | Path) -> Iterator[Path]:
+    """The path to write a file to: beside the file that it then replaces at once and with its mode, so that whatever
+    fails, the old file stays as it was. A link stays one, and what is no file is written to directly. Failures are as
+    with `refusing`.
+    """
+    with refusing(what, path):
+        whole = Path(os.path.realpath(path))
+        if whole.exists() and not whole.is_file():
+            yield Path(path)
+            return
+        beside = whole.with_name(f".{whole.stem[:100]}.{os.getpid()}-{threading.get_ident()}{whole.suffix}")
+        try:
+            yield beside
+            if whole.exists():
+                os.chmod(beside, stat.S_IMODE(whole.stat().st_mode))
+            with open(beside, "rb+") as file:
+                os.fsync(file.fileno())
+            os.replace(beside, whole)
+        finally:
+            with suppress(OSError):
+                beside.unlink()
 
 
 def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:

@@ -15,8 +15,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from .errors import InputError
-from .io import check_path
+from .io import check_path, writing
 from .model.units import LIFTOFF_SPEED, Units
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
@@ -366,8 +365,6 @@ def vertical(rest_length: float | None) -> str:
 def save_figure(axes: Axes, path: str | Path) -> Path:
     """Write the figure of some axes to a file, its kind from the ending; raises `InputError` when it cannot."""
     path = check_path(path, FIGURES)
-    try:
-        axes.figure.savefig(path, dpi=RESOLUTION)
-    except (OSError, ValueError) as error:
-        raise InputError(f"the figure cannot be written to {path}: {error}") from None
+    with writing("figure", path) as target:
+        axes.figure.savefig(target, dpi=RESOLUTION)
     return path

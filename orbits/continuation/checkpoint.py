@@ -1,19 +1,18 @@
 """A family as it grows, in memory and on disk: every point is in its file as soon as it is found."""
 
-import os
 import sys
-import tempfile
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
-from ..io import check_ending, version, writing
+from ..io import check_ending, refusing, version, writing
 from ..model.machine import machine_in_words
 from ..periodic.find import Progress
 from ..symbolic import interrupts
 from .curve import CurvePoint
-from .family import ENDINGS, Family
+from .family import ENDINGS, UNFINISHED, Family, Sealing
 from .point import End, Event, Point, json_line
 from .tracer import Tracer
 
@@ -30,7 +29,8 @@ def collect_family(
     """The family that a run finds; the others as in `follow`."""
     family = _begun(tracer, resume)
     points, events, end, before = [*family.points], [*family.events], family.end, len(family.points)
-    with _opened(family, output) as file, interrupts.deferred():
+    file, sealing = _opened(family, output)
+    with file, interrupts.deferred():
         for item in tracer:
             line: Point | Event | End
             if isinstance(item, CurvePoint):
@@ -41,8 +41,8 @@ def collect_family(
             else:
                 line = end = item
             if output is not None:
-                with writing("family", output):
-                    print(json_line(line), file=file, flush=True)
+                with refusing("family", output):
+                    print(sealing.line(json_line(line)), end="", file=file, flush=True)
             if progress and isinstance(item, CurvePoint):
                 progress((item.value - tracer.start) / (tracer.stop - tracer.start))
             interrupts.heed()
@@ -60,18 +60,19 @@ def _begun(tracer: Tracer, resume: Family | None) -> Family:
     # asked for is the last point itself and stays.
     points, earlier = (resume.points[:-1], resume.events) if resume else ((), ())
     events = tuple(event for event in earlier if event.after < len(points) + (event.kind == "asked"))
-    end = End("interrupted", "resume it to go on")
+    end = End("interrupted", UNFINISHED)
     return Family(curve.along, machine, points, events, end, settings, dict(versions()), curve.machine)
 
 
-def _opened(family: Family, output):
-    """A new file with what there is already, in the place of `output`, which may be the file that is resumed."""
+def _opened(family: Family, output: str | Path | None) -> tuple[Any, Sealing]:
+    """A new file with what there is already, in the place of `output`, which may be the file that is resumed; and the
+    digests of its lines."""
+    sealing = Sealing()
     if output is None:
-        return nullcontext()
+        return nullcontext(), sealing
     path = check_ending(output, ENDINGS[:2])
     *lines, _ = family.records()  # all but the end
-    with writing("family", path):
-        with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=path.parent, delete=False) as file:
-            file.writelines(line + "\n" for line in lines)
-        os.replace(file.name, path)
-        return open(path, "a", encoding="utf-8")
+    with writing("family", path) as target:
+        target.write_text("".join(map(sealing.line, lines)), encoding="utf-8")
+    with refusing("family", path):
+        return open(path, "a", encoding="utf-8"), sealing

@@ -10,13 +10,16 @@ import numpy as np
 
 from ..errors import InputError
 from ..io import (
+    DIGEST,
     MEGABYTE,
     check_ending,
     conform,
     extra_package,
     one_line,
     read_file,
+    sealed,
     to_json,
+    unsealed,
     write_table,
     writing,
 )
@@ -34,10 +37,38 @@ from .point import COLUMNS, KNOWN, NUMBERS, SIDES, End, Event, Point, check_poin
 from .table import names_of_motions, numbers_of_motions
 
 FAMILY_FORMAT = "persistent-orbits family 1"
+# Why a family that is read has no end.
+UNFINISHED = "its file ends before it does: resume it to go on"
 # Endings of the files that a family is saved to; the first two are lines of JSON.
 ENDINGS = (".jsonl", ".json", ".csv", ".nc")
 # What is read of a saved family at most: some 100,000 points, and lines far longer than any that is written.
 LARGEST_FILE, LONGEST_LINE = 128 * MEGABYTE, 4 * MEGABYTE
+
+
+class Sealing:
+    """The lines of a family's file, each with a digest of itself and of all lines before it."""
+
+    def __init__(self) -> None:
+        self.before: str | None = ""
+
+    def line(self, record: str) -> str:
+        """The next line of the file, for a record."""
+        document = sealed(json.loads(record), self.before or "")
+        self.before = document[DIGEST]
+        return to_json(document) + "\n"
+
+    def opened(self, document: Any, number: int) -> Any:
+        """The record of the next line; raises `ValueError` where it, or one before it, was changed. The files of
+        earlier versions have no digests."""
+        stated = document.get(DIGEST) if isinstance(document, Mapping) else None
+        if (stated is None) != (self.before is None) and number > 1:
+            raise ValueError(f"line {number} was changed after it was written, or lines before it are missing")
+        try:
+            content = unsealed(document, self.before or "")
+        except ValueError as error:
+            raise ValueError(f"line {number}, or a line before it: {error}") from None
+        self.before = stated
+        return content
 
 
 class _Machine(SavedLaws):
@@ -300,16 +331,16 @@ class Family:
     def save(self, path: str | Path) -> Path:
         """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`)."""
         path = check_ending(path, ENDINGS)
-        with writing("family", path):
+        with writing("family", path) as target:
             if path.suffix.lower() == ".csv":
                 columns = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]
                 names = [self.heading(name) for name in columns]
                 rows = ((p.value, *p.also.values(), *(getattr(p, name) for name in COLUMNS)) for p in self.points)
-                write_table(names, rows, path, "family")
+                write_table(names, rows, target, "family")
             elif path.suffix.lower() == ".nc":
-                self._dataset().to_netcdf(path)
+                self._dataset().to_netcdf(target)
             else:
-                path.write_text("".join(line + "\n" for line in self.records()), encoding="utf-8")
+                target.write_text("".join(map(Sealing().line, self.records())), encoding="utf-8")
         return path
 
     def records(self) -> Iterator[str]:
@@ -327,10 +358,11 @@ class Family:
 
     @classmethod
     def _parsed(cls, file: BinaryIO) -> "Family":
-        head = conform(json.loads(next(_lines(file), "")), Heading)
+        sealing = Sealing()
+        head = conform(sealing.opened(json.loads(next(_lines(file), "")), 1), Heading)
         if head["format"] != FAMILY_FORMAT:
             raise ValueError(f"format {head['format']!r}, expected {FAMILY_FORMAT!r}")
-        points, events, end = list[Point](), list[Event](), End("interrupted", "resume it to go on")
+        points, events, end = list[Point](), list[Event](), End("interrupted", UNFINISHED)
         for number, line in enumerate(_lines(file), start=2):
             try:
                 item = json.loads(line)
@@ -338,7 +370,7 @@ class Family:
                 if next(file, None) is None:
                     break
                 raise
-            where = f"line {number}"
+            where, item = f"line {number}", sealing.opened(item, number)
             if "point" in item:
                 points.append(conform(item["point"], Point, where))
             elif "event" in item:

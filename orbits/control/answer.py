@@ -1,6 +1,5 @@
 """Motions found by optimal control: evaluated, printed, plotted, tabled, saved and loaded, and stated in SI."""
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
 from ..hybrid.motion import Leg, index_of_legs, rows_of_legs, times_within
-from ..io import check_ending, conform, extra_package, fields_in_line, read_file, write_json, write_table
+from ..io import check_ending, conform, extra_package, fields_in_line, read_file, read_sealed, write_json, write_table
 from ..model.units import Dimension, Units, dimension_of_state, unit_text
 from ..pages.cells import cell
 from ..plot import Axes
@@ -275,7 +274,7 @@ class SavedControl(TypedDict):
 
 def control_in_file(file: BinaryIO) -> Control:
     """The motion in an open file; raises `ValueError` where there is none."""
-    return control_of(json.load(file))
+    return control_of(read_sealed(file))
 
 
 def control_of(document: Any) -> Control:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypedDict
 import numpy as np
 
 from ..errors import InputError
-from ..io import conform, one_line, read_file, to_json, write_json
+from ..io import conform, one_line, read_file, read_sealed, to_json, write_json
 from ..model.machine import Machine, machine_in_words
 from ..pages.cells import cell
 from ..pages.tables import DIGITS, number_text, orbit_rows
@@ -151,7 +151,7 @@ class Design:
 
         Raises `InputError` when the file is not one, or is of another machine.
         """
-        return read_file(path, f"{path} is not a saved design", lambda file: cls.of_saved(json.load(file), machine))
+        return read_file(path, f"{path} is not a saved design", lambda file: cls.of_saved(read_sealed(file), machine))
 
     @classmethod
     def of_saved(cls, document: Any, machine: Machine) -> "Design":

@@ -1,6 +1,5 @@
 """Pareto fronts: the designs of which none is better than another in both of two objectives."""
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +10,7 @@ from typing import Any, BinaryIO, TypedDict
 import numpy as np
 
 from ..errors import InputError, OrbitsError, whole_number
-from ..io import DOCUMENTS, conform, one_line, read_file, write_json, write_table
+from ..io import DOCUMENTS, conform, one_line, read_file, read_sealed, write_json, write_table
 from ..model.machine import Machine
 from ..pages.cells import cell
 from ..pages.tables import number_text
@@ -131,7 +130,7 @@ class SavedFront(TypedDict):
 
 def _front_in_file(machine: Machine, file: BinaryIO) -> Front:
     """The front in an open file; raises `ValueError` where parts of it do not fit each other."""
-    data = conform(json.load(file), SavedFront)
+    data = conform(read_sealed(file), SavedFront)
     designs = tuple(Design.of_saved(point, machine) for point in data["points"])
     if not designs or any(design.pair is None for design in designs):
         raise ValueError("it has no designs with two objectives")

@@ -83,8 +83,8 @@ def write_page(path: str | Path, title: str, sections: Sequence[Any]) -> Path:
         f"<h1>{escape(name)}</h1>\n{''.join(f'<p>{escape(line)}</p>' for line in others)}\n{hint}"
         f"{''.join(body)}\n</main>\n{script}\n</body>\n</html>\n"
     )
-    with writing("page", path):
-        path.write_text(text, encoding="utf-8")
+    with writing("page", path) as target:
+        target.write_text(text, encoding="utf-8")
     return path
 
 

@@ -1,6 +1,5 @@
 """A lossless orbit: a frozen result that evaluates, prints, plots, saves and loads itself."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..animation import Report, animate_orbit
 from ..errors import InputError
 from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
-from ..io import conform, one_line, read_file, write_json
+from ..io import conform, one_line, read_file, read_sealed, write_json
 from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
@@ -303,7 +302,7 @@ class Orbit:
 
     @classmethod
     def _parsed(cls, file: BinaryIO) -> "Orbit":
-        return cls.of_saved(json.load(file))
+        return cls.of_saved(read_sealed(file))
 
     @classmethod
     def of_saved(cls, document: Any) -> "Orbit":

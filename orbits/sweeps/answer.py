@@ -246,16 +246,16 @@ class Sweep:
         """Write the sweep to .csv or .json, or, with the extra `data`, to .nc (NetCDF) or .parquet."""
         path = check_table(path)
         ending = path.suffix.lower()
-        with writing("sweep", path):
+        with writing("sweep", path) as target:
             if ending == ".csv":
                 names = ["member", *map(self.heading, self.columns)]
-                write_table(names, ([_blank(value) for value in row] for row in self._values()), path, "sweep")
+                write_table(names, ([_blank(value) for value in row] for row in self._values()), target, "sweep")
             elif ending == ".json":
-                path.write_text(to_json(self.document()) + "\n", encoding="utf-8")
+                target.write_text(to_json(self.document()) + "\n", encoding="utf-8")
             elif ending == ".nc":
-                self.dataset.to_netcdf(path)
+                self.dataset.to_netcdf(target)
             else:
-                self.dataframe().to_parquet(path)
+                self.dataframe().to_parquet(target)
         return path
 
     def plot(self, quantity: str | None = None, axes: Any = None) -> Any:

@@ -176,11 +176,11 @@ class Existence:
             names = [self.heading(self.across), *(f"{side} {self.heading(self.along)}" for side in ("from", "to"))]
             stretches = ([value, *part] for row, value in enumerate(self.values) for part in self.row(row))
             return write_table([*names, "status"], stretches, path, "diagram")
-        with writing("diagram", path):
+        with writing("diagram", path) as target:
             if ending == ".nc":
-                self.dataset.to_netcdf(path)
+                self.dataset.to_netcdf(target)
             else:
-                path.write_text(to_json(self.document()) + "\n", encoding="utf-8")
+                target.write_text(to_json(self.document()) + "\n", encoding="utf-8")
         return path
 
 

@@ -6,7 +6,7 @@ that a process that is killed loses the chunks that it was working on and no oth
 
 import json
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..io import to_json
+from ..io import digest, sealed, to_json, unsealed
 from .question import Question, Table, empty_table
 
 STORE_FORMAT = "persistent-orbits sweep 1"
+DIGEST_OF_ROW = "digest_of_row"
 # Seconds to wait while another process writes.
 PATIENCE = 60.0
 # Rows that are read at a time.
@@ -37,9 +38,7 @@ class Store:
         if not known and not self.path.parent.is_dir():
             raise InputError(f"the store {path} cannot be made: there is no folder '{self.path.parent}'")
         if known:
-            document = question_in(self.path)
-            if document != json.loads(to_json(question.document())):
-                raise InputError(f"the store {path} answers another question: {_other_question(document, question)}")
+            self._check_question()
         with self._using("written"):
             self.connection = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
             self.connection.execute("PRAGMA journal_mode=WAL")
@@ -51,8 +50,11 @@ class Store:
         """Whether each member is done (m,)."""
         done = np.zeros(len(self.question), dtype=bool)
         with self._using("read"):
-            for (member,) in self.connection.execute("SELECT member FROM members"):
-                done[member] = True
+            columns = self.question.columns()
+            selected = ", ".join(["member", *_names_in_file(columns), *_digest_column(self.connection)])
+            for row in self.connection.execute(f"SELECT {selected} FROM members"):
+                if _is_whole(row, len(columns)) and row[0] < len(done):
+                    done[row[0]] = True  # a spoilt one is computed again
         return done
 
     def statuses(self) -> dict[str, int]:
@@ -62,9 +64,12 @@ class Store:
 
     def write(self, table: Table) -> None:
         """Write the members of a table; once this returns, they are in the file for good."""
-        names = ["member", *table.columns]
-        marks = ", ".join("?" * len(names))
-        rows = zip(table.members.tolist(), *(_storable(column) for column in table.columns.values()), strict=True)
+        rows: Iterable[tuple] = zip(
+            table.members.tolist(), *(_storable(column) for column in table.columns.values()), strict=True
+        )
+        if sealed := bool(_digest_column(self.connection)):
+            rows = ((*row, _digest_of_row(row)) for row in rows)
+        marks = ", ".join("?" * (1 + len(table.columns) + sealed))
         with self._using("written"):
             self.connection.execute("BEGIN IMMEDIATE")
             try:
@@ -89,11 +94,22 @@ class Store:
         kinds = zip(_names_in_file(asked), _sql_types(asked).values(), strict=True)
         columns = ", ".join(f"{name} {kind}" for name, kind in kinds)
         self.connection.execute("BEGIN IMMEDIATE")
+        if _tables_of(self.connection):  # another process has begun the same store meanwhile
+            self.connection.execute("ROLLBACK")
+            self._check_question()
+            return
         self.connection.execute("CREATE TABLE question (format TEXT, document TEXT)")
-        document = to_json(self.question.document())
+        document = to_json(sealed(self.question.document()))
         self.connection.execute("INSERT INTO question VALUES (?, ?)", (STORE_FORMAT, document))
-        self.connection.execute(f"CREATE TABLE members (member INTEGER PRIMARY KEY, {columns})")
+        self.connection.execute(f"CREATE TABLE members (member INTEGER PRIMARY KEY, {columns}, {DIGEST_OF_ROW} TEXT)")
         self.connection.execute("COMMIT")
+
+    def _check_question(self) -> None:
+        """Raise `InputError` where the store holds the answers to another question."""
+        document = question_in(self.path)
+        if document != json.loads(to_json(self.question.document())):
+            other = _other_question(document, self.question)
+            raise InputError(f"the store {self.path} answers another question: {other}")
 
     @contextmanager
     def _using(self, what: str) -> Iterator[None]:
@@ -112,7 +128,7 @@ def _has_no_table(path: Path) -> bool:
         return path.is_file()
     try:
         with _database_at(path) as connection:
-            return connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone() == (0,)
+            return not _tables_of(connection)
     except sqlite3.Error:
         return False
 
@@ -127,7 +143,7 @@ def question_in(path: str | Path) -> dict[str, Any]:
             (check,) = connection.execute("PRAGMA quick_check(1)").fetchone()
             if check == "ok":
                 kind, text = connection.execute("SELECT format, document FROM question").fetchone()
-                document = json.loads(text)
+                document = unsealed(json.loads(text))
     except (sqlite3.Error, TypeError, ValueError) as error:
         raise InputError(f"{complaint}: {error}") from None
     if check != "ok":
@@ -162,13 +178,16 @@ def _database_at(path: str | Path) -> Iterator[sqlite3.Connection]:
 def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
     (count,) = connection.execute("SELECT COUNT(*) FROM members").fetchone()
     table = empty_table(count, columns)
-    selected = ", ".join(["member", *_names_in_file(columns)])
+    selected = ", ".join(["member", *_names_in_file(columns), *_digest_column(connection)])
     rows, first = connection.execute(f"SELECT {selected} FROM members ORDER BY member LIMIT {count}"), 0
     while part := rows.fetchmany(READ_AT_ONCE):
+        if spoilt := [row[0] for row in part if not _is_whole(row, len(columns))]:
+            remedy = "go on with the sweep on this store, and what is spoilt is computed again"
+            raise InputError(f"the store's member {spoilt[0]} was changed after it was written: {remedy}")
         members, *values = zip(*part, strict=True)
         last = first + len(part)
         table.members[first:last] = members
-        for (name, column), given in zip(table.columns.items(), values, strict=True):
+        for (name, column), given in zip(table.columns.items(), values, strict=False):  # the digests come last
             if columns[name] is str:
                 shared = {text: text for text in given}  # a million members have few different texts
                 column[first:last] = [shared[text] for text in given]
@@ -176,6 +195,28 @@ def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
                 column[first:last] = np.array(given, dtype=float)  # None is NaN
         first = last
     return table
+
+
+def _tables_of(connection: sqlite3.Connection) -> int:
+    """How many tables a database has."""
+    return connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
+
+
+def _digest_column(connection: sqlite3.Connection) -> list[str]:
+    """The column with the digests of members, if there is one: stores of earlier versions have none."""
+    names = [row[1] for row in connection.execute("PRAGMA table_info(members)")]
+    return [DIGEST_OF_ROW] if DIGEST_OF_ROW in names else []
+
+
+def _digest_of_row(row: Sequence[Any]) -> str:
+    """What tells the values of a member from any others."""
+    plain = [None if isinstance(value, float) and value != value else value for value in row]
+    return digest(plain)[:16]
+
+
+def _is_whole(row: Sequence[Any], columns: int) -> bool:
+    """Whether a member is as it was written, if it has a digest."""
+    return len(row) == 1 + columns or row[-1] == _digest_of_row(row[:-1])
 
 
 def _storable(column: np.ndarray) -> list:

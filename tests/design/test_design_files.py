@@ -8,6 +8,8 @@ import pytest
 from orbits import Design, Front, InputError, optimize, pareto
 from problems import Hopper, hopper_in_si
 
+pytestmark = pytest.mark.usefixtures("any_digest")
+
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 5000.0, "b": 1e5}, rest_length=0.8)
 OVER = {"k": (500.0, 5e4), "b": (0.0, 1e7)}
 CUBIC = Hopper("r + beta*r**3", parameters={"beta": 0.3}, rest_length=10.0)

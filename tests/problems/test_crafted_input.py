@@ -19,6 +19,8 @@ from orbits.hybrid.impacts import Impacts
 from problems import Hopper, hopper_in_si, springs
 from problems.cli import main
 
+pytestmark = pytest.mark.usefixtures("any_digest")
+
 LONGEST, LARGEST = 10.0, 8e5  # seconds of computing; kB of memory beyond that of the tests before
 NUMBERS = ("0", "-1", "1", "1e15", "1e300", "1e-300", "nan", "inf", "-inf", "1e999", "x", "", "0x10", "9" * 5000, "1e4")
 TEXTS = (
