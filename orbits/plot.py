@@ -9,6 +9,7 @@ import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from io import BytesIO
 from itertools import cycle
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -365,6 +366,8 @@ def vertical(rest_length: float | None) -> str:
 def save_figure(axes: Axes, path: str | Path) -> Path:
     """Write the figure of some axes to a file, its kind from the ending; raises `InputError` when it cannot."""
     path = check_path(path, FIGURES)
+    drawn = BytesIO()  # Matplotlib's writers do not all end well where a disk is full
+    axes.figure.savefig(drawn, format=path.suffix[1:].lower(), dpi=RESOLUTION)
     with writing("figure", path) as target:
-        axes.figure.savefig(target, dpi=RESOLUTION)
+        target.write_bytes(drawn.getvalue())
     return path

@@ -140,6 +140,7 @@ def changed(document, *path_and_value):
         (("parameters", {"a": None}), "parameters.a = None"),
     ],
 )
+@pytest.mark.usefixtures("any_digest")
 def test_a_damaged_file_is_refused(cart, tmp_path, damage, words):
     document = json.loads(cart.save(tmp_path / "control.json").read_text())
     (tmp_path / "control.json").write_text(json.dumps(changed(document, *damage)))

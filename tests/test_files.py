@@ -1,0 +1,227 @@
+"""Files: an old one survives whatever fails, and a changed one is not read as another."""
+
+import json
+import os
+import random
+import sqlite3
+import stat
+import subprocess
+import sys
+from contextlib import closing
+
+import pytest
+
+from orbits import Family, InputError, Orbit, Sweep, find, follow, prove, sweep
+from orbits.io import digest, sealed, to_json, unsealed, writing
+from problems import Hopper
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    return find(Hopper("cubic", rest_length=9.0, parameters={"beta": 0.3}))
+
+
+@pytest.fixture(scope="module")
+def family():
+    return follow(Hopper("cubic", rest_length=9.0), "beta", stop=0.4, longest=0.2)
+
+
+@pytest.fixture(scope="module")
+def swept():
+    return sweep(Hopper("cubic", rest_length=9.0), {"beta": (0.0, 1.0)}, samples=6)
+
+
+def writers(orbit, family, swept):
+    """Everything that is written, by ending."""
+    return {
+        "orbit.json": orbit.save,
+        "family.jsonl": family.save,
+        "family.csv": family.save,
+        "family.nc": family.save,
+        "sweep.json": swept.save,
+        "sweep.csv": swept.save,
+        "sweep.nc": swept.save,
+        "proof.json": prove(orbit, motion=False).save,
+        "figure.png": lambda path: save(orbit, path),
+        "figure.pdf": lambda path: save(orbit, path),
+    }
+
+
+def save(orbit, path):
+    from matplotlib import pyplot
+
+    from orbits.plot import save_figure
+
+    axes = orbit.plot()
+    try:
+        save_figure(axes, path)
+    finally:
+        pyplot.close(axes.figure)
+
+
+KINDS = (
+    *("orbit.json", "family.jsonl", "family.csv", "family.nc", "sweep.json", "sweep.csv", "sweep.nc", "proof.json"),
+    *("figure.png", "figure.pdf"),
+)
+
+
+class TestWriting:
+    @pytest.mark.parametrize("name", KINDS)
+    def test_a_failure_leaves_the_old_file(self, name, tmp_path, monkeypatch, orbit, family, swept):
+        """The disk is full as the file is to be made durable."""
+        path, write = tmp_path / name, writers(orbit, family, swept)[name]
+        path.write_bytes(b"old")
+
+        def full(descriptor):
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr("os.fsync", full)
+        with pytest.raises(InputError, match="No space left"):
+            write(path)
+        assert path.read_bytes() == b"old"
+        assert [each.name for each in tmp_path.iterdir()] == [name]
+        monkeypatch.undo()
+        write(path)
+        assert path.read_bytes() != b"old"
+        assert [each.name for each in tmp_path.iterdir()] == [name]
+
+    @pytest.mark.parametrize("name", ["orbit.json", "family.jsonl", "sweep.csv", "figure.pdf"])
+    def test_a_file_that_may_not_grow_leaves_the_old_one(self, name, tmp_path, orbit, family, swept):
+        """A limit of the system in place of a full disk."""
+        import resource
+        import signal
+
+        path, write = tmp_path / name, writers(orbit, family, swept)[name]
+        path.write_bytes(b"old")
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (200, before[1]))
+        try:
+            with pytest.raises(InputError, match="cannot be written"):
+                write(path)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+            signal.signal(signal.SIGXFSZ, handler)
+        assert path.read_bytes() == b"old"
+        assert [each.name for each in tmp_path.iterdir()] == [name]
+
+    def test_links_and_modes_stay(self, tmp_path, orbit):
+        path, link = tmp_path / "orbit.json", tmp_path / "link.json"
+        path.write_bytes(b"old")
+        path.chmod(0o640)
+        link.symlink_to(path)
+        orbit.save(link)
+        assert link.is_symlink()
+        assert Orbit.load(path).alpha == orbit.alpha
+        assert stat.S_IMODE(path.stat().st_mode) == 0o640
+
+    def test_what_is_no_file_is_written_to(self):
+        with writing("text", "/dev/null") as target:
+            target.write_text("nothing")
+
+    @pytest.mark.parametrize("after", range(4))
+    def test_a_kill_leaves_the_old_file_or_the_new_one(self, after, tmp_path):
+        path = tmp_path / "table.json"
+        path.write_text('{"old": 1}')
+        script = (
+            "import os, sys\n"
+            "from orbits import io\n"
+            "names = ['chmod', 'fsync', 'replace']\n"
+            f"after = {after}\n"
+            "if after < len(names): setattr(os, names[after], lambda *args: os._exit(9))\n"
+            "io.write_json({'new': [1.5] * 1000}, sys.argv[1], 'table')\n"
+        )
+        done = subprocess.run([sys.executable, "-c", script, str(path)], cwd=os.getcwd(), check=False, timeout=60)
+        content = json.loads(path.read_text())
+        assert ("new" in content) == (done.returncode == 0) == (after == 3)
+
+
+class TestDigests:
+    def test_a_file_that_was_laid_out_anew_holds(self, tmp_path, orbit):
+        path = orbit.save(tmp_path / "orbit.json")
+        document = json.loads(path.read_text())
+        path.write_text(json.dumps(dict(reversed(document.items())), indent=3))
+        assert Orbit.load(path).alpha == orbit.alpha
+
+    @pytest.mark.parametrize("name", ["alpha", "flight_time", "mass_ratio", "family"])
+    def test_a_changed_number_is_refused(self, tmp_path, orbit, name):
+        path = orbit.save(tmp_path / "orbit.json")
+        document = json.loads(path.read_text())
+        path.write_text(json.dumps(document | {name: 2 * document[name]}))
+        with pytest.raises(InputError, match="changed or cut after it was written"):
+            Orbit.load(path)
+
+    def test_changed_digits_are_refused(self, tmp_path, orbit):
+        """Any digit of the file, or another sign in its place; what holds is the same to the last bit."""
+        path, rng = orbit.save(tmp_path / "orbit.json"), random.Random(5)
+        text = path.read_text()
+        same = to_json(Orbit.of_saved(unsealed(json.loads(text))).saved())
+        places = [i for i, character in enumerate(text) if character.isdigit()]
+        for place in rng.sample(places, 150):
+            path.write_text(text[:place] + rng.choice("0123456789") + text[place + 1 :])
+            try:
+                assert to_json(Orbit.load(path).saved()) == same
+            except InputError:
+                continue
+
+    def test_flipped_bits_are_refused(self, tmp_path, family):
+        path, rng = family.save(tmp_path / "family.jsonl"), random.Random(6)
+        data, same = path.read_bytes(), list(family.records())
+        for _ in range(150):
+            place = rng.randrange(len(data))
+            path.write_bytes(data[:place] + bytes([data[place] ^ 1 << rng.randrange(8)]) + data[place + 1 :])
+            try:
+                loaded = Family.load(path)
+            except InputError:
+                continue
+            ended = loaded.end.kind == "interrupted"  # the last line alone was cut
+            assert ended or list(loaded.records()) == same
+
+    def test_a_family_without_one_of_its_lines_is_refused(self, tmp_path, family):
+        path = family.save(tmp_path / "family.jsonl")
+        lines = path.read_text().splitlines(keepends=True)
+        path.write_text("".join(lines[:2] + lines[3:]))
+        with pytest.raises(InputError, match="line 3"):
+            Family.load(path)
+        path.write_text("".join(lines[:-1]) + lines[-1][:20])
+        assert "ends before it does" in Family.load(path).end.reason
+
+    def test_files_of_earlier_versions_are_read(self, tmp_path, orbit, family):
+        path = orbit.save(tmp_path / "orbit.json")
+        path.write_text(json.dumps(unsealed(json.loads(path.read_text()))))
+        assert Orbit.load(path).alpha == orbit.alpha
+        path.write_text("\n".join(family.records()))
+        assert Family.load(path).points == family.points
+
+    def test_a_spoilt_member_of_a_store_is_refused_and_computed_again(self, tmp_path):
+        machine, store = Hopper("cubic", rest_length=9.0), tmp_path / "store.db"
+        first = sweep(machine, {"beta": (0.0, 1.0)}, samples=6, store=store)
+        with closing(sqlite3.connect(store)) as connection:
+            connection.execute("UPDATE members SET alpha = 2 * alpha WHERE member = 3")
+            connection.commit()
+        with pytest.raises(InputError, match="member 3 was changed"):
+            Sweep.load(store)
+        again = sweep(machine, {"beta": (0.0, 1.0)}, samples=6, store=store, resume=True)
+        assert again.columns["alpha"].tolist() == first.columns["alpha"].tolist()
+
+    def test_two_processes_that_begin_a_store_at_once(self, tmp_path):
+        script = (
+            "import sys\n"
+            "from orbits import sweep\n"
+            "from problems import Hopper\n"
+            "over = {'mass_ratio': (0.5, 1.0)}\n"
+            "sweep(Hopper('r', rest_length=9.0), over, samples=2, store=sys.argv[1], resume=True)\n"
+        )
+        started = [
+            subprocess.Popen([sys.executable, "-c", script, str(tmp_path / "store.db")], stderr=subprocess.PIPE)
+            for _ in range(3)
+        ]
+        for process in started:
+            _, said = process.communicate(timeout=100)
+            assert process.returncode == 0, said.decode()
+
+    def test_digests_tell_contents_apart_and_layouts_not(self):
+        assert digest({"a": 1, "b": [2.0, None]}) == digest({"b": (2, None), "a": 1.0})
+        assert digest({"a": 1}) != digest({"a": 1.0000000000000002})
+        assert digest({"a": 1}) != digest({"a": 1}, "after another one")
+        assert unsealed(sealed({"x": 0.1})) == {"x": 0.1}
