@@ -2,14 +2,19 @@
 
 A name in brackets, as (`step`), is the module of this package that does what is said there.
 
-The claim. Let a model's parameters have exact values, decimals or intervals. A lossless orbit is a zero of a boundary
-value statement F(w) = 0, whose unknowns w are the place and the speed of the launch, half the durations, and what else
-a launch has. `prove` encloses a zero, shows that there is no other one nearby, and that its motion is one. With
-interval parameters all of it is proved for each value in them.
+The claim. Let a machine be stated in formulas, with exact decimals or intervals for its parameters (`stated`). A
+lossless orbit is a zero of a boundary value statement F(w) = 0, whose unknowns w are the place and the speed of the
+launch, half the durations, and what else a launch has (`statement`). `prove` encloses a zero, shows that there is no
+other one nearby, and that its motion is one. With interval parameters all of it is proved for each value in them.
 
-Numbers. A float of the machine stands for the shortest decimal that rounds to it, and a numeral of a formula for the
-decimal that is written (`exact`). Everything is computed with Arb's balls, midpoint and radius, rounded outward. Floats
-only give guesses: of roots, steps, tubes and frames. Each guess is then tested in balls.
+From the text to the equations. A formula becomes an exact expression (`formulas`, `expressions`), in which a numeral is
+the decimal that is written, and only what is exactly so is simplified. What its operations need to have a value, also
+where they cancel, is collected and looked at along the whole motion. Lagrange's equations follow from the kinetic
+energy and the forces (`mechanics`), the contact's from the closed gap. A float of the machine stands for the shortest
+decimal that rounds to it, and a Python function for the formula that it computes, which the statement shows.
+
+Numbers. Expressions become programs (`programs`) of Arb's balls, midpoint and radius, rounded outward. Floats only give
+guesses: of roots, units, steps, tubes and frames. Each guess is then tested in balls.
 
 Lemma 1, a step (`step`). Let p be the Taylor polynomial of order K of the solution of x' = f(x) from c, and E a vector
 of radii. If the solution from a point within E0 of c is compared with p, its distance obeys an integral inequality with
@@ -37,17 +42,17 @@ Krawczyk's for each q with the same U. An interval that is too wide is halved, a
 radius of uniqueness is how far U reaches beyond the enclosure. Later enclosures are intersections of Krawczyk images of
 boxes that hold the zero, hence hold it too.
 
-Lemma 4, the whole orbit. A reversor maps solutions to solutions with time reversed. A motion that reaches a state that
-the reversor leaves alone (all speeds 0) is its own mirror image about that time. So half a flight from the launch set
-to such a state is half of a flight that lands as it was launched; likewise for the contact. In the relative coordinate
-of a machine under constant gravity, F demands this of the extension alone; the coordinate that is thrown up with it is
-at the top of its parabola then by its closed form, which is where the half time comes from.
+Lemma 4, the whole orbit. The equations have only forces of the coordinates and what is quadratic in the rates, so that
+they hold with time and all rates reversed. A motion that reaches a state with all rates 0 is its own mirror image about
+that time. So half a flight from the launch to such a state is half of a flight that lands as it was launched; likewise
+for the contact. Where under constant gravity one extension moves alone, a sum of the coordinates is thrown up with it;
+F then demands that the extension rests when that sum is at the top of its parabola, which gives the half time.
 
 Lemma 5, signs (`motion`). A function g of the states is positive where its enclosure is, also by g(m) + g'(T)(T - m).
-At lift-off the gap, its speed and its acceleration are 0: the first two identically, which is checked, the third by the
-equation of lift-off. If its third derivative is positive on [0, a], then by Taylor's formula the gap is above
-t**3 min g'''/6 > 0 on (0, a]. Likewise the contact force, which is 0 at landing by the same equation, with its first
-derivative; and the contact speed, which is 0 in mid-contact, read backwards from there.
+At lift-off the gap, its speed and its acceleration are 0: the first two as the launch is a state of the contact, the
+third by the equation of lift-off. If its third derivative is positive on [0, a], then by Taylor's formula the gap is
+above t**3 min g'''/6 > 0 on (0, a]. Likewise the contact force, which is 0 at landing by the same equation, with its
+first derivative; and the contact speed, which is 0 in mid-contact, read backwards from there.
 
 Lemma 6, the family. Times where the rate of the extension has a sign alternate with times where its derivative has one.
 On the latter the rate is monotone: it has one zero where the signs before and after differ, and none where they agree.
@@ -56,13 +61,9 @@ The last of them hold mid-flight, where the rate is 0, and no other zero. The ze
 The loss coefficient (`loss`) is enclosed from the enclosures of its parts: the jerk of the gap, its derivative by alpha
 at landing through the monodromy of the half flight, and the energies.
 
-What is trusted: Arb and python-flint; CPython; CasADi's derivatives of elementary operations and the list of operations
-that it gives; this package's formula parser; and that the model says what the machine is: that what it calls lift-off
-is where its contact force vanishes, and so the acceleration of the gap, which holds of every `Mechanism` by
-construction and is looked at by `check` for models by hand. The decimals of laws and parameters are exact; numerals in
-the formulas of a mechanism are the floats that they were rounded to, and those of its coefficients that do not depend
-on parameters are recognised by random samples (`model.mechanics.coefficients`). A law that is a Python function is what
-CasADi has traced of it. Tables, abs and sign are refused.
+What is trusted: Arb and python-flint; CPython; Python's own parser of arithmetic; and this package, which a second
+program may check (`orbits.check_proof`, of proofs of orbits). Tables, abs and sign are refused, and so are machines
+that state no mechanics, as models by hand.
 
 Sources: R. Krawczyk, Computing 4 (1969) 187-201; R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval
 Analysis, SIAM 2009; T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, CAPD::DynSys, Communications in Nonlinear Science

@@ -53,7 +53,7 @@ class Store:
             columns = self.question.columns()
             selected = ", ".join(["member", *_names_in_file(columns), *_digest_column(self.connection)])
             for row in self.connection.execute(f"SELECT {selected} FROM members"):
-                if _is_whole(row, len(columns)) and row[0] < len(done):
+                if _is_unspoilt(row, len(columns)) and row[0] < len(done):
                     done[row[0]] = True  # a spoilt one is computed again
         return done
 
@@ -181,7 +181,7 @@ def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
     selected = ", ".join(["member", *_names_in_file(columns), *_digest_column(connection)])
     rows, first = connection.execute(f"SELECT {selected} FROM members ORDER BY member LIMIT {count}"), 0
     while part := rows.fetchmany(READ_AT_ONCE):
-        if spoilt := [row[0] for row in part if not _is_whole(row, len(columns))]:
+        if spoilt := [row[0] for row in part if not _is_unspoilt(row, len(columns))]:
             remedy = "go on with the sweep on this store, and what is spoilt is computed again"
             raise InputError(f"the store's member {spoilt[0]} was changed after it was written: {remedy}")
         members, *values = zip(*part, strict=True)
@@ -214,7 +214,7 @@ def _digest_of_row(row: Sequence[Any]) -> str:
     return digest(plain)[:16]
 
 
-def _is_whole(row: Sequence[Any], columns: int) -> bool:
+def _is_unspoilt(row: Sequence[Any], columns: int) -> bool:
     """Whether a member is as it was written, if it has a digest."""
     return len(row) == 1 + columns or row[-1] == _digest_of_row(row[:-1])
 
