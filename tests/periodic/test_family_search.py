@@ -213,6 +213,7 @@ def test_what_cannot_be_searched():
         find_all(Hopper("cubic"), fastest=-1.0)
 
 
+@pytest.mark.usefixtures("any_digest")
 def test_the_number_known_is_kept(tmp_path):
     orbit = find_all(Hopper("cubic"))[0]
     path = orbit.save(tmp_path / "orbit.json")

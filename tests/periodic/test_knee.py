@@ -531,6 +531,7 @@ def test_a_file_and_a_pickle_bring_its_heights_back(orbit, tmp_path):
         assert float(other.shape.heights["body"](x)) == pytest.approx(body, rel=1e-14)
 
 
+@pytest.mark.usefixtures("any_digest")
 def test_damaged_files_are_refused(orbit, tmp_path):
     data = json.loads(orbit.save(tmp_path / "knee.json").read_text())
     for damage, message in {

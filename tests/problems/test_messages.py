@@ -137,6 +137,7 @@ def test_a_violation_tells_the_certificate_s_number(tmp_path):
     assert pickle.loads(pickle.dumps(orbit)).dimensionless().violations == (bare,)
 
 
+@pytest.mark.usefixtures("any_digest")
 def test_a_file_whose_violations_disagree_is_refused(tmp_path):
     path = find(SHORT, 3).save(tmp_path / "orbit.json")
     path.write_text(json.dumps(json.loads(path.read_text()) | {"violations": []}))
@@ -144,6 +145,7 @@ def test_a_file_whose_violations_disagree_is_refused(tmp_path):
         Orbit.load(path)
 
 
+@pytest.mark.usefixtures("any_digest")
 def test_the_numbers_of_an_old_file_are_told_without_units(tmp_path):
     bare = find(SHORT, 3).dimensionless()
     old = json.loads(bare.save(tmp_path / "old.json").read_text()) | {"laws_in": "SI"}

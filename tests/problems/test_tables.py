@@ -268,6 +268,7 @@ class TestNoise:
             alphas.append(find(Hopper(law.with_parameters(**values)), start=orbit).alpha)
         assert np.std(alphas) == pytest.approx(said, rel=0.5)  # 12 draws tell it to a fifth
 
+    @pytest.mark.usefixtures("any_digest")
     def test_old_orbits_without_it_load(self, tmp_path):
         orbit = find(Hopper())
         assert orbit.certificate.alpha_noise is None

@@ -331,6 +331,7 @@ def test_steering():
     assert back.parameters["aim"] - back.parameters["launch"] == pytest.approx(0.01, rel=1e-12)
 
 
+@pytest.mark.usefixtures("any_digest")
 def test_an_orbit_is_the_same_after_its_file_also_without_dimensions(tmp_path):
     orbit = find(ROVER.with_values(rest_length=6.0), 2)
     again = Orbit.load(orbit.save(tmp_path / "hop.json"))
@@ -428,6 +429,7 @@ def test_powers_of_units():
     assert contact.units_of_parameters()["k"] == "N/m^(3/2)"
 
 
+@pytest.mark.usefixtures("any_digest")
 def test_files_from_before_results_were_in_si(tmp_path):
     """A file without units of its own has dimensionless numbers; they are brought to SI."""
     orbit, parts = find(LEG), ("length", "time", "force")

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import mpmath as mp
 import numpy as np
@@ -60,7 +59,7 @@ def legible(monkeypatch):
 
     def saved(figure, path, *arguments, **options):
         save(figure, path, *arguments, **options)
-        if isinstance(path, str | Path):  # and no frame of an animation
+        if options.get("format") != "rgba":  # and no frame of an animation
             found.extend(f"{path}: {fault}" for fault in faults(figure))
             if (size := smallest_text(figure, WIDTH)) < SMALLEST:
                 found.append(f"{path}: type of {size:.1f} pixels where the figure is {WIDTH} pixels wide")
@@ -408,7 +407,7 @@ def test_tutorial(tmp_path):
     rates = lambda t, x: [x[1], -(k * x[0] + c * x[0] ** 3) / mass]  # noqa: E731
     run = solve_ivp(rates, (0, half), [start, numbers["alpha"]], "DOP853", rtol=1e-13, atol=1e-15)
     assert run.y[1, -1] == pytest.approx(0.0, abs=1e-10)
-    assert 0 <= numbers["lost"] < 1e-9
+    assert abs(numbers["lost"]) < 1e-9
     for name in ("tutorial_family.png", "tutorial_best.png"):
         assert (tmp_path / name).stat().st_size > 10_000
 
