@@ -60,6 +60,8 @@ def _first_and_total(values: np.ndarray) -> np.ndarray:
     """Sobol's indices (2, d) of first and total order by SciPy; 0 for values that are all the same."""
     from scipy import stats
 
+    if len(values) == 3:  # of one parameter all of the variance is its own, for which SciPy has no answer
+        return np.full((2, 1), float(np.ptp(values[:2]) > 0))
     parts = {"f_A": values[:1], "f_B": values[1:2], "f_AB": values[2:, None]}
     with np.errstate(all="ignore"):
         result = stats.sobol_indices(func=parts, n=values.shape[1])

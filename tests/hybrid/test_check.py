@@ -12,10 +12,13 @@ from orbits import (
     Affine,
     InconsistentModel,
     InputError,
+    Mass,
+    Mechanism,
     Model,
     NoOrbit,
     Phase,
     ReturnMap,
+    Spring,
     check,
     find,
     follow,
@@ -608,3 +611,15 @@ def test_a_model_is_looked_at_once(monkeypatch):
         ReturnMap(machine)(4.0)
     find(Hopper("cubic"))
     assert looked == ["own"]
+
+
+def test_a_separation_with_a_length_beside_it_is_consistent():
+    """Coordinates are counted from the unloaded spring, whose length is in the separation alone."""
+    machine = Mechanism(
+        ("body", "foot"),
+        [Mass("body", "m1"), Mass("foot", "m2"), Spring("body - foot", "k*r")],
+        gap="foot",
+        parameters={"m1": 1.0, "m2": 1.0, "k": 1.0},
+        separation="body - foot + 8",
+    )
+    assert check(machine)

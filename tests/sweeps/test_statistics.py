@@ -84,3 +84,8 @@ def test_sobols_indices_are_the_same_again():
     swept = sweep(Hopper("cubic"), {"beta": (0.0, 1.0), "mass_ratio": (0.5, 2.0)}, 16, quantities=["loss_coefficient"])
     first, second = (swept.sensitivity(["loss_coefficient"], 64, seed=3) for _ in range(2))
     assert first == second
+
+
+def test_one_parameter_alone_has_all_of_the_variance():
+    found = sweep(LEG, {"stiffness": (1000.0, 9000.0)}, 4).sensitivity(samples=8)["alpha"]["stiffness"]
+    assert found["first"] == found["total"] == 1.0

@@ -270,7 +270,9 @@ def distances(model: Model, draw: Draw) -> Iterator[Relation]:
     yield Relation(words, ("gap", "heights"), off)
     if apart := model.separation(p):
         words = "the separation is at most that of two of the heights, or of one and the ground"
-        most = min(_apart(_values_and_slopes(apart, draw), each, most=True) for each in pairs)
+        if model.derived:  # a mechanism may count its coordinates from anywhere
+            words = "the separation changes as that of two of the heights, or of one and the ground"
+        most = min(_apart(_values_and_slopes(apart, draw), each, most=not model.derived) for each in pairs)
         yield Relation(words, ("separation", "heights"), most)
     ends = [seen[upper] - (seen[lower] if lower else 0.0) for lower, upper in model.springs]
     if ends and not model.derived:
