@@ -87,9 +87,9 @@ def _fold(
     start = [guess[name] / float(units[name]) for name in folded.unknowns]
     root = prove_root(equations, start, bits_of_digits(digits))
     equations.check_domains(root.evaluated.passages)
-    sizes = [ball_of_fraction(units[name]) for name in folded.unknowns]
-    balls = {name: ball * size for name, ball, size in zip(folded.unknowns, root.box, sizes, strict=True)}
     with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
+        sizes = [ball_of_fraction(units[name]) for name in folded.unknowns]
+        balls = {name: ball * size for name, ball, size in zip(folded.unknowns, root.box, sizes, strict=True)}
         enclosures = {name: enclosure_of(ball, digits) for name, ball in balls.items()}
     bounds = {name: bounds_of_fractions(each) for name, each in others.items()}
     return Part(bounds, enclosures, lower_decimal(root.unique_within(sizes))), upper_decimal(balls["alpha"].rad())
