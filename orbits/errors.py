@@ -12,7 +12,14 @@ HEAD, TAIL = 180, 110
 
 def shortened(message: str) -> str:
     """A message of at most 300 characters, without the middle of a longer one."""
-    return message if len(message) <= LONGEST_MESSAGE else f"{message[:HEAD]} ... {message[-TAIL:]}"
+    if len(message) <= LONGEST_MESSAGE:
+        return message
+    head, tail = message[:HEAD], message[-TAIL:]
+    # A word that the cut goes through is left out, unless it is most of what there is.
+    whole_head, whole_tail = head.rpartition(" ")[0], tail.partition(" ")[2]
+    head = whole_head if 2 * len(whole_head) > len(head) else head
+    tail = whole_tail if 2 * len(whole_tail) > len(tail) else tail
+    return f"{head} ... {tail}"
 
 
 class OrbitsError(Exception):

@@ -244,7 +244,7 @@ def conform(value: Any, kind: Any, name: str = "it") -> Any:
         if value is None and len(kinds) < len(inner):
             return None
         of_list = [each for each in kinds if (get_origin(each) in (list, tuple)) == isinstance(value, list | tuple)]
-        return conform(value, (of_list or kinds)[0], name)
+        return conform(value, next((each for each in kinds if type(value) is each), (of_list or kinds)[0]), name)
     if is_dataclass(kind) or is_typeddict(kind):
         return _record(_mapping(value, name), kind, name)
     if origin in (tuple, list):

@@ -60,20 +60,21 @@ def orbits() -> None:
 @options.family_option("Oscillations in flight, from 1.")
 @click.option("--method", metavar="NAME", help="Force a way: 'closed form', 'relative', 'half orbit' or 'shooting'.")
 @click.option("--allow-inadmissible", is_flag=True, help="Exit 0 also for a root that is no motion.")
+@options.limit_option
 @options.json_option
 @click.option("--explain", is_flag=True, help="Say which way was taken and what the scene did not need.")
 @options.plot_option
 @options.animate_option
 @options.file_option("--save", "document", "Save the orbit (.json), for Orbit.load.")
 def find_command(
-    family: int, method: str | None, allow_inadmissible: bool, as_json: bool, explain: bool, plot: str | None,
-    animate: str | None, save: str | None, **stated: Any,
+    family: int, method: str | None, allow_inadmissible: bool, limit: float, as_json: bool, explain: bool,
+    plot: str | None, animate: str | None, save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find one lossless orbit and certify it."""
     from orbits.periodic.find import find
 
     with options.progress() as report:
-        orbit = find(options.machine_of(**stated), family, method=method, progress=report)
+        orbit = find(options.machine_of(**stated), family, method=method, progress=report, limit=limit)
     options.write(orbit, as_json, plot, animate, save)
     if explain and not as_json:
         click.echo("  what this scene did not need:")
@@ -94,11 +95,12 @@ def find_command(
 )
 @click.option("--digits", type=click.IntRange(1, 300), metavar="N", help="Digits to enclose; default: about 18.")
 @click.option("--loss", is_flag=True, help="Enclose the loss coefficient too.")
+@options.limit_option
 @options.json_option
 @options.file_option("--save", "document", "Save the proof (.json).")
 def prove_command(
-    family: int, intervals: tuple[str, ...], digits: int | None, loss: bool, as_json: bool, save: str | None,
-    **stated: Any,
+    family: int, intervals: tuple[str, ...], digits: int | None, loss: bool, limit: float, as_json: bool,
+    save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Prove that a lossless orbit exists, is alone nearby and is a motion, as a theorem of interval arithmetic.
 
@@ -112,8 +114,8 @@ def prove_command(
     exact = options.exact_parameters(stated["settings"], intervals)
     stated = options.with_middles(stated, intervals)
     with options.progress() as report:
-        orbit = find(options.machine_of(**stated), family, progress=report)
-    proof = prove(orbit, digits, parameters=exact, loss=loss)
+        orbit = find(options.machine_of(**stated), family, progress=report, limit=limit)
+    proof = prove(orbit, digits, parameters=exact, loss=loss, limit=limit)
     options.write(proof, as_json, save=save)
     if not proof.proved:
         raise click.exceptions.Exit(1)

@@ -51,6 +51,9 @@ loss_options = combined(
     click.option("--inject", type=float, default=0.0, metavar="EPS", help=f"Added to every launch speed{IN_UNITS}"),
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+limit_option = click.option(
+    "--limit", type=float, default=30.0, show_default=True, metavar="SECONDS", help="How long it may take."
+)
 
 
 def family_option(text: str) -> Callable:

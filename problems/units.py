@@ -12,7 +12,7 @@ from typing import Any, Self, TypeAlias
 
 from orbits import Mass, Mechanism
 from orbits.errors import InputError
-from orbits.model.laws import UNIT_FORCE, UNIT_LENGTH, Law, number, stated
+from orbits.model.laws import UNIT_FORCE, UNIT_LENGTH, WRONG_SIGN, Law, number, stated
 from orbits.model.mechanics.dimensions import coefficient_dimensions
 from orbits.model.model import Model, reparametrised
 from orbits.model.units import ACCELERATION, LENGTH, MASS, Dimension, Units, unit_text
@@ -343,6 +343,8 @@ def _spring(force: Any, stiffness: float | None, given: Mapping[str, float]) -> 
             said = f"the spring '{law.text}' has stiffness {slope:g} N/m at rest, not {k:g}"
             raise InputError(f"{said}: state it in N of m, and leave stiffness out")
         return law, k
+    if slope < 0:
+        raise InputError(f"the spring '{law.text}' has slope {slope:g} at rest: {WRONG_SIGN}")
     if not 0 < slope < float("inf"):
         raise InputError(f"the spring '{law.text}' has slope {slope:g} at rest: give the stiffness that sets the units")
     return law, slope

@@ -220,6 +220,8 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
         raise InputError("what is resumed is a family of `follow`, as Family.load gives it")
     if start is None:
         start = machine.values[along] if resume is None else resume.settings["start"]
+    if isinstance(start, Orbit):
+        raise InputError(f"start is the first value of '{along}': give an orbit to begin with as orbit=")
     start = finite_number("start", start)
     behind, stop = bounds_of(along, start, stop, options.at)
     machine = machine.with_values(**{along: start})

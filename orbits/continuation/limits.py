@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..errors import OrbitsError
+from ..errors import InputError, OrbitsError
 from ..model.units import LIFTOFF_SPEED, Message, Quantity, in_units
 from .curve import Curve, CurvePoint
 from .events import Segment
@@ -160,6 +160,8 @@ class Endings:
         if abs(alpha / self.origin.alpha) > self.control.running_ratio and (found := limit(history, self.bounds, -1)):
             return End("escaped", f"the launch speed grows without bound, and was followed to {where}", *found)
         reason = in_units(error, units)
+        if isinstance(error, InputError):
+            return End("degenerate", f"there is no such machine any more at {where}: {reason}")
         if abs(value - self.start) < self.control.least_progress * self.curve.span:
             reason += "; a parameter over decades is followed by its inverse or its logarithm"
         return End("stuck", f"at {where}: {reason}")

@@ -35,6 +35,8 @@ NOISE = "_noise"
 UNIT_LENGTH, UNIT_FORCE = "unit_length", "unit_force"
 # Names by which formulas of a spring ask for the speed of its extension.
 SPEEDS = ("v", "vel", "velocity", "speed", "rdot", "r_dot", "dr", "drdt", "dr_dt", "xdot", "x_dot", "dx", "dxdt")
+# What is said of a spring whose force falls as it is stretched from rest.
+WRONG_SIGN = "is tension positive? A force acts against the extension, as in k*r, and the sign is that of r"
 # Distances from 0 at which a formula without a value there is looked at. Its values come together where those at a
 # tenth of a distance differ by less than this share.
 NEAR_ZERO, COMES_TOGETHER = (1e-2, 1e-3, 1e-4, 1e-5), 0.2

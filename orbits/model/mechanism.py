@@ -63,7 +63,7 @@ class Mechanism(Stated):
     counts : the extension whose turning points count the family; that of the first spring if left out
     launch : the coordinate whose place and speed at lift-off are "liftoff" and "alpha"; the last one of the contact if
         left out
-    heights : for plots, the upper before the lower; the coordinates if left out
+    heights : for plots, the upper before the lower; the coordinates that are lengths if left out
     separation : a distance that must stay positive
     restitution : of the impacts, 0 <= e <= 1
     in_si : whether all numbers are in SI, and results then have units
@@ -116,7 +116,7 @@ class Mechanism(Stated):
             knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
             angles=listed("angles", self.angles),
         )  # fmt: skip
-        self._keep(inertia=self._rows(), heights=self.heights or {name: name for name in self.coordinates})
+        self._keep(inertia=self._rows(), heights=self.heights or self._lengths())
         refuse_misstated(self)
         given = {name: number(name, value) for name, value in self.parameters.items()}
         laws, elements = [self._law(self.gravity, "z", given)], list[Element]()
@@ -135,6 +135,11 @@ class Mechanism(Stated):
         refuse_names_of_parameters(self, [*self.parameters, *(name for key, _ in laws for name in key.names)], asked)
         if asked <= self.parameters.keys():
             refuse_values(self)
+
+    def _lengths(self) -> dict[str, str]:
+        """The coordinates that are lengths, each by its name; all of them where none is."""
+        lengths = [name for name in self.coordinates if name not in self.angles]
+        return {name: name for name in lengths or self.coordinates}
 
     @staticmethod
     def _law(law: Any, variable: str, given: Mapping[str, float]) -> tuple[Key, Mapping[str, float]]:

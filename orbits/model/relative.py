@@ -25,7 +25,7 @@ from .features import (
     unit_of_length,
     units_of_length,
 )
-from .laws import Key, Parameters, from_key
+from .laws import WRONG_SIGN, Key, Parameters, from_key
 from .liftoff import Liftoff
 from .model import Reduction, Search
 from .modes import Modes, single_mode
@@ -178,6 +178,8 @@ def straight_line(key: Key, p: Mapping[str, float]) -> tuple[float, float]:
     law = from_key(key, p)
     value, slope = law.with_slope(0.0)
     if not STIFFNESSES[0] < slope < STIFFNESSES[1]:
+        if slope < 0:
+            raise InputError(f"spring '{law.text}' has stiffness {slope:g}: {WRONG_SIGN}")
         bounds = f"stiffness lies between {STIFFNESSES[0]:g} and {STIFFNESSES[1]:g}"
         never = "it never reaches a lift-off that can be computed"
         raise InputError(f"spring '{law.text}' has stiffness {slope:g}: {never}; {bounds}")

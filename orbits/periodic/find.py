@@ -14,6 +14,7 @@ from ..model.model import Model
 from ..model.units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units, without_units
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
+from ..symbolic.time_limit import LIMIT, time_limit
 from .certificate import certify
 from .error_bound import error_bounds, noise_of_alpha
 from .family_search import Cells, Lateness
@@ -47,6 +48,7 @@ def find(
     start: Orbit | Mapping[str, float] | None = None,
     method: str | None = None,
     progress: Progress = None,
+    limit: float = LIMIT,
 ) -> Orbit:
     """Find the lossless orbit of a family, with its certificate.
 
@@ -57,12 +59,13 @@ def find(
         orbit of any family is then returned, unless `family` is given too
     method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is multiple shooting by Ipopt
     progress : called with the share of the homotopy that is done, where there is one
+    limit : how many seconds it may take
 
     Where a family has several orbits, this is the one of least launch speed. A machine whose laws bend often, or there
     and back at once, is searched for all of them as by `find_all`, and so is one where none is found otherwise. For
     others it is the first under constant gravity, or what that becomes as gravity's variation is brought in, and its
     `known_in_family` is None. It may be inadmissible: see its `violations`. Raises `NoOrbit` when there is none or a
-    solve ends on another family, and `InputError` for a family or a method that cannot be.
+    solve ends on another family or takes longer, and `InputError` for a family, method or limit that cannot be.
 
     >>> from orbits import find
     >>> from problems import Hopper
@@ -76,9 +79,10 @@ def find(
         _possible_method(machine.model, method)
         start = dimensionless_start(start, machine)
         with without_units(machine.units):
-            orbit = find(dimensionless(machine), family, start=start, method=method, progress=progress)
+            bare = dimensionless(machine)
+            orbit = find(bare, family, start=start, method=method, progress=progress, limit=limit)
         return orbit_of(machine, orbit)
-    with interrupts.deferred():
+    with interrupts.deferred(), time_limit(limit):
         if start is None:
             return lowest_of_family(machine, number or 1, method, progress)
         began = time.perf_counter()
@@ -98,6 +102,7 @@ def find_all(
     fastest: float | None = None,
     method: str | None = None,
     progress: Progress = None,
+    limit: float = LIMIT,
 ) -> tuple[Orbit, ...]:
     """All orbits of a family, or the different ones that `find` comes to from several starts, by launch speed.
 
@@ -106,6 +111,7 @@ def find_all(
         inverse root of the spring's slope at rest, and 30 times where gravity varies and where the spring has a narrow
         feature or bends often. The slowest is 1e-3 in these multiples.
     progress : called with the share that is done of the launches that lie near an orbit, or of the starts
+    limit : how many seconds the search may take, or each start
 
     The orbits of a family are the zeros of one function of the launch speed (see `family_search`), whose bends between
     sampled speeds are taken to be at most four times those that its second differences show: no proof, but the samples
@@ -127,9 +133,9 @@ def find_all(
             speed = None if fastest is None else fastest / units.of(LIFTOFF_SPEED)
             with without_units(units):
                 bare = dimensionless(machine)
-                whole = find_all(bare, family=family, fastest=speed, method=method, progress=progress)
+                whole = find_all(bare, family=family, fastest=speed, method=method, progress=progress, limit=limit)
             return tuple(orbit_of(machine, orbit) for orbit in whole)
-        with interrupts.deferred():
+        with interrupts.deferred(), time_limit(limit):
             return _all_of_family(machine, family, method, fastest, progress)
     if family is not None or fastest is not None:
         raise InputError("find_all takes starts, or a family with the fastest launch speed to search, not both")
@@ -140,7 +146,7 @@ def find_all(
         if progress:
             progress(i / len(starts))
         try:
-            orbit = find(machine, start=start, method=method)
+            orbit = find(machine, start=start, method=method, limit=limit)
             if not any(_same(orbit, other) for other in found):
                 found.append(orbit)
         except NoOrbit as error:

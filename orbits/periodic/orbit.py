@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..animation import Report, animate_orbit
 from ..errors import InputError
 from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
-from ..io import conform, one_line, read_file, read_sealed, write_json
+from ..io import conform, one_line, read_file, read_sealed, to_json, write_json
 from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
@@ -118,6 +118,22 @@ class Orbit:
     def __getstate__(self) -> dict[str, Any]:
         """The fields without the machine, which another process may not be able to read."""
         return vars(self) | {"source": None}
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all that a file would say of them is the same, but for the time that the search took."""
+        if not isinstance(other, Orbit):
+            return NotImplemented
+        return self is other or self._without_time() == other._without_time()
+
+    def __hash__(self) -> int:
+        return hash((self.alpha, self.flight_time, self.contact_time))
+
+    def _without_time(self) -> str:
+        """What a file would say of it, without the time that the search took."""
+        document = self.saved()
+        for each in (document, document.get("bare", {})):
+            each.pop("seconds", None)
+        return to_json(document)
 
     def dimensionless(self) -> "Orbit":
         """The orbit in its machine's own dimensionless units; itself where it has no others."""

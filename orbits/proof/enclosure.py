@@ -16,7 +16,7 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from .crossing import NO_BREAKPOINTS, Breakpoints, advance_step
-from .refusal import Unproved, check_time
+from .refusal import Unproved, check_proof_time
 from .step import Step, System
 
 # How derivatives are enclosed: the order of polynomials, their accuracy, and the bits of balls. Coarse ones stand
@@ -87,7 +87,7 @@ def follow_centre(
     with every step; and the law there."""
     states, left = list(start), length
     for _ in range(MOST_STEPS):
-        check_time()
+        check_proof_time()
         centre, spread = [value.mid() for value in states], [value.rad() for value in states]
         done = advance_step(systems, breakpoints, law, centre, spread, left, order_for(bits), 2.0**-bits)
         states, law = done.step.end(), done.law
@@ -112,7 +112,7 @@ def follow_set(
     while True:
         if len(pieces) == MOST_STEPS:
             raise Unproved(TOO_LONG)
-        check_time()
+        check_proof_time()
         within = inner * radii + error
         deviations = frame * within
         spread = [deviations[i, 0].abs_upper() for i in range(n)]

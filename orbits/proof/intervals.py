@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 
+from ..symbolic.time_limit import time_limit
 from .case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, whole_proof
 from .claim import Claim
 from .decimals import bounds_of_fractions
-from .refusal import Unproved, time_limit
+from .refusal import Unproved
 from .stated import Bounds, Decimals, StatedMachine, stated_machine
 from .theorem import Enclosure, Proof
 from .wording import enclosed_words, motion_sentence

@@ -15,11 +15,10 @@ from ..errors import InputError
 from ..model.machine import Machine, check_machine, check_parameters
 from ..periodic.orbit import Orbit
 from ..symbolic.exclusive import exclusive
+from ..symbolic.time_limit import LIMIT, time_limit
 from .claim import Claim, claim_of
 from .theorem import Proof
 
-# Seconds that a proof may take unless more are allowed.
-LIMIT = 30.0
 # An exact decimal, as text or a `Decimal`, or as the shortest decimal of a float; two of them are an interval.
 Decimal: TypeAlias = str | float | decimal.Decimal
 Exact: TypeAlias = Mapping[str, Decimal | tuple[Decimal, Decimal]] | None
@@ -65,7 +64,7 @@ def prove(
     from .case import checked_digits
     from .intervals import proof_of
 
-    return proof_of(claim, checked_digits(digits), dict(parameters or {}), motion, loss, seconds(limit))
+    return proof_of(claim, checked_digits(digits), dict(parameters or {}), motion, loss, limit)
 
 
 def prove_claims(
@@ -87,7 +86,7 @@ def _claim_proved(claim: Claim, digits: int | None, motion: bool, limit: float) 
     from .case import checked_digits
     from .intervals import proof_of
 
-    return proof_of(claim, checked_digits(digits), {}, motion, False, seconds(limit))
+    return proof_of(claim, checked_digits(digits), {}, motion, False, limit)
 
 
 class Turning(Protocol):
@@ -139,7 +138,6 @@ def prove_fold(
         raise InputError("a fold is proved of a dimensionless machine: follow and prove machine.dimensionless()")
     from .case import checked_digits
     from .fold import proof_of_fold
-    from .refusal import time_limit
 
     names = machine.model.reduction.statement.unknowns if machine.model.reduction else machine.model.half_unknowns
     if len(fold.u) != len(names) or not fold.tangent[names.index("alpha")]:
@@ -148,7 +146,7 @@ def prove_fold(
     directions = {name: each / alpha for name, each in zip(names, fold.tangent[:-1], strict=True)}
     unknowns = dict(zip(names, fold.u, strict=True))
     given = dict(parameters or {})
-    with time_limit(seconds(limit)):
+    with time_limit(limit):
         return proof_of_fold(machine, unknowns, directions, along, fold.value, given, checked_digits(digits))
 
 
@@ -172,13 +170,6 @@ def prove_absence(machine: Machine, family: int | None = None, *, parameters: Ex
     from .absence import proof_of_absence
 
     return proof_of_absence(machine, family, dict(parameters or {}))
-
-
-def seconds(limit: float) -> float:
-    """A time limit that can be set; raises `InputError` for another."""
-    if isinstance(limit, bool) or not isinstance(limit, int | float) or not limit > 0:
-        raise InputError(f"limit = {limit!r}; it is a number of seconds above 0")
-    return float(limit)
 
 
 def need_flint() -> None:

@@ -2,10 +2,10 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ..model.units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from ..pages.cells import cell
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
-from .question import COLUMNS_OF, Question, Table
+from .question import COLUMNS_OF, Question, Table, question_again
 
 # Endings of the files that a sweep is saved to, with the packages of the extra `data` that write them.
 TABLES: dict[str, tuple[str, ...]] = {
@@ -38,9 +38,9 @@ class Sweep:
     columns : (k,) by name: the parameters, what was asked for, the status and the reason; NaN where there is none
     about : the question in words and numbers
     machine : the machine whose parameters the members replace; None where a store is read without it
-    question, again : what was asked, and (question, table of parameters, quantities, **options) -> the sweep of these
-        members;
-        None where a store is read
+    question : what was asked; None where a store is read without its machine
+    again : (question, table of parameters, quantities, **options) -> the sweep of these members; set by
+        the module `sweep`, which imports this one
     """
 
     parameters: tuple[str, ...]
@@ -49,19 +49,20 @@ class Sweep:
     about: Mapping[str, Any]
     machine: Machine | None = None
     question: Question | None = None
-    again: Callable[..., "Sweep"] | None = field(default=None, repr=False)
+    again: ClassVar[Callable[..., "Sweep"]]
 
     @classmethod
-    def of(cls, question: Question, table: Table, again: Callable[..., "Sweep"]) -> "Sweep":
+    def of(cls, question: Question, table: Table) -> "Sweep":
         """The answer of a question."""
         names, about = question.members.names, question.document()
-        return cls(names, table.members, table.columns, about, question.machine, question, again)
+        return cls(names, table.members, table.columns, about, question.machine, question)
 
     @classmethod
     def load(cls, path: str | Path, machine: Machine | None = None) -> "Sweep":
         """The members that a store has, also while a sweep goes on.
 
-        machine : the one that was swept, by which `orbit` finds members again; a file cannot tell it
+        machine : the one that was swept, with which `orbit` finds members and `sensitivity` solves further ones; a
+            file does not hold it
         """
         from .store import question_in, read_store  # imports the database
 
@@ -71,7 +72,12 @@ class Sweep:
         columns = dict.fromkeys(about["parameters"], float) | COLUMNS_OF[about["outcome"]]
         columns |= dict.fromkeys(about["quantities"], float) | {"status": str, "reason": str}
         table = read_store(path, columns)
-        return cls(tuple(about["parameters"]), table.members, table.columns, about, machine)
+        names = tuple(about["parameters"])
+        if machine is None or "axes" not in about:
+            return cls(names, table.members, table.columns, about, machine)
+        values = np.column_stack([table.columns[name] for name in names])
+        question = question_again(machine, about, values)
+        return cls(names, table.members, table.columns, about, machine, question)
 
     def __len__(self) -> int:
         return len(self.index)
@@ -291,9 +297,15 @@ class Sweep:
         """
         from .indices import sobol_indices
 
-        if self.again is None:
-            raise InputError("Sobol's indices take a sweep with its machine: run it again, with its store")
-        return sobol_indices(self.question, quantities, samples, seed, partial(self.again, self.question, **options))
+        if self.question is None:
+            raise InputError("Sobol's indices take a sweep with its machine: Sweep.load(store, machine=...)")
+        return sobol_indices(self.question, quantities, samples, seed, partial(Sweep.again, self.question, **options))
+
+
+def solves_again(function: Callable[..., Sweep]) -> Callable[..., Sweep]:
+    """The same function, which is now what solves further members of a sweep."""
+    Sweep.again = staticmethod(function)
+    return function
 
 
 def check_table(path: str | Path) -> Path:

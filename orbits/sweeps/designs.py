@@ -1,6 +1,7 @@
 """Designs of experiments: the values of the parameters at which a sweep asks for orbits."""
 
 import csv
+from ast import literal_eval
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,6 +37,23 @@ class Axis:
         if self.distribution is not None:
             return [self.distribution.dist.name, *map(repr, (self.distribution.args, self.distribution.kwds))]
         return list(self.values) or [self.low, self.high, *(["log"] if self.logarithmic else [])]
+
+    @property
+    def kind(self) -> str:
+        """What `stated` states."""
+        return "distribution" if self.distribution is not None else "values" if self.values else "range"
+
+    @classmethod
+    def of_stated(cls, kind: str, stated: Sequence[Any]) -> "Axis":
+        """The axis whose `kind` and `stated` these are."""
+        if kind == "distribution":
+            from scipy import stats
+
+            name, arguments, options = stated
+            return cls(distribution=getattr(stats, name)(*literal_eval(arguments), **literal_eval(options)))
+        if kind == "values":
+            return cls(tuple(stated))
+        return cls(low=stated[0], high=stated[1], logarithmic=len(stated) == 3)
 
     def at(self, shares: np.ndarray) -> np.ndarray:
         """The values (m,) at shares (m,) between 0 and 1 of the range, the list or the probability."""

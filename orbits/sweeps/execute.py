@@ -161,7 +161,9 @@ class _Processes:
             theirs, self.alive = self.context.Pipe(duplex=False)
             pool = ProcessPoolExecutor(self.size, self.context, _begin_worker, (theirs,))
             try:
-                pool.submit(int).result()
+                with interrupts.not_for_children():
+                    first = pool.submit(int)
+                first.result()
             except BrokenExecutor:
                 pool.shutdown(wait=True)
             else:

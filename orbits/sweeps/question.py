@@ -13,7 +13,7 @@ from ..errors import InputError, finite_number, whole_number
 from ..model.machine import Machine, check_machine, machine_in_words
 from ..periodic.find import LARGEST_FAMILY
 from ..symbolic.exclusive import exclusive
-from .designs import Members
+from .designs import Axis, Members
 
 OUTCOMES = ("find", "map", "fixed_points")
 # The members of a chunk, which is solved together and stored at once: enough that calls of machine code are full, few
@@ -83,6 +83,7 @@ class Question:
             "parameters": list(self.members.names),
             "members": len(self.members),
             "over": {name: axis.stated for name, axis in zip(self.members.names, self.members.axes, strict=False)},
+            "axes": [axis.kind for axis in self.members.axes],
             "drawn": self.members.drawn,
             "values": hashlib.sha256(np.ascontiguousarray(self.members.values).tobytes()).hexdigest(),
             "logarithmic": self.members.logarithmic,
@@ -94,6 +95,19 @@ class Question:
             "chunk": CHUNK,
             "versions": {name: versions()[name] for name in ("persistent-orbits", "casadi", "numpy")},
         }
+
+
+def question_again(machine: Machine, document: Mapping[str, Any], values: np.ndarray) -> Question:
+    """The question of a machine whose document this is, with the values (m, n) of its members."""
+    names = tuple(document["parameters"])
+    stated = zip(document["axes"], names, strict=False)  # a table of samples has no axes
+    axes = [Axis.of_stated(kind, document["over"][name]) for kind, name in stated]
+    shape = document["shape"]
+    members = Members(names, values, shape and tuple(shape), tuple(axes), document["drawn"])
+    return Question(
+        machine, members, tuple(document["families"]), tuple(document["quantities"]), document["outcome"],
+        document["between"] and tuple(document["between"]),
+    )  # fmt: skip
 
 
 @exclusive

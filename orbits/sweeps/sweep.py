@@ -12,7 +12,7 @@ from ..errors import InputError, OrbitsError
 from ..model.machine import Machine, check_machine, free_parameters
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
-from .answer import Sweep
+from .answer import Sweep, solves_again
 from .designs import Members, members_of
 from .execute import check_executor, chunks_of, solved_chunks
 from .question import LAUNCH_SPEED, Question, Table, empty_table, question_of
@@ -156,7 +156,7 @@ def _computed(
         if table is None:
             assert store is not None
             table = store.read()
-        return Sweep.of(question, table, _again)
+        return Sweep.of(question, table)
     except KeyboardInterrupt:
         if store is None:
             raise KeyboardInterrupt("nothing is kept: name a store to keep what is done") from None
@@ -167,6 +167,7 @@ def _computed(
             store.close()
 
 
+@solves_again
 def _again(question: Question, samples: Mapping[str, Any], quantities: Sequence[str], **options: Any) -> Sweep:
     """The sweep of other members of the same machine and family as a question's."""
     return sweep(question.machine, None, samples, family=question.families[0], quantities=quantities, **options)

@@ -4,8 +4,10 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 
 from . import heartbeat
+from .time_limit import check_time
 
 _noted = threading.Event()
 pending = _noted.is_set  # whether an interrupt has been noted
@@ -28,9 +30,25 @@ def deferred() -> Iterator[None]:
         heed()
 
 
+@contextmanager
+def not_for_children() -> Iterator[None]:
+    """The processes that this block starts never heed interrupts: the process that starts them does, and ends them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # which lets interrupts through again when it starts
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # which new processes inherit
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def heed() -> None:
-    """Raise the interrupt that was noted, if any. Long computations come here often, and say here that they go on."""
+    """Raise the interrupt that was noted, if any, and `TimeOver` where the time is over. Long computations come here
+    often, and say here that they go on."""
     if _noted.is_set():
         _noted.clear()
         raise KeyboardInterrupt
+    check_time()
     heartbeat.beat()

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from orbits.symbolic import interrupts
+
 # What the server of processes imports before the first one is asked of it.
 PRELOADED = ["problems.explorer.worker"]
 
@@ -22,4 +24,5 @@ def prepare() -> None:
     from multiprocessing import forkserver
 
     if process_context().get_start_method() == "forkserver":
-        forkserver.ensure_running()
+        with interrupts.not_for_children():
+            forkserver.ensure_running()

@@ -42,7 +42,9 @@ def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
         from bokeh.settings import settings
         from tornado.httpserver import HTTPServer
         from tornado.ioloop import IOLoop
-        from tornado.routing import HostMatches, Rule, RuleRouter
+        from tornado.routing import HostMatches, PathMatches, Rule, RuleRouter
+        from tornado.web import Application as Pages
+        from tornado.web import ErrorHandler
     except ImportError:
         raise InputError("the page needs Bokeh: install persistent-orbits[explore]") from None
     prepare()
@@ -63,7 +65,9 @@ def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
         unused_session_lifetime_milliseconds=5000,
     )
     # A name that another site lets point to this machine is refused, whatever is asked for.
-    own = RuleRouter([Rule(HostMatches(re.escape(name)), tornado) for name in HOSTS])
+    none = Pages([(".*", ErrorHandler, {"status_code": 404})])  # for what no file can be called
+    nameless = Rule(PathMatches(".*%00.*"), none)
+    own = RuleRouter([nameless, *(Rule(HostMatches(re.escape(name)), tornado) for name in HOSTS)])
     http = HTTPServer(own, max_header_size=1 << 16)
     http.add_sockets(sockets)
     return BaseServer(loop, tornado, http), f"http://localhost:{port}/"

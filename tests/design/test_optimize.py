@@ -459,6 +459,15 @@ def test_command_line(orbits, tmp_path):
 
 
 @pytest.mark.slow
+def test_command_line_of_a_global_search(orbits, tmp_path):
+    path = tmp_path / "leg.toml"
+    path.write_text(FILE.replace("starts = 1", 'starts = "global"'))
+    run = orbits(f"optimize '{path}' --json")
+    assert run.code == 0
+    assert run.document["quantities"]["centre_of_mass_rise"] == pytest.approx(0.2, rel=1e-9)
+
+
+@pytest.mark.slow
 def test_command_line_of_a_front(orbits, tmp_path):
     path = tmp_path / "leg.toml"
     objectives = '["alpha", "loss_coefficient"]\npoints = 3'
@@ -481,6 +490,7 @@ def test_command_line_of_a_front(orbits, tmp_path):
         ("k = [500, 5e4]", "k = [5e4, 500]", 2, "bounds of k are in conflict"),
         ('"largest_contact_force"', '"largest_contact_forse"', 2, "did you mean 'largest_contact_force'"),
         ("family = 2", "famly = 2", 2, "unknown key 'famly'; did you mean 'family'"),
+        ("starts = 1", "starts = 'locals'", 2, "it is a number, or 'global'"),
         ("family = 2", "points = 2", 2, "points belong to a front"),
         ("[design.over]\nk = [500, 5e4]\nb = [0, 1e7]\n", "", 2, "[design.over] names the parameters"),
         (FILE[FILE.index("[design]") :], "", 2, "has no [design]"),

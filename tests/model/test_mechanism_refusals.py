@@ -280,6 +280,19 @@ class TestDimensions:
         stated = machine(element, parameters={**VALUES, "r0": 0.3}, in_si=True)
         assert stated.units_of_parameters() == {"m1": "kg", "m2": "kg", "k": "N/m", "r0": "m"}
 
+    @pytest.mark.parametrize(
+        ("extension", "unit"),
+        [("foot + a*body", "N/m"), ("2*body", "N m/rad"), ("body", "N m/rad"), ("a*(1 - cos(body))", None)],
+    )
+    def test_an_extension_is_what_its_coordinates_are(self, extension, unit):
+        given = {**VALUES, "c": 1.0, **({"a": 0.3} if "a*" in extension else {})}
+        stated = machine(Spring(extension, "c*r"), parameters=given, angles=("body",), in_si=True)
+        assert stated.units_of_parameters().get("c") == unit
+
+    def test_an_angle_is_no_height(self):
+        turned = machine(parameters=VALUES, angles=("body",))
+        assert [*turned.heights] == ["foot"]
+
     def test_of_what_is_added_to_an_angle_are_none(self):
         turned = machine(Spring("body - r0", "c*r"), parameters={**VALUES, "c": 1.0, "r0": 0.3}, angles=("body",))
         assert "r0" not in turned.units_of_parameters()

@@ -1,6 +1,7 @@
 """Orbits against the references, closed forms, other ways of finding them, and 300 random laws."""
 
 import dataclasses
+import time
 
 import mpmath
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 from conftest import PROVED, REFERENCES, machine_of, middle
 
 import orbits.periodic.certificate
-from orbits import METHODS, InputError, NoOrbit, find
+from orbits import METHODS, InputError, NoOrbit, find, find_all
 from orbits.periodic.formulations import half_orbit, whole_flight
+from orbits.symbolic.time_limit import time_limit
 from problems import Hopper, Juggler, gravity, springs
 from studies.stress import random_laws
 
@@ -438,3 +440,30 @@ def test_an_orbit_that_all_but_escapes():
     assert abs(orbit.alpha - parabola(1e-7)) < orbit.error
     with pytest.raises(NoOrbit, match="no step reduces the residual"):
         find(spring.with_values(delta=1e-10))
+
+
+class TestTimeLimit:
+    """A force that bends where it vanishes is followed step by step, for minutes."""
+
+    SLOW = Hopper("abs(r)")
+
+    @pytest.mark.parametrize("search", [find, find_all])
+    def test_what_takes_longer_is_ended(self, search):
+        began = time.monotonic()
+        with pytest.raises(NoOrbit, match=r"it takes more than 0.5 s: allow it more by its limit"):
+            search(self.SLOW, limit=0.5)
+        assert time.monotonic() - began < 20
+
+    def test_the_next_search_has_its_own(self):
+        with pytest.raises(NoOrbit, match="it takes more than"):
+            find(self.SLOW, limit=0.1)
+        assert find(Hopper(), limit=20).admissible
+
+    def test_an_inner_limit_gives_no_time_beyond_the_outer_one(self):
+        with pytest.raises(NoOrbit, match=r"more than 0.1 s"), time_limit(0.1):
+            find(self.SLOW, limit=100)
+
+    @pytest.mark.parametrize("limit", [0, -1.0, True, "1", float("nan")])
+    def test_no_time(self, limit):
+        with pytest.raises(InputError, match="it is a number of seconds above 0"):
+            find(self.SLOW, limit=limit)

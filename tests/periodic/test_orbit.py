@@ -202,3 +202,20 @@ def test_what_an_orbit_holds_cannot_be_overwritten(orbit):
         orbit.flight.coefficients[:] = 0
     with pytest.raises(InputError, match="finite numbers"):
         orbit("a")
+
+
+def test_orbits_are_equal_where_all_that_they_say_is(orbit, tmp_path):
+    same, other = find(orbit.source), find(orbit.source, 2)
+    assert same == orbit == Orbit.load(orbit.save(tmp_path / "orbit.json"))
+    assert hash(same) == hash(orbit)
+    assert orbit not in (other, dataclasses.replace(orbit, alpha=np.nextafter(orbit.alpha, 9)), "orbit")
+    leg = hopper_in_si(60.0, 3.0, stiffness=8000.0)
+    assert find(leg) == find(leg) != find(leg.with_values(body_mass=61.0))
+
+
+@pytest.mark.parametrize(
+    "wrong", [lambda: Hopper("-r"), lambda: hopper_in_si(60.0, 3.0, force="-8000*r - 2e6*r**3", rest_length=0.8)]
+)
+def test_a_force_with_the_sign_of_pressure(wrong):
+    with pytest.raises(InputError, match="is tension positive"):
+        find(wrong())

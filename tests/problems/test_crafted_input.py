@@ -342,6 +342,13 @@ def test_a_long_message_keeps_its_remedy():
     assert shortened("as it is") == "as it is"
 
 
+def test_a_long_message_leaves_out_whole_words():
+    words = "".join(f"parameter{number} " for number in range(100))
+    head, tail = shortened(words).split(" ... ")
+    assert words.startswith(head + " ")
+    assert words.endswith(" " + tail)
+
+
 @pytest.mark.parametrize("line", ["map --alpha 1e15 --json", "map --alpha 1e-300:1e300:5 --json"])
 def test_a_launch_too_fast_to_follow_is_lost(line, orbits):
     done = orbits(line)

@@ -28,18 +28,21 @@ def _told(mechanism: Any) -> Iterator[tuple[Any, Dimension]]:
     angles = {*mechanism.angles}
     coordinates = {*mechanism.coordinates, *mechanism.actuators}
     for element in mechanism.elements:
-        if isinstance(element, Inerter | Damper | Spring) and not names_in(element.extension) & angles:
-            yield from _lengths(element.extension, coordinates).items()
+        kind = None
+        if isinstance(element, Inerter | Damper | Spring):
+            kind = _length_or_angle(element.extension, coordinates, angles)
+            if kind is LENGTH:
+                yield from _lengths(element.extension, coordinates).items()
         match element:
             case Mass(height, mass) | Weight(height, mass):
                 yield mass, MASS
                 yield from _lengths(height, coordinates).items()
-            case Inerter(extension, inertance) if not names_in(extension) & angles:
+            case Inerter(_, inertance) if kind is LENGTH:
                 yield inertance, MASS
-            case Damper(extension, coefficient) if not names_in(extension) & angles:
+            case Damper(_, coefficient) if kind is LENGTH:
                 yield coefficient, (-1, 1, 1)
-            case Spring(extension, law):
-                turned = bool(names_in(extension) & angles)
+            case Spring(_, law) if kind is not None:
+                turned = kind is ANGLE
                 yield from ((name, _of_power(power, turned)) for name, power in powers_of_coefficients(law).items())
     yield from ((place, ANGLE if name in angles else LENGTH) for name, place in mechanism.rest.items())
     yield from ((length, LENGTH) for *_, length in mechanism.knees)
@@ -48,6 +51,18 @@ def _told(mechanism: Any) -> Iterator[tuple[Any, Dimension]]:
         yield mechanism.gravity.text, ACCELERATION
     if mechanism.separation is not None:
         yield from _lengths(mechanism.separation, coordinates).items()
+
+
+def _length_or_angle(extension: Any, coordinates: set[str], angles: set[str]) -> Dimension | None:
+    """Whether an extension is a length or an angle, as the coordinates tell to which it is proportional; None where
+    they do not."""
+    used = names_in(extension) & coordinates
+    if not used & angles:
+        return LENGTH
+    plain = {name for name in used if _plain_slope(extension, name)}
+    if plain - angles:
+        return LENGTH
+    return ANGLE if plain else None
 
 
 def coefficient_dimensions(law: Key) -> dict[str, Dimension]:
@@ -65,16 +80,16 @@ def _lengths(height: Any, coordinates: set[str]) -> dict[str, Dimension]:
     if not isinstance(height, str):
         return {}
     names = sorted(names_in(height) - coordinates)
-    return {name: LENGTH for name in names if _is_added(height, name)}
+    return {name: LENGTH for name in names if abs(_plain_slope(height, name)) == 1.0}
 
 
 @exclusive
 @lru_cache(maxsize=256)
-def _is_added(height: str, name: str) -> bool:
-    """Whether the derivative of a formula by a name is a number."""
-    symbols = {each: ca.SX.sym(each) for each in names_in(height)}
-    slope = ca.jacobian(ca.SX(value_of(height, symbols, {})), symbols[name])
-    return not ca.depends_on(slope, ca.vertcat(*symbols.values())) and abs(float(ca.evalf(slope))) == 1.0
+def _plain_slope(formula: str, name: str) -> float:
+    """The derivative of a formula by a name, where it is a number; else 0."""
+    symbols = {each: ca.SX.sym(each) for each in names_in(formula)}
+    slope = ca.jacobian(ca.SX(value_of(formula, symbols, {})), symbols[name])
+    return 0.0 if ca.depends_on(slope, ca.vertcat(*symbols.values())) else float(ca.evalf(slope))
 
 
 @exclusive

@@ -72,6 +72,11 @@ def test_a_name_that_another_site_gives_this_machine_is_refused(port, host, path
     assert answer(port, path, headers | (UPGRADE if path == "/ws" else {}))[0] == 404
 
 
+@pytest.mark.parametrize("path", ["/static/js/%00", "/%00", "/static/%00/js"])
+def test_what_no_file_can_be_called_is_not_found(port, path):
+    assert answer(port, path)[0] == 404
+
+
 def test_the_page_is_served_by_both_names_of_this_machine(port):
     for host in ("localhost", "127.0.0.1"):
         assert "startExplorer" in answer(port, headers={"Host": f"{host}:{port}"})[1]
