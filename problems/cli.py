@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from . import options
 
@@ -59,6 +60,9 @@ def orbits() -> None:
 @options.machine_options
 @options.family_option("Oscillations in flight, from 1.")
 @click.option("--method", metavar="NAME", help="Force a way: 'closed form', 'relative', 'half orbit' or 'shooting'.")
+@click.option(
+    "--start", type=click.Path(dir_okay=False), metavar="FILE", help="Begin at a saved orbit, and measure it anew."
+)
 @click.option("--allow-inadmissible", is_flag=True, help="Exit 0 also for a root that is no motion.")
 @options.limit_option
 @options.json_option
@@ -67,14 +71,16 @@ def orbits() -> None:
 @options.animate_option
 @options.file_option("--save", "document", "Save the orbit (.json), for Orbit.load.")
 def find_command(
-    family: int, method: str | None, allow_inadmissible: bool, limit: float, as_json: bool, explain: bool,
+    family: int, method: str | None, start: str | None, allow_inadmissible: bool, limit: float, as_json: bool, explain: bool,
     plot: str | None, animate: str | None, save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find one lossless orbit and certify it."""
     from orbits.periodic.find import find
 
+    stated_family = click.get_current_context().get_parameter_source("family") is not ParameterSource.DEFAULT
+    asked = family if start is None or stated_family else None
     with options.progress() as report:
-        orbit = find(options.machine_of(**stated), family, method=method, progress=report, limit=limit)
+        orbit = find(options.machine_of(**stated), asked, start=start, method=method, progress=report, limit=limit)
     options.write(orbit, as_json, plot, animate, save)
     if explain and not as_json:
         click.echo("  what this scene did not need:")

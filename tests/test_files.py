@@ -153,6 +153,19 @@ class TestDigests:
         with pytest.raises(InputError, match="changed or cut after it was written"):
             Orbit.load(path)
 
+    def test_a_changed_orbit_is_measured_anew_where_that_is_asked_for(self, tmp_path, orbit, orbits):
+        path = orbit.save(tmp_path / "orbit.json")
+        document = json.loads(path.read_text())
+        path.write_text(json.dumps(document | {"alpha": 1.01 * document["alpha"], "family": 7, "error": 0.0}))
+        with pytest.raises(InputError, match=r"find\(machine, start=FILE\)"):
+            Orbit.load(path)
+        again = find(orbit.source, start=path)
+        assert again.alpha == pytest.approx(orbit.alpha, abs=1e-14)
+        assert (again.family, again.error > 0) == (1, True)
+        asked = f"find --spring cubic --set beta=0.3 --rest-length 8 --json --start '{path}'"
+        assert orbits(asked).document["alpha"] == pytest.approx(orbit.alpha, abs=1e-14)
+        assert orbits(asked, "--family", "2").code == 1
+
     def test_changed_digits_are_refused(self, tmp_path, orbit):
         """Any digit of the file, or another sign in its place; what holds is the same to the last bit."""
         path, rng = orbit.save(tmp_path / "orbit.json"), random.Random(5)

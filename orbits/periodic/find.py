@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -45,7 +46,7 @@ def find(
     machine: Machine,
     family: int | None = None,
     *,
-    start: Orbit | Mapping[str, float] | None = None,
+    start: Orbit | Mapping[str, float] | str | Path | None = None,
     method: str | None = None,
     progress: Progress = None,
     limit: float = LIMIT,
@@ -55,8 +56,9 @@ def find(
     machine : a `problems.Hopper`, a `problems.Juggler`, or anything with their `model`, `values`, `describe`, `units`
     family : from 1, which is what None means; family n has n + 1 stationary points of the extension from lift-off to
         mid-flight
-    start : an orbit nearby, or the unknowns of a half orbit by name, to start from instead of the model's guess; an
-        orbit of any family is then returned, unless `family` is given too
+    start : an orbit nearby, the file of one, which may have been changed since it was written, or the unknowns of a
+        half orbit by name, to start from instead of the model's guess; an orbit of any family is then returned, unless
+        `family` is given too
     method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is multiple shooting by Ipopt
     progress : called with the share of the homotopy that is done, where there is one
     limit : how many seconds it may take
@@ -75,6 +77,8 @@ def find(
     """
     check_machine(machine)
     number = None if family is None else _family_number(family)
+    if isinstance(start, str | Path):
+        start = Orbit.load_unchecked(start)
     if machine.units is not None:
         _possible_method(machine.model, method)
         start = dimensionless_start(start, machine)
