@@ -132,9 +132,8 @@ def unsealed(document: Any, before: str = "") -> Any:
         return document
     content = {name: value for name, value in document.items() if name != DIGEST}
     if document[DIGEST] != digest(content, before):
-        raise ValueError(
-            "it was changed or cut after it was written: take a copy from before, or compute it anew; for an orbit, find(machine, start=FILE) does"
-        )
+        remedy = "take a copy from before, or compute it anew; for an orbit, find(machine, start=FILE) does"
+        raise ValueError(f"it was changed or cut after it was written: {remedy}")
     return content
 
 

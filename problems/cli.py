@@ -71,8 +71,8 @@ def orbits() -> None:
 @options.animate_option
 @options.file_option("--save", "document", "Save the orbit (.json), for Orbit.load.")
 def find_command(
-    family: int, method: str | None, start: str | None, allow_inadmissible: bool, limit: float, as_json: bool, explain: bool,
-    plot: str | None, animate: str | None, save: str | None, **stated: Any,
+    family: int, method: str | None, start: str | None, allow_inadmissible: bool, limit: float, as_json: bool,
+    explain: bool, plot: str | None, animate: str | None, save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find one lossless orbit and certify it."""
     from orbits.periodic.find import find
