@@ -44,6 +44,13 @@ def pytest_collection_modifyitems(config, items):
     items[:] = [item for k, item in enumerate(items) if k in kept]
 
 
+def pytest_runtest_setup(item):
+    """Skip a test where a package is missing that its mark `extra` names."""
+    for mark in item.iter_markers("extra"):
+        for package in mark.args:
+            pytest.importorskip(package)
+
+
 @pytest.fixture(autouse=True)
 def no_figures_left():
     """Close the figures of pyplot, which keeps those of all tests once one of them has loaded it."""

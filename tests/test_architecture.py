@@ -1,12 +1,12 @@
 """The rooms and their order, the import direction, the light start, and what may not be in the sources."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).parent.parent
 RANK = {"orbits": 0, "problems": 1, "studies": 2}
@@ -40,21 +40,30 @@ def name_of(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    """The syntax tree of a file."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def module_of(path: Path) -> str:
     """The dotted name of a module."""
     return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
-def imported(path: Path):
+@cache
+def imported(path: Path) -> list[tuple[str, str]]:
     """The modules that a file imports, wherever in it, by absolute name, each with the name taken from it or ''."""
     package = path.relative_to(ROOT).parent.parts
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    found = []
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
-            yield from ((alias.name, "") for alias in node.names)
+            found += [(alias.name, "") for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             above = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
             module = ".".join(filter(None, (above, node.module)))
-            yield from ((module, alias.name) for alias in node.names)
+            found += [(module, alias.name) for alias in node.names]
+    return found
 
 
 def needs(paths: list[Path]) -> dict[str, set[str]]:
@@ -96,16 +105,20 @@ def test_every_file_of_the_engine_is_in_a_room():
     assert len({room for room in ROOMS if (ROOT / "orbits" / room).is_dir()}) <= 12
 
 
-@pytest.mark.parametrize("path", ENGINE, ids=name_of)
-def test_rooms_import_from_rooms_below(path):
-    own = room_of(module_of(path))
-    if own in ("", "__main__"):
-        return
-    for module, name in imported(path):
-        if module.split(".")[0] == "orbits":
-            other = room_of(module) or name
-            assert other == own or ROOMS.index(other) < ROOMS.index(own), f"{name_of(path)} imports {module}"
-            assert not (name.startswith("_") and module != module_of(path)), f"{name_of(path)} imports {module}.{name}"
+def test_rooms_import_from_rooms_below():
+    wrong = []
+    for path in ENGINE:
+        own = room_of(module_of(path))
+        if own in ("", "__main__"):
+            continue
+        for module, name in imported(path):
+            if module.split(".")[0] == "orbits":
+                other = room_of(module) or name
+                if other != own and ROOMS.index(other) >= ROOMS.index(own):
+                    wrong.append(f"{name_of(path)} imports {module}")
+                if name.startswith("_") and module != module_of(path):
+                    wrong.append(f"{name_of(path)} imports {module}.{name}")
+    assert not wrong, "\n".join(wrong)
 
 
 def test_no_circles_and_few_floors():
@@ -118,20 +131,21 @@ def test_no_circles_and_few_floors():
     assert max(heights(rooms).values()) <= MOST_FLOORS
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "orbits").glob("*/__init__.py")), ids=name_of)
-def test_a_rooms_face_is_its_docstring(path):
-    (only,) = ast.parse(path.read_text(encoding="utf-8")).body
-    assert isinstance(only, ast.Expr)
+def test_a_rooms_face_is_its_docstring():
+    faces = {name_of(path): tree_of(path).body for path in sorted((ROOT / "orbits").glob("*/__init__.py"))}
+    wrong = [name for name, body in faces.items() if len(body) != 1 or not isinstance(body[0], ast.Expr)]
+    assert not wrong, wrong
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=name_of)
-def test_packages_import_from_packages_below(path):
-    own = path.relative_to(ROOT).parts[0]
-    for module, name in imported(path):
-        package = module.split(".")[0]
-        if package in RANK and package != own:
-            assert RANK[package] < RANK[own], f"{path.name} imports {module}"
-            assert not name.startswith("_"), f"{path.name} imports the private {module}.{name}"
+def test_packages_import_from_packages_below():
+    wrong = []
+    for path in SOURCES:
+        own = path.relative_to(ROOT).parts[0]
+        for module, name in imported(path):
+            package = module.split(".")[0]
+            if package in RANK and package != own and (RANK[package] >= RANK[own] or name.startswith("_")):
+                wrong.append(f"{name_of(path)} imports {module}.{name}")
+    assert not wrong, "\n".join(wrong)
 
 
 def test_a_top_level_name_means_one_thing():
@@ -141,7 +155,7 @@ def test_a_top_level_name_means_one_thing():
         # The second program that verifies proofs shares nothing with the first, not even names.
         if path.is_relative_to(ROOT / "studies") or path.name == "check_proof.py":
             continue
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        for node in tree_of(path).body:
             names = []
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
                 names = [node.name]
@@ -172,26 +186,35 @@ def public_functions(tree: ast.Module):
                     yield member
 
 
-@pytest.mark.parametrize("path", ENGINE, ids=name_of)
-def test_public_functions_are_typed(path):
-    for function in public_functions(ast.parse(path.read_text(encoding="utf-8"))):
-        arguments = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
-        bare = [a.arg for a in arguments if a.annotation is None and a.arg not in ("self", "cls")]
-        assert not bare, f"{function.name}: {', '.join(bare)}"
-        assert function.returns is not None, function.name
+def test_public_functions_are_typed():
+    wrong = []
+    for path in ENGINE:
+        for function in public_functions(tree_of(path)):
+            arguments = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
+            bare = [a.arg for a in arguments if a.annotation is None and a.arg not in ("self", "cls")]
+            bare += ["its value"] if function.returns is None else []
+            wrong += [f"{name_of(path)}, {function.name}: {each}" for each in bare]
+    assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("path", ENGINE, ids=name_of)
-def test_the_engine_knows_no_machine(path):
-    words = path.read_text(encoding="utf-8").lower()
-    names = {node.id for node in ast.walk(ast.parse(words)) if isinstance(node, ast.Name)}
-    assert not names & {"hopper", "juggler"}
+def names_in(tree: ast.AST) -> set[str]:
+    """The names that a piece of code uses."""
+    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=name_of)
-def test_nothing_is_evaluated(path):
-    calls = [node.func for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
-    assert not {call.id for call in calls if isinstance(call, ast.Name)} & {"eval", "exec", "compile", "__import__"}
+def test_the_engine_knows_no_machine():
+    machines = {"hopper", "juggler"}
+    wrong = [name_of(path) for path in ENGINE if machines & {name.lower() for name in names_in(tree_of(path))}]
+    assert not wrong, wrong
+
+
+def test_nothing_is_evaluated():
+    evaluate = {"eval", "exec", "compile", "__import__"}
+    wrong = []
+    for path in SOURCES:
+        calls = [node.func for node in ast.walk(tree_of(path)) if isinstance(node, ast.Call)]
+        wrong += [f"{name_of(path)} calls {f.id}" for f in calls if isinstance(f, ast.Name) and f.id in evaluate]
+    assert not wrong, "\n".join(wrong)
 
 
 def loaded_by(code: str) -> set[str]:
@@ -208,6 +231,15 @@ def test_what_a_scene_does_not_need_is_not_loaded():
     assert loaded_by(find.format("'r'", "'1'", {})) == {"casadi", "numpy"}
     varying = find.format("'cubic'", "'exp(-z/H)'", {"H": 90.0})
     assert loaded_by(varying) == {"casadi", "numpy"}
+
+
+def test_what_needs_an_extra_is_marked():
+    """A module that is skipped where a package is missing is `extra` (or of a kind that has a run of its own)."""
+    own = ("docs", "browser", "slow")
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        text = path.read_text(encoding="utf-8")
+        for package in re.findall(r"importorskip\(\"(\w+)", text):
+            assert f'mark.extra("{package}"' in text or any(f"mark.{name}" in text for name in own), name_of(path)
 
 
 def test_no_trace_of_the_workshop():

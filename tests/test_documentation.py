@@ -2,7 +2,6 @@
 
 import doctest
 import inspect
-import pkgutil
 import re
 import shlex
 import shutil
@@ -31,8 +30,8 @@ LONG = (
 )
 # What waits for a reader at the browser, or for a machine that a page only speaks of.
 NOT_RUN = ("orbits explore",)
-# The package that a block needs beside the required ones.
-NEEDED = {"prove": "flint", "dataframe": "pandas", "dataset": "xarray", ".page(": "bokeh", "explore": "bokeh"}
+# The package that a block needs beside the required ones and those of the tests.
+NEEDED = {"dataframe": "pandas", "dataset": "xarray", ".page(": "bokeh", "explore": "bokeh"}
 
 
 def name_of(path: Path) -> str:
@@ -53,7 +52,11 @@ def compiled(page: Path, text: str):
 
 
 def with_marks(page: Path):
-    return pytest.param(page, id=name_of(page), marks=[pytest.mark.slow] if page.name in LONG else [])
+    """A page as a parameter, with the marks of what its blocks need."""
+    texts = [text for _, text in blocks_of(page)]
+    extras = {package for word, package in NEEDED.items() if any(word in text for text in texts)}
+    marks = [pytest.mark.extra(*sorted(extras))] if extras else []
+    return pytest.param(page, id=name_of(page), marks=[*marks, *([pytest.mark.slow] if page.name in LONG else [])])
 
 
 def save_named(text: str) -> Path | None:
@@ -92,9 +95,6 @@ def test_shown_output_is_compared():
 def test_page_runs(page, orbits, tmp_path, monkeypatch, capsys):
     """A page's Python runs from its top to its end and prints what the page shows, its files are machines that hop, and
     its commands exit with 0."""
-    for word, package in NEEDED.items():
-        if any(word in text for _, text in blocks_of(page)):
-            pytest.importorskip(package)
     monkeypatch.chdir(tmp_path)
     shutil.copy(springs.SAMPLE, tmp_path)
     names: dict = {"__name__": "page"}
@@ -135,19 +135,26 @@ def test_readme_is_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 160
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_links_in_the_repository(page):
-    """What a page links to beside it is there, with the heading that is named."""
+def broken_links(page: Path) -> list[str]:
+    """What a page links to beside it that is not there, or without the heading that is named."""
+    broken = []
     text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     for target in re.findall(r"\]\(([^)\s]+)\)", text):
         path, _, anchor = unquote(target).partition("#")
         if urlsplit(target).scheme:
             continue
         file = (page.parent / path).resolve() if path else page
-        assert file.exists(), target
-        if anchor and file.suffix == ".md":
+        if not file.exists():
+            broken.append(f"{name_of(page)}: {target}")
+        elif anchor and file.suffix == ".md":
             titles = re.findall(r"^#+ (.*)$", file.read_text(encoding="utf-8"), flags=re.MULTILINE)
-            assert anchor in {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}, target
+            if anchor not in {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}:
+                broken.append(f"{name_of(page)}: {target}")
+    return broken
+
+
+def test_links_in_the_repository():
+    assert [link for page in PAGES for link in broken_links(page)] == []
 
 
 @pytest.mark.parametrize("what", ["springs.formula", "gravity.function", "leg = Mechanism"])
@@ -191,25 +198,28 @@ def public_members(thing: type):
             yield name, function
 
 
-@pytest.mark.parametrize(("package", "name"), PUBLIC, ids=lambda value: getattr(value, "__name__", value))
-def test_every_public_name_has_a_docstring(package, name):
-    thing = getattr(package, name)
-    if inspect.isclass(thing):
-        assert "doc" not in vars(thing)
-        assert not (thing.__doc__ or "").startswith(f"{thing.__name__}("), "the signature that a dataclass makes"
-        for member, function in public_members(thing):
-            assert function.__doc__, f"{name}.{member}"
-    if callable(thing) or inspect.ismodule(thing):
-        assert inspect.getdoc(thing)
+def test_every_public_name_has_a_docstring():
+    bare = []
+    for package, name in PUBLIC:
+        thing = getattr(package, name)
+        if inspect.isclass(thing):
+            assert "doc" not in vars(thing), name
+            # a dataclass without a docstring has its signature for one
+            bare += [name] if (thing.__doc__ or "").startswith(f"{thing.__name__}(") else []
+            bare += [f"{name}.{member}" for member, function in public_members(thing) if not function.__doc__]
+        if (callable(thing) or inspect.ismodule(thing)) and not inspect.getdoc(thing):
+            bare.append(name)
+    assert not bare, bare
 
 
 # Examples in docstrings.
 
+# The modules whose text has an example.
 MODULES = sorted(
-    module.name
-    for package in (orbits, problems)
-    for module in pkgutil.walk_packages(package.__path__, package.__name__ + ".")
-    if not module.name.endswith("__main__")
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    for package in ("orbits", "problems")
+    for path in (ROOT / package).rglob("*.py")
+    if ">>>" in path.read_text(encoding="utf-8")
 )
 WITH_EXAMPLES = (
     *("find", "find_all", "follow", "follow_fold", "trace", "orbit_at", "prove", "prove_fold", "prove_absence"),
@@ -233,12 +243,8 @@ def examples_of(module) -> list[doctest.DocTest]:
     "name", [pytest.param(name, marks=[pytest.mark.slow] if name in LONG_EXAMPLES else []) for name in MODULES]
 )
 def test_examples_in_docstrings_run(name, tmp_path, monkeypatch):
-    try:
-        tests = examples_of(import_module(name))
-    except ModuleNotFoundError as error:  # of an extra
-        pytest.skip(f"needs {error.name}")
-    if any(".prove" in test.name for test in tests):
-        pytest.importorskip("flint")
+    tests = examples_of(import_module(name))
+    assert tests
     monkeypatch.chdir(tmp_path)
     for test in tests:
         said: list[str] = []
@@ -246,12 +252,12 @@ def test_examples_in_docstrings_run(name, tmp_path, monkeypatch):
         assert not said, "".join(said)
 
 
-@pytest.mark.parametrize("name", WITH_EXAMPLES)
-def test_main_names_have_an_example(name):
-    thing: object = problems if name.split(".")[0] in problems.__all__ else orbits
-    for part in name.split("."):
-        thing = getattr(thing, part)
-    assert ">>>" in (inspect.getdoc(thing) or "")
+def test_main_names_have_an_example():
+    for name in WITH_EXAMPLES:
+        thing: object = problems if name.split(".")[0] in problems.__all__ else orbits
+        for part in name.split("."):
+            thing = getattr(thing, part)
+        assert ">>>" in (inspect.getdoc(thing) or ""), name
 
 
 # The site.

@@ -66,11 +66,12 @@ KINDS = (
 
 
 class TestWriting:
-    @pytest.mark.parametrize("name", KINDS)
+    @pytest.mark.parametrize(
+        "name",
+        [pytest.param(name, marks=pytest.mark.extra("xarray") if name.endswith(".nc") else ()) for name in KINDS],
+    )
     def test_a_failure_leaves_the_old_file(self, name, tmp_path, monkeypatch, orbit, family, swept):
         """The disk is full as the file is to be made durable."""
-        if name.endswith(".nc"):
-            pytest.importorskip("xarray")
         path, write = tmp_path / name, writers(orbit, family, swept)[name]
         path.write_bytes(b"old")
 

@@ -11,6 +11,8 @@ from problems import Hopper, Juggler, hopper_in_si, knee_hopper
 
 pytest.importorskip("pandas")
 
+pytestmark = pytest.mark.extra("pandas")
+
 GRAVITY = 9.80665
 
 

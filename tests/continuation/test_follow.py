@@ -220,15 +220,17 @@ class TestOnDisk:
         assert float(lines[3].split(",")[1]) == softening[2].alpha
         assert len(lines) == len(softening) + 1
 
-    def test_netcdf_or_a_word_that_it_needs_an_extra(self, softening, tmp_path):
-        try:
-            import xarray
-        except ImportError:
-            with pytest.raises(InputError, match=r"persistent-orbits\[data\]"):
-                softening.save(tmp_path / "family.nc")
-        else:
-            with xarray.open_dataset(softening.save(tmp_path / "family.nc")) as data:
-                assert (data["alpha"].values == softening.column("alpha")).all()
+    def test_netcdf_needs_an_extra(self, softening, tmp_path, monkeypatch):
+        monkeypatch.setitem(sys.modules, "xarray", None)
+        with pytest.raises(InputError, match=r"persistent-orbits\[data\]"):
+            softening.save(tmp_path / "family.nc")
+
+    @pytest.mark.extra("xarray")
+    def test_netcdf(self, softening, tmp_path):
+        import xarray
+
+        with xarray.open_dataset(softening.save(tmp_path / "family.nc")) as data:
+            assert (data["alpha"].values == softening.column("alpha")).all()
 
     def test_a_killed_run_is_resumed(self, tmp_path):
         """Every finished point is on disk; resumed, the curve is that of an uninterrupted run."""

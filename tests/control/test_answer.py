@@ -101,12 +101,17 @@ def test_a_table_in_a_file(cart, tmp_path):
     table = cart.table()
     assert head == list(table)
     assert [float(row[2]) for row in rows] == table["x"].tolist()
-    pandas = pytest.importorskip("pandas")
+    with pytest.raises(InputError, match=r"\.json or \.csv"):
+        cart.save(tmp_path / "control.txt")
+
+
+@pytest.mark.extra("pandas")
+def test_a_data_frame(cart):
+    import pandas
+
     frame = cart.dataframe([0.0, 0.5])
     assert isinstance(frame, pandas.DataFrame)
     assert frame["v"].tolist() == pytest.approx([0, 1.5], abs=1e-11)
-    with pytest.raises(InputError, match=r"\.json or \.csv"):
-        cart.save(tmp_path / "control.txt")
 
 
 def changed(document, *path_and_value):

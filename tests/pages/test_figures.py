@@ -19,6 +19,8 @@ from orbits.pages.hop import HopFigures, hop_data
 from orbits.pages.law import LawFigure, law_data
 from orbits.pages.sweep import MOST_SHOWN, sweep_figures
 
+pytestmark = pytest.mark.extra("bokeh")
+
 G = 9.80665
 
 

@@ -11,6 +11,8 @@ from problems import Hopper, hopper_in_si
 
 pytest.importorskip("bokeh")
 
+pytestmark = pytest.mark.extra("bokeh")
+
 LARGEST = 5_000_000  # bytes
 # What makes a browser load something from elsewhere.
 LOADS = re.compile(r"""(?:src|href)\s*=\s*["']?\s*(?:https?:)?//|@import|url\(\s*["']?(?:https?:)?//""")

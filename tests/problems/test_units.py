@@ -241,8 +241,10 @@ def test_families_along_every_parameter(along, stop, tmp_path):
     assert follow(LEG, along, stop, resume=half, longest=0.2)[-1].alpha == pytest.approx(family[-1].alpha, rel=1e-13)
 
 
+@pytest.mark.extra("xarray")
 def test_families_in_netcdf_and_traces(tmp_path):
-    xarray = pytest.importorskip("xarray")
+    import xarray
+
     family = follow(LEG, "foot_mass", 3.2, longest=0.5)
     data = xarray.load_dataset(family.save(tmp_path / "family.nc"))
     assert data["alpha"].attrs["units"] == "m/s"

@@ -117,7 +117,12 @@ def test_files(diagram, tmp_path):
     assert len(lines) == 1 + sum(len(diagram.row(row)) for row in range(3))
     with pytest.raises(InputError, match="ending"):
         diagram.save(tmp_path / "a.txt")
-    xarray = pytest.importorskip("xarray")
+
+
+@pytest.mark.extra("xarray")
+def test_netcdf(diagram, tmp_path):
+    import xarray
+
     with xarray.open_dataset(diagram.save(tmp_path / "a.nc")) as dataset:
         assert dataset["alpha"].dims == ("beta", "delta")
         assert dataset["boundary_beta"].values == pytest.approx(diagram.boundaries.points[:, 0], abs=0)

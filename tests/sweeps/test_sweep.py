@@ -197,8 +197,11 @@ def test_the_document_tells_everything_and_no_time():
     assert second["status"] == "no orbit"
 
 
+@pytest.mark.extra("xarray", "pandas")
 def test_datasets_frames_and_files(tmp_path):
-    xarray, pandas = pytest.importorskip("xarray"), pytest.importorskip("pandas")
+    import pandas
+    import xarray
+
     found = sweep(LEG, {"k": (5000.0, 9000.0), "body_mass": [50.0, 60.0, 70.0]}, (4, 3), sampling="grid")
     data = found.dataset
     assert data["alpha"].dims == ("k", "body_mass")

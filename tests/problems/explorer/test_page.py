@@ -15,6 +15,8 @@ from problems.explorer.page import Explorer
 from problems.explorer.scene import Scene, beginning
 from problems.explorer.worker import _answers
 
+pytestmark = pytest.mark.extra("bokeh")
+
 SOFTENING = replace(beginning("hopper"), numbers={"mass_ratio": 1.0, "rest_length": 30.0, "beta": -0.008}, along="beta")
 
 

@@ -25,6 +25,8 @@ from problems.explorer.server import serve
 from tests.browser import wait_for
 from tests.problems.explorer.served import COMMAND, ENVIRONMENT, served
 
+pytestmark = pytest.mark.extra("bokeh")
+
 UPGRADE = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
 UPGRADE |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "bokeh, token"}
 

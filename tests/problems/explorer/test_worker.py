@@ -22,6 +22,8 @@ from problems.explorer.scene import Scene, beginning
 from problems.explorer.worker import Done, Failure, Task, Worker
 from tests.browser import wait_for
 
+pytestmark = pytest.mark.extra("bokeh")
+
 ROOT = Path(__file__).parents[3]
 CUBIC = beginning("hopper")
 # The search for hops of a spring that bends everywhere takes minutes.
